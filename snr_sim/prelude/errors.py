@@ -1,0 +1,102 @@
+"""Errors that teach: what happened, what was found, what to try. One tree, a class per thing worth catching."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+class SnrError(Exception):
+    """Everything this library raises on purpose.
+
+    Args:
+        message: what happened and what was found, in the words of the student's own robot.
+        fix: one thing to try.
+    """
+
+    def __init__(self, message: str, fix: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.fix = fix
+
+    def __str__(self) -> str:
+        return f"{self.message}\n  Try: {self.fix}" if self.fix else self.message
+
+
+class ConfigError(SnrError):
+    """A robot is put together wrongly: roles, factories, names, handlers."""
+
+
+class UnknownName(ConfigError):
+    """A robot, scenario, controller, role, engine or option that nobody knows."""
+
+
+class TaskError(SnrError):
+    """Something that is not a task, or a task without what it needs, where a task belongs."""
+
+
+class PageMissing(SnrError):
+    """A page was needed and nothing has stored it."""
+
+
+class ComponentFailed(SnrError):
+    """A student's handler or loop raised, or answered with something that is not a task."""
+
+
+class ClockError(SnrError):
+    """Time was asked for something it cannot do, such as going back."""
+
+
+class ParameterError(SnrError):
+    """A number or an option is outside what makes sense."""
+
+
+class ValueEncodingError(SnrError):
+    """A value that JSON cannot carry and bring back."""
+
+
+class DeviceError(SnrError):
+    """A sensor or an actuator cannot do what it was asked."""
+
+
+class SensorLost(DeviceError):
+    """The sensor has no reading to give."""
+
+
+class CommandError(DeviceError):
+    """A command that is not one: NaN, infinite, the wrong type, an unknown field."""
+
+
+class PlantError(SnrError):
+    """The simulated world has left what its physics can answer."""
+
+
+class TraceError(SnrError):
+    """A recorded run that cannot be written, read or used."""
+
+
+class MissingExtra(SnrError, ImportError):
+    """An optional package is not installed."""
+
+    def __init__(self, package: str, extra: str) -> None:
+        super().__init__(
+            f"This needs the package '{package}', which is not installed.",
+            fix=f"pip install 'snr_sim[{extra}]'  (in a checkout: pip install -e '.[{extra}]')",
+        )
+
+
+def nearest(wanted: str, known: Iterable[str]) -> str:
+    """Returns a sentence that offers the nearest known name, or lists what is known.
+
+    >>> nearest("motor_sped", ["depth", "motor_speed"])
+    "did you mean 'motor_speed'? Known: depth, motor_speed."
+    >>> nearest("x", [])
+    'nothing of that kind is known.'
+    """
+    import difflib  # only an error pays for it
+
+    names = sorted(set(known))
+    if not names:
+        return "nothing of that kind is known."
+    close = difflib.get_close_matches(wanted, names, n=1, cutoff=0.5)
+    listed = "Known: " + ", ".join(names[:20]) + (f" and {len(names) - 20} more." if len(names) > 20 else ".")
+    return f"did you mean '{close[0]}'? {listed}" if close else listed

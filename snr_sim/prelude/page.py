@@ -1,0 +1,64 @@
+"""Pages: named, stamped data. Loops and handlers store them; the datastore keeps the newest of each key."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import msgspec
+
+from snr_sim.prelude.errors import ValueEncodingError
+from snr_sim.prelude.values import MARK, decode_value, encode_with_marks
+
+DataKey: TypeAlias = str
+
+_encode = msgspec.json.Encoder().encode
+_decode = msgspec.json.Decoder().decode
+
+
+class Page(msgspec.Struct, frozen=True, tag_field=MARK, tag="page"):
+    """Data with a name, and where and when it came from.
+
+    Args:
+        key: the page's name in the datastore.
+        data: plain JSON types and numpy arrays survive recording and links exactly.
+        origin: name of the node that made it.
+        created_at_s: node time when it was made.
+        process: whether a `process_data` task follows once it is stored.
+    """
+
+    key: DataKey
+    data: Any
+    origin: str
+    created_at_s: float
+    process: bool = True
+
+    def serialize(self) -> bytes:
+        """Returns the page as one line of JSON that brings back equal data: see `prelude/values.py`.
+
+        >>> Page("depth", 1.5, "urov_node", 0.25).serialize()
+        b'{"$":"page","key":"depth","data":1.5,"origin":"urov_node","created_at_s":0.25,"process":true}'
+        """
+        try:
+            raw = _encode(self)
+            # One "$" is the page's own; and what C cannot carry (NaN, a tuple, ...) comes back unequal.
+            if raw.count(b'"$":') == 1 and _decode(raw)["data"] == self.data:
+                return raw
+        except (TypeError, ValueError, OverflowError, RecursionError):
+            pass  # not plain: numpy, an unknown object, nested too deeply
+        return encode_with_marks(self)
+
+    @staticmethod
+    def deserialize(raw: bytes | str) -> Page:
+        """Returns the page that `serialize` wrote.
+
+        Raises:
+            ValueEncodingError: it is no page.
+        """
+        page = decode_value(raw, KINDS)
+        if not isinstance(page, Page) or not isinstance(page.key, str) or not isinstance(page.created_at_s, (int, float)):
+            raise ValueEncodingError(f"This is not a page: {raw[:80]!r}", fix="pages are written by Page.serialize().")
+        return page
+
+
+# The marks that tasks and traces know beside the plain ones of prelude/values.py.
+KINDS = {"page": Page}

@@ -1,0 +1,81 @@
+"""What robot and scenario files promise, and the small records that pass between them and a run.
+
+A scenario is one file (`scenarios/<name>.py`); a robot is a folder (`robots/<name>/robot.py`). Both are ordinary
+Python modules found by path; the library knows none of their names. What it asks of them:
+
+    scenario file                                       robot.py
+      ROBOT: str                 robot's name             ROLES: tuple[str, ...]
+      ENGINES: tuple[str, ...]   first is the default     IO: tuple[str, ...]     rows of its device table
+      CONTROLLER: str            used unless one is named roles(rig, controller) -> {role: [factory, ...]}
+      TIME_LIMIT_S: float
+      parameters(seed) -> object handed to controllers    controllers/<name>.py, or any file:
+      plant(seed, engine) -> Plant, already reset           factories(robot) -> [factory, ...]
+      verdict(plant) -> Verdict | None (None: goes on)
+      metrics(plant, seed) -> dict, into result.json
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.rng import rng_for
+
+if TYPE_CHECKING:
+    import numpy as np
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How a run ended.
+
+    Args:
+        outcome: one word for result.json, such as 'landed' or 'crashed'.
+        success: whether the scenario's criterion was met.
+    """
+
+    outcome: str
+    success: bool
+
+
+@dataclass(frozen=True)
+class Robot:
+    """What a controller file may know: never the plant.
+
+    Args:
+        name: the robot's name.
+        role: the role the controller will run in.
+        scenario: the scenario's name.
+        engine: the physics engine's name.
+        parameters: the robot's own numbers in this scenario, from the scenario's `parameters(seed)`.
+        options: what the command line passed on to the controller.
+    """
+
+    name: str
+    role: str
+    scenario: str
+    engine: str
+    parameters: Any
+    options: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Rig:
+    """What a robot file needs to wire itself up.
+
+    Args:
+        robot: as above.
+        io: which row of the device table to use; 'sim' is the plant.
+        seed: the run's seed.
+        plant: the simulated body; None when there is none, as in a replay, where no device is ever opened.
+    """
+
+    robot: Robot
+    io: str
+    seed: int
+    plant: Plant | None
+
+    def rng(self, name: str) -> np.random.Generator:
+        """Returns the generator for the chance in one device."""
+        return rng_for(self.seed, f"device:{name}")

@@ -1,0 +1,59 @@
+"""Readings and commands that plants and devices exchange: the words on the wire, without the wire.
+
+Plants answer with these (true values), simulated sensors spoil them, real ones measure them; the loops turn them
+into pages with the same field names.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+
+class RadarReading(msgspec.Struct, frozen=True):
+    """Height over the ground below and its rate, as a radar altimeter gives them.
+
+    Args:
+        altitude_m: of the foot pads over the ground, never below 0 but for noise.
+        velocity_mps: vertical, up positive.
+        stamp_s: when it was measured.
+    """
+
+    altitude_m: float
+    velocity_mps: float
+    stamp_s: float
+
+
+class InertialReading(msgspec.Struct, frozen=True):
+    """State of a module that moves in the x-z plane, as its inertial unit gives it.
+
+    Args:
+        position_m: [x, z] of the centre of mass, world frame; x = 0 is the middle of the pad, z = 0 its surface.
+        velocity_mps: [vx, vz], world frame.
+        attitude_rad: 0 upright, positive counter-clockwise seen from -y (the nose goes to -x).
+        rate_radps: of attitude.
+        fuel_kg: left in the tank.
+        contact: [left, right] foot pad touches the ground.
+        stamp_s: when it was measured.
+    """
+
+    position_m: list[float]
+    velocity_mps: list[float]
+    attitude_rad: float
+    rate_radps: float
+    fuel_kg: float
+    contact: list[bool]
+    stamp_s: float
+
+
+class EngineCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a lunar module's engine and jets are told.
+
+    Args:
+        throttle: 0 off to 1 full thrust.
+        gimbal_rad: turns the nozzle; positive makes a positive (counter-clockwise) torque.
+        attitude: -1 to 1, couple of the attitude jets as a share of its largest; positive counter-clockwise.
+    """
+
+    throttle: float = 0.0
+    gimbal_rad: float = 0.0
+    attitude: float = 0.0

@@ -1,0 +1,87 @@
+"""Tasks: the only thing that moves through a node. A handler takes one and returns the next ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import msgspec
+
+from snr_sim.prelude.errors import TaskError
+
+if TYPE_CHECKING:
+    from snr_sim.prelude.page import Page
+
+
+class TaskType(StrEnum):
+    """The five kinds of task. A StrEnum, because its hash is C code and it is its own JSON."""
+
+    event = "event"
+    store_page = "store_page"
+    process_data = "process_data"
+    reload = "reload"
+    terminate = "terminate"
+
+
+TaskName: TypeAlias = str
+# What a handler is registered for: every task of a type, or only those with one name.
+TaskId: TypeAlias = TaskType | tuple[TaskType, TaskName]
+
+
+class Task(msgspec.Struct, frozen=True):
+    """One thing to be done.
+
+    A frozen msgspec Struct: the event machine makes these by the million, and a frozen dataclass costs four
+    times as much to make.
+
+    Args:
+        type: one of the five kinds.
+        name: what it is about: an event's name, a page's key, a component's name, a reason to terminate.
+        val_list: values it carries; each task has a list of its own.
+
+    >>> Task(TaskType.event, "start").id()
+    (<TaskType.event: 'event'>, 'start')
+    """
+
+    type: TaskType
+    name: TaskName
+    val_list: list[Any] = []
+
+    def id(self) -> tuple[TaskType, TaskName]:
+        """Returns what handlers can register for to get exactly this task."""
+        return (self.type, self.name)
+
+    def __hash__(self) -> int:
+        return hash((self.type, self.name))
+
+    @staticmethod
+    def store_page(page: Page) -> Task:
+        """Returns the task that stores a page."""
+        return Task(TaskType.store_page, page.key, [page])
+
+    def serialize(self) -> bytes:
+        """Returns the task as one line of JSON, exactly: float64, NaN and arrays survive."""
+        from snr_sim.prelude.values import encode_value
+
+        return encode_value([self.type.value, self.name, self.val_list])
+
+    @staticmethod
+    def deserialize(data: bytes) -> Task:
+        """Returns the task that `serialize` wrote.
+
+        Raises:
+            TaskError: the bytes are no task.
+        """
+        from snr_sim.prelude.values import decode_value
+
+        value = decode_value(data)
+        if not (isinstance(value, list) and len(value) == 3 and value[0] in TaskType.__members__):
+            raise TaskError(f"These bytes are no task: {data[:80]!r}", fix="a task is [type, name, values] in JSON.")
+        return Task(TaskType(value[0]), value[1], value[2])
+
+
+# What a handler may return: nothing, a task, or several, handled in that order.
+SomeTasks: TypeAlias = Task | Sequence[Task] | None
+TaskHandler: TypeAlias = Callable[[Task, TaskId], SomeTasks]
+TaskHandlerMap: TypeAlias = dict[TaskId, TaskHandler]

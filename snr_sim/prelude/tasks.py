@@ -1,0 +1,49 @@
+"""Short ways to make the tasks that handlers return most: `tasks.event("landed")`, `tasks.terminate("done")`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from snr_sim.prelude.page import Page
+from snr_sim.prelude.task import Task, TaskType
+
+if TYPE_CHECKING:
+    from snr_sim.prelude.component import Factory
+
+ADD_COMPONENT_TASK_NAME = "add_component"
+REMOVE_ENDPOINT_TASK_NAME = "remove_endpoint"
+
+
+def event(name: str, val_list: Sequence[Any] = ()) -> Task:
+    """Returns a task that tells that something happened.
+
+    >>> event("contact", ["left"]).val_list
+    ['left']
+    """
+    return Task(TaskType.event, name, list(val_list))
+
+
+def store_page(page: Page) -> Task:
+    """Returns a task that puts a page in the datastore."""
+    return Task(TaskType.store_page, page.key, [page])
+
+
+def process_data(key: str) -> Task:
+    """Returns a task that has the newest page of `key` processed."""
+    return Task(TaskType.process_data, key)
+
+
+def terminate(reason: str) -> Task:
+    """Returns the task that ends the node; it passes everything that is queued."""
+    return Task(TaskType.terminate, reason)
+
+
+def reload_component(name: str) -> Task:
+    """Returns a task that makes the component of that name anew from its factory."""
+    return Task(TaskType.reload, name)
+
+
+def add_component(factory: Factory, start_component: bool = True) -> Task:
+    """Returns a task that adds what the factory makes to the running node."""
+    return Task(TaskType.event, ADD_COMPONENT_TASK_NAME, [factory, start_component])

@@ -1,0 +1,191 @@
+"""Values as JSON, without loss: what pages and tasks carry, on disk and on a wire.
+
+Plain JSON stays plain. What JSON would change or lose is wrapped in an object whose key "$" says what it is:
+
+    {"$": "float", "v": "nan"}                         also "inf", "-inf"
+    {"$": "tuple" | "set" | "frozenset", "v": [...]}
+    {"$": "bytes", "v": "<base64>"}
+    {"$": "dict", "v": [[key, value], ...]}            keys that are not text, or a key "$"
+    {"$": "array", "dtype": "float64", "shape": [2], "data": [0.5, 1.0]}    "b64" for "data" above 256 elements
+    {"$": "object", "type": "module.Class", "fields": {...}}                readable, but cannot be brought back
+
+Almost every value is plain. So the fast path encodes in C, decodes again and compares: two passes in C are
+quicker than one walk in Python, and nothing that JSON would change can slip through.
+"""
+
+from __future__ import annotations
+
+import base64
+import math
+import sys
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import msgspec
+
+from snr_sim.prelude.errors import ValueEncodingError
+
+_encode = msgspec.json.Encoder().encode
+_decode = msgspec.json.Decoder().decode
+
+MARK = "$"
+_MARK_BYTES = b'"$":'  # inside a JSON string the quotes would be escaped, so this is always a key
+_ARRAY_AS_TEXT_MAX = 256
+
+
+def encode_value(value: Any) -> bytes:
+    """Returns one line of JSON that `decode_value` turns back into an equal value.
+
+    Raises:
+        ValueEncodingError: it refers to itself or is nested too deeply.
+
+    >>> encode_value({"altitude_m": 0.1, "ok": True})
+    b'{"altitude_m":0.1,"ok":true}'
+    >>> encode_value((1, float("nan")))
+    b'{"$":"tuple","v":[1,{"$":"float","v":"nan"}]}'
+    """
+    try:
+        raw = _encode(value)
+        if _decode(raw) == value and _MARK_BYTES not in raw:
+            return raw
+    except (TypeError, ValueError, OverflowError, RecursionError):
+        pass  # not plain: numpy, an unknown object, nested too deeply, a comparison that has no answer
+    return encode_with_marks(value)
+
+
+def encode_with_marks(value: Any) -> bytes:
+    """Returns the JSON of a value that is not plain; `encode_value` comes here by itself."""
+    try:
+        return _encode(_marked(value))
+    except RecursionError:
+        raise ValueEncodingError(
+            "A value is nested too deeply to be stored, or contains itself.",
+            fix="store numbers, text, lists, dicts and numpy arrays, and no object that points back at its owner.",
+        ) from None
+
+
+def decode_value(raw: bytes | str, kinds: Mapping[str, Callable[..., Any]] | None = None) -> Any:
+    """Returns the value that `encode_value` wrote.
+
+    Args:
+        raw: JSON.
+        kinds: classes for further marks: `{"page": Page}` makes `Page(**fields)` of `{"$": "page", ...}`.
+
+    Raises:
+        ValueEncodingError: it is not JSON, a mark is unknown, or it holds an object that cannot be brought back.
+
+    >>> decode_value(b'{"$":"tuple","v":[1,2.5]}')
+    (1, 2.5)
+    """
+    data = raw.encode() if isinstance(raw, str) else raw
+    try:
+        value = _decode(data)
+    except (msgspec.DecodeError, RecursionError) as error:
+        raise ValueEncodingError(f"This is not JSON ({error}): {data[:80]!r}") from error
+    return _unmarked(value, kinds or {}) if _MARK_BYTES in data else value
+
+
+def _marked(value: Any) -> Any:
+    """Wraps what JSON would lose. The order matters: bool before int, subclasses after their plain parents."""
+    kind = type(value)
+    if value is None or kind is bool or kind is str:
+        return value
+    if kind is float:
+        return value if math.isfinite(value) else {MARK: "float", "v": repr(value)}
+    if kind is int:
+        return value if -(2**63) <= value < 2**64 else {MARK: "int", "v": str(value)}
+    if kind is list:
+        return [_marked(item) for item in value]
+    if kind is dict:
+        if all(type(key) is str for key in value) and MARK not in value:
+            return {key: _marked(item) for key, item in value.items()}
+        return {MARK: "dict", "v": [[_marked(key), _marked(item)] for key, item in value.items()]}
+    if kind is tuple:
+        return {MARK: "tuple", "v": [_marked(item) for item in value]}
+    if kind in (set, frozenset):
+        return {MARK: kind.__name__, "v": sorted((_marked(item) for item in value), key=repr)}
+    if kind in (bytes, bytearray):
+        return {MARK: "bytes", "v": base64.b64encode(value).decode()}
+    return _marked_object(value)
+
+
+def _marked_object(value: Any) -> Any:
+    numpy = sys.modules.get("numpy")
+    if numpy is not None and isinstance(value, (numpy.ndarray, numpy.generic)) and value.dtype.kind in "biuf":
+        return _marked_array(value)
+    if isinstance(value, (bool, int, float, str)):  # an Enum, or a class of the student's own on top of a number
+        return _marked(_plain_parent(value))
+    config = getattr(type(value), "__struct_config__", None)
+    if config is not None:
+        fields = {name: _marked(getattr(value, name)) for name in type(value).__struct_fields__}
+        if config.tag_field == MARK:
+            return {MARK: config.tag, **fields}
+    else:
+        fields = {str(name): _marked(item) for name, item in getattr(value, "__dict__", {}).items()}
+    return {MARK: "object", "type": f"{type(value).__module__}.{type(value).__qualname__}", "fields": fields}
+
+
+def _plain_parent(value: Any) -> Any:
+    for parent in (bool, int, float, str):
+        if isinstance(value, parent):
+            return parent.__str__(value) if parent is str else parent(value)
+    raise AssertionError(value)
+
+
+def _marked_array(value: Any) -> Any:
+    marked = {MARK: "array", "dtype": value.dtype.name, "shape": list(value.shape)}
+    if value.size > _ARRAY_AS_TEXT_MAX:
+        little_endian = value.astype(value.dtype.newbyteorder("<"), copy=False)
+        return {**marked, "b64": base64.b64encode(little_endian.tobytes()).decode()}
+    return {**marked, "data": _marked(value.tolist())}
+
+
+def _unmarked(value: Any, kinds: Mapping[str, Callable[..., Any]]) -> Any:
+    if isinstance(value, list):
+        return [_unmarked(item, kinds) for item in value]
+    if not isinstance(value, dict):
+        return value
+    if MARK not in value:
+        return {key: _unmarked(item, kinds) for key, item in value.items()}
+    mark = value[MARK]
+    try:
+        if isinstance(mark, str) and mark in kinds:
+            return kinds[mark](**{key: _unmarked(item, kinds) for key, item in value.items() if key != MARK})
+        if mark == "array":
+            return _unmarked_array(value)
+        return _unmarked_simple(mark, value, kinds)
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise ValueEncodingError(f"A stored value of kind {mark!r} is damaged: {error}.") from error
+
+
+def _unmarked_simple(mark: Any, value: dict[str, Any], kinds: Mapping[str, Callable[..., Any]]) -> Any:
+    if mark == "object":
+        raise ValueEncodingError(
+            f"A stored value was an object of class {value['type']}, which cannot be brought back from JSON.",
+            fix="store a dict, a list, a tuple or a numpy array instead.",
+        )
+    inner = value["v"]
+    if mark in ("float", "int"):
+        return float(inner) if mark == "float" else int(inner)
+    if mark == "bytes":
+        return base64.b64decode(inner, validate=True)
+    items = [_unmarked(item, kinds) for item in inner]
+    if mark == "dict":
+        return dict(items)
+    containers: dict[str, Callable[[list[Any]], Any]] = {"tuple": tuple, "set": set, "frozenset": frozenset}
+    if mark not in containers:
+        raise ValueEncodingError(f"A stored value has the unknown kind {mark!r}; known: {', '.join(containers)}, ...")
+    return containers[mark](items)
+
+
+def _unmarked_array(value: dict[str, Any]) -> Any:
+    import numpy as np  # slow to import, and only pages with arrays need it
+
+    dtype = np.dtype(value["dtype"])
+    if dtype.kind not in "biuf":
+        raise ValueEncodingError(f"A stored array has the type {value['dtype']!r}; known: bool, int, uint, float.")
+    if "b64" in value:
+        flat = np.frombuffer(base64.b64decode(value["b64"], validate=True), dtype=dtype.newbyteorder("<"))
+        return flat.astype(dtype).reshape(value["shape"])
+    array = np.array(_unmarked(value["data"], {}), dtype=dtype).reshape(value["shape"])
+    return array if value["shape"] else array[()]
