@@ -1,0 +1,199 @@
+"""Vertical descent on closed forms: what a burn does, and the descent that costs least.
+
+One engine, straight up, above flat ground: velocity is positive up and thrust is constant while it burns. Everything
+here is exact, so it serves three readers: the plant that moves by it, the guidance law that plans by it, and the
+score that compares a flight with the best one possible.
+
+With m = m0 - mu t, mu = thrust / exhaust speed:
+
+    v(t) = v0 - g t + c ln(m0 / m)
+    h(t) = h0 + v0 t - g t^2 / 2 + c (t - (m / mu) ln(m0 / m))
+
+Source: Tsiolkovsky's equation with constant gravity, integrated once more. That falling first and then burning at
+full thrust is the cheapest way down follows from Pontryagin's principle: one switch, and never back.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from snr_sim.prelude.errors import ParameterError
+
+STANDARD_GRAVITY_MPS2 = 9.80665  # turns a specific impulse in seconds into an exhaust speed; exact by definition
+MOON_GRAVITY_MPS2 = 1.62  # mean at the surface of the Moon
+
+
+class Motion(NamedTuple):
+    """Where a module is on its way down.
+
+    Args:
+        height_m: over the ground.
+        velocity_mps: positive up.
+        mass_kg: all of it, propellant included.
+    """
+
+    height_m: float
+    velocity_mps: float
+    mass_kg: float
+
+
+class Engine(NamedTuple):
+    """What pushes, and against what.
+
+    Args:
+        thrust_n: at full throttle.
+        exhaust_mps: effective exhaust speed.
+        gravity_mps2: pulls down.
+    """
+
+    thrust_n: float
+    exhaust_mps: float
+    gravity_mps2: float = MOON_GRAVITY_MPS2
+
+
+class Descent(NamedTuple):
+    """The cheapest way down: fall, then burn.
+
+    Args:
+        coast_s: how long to fall.
+        ignite_height_m: where the burn begins.
+        ignite_speed_mps: how fast it then falls, positive down.
+        burn_s: how long it burns until it stands on the ground, still.
+        fuel_kg: what all of it costs.
+    """
+
+    coast_s: float
+    ignite_height_m: float
+    ignite_speed_mps: float
+    burn_s: float
+    fuel_kg: float
+
+
+def after(start: Motion, thrust_n: float, exhaust_mps: float, gravity_mps2: float, time_s: float) -> Motion:
+    """Returns where constant thrust leads; zero thrust is free fall. The ground is not noticed.
+
+    >>> after(Motion(100.0, 0.0, 1.0), 0.0, 3000.0, 1.62, 10.0).height_m
+    19.0
+    """
+    height, velocity, mass = start
+    fallen_height = height + (velocity - 0.5 * gravity_mps2 * time_s) * time_s
+    if thrust_n <= 0.0:
+        return Motion(fallen_height, velocity - gravity_mps2 * time_s, mass)
+    flow = thrust_n / exhaust_mps
+    left = mass - flow * time_s
+    log_ratio = -math.log1p(-flow * time_s / mass)
+    return Motion(
+        fallen_height + exhaust_mps * (time_s - left / flow * log_ratio),
+        velocity - gravity_mps2 * time_s + exhaust_mps * log_ratio,
+        left,
+    )
+
+
+def free_fall(height_m: float, velocity_mps: float, gravity_mps2: float = MOON_GRAVITY_MPS2) -> tuple[float, float]:
+    """Returns time to the ground [s] and speed there [m/s, positive down].
+
+    >>> [round(x, 3) for x in free_fall(100.0, 0.0)]
+    [11.111, 18.0]
+    """
+    speed = math.sqrt(velocity_mps**2 + 2.0 * gravity_mps2 * height_m)
+    return (velocity_mps + speed) / gravity_mps2, speed
+
+
+def tsiolkovsky(mass_kg: float, dry_mass_kg: float, exhaust_mps: float) -> float:
+    """Returns the change of speed [m/s] that burning from one mass to the other gives, far from anything that pulls."""
+    return exhaust_mps * math.log(mass_kg / dry_mass_kg)
+
+
+def time_to_stop(start: Motion, engine: Engine) -> float:
+    """Returns how long full thrust needs to end a fall [s]; 0 when it is not falling.
+
+    Raises:
+        ParameterError: the thrust cannot lift the mass, so the search has no safe side.
+    """
+    _, velocity, mass = start
+    if velocity >= 0.0:
+        return 0.0
+    thrust, exhaust, gravity = engine
+    if thrust <= mass * gravity:
+        raise ParameterError(
+            f"{thrust:g} N cannot hold {mass:g} kg, which weighs {mass * gravity:g} N.",
+            fix="more thrust, or less mass.",
+        )
+    # With constant mass it would take longest. From that side Newton's steps on the convex v(t) never overshoot.
+    rate = thrust / (exhaust * mass)
+    time = min(-velocity / (thrust / mass - gravity), 0.999 / rate)
+    for _ in range(60):
+        miss = velocity - gravity * time - exhaust * math.log1p(-rate * time)
+        step = miss / (exhaust * rate / (1.0 - rate * time) - gravity)
+        time -= step
+        if abs(step) <= 1e-13 * time:
+            break
+    return time
+
+
+def stop_height(start: Motion, engine: Engine) -> float:
+    """Returns the height at which full thrust from now on would end the fall [m]; below 0 it is too late."""
+    return after(start, *engine, time_to_stop(start, engine)).height_m
+
+
+def cheapest_descent(start: Motion, engine: Engine, idle_thrust_n: float = 0.0) -> Descent:
+    """Returns the way down that uses least propellant and ends at height 0 with speed 0.
+
+    Args:
+        start: as it is now.
+        engine: at full thrust it must be able to stop in time.
+        idle_thrust_n: what the engine gives while 'falling', if it cannot be shut off.
+
+    Raises:
+        ParameterError: even full thrust from now on is too late, or idling already lifts it.
+    """
+    if stop_height(start, engine) < 0.0:
+        raise ParameterError(
+            f"From {start.height_m:g} m at {start.velocity_mps:g} m/s even full thrust is too late.",
+            fix="start higher or slower.",
+        )
+    thrust, exhaust, gravity = engine
+    if idle_thrust_n >= start.mass_kg * gravity:
+        raise ParameterError(f"Idling at {idle_thrust_n:g} N already lifts {start.mass_kg:g} kg.")
+
+    def miss(coast_s: float) -> float:
+        return stop_height(after(start, idle_thrust_n, exhaust, gravity, coast_s), engine)
+
+    # A fall that has reached the ground is too late. One that idles takes longer, as it grows lighter: look further.
+    late = free_fall(start.height_m, start.velocity_mps, gravity - idle_thrust_n / start.mass_kg)[0]
+    while miss(late) > 0.0:
+        late *= 1.1
+    coast = find_root(miss, 0.0, late)
+    ignition = after(start, idle_thrust_n, exhaust, gravity, coast)
+    burn = time_to_stop(ignition, engine)
+    fuel = start.mass_kg - ignition.mass_kg + thrust / exhaust * burn
+    return Descent(coast, ignition.height_m, -ignition.velocity_mps, burn, fuel)
+
+
+def impulsive_bound_kg(start: Motion, engine: Engine) -> float:
+    """Returns the propellant that an infinitely strong engine would need: no descent is cheaper [kg]."""
+    speed = free_fall(start.height_m, start.velocity_mps, engine.gravity_mps2)[1]
+    return -start.mass_kg * math.expm1(-speed / engine.exhaust_mps)
+
+
+def constant_mass_ignition_m(start: Motion, engine: Engine) -> float:
+    """Returns the ignition height if burning cost no mass [m]: the first estimate on the back of an envelope."""
+    energy = 0.5 * start.velocity_mps**2 + engine.gravity_mps2 * start.height_m
+    return energy / (engine.thrust_n / start.mass_kg)
+
+
+def find_root(function: Callable[[float], float], low: float, high: float) -> float:
+    """Returns where a function that is positive at `low` and negative at `high` crosses 0, to the last bit.
+
+    Halving, because it cannot fail and nobody waits for it: some fifty calls.
+    """
+    while True:
+        middle = 0.5 * (low + high)
+        if not low < middle < high:
+            return middle
+        if function(middle) > 0.0:
+            low = middle
+        else:
+            high = middle

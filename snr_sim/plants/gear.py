@@ -1,0 +1,64 @@
+"""Landing gear: what a touchdown may look like. The judge of every lander."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TypedDict
+
+
+class Touchdown(TypedDict):
+    """How a module met the ground, at the first contact.
+
+    Degrees, because this leaves the library: it goes into results that people read.
+    """
+
+    vertical_mps: float  # positive down
+    lateral_mps: float  # positive towards +x
+    attitude_deg: float
+    rate_degps: float
+
+
+@dataclass(frozen=True)
+class GearLimits:
+    """What the legs take. A fast touchdown leaves less room for sliding sideways.
+
+    Args:
+        vertical_mps: largest vertical speed without any lateral one.
+        vertical_sliding_mps: largest vertical speed at the largest lateral one; in between the limit is a line.
+        lateral_mps: largest lateral speed.
+        attitude_rad: largest tilt.
+        rate_radps: largest rate of tilting.
+
+    Source of the defaults: design limits of the lunar module's gear (10 ft/s; 7 ft/s with 4 ft/s; 6 deg; 2 deg/s),
+    as given for NASA TN D-6850.
+    """
+
+    vertical_mps: float = 3.05
+    vertical_sliding_mps: float = 2.13
+    lateral_mps: float = 1.22
+    attitude_rad: float = math.radians(6.0)
+    rate_radps: float = math.radians(2.0)
+
+    def vertical_limit(self, lateral_mps: float) -> float:
+        """Returns the largest vertical speed at a lateral one [m/s]; 0 beyond what the gear takes sideways.
+
+        >>> round(GearLimits().vertical_limit(0.61), 2)
+        2.59
+        """
+        share = abs(lateral_mps) / self.lateral_mps
+        if not share <= 1.0:
+            return 0.0
+        return self.vertical_mps - share * (self.vertical_mps - self.vertical_sliding_mps)
+
+    def holds(self, touchdown: Touchdown) -> bool:
+        """Returns whether the gear survives. A touchdown exactly at a limit does."""
+        return (
+            abs(touchdown["lateral_mps"]) <= self.lateral_mps
+            and touchdown["vertical_mps"] <= self.vertical_limit(touchdown["lateral_mps"])
+            and abs(touchdown["attitude_deg"]) <= math.degrees(self.attitude_rad)
+            and abs(touchdown["rate_degps"]) <= math.degrees(self.rate_radps)
+        )
+
+
+APOLLO_GEAR = GearLimits()

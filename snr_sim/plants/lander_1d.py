@@ -1,0 +1,223 @@
+"""A lunar module that moves up and down only, exact for any step.
+
+Between two commands the throttle is constant, and constant thrust has a closed form (`plants/descent.py`). So a step
+takes as long as anyone likes, costs the same, and ends where the physics ends: also when the tank runs dry or the
+pads touch the ground on the way.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from snr_sim.plants.descent import MOON_GRAVITY_MPS2, Engine, Motion, after, find_root
+from snr_sim.plants.gear import APOLLO_GEAR, GearLimits, Touchdown
+from snr_sim.plants.module_shapes import NOZZLE_BELOW_M, PADS_BELOW_M, module_shapes
+from snr_sim.plants.terrain import FLAT, terrain_shapes
+from snr_sim.prelude.errors import PlantError, UnknownName, nearest
+from snr_sim.prelude.signals import EngineCommand, RadarReading
+
+
+@dataclass(frozen=True)
+class VerticalStart:
+    """Where a run begins.
+
+    Args:
+        height_m: of the pads over the ground.
+        velocity_mps: positive up.
+        mass_kg: all of it.
+        fuel_kg: of the mass, what may be burned.
+    """
+
+    height_m: float
+    velocity_mps: float
+    mass_kg: float
+    fuel_kg: float
+
+
+class State(NamedTuple):
+    """All there is to know of the plant at one moment."""
+
+    time_s: float
+    height_m: float
+    velocity_mps: float
+    mass_kg: float
+    fuel_kg: float
+    throttle: float
+    touchdown: Touchdown | None
+    outcome: str | None
+
+
+class Lander1D:
+    """The vertical lander. Keeps the promise of Plant.
+
+    Args:
+        start_of: gives the start that belongs to a seed.
+        engine: thrust, exhaust speed and gravity.
+        least_throttle: what the engine gives at least while there is propellant, as one that cannot be shut off.
+        gear: judges the touchdown.
+        ceiling_m: above it the module is lost.
+    """
+
+    engine = "closed_form 1"
+    step_s: float | None = None
+    inputs = ("engine",)
+    outputs = ("radar",)
+
+    def __init__(
+        self,
+        start_of: Callable[[int], VerticalStart],
+        engine: Engine,
+        least_throttle: float = 0.0,
+        gear: GearLimits = APOLLO_GEAR,
+        ceiling_m: float = 50_000.0,
+    ) -> None:
+        self.start_of = start_of
+        self.thrust_n, self.exhaust_mps, self.gravity_mps2 = engine.thrust_n, engine.exhaust_mps, engine.gravity_mps2
+        self.least_throttle = least_throttle
+        self.gear = gear
+        self.ceiling_m = ceiling_m
+        self.reset(0)
+
+    def reset(self, seed: int) -> None:
+        """Puts the module back to the start that belongs to this seed, engine off."""
+        start = self.start_of(seed)
+        self.time_s = 0.0
+        self.height_m, self.velocity_mps = start.height_m, start.velocity_mps
+        self.mass_kg, self.fuel_kg = start.mass_kg, start.fuel_kg
+        self.throttle = self.least_throttle
+        self.touchdown: Touchdown | None = None
+        self.outcome: str | None = None
+
+    def write(self, name: str, command: EngineCommand) -> None:
+        """Sets the throttle, clamped to what the engine can do. Gimbal and jets are not there."""
+        if name != "engine":
+            raise UnknownName(f"This plant has no input '{name}'.", fix=nearest(name, self.inputs))
+        if not math.isfinite(command.throttle):
+            raise PlantError(f"At {self.time_s:g} s the throttle was set to {command.throttle}.", fix="a number, 0 to 1.")
+        self.throttle = min(1.0, max(self.least_throttle, command.throttle))
+
+    def read(self, name: str) -> RadarReading:
+        """Returns the true height and its rate."""
+        if name != "radar":
+            raise UnknownName(f"This plant has no output '{name}'.", fix=nearest(name, self.outputs))
+        return RadarReading(self.height_m, self.velocity_mps, self.time_s)
+
+    def step(self, dt_s: float) -> None:
+        """Moves on by any time, in at most two pieces: with propellant and without."""
+        if self.outcome:
+            self.time_s += dt_s
+            return
+        flow = self.throttle * self.thrust_n / self.exhaust_mps
+        burn_s = dt_s if flow * dt_s <= self.fuel_kg else self.fuel_kg / flow
+        if self.fuel_kg > 0.0:
+            self._move(burn_s, self.throttle * self.thrust_n)
+        else:
+            burn_s = 0.0
+        if burn_s < dt_s and not self.outcome:
+            self._move(dt_s - burn_s, 0.0)
+
+    def _move(self, time_s: float, thrust_n: float) -> None:
+        """Moves on under constant thrust, or until the pads touch."""
+        start = Motion(self.height_m, self.velocity_mps, self.mass_kg)
+        end = after(start, thrust_n, self.exhaust_mps, self.gravity_mps2, time_s)
+        contact_s = self._contact_s(start, end, thrust_n, time_s)
+        if contact_s is not None:
+            time_s = contact_s
+            end = after(start, thrust_n, self.exhaust_mps, self.gravity_mps2, time_s)
+        self.height_m, self.velocity_mps, self.mass_kg = end
+        # Propellant from the mass, not the other way round: a dry tank is exactly 0 and never a rounding below.
+        self.fuel_kg = max(0.0, self.fuel_kg - thrust_n / self.exhaust_mps * time_s)
+        self.time_s += time_s
+        if contact_s is not None:
+            self._touch()
+        elif end.height_m > self.ceiling_m:
+            self.outcome = "lost"
+        elif not math.isfinite(end.height_m):
+            raise PlantError(f"At {self.time_s:g} s the height is {end.height_m}.", fix="check the start and the step.")
+
+    def _contact_s(self, start: Motion, end: Motion, thrust_n: float, time_s: float) -> float | None:
+        """Returns when the pads touch within a piece of constant thrust, or None.
+
+        What burns grows lighter, so acceleration only grows, and velocity falls to one minimum before it rises. So
+        there is at most one crest, then at most one trough; if the trough is under ground, contact is between them.
+        """
+        if end.height_m > 0.0 and end.velocity_mps <= 0.0:
+            return None  # still falling and not there yet: by far the most frequent case
+
+        def at(t: float) -> Motion:
+            return after(start, thrust_n, self.exhaust_mps, self.gravity_mps2, t)
+
+        fastest_fall_s = time_s
+        if thrust_n > 0.0:
+            lift_off_s = (start.mass_kg - thrust_n / self.gravity_mps2) * self.exhaust_mps / thrust_n
+            fastest_fall_s = min(time_s, max(0.0, lift_off_s))
+        if at(fastest_fall_s).velocity_mps >= 0.0:
+            return None  # never falls
+        trough_s = time_s
+        if end.velocity_mps > 0.0:
+            trough_s = find_root(lambda t: -at(t).velocity_mps, fastest_fall_s, time_s)
+        if at(trough_s).height_m > 0.0:
+            return None
+        crest_s = find_root(lambda t: at(t).velocity_mps, 0.0, fastest_fall_s) if start.velocity_mps > 0.0 else 0.0
+        return find_root(lambda t: at(t).height_m, crest_s, trough_s)
+
+    def _touch(self) -> None:
+        self.touchdown = Touchdown(
+            vertical_mps=-self.velocity_mps, lateral_mps=0.0, attitude_deg=0.0, rate_degps=0.0
+        )
+        if self.gear.holds(self.touchdown):
+            self.outcome = "landed"
+        else:
+            self.outcome = "crashed" if self.fuel_kg > 0.0 else "out_of_fuel"
+        self.height_m = self.velocity_mps = self.throttle = 0.0
+
+    def snapshot(self) -> State:
+        """Returns all of the state."""
+        return State(
+            self.time_s,
+            self.height_m,
+            self.velocity_mps,
+            self.mass_kg,
+            self.fuel_kg,
+            self.throttle,
+            self.touchdown,
+            self.outcome,
+        )
+
+    def restore(self, snapshot: State) -> None:
+        """Puts back what `snapshot` returned."""
+        (
+            self.time_s,
+            self.height_m,
+            self.velocity_mps,
+            self.mass_kg,
+            self.fuel_kg,
+            self.throttle,
+            self.touchdown,
+            self.outcome,
+        ) = snapshot
+
+    def scene(self) -> dict[str, Any]:
+        """Returns flat ground with a pad, and the module."""
+        return {"statics": terrain_shapes(FLAT), "bodies": module_shapes()}
+
+    def truth(self) -> dict[str, Any]:
+        """Returns the true state for the recorder."""
+        z = self.height_m + PADS_BELOW_M
+        pose = [0.0, 0.0, z, 0.0, 0.0, 0.0, 1.0]
+        thrust = self.throttle * self.thrust_n if self.fuel_kg > 0.0 else 0.0
+        return {
+            "poses": {"module": pose, "left_legs": pose, "right_legs": pose},
+            "arrows": {"thrust": [0.0, 0.0, z - NOZZLE_BELOW_M, 0.0, 0.0, thrust]},
+            "values": {
+                "altitude_m": self.height_m,
+                "vertical_mps": self.velocity_mps,
+                "lateral_mps": 0.0,
+                "throttle": self.throttle,
+                "fuel_kg": self.fuel_kg,
+                "attitude_deg": 0.0,
+            },
+        }

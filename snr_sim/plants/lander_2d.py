@@ -1,0 +1,448 @@
+"""A lunar module in the x-z plane, under pymunk: it steers, touches down on two sprung legs, and stands or tips over.
+
+pymunk moves the hull and finds out whether it meets the ground. Legs are ours: a spring and a damper between foot and
+ground, and a grip that slides when pulled too hard. pymunk's own springs and contacts keep impulses from step to step
+that nothing can write back, so no run could be resumed to the bit; ours have one number each, the place they grip.
+
+How a step goes, and why in this order:
+
+    1. pymunk:  position += velocity * dt,  then  velocity += g * dt
+    2. kick:    velocity += (thrust, jets, legs, where the module now is) * dt / mass
+
+This is the leapfrog scheme if the velocity is that of half a step earlier or later. So `reset` gives pymunk the
+velocity half a step ahead, and `read` takes the half step off again. It costs nothing, a flight under constant force is
+exact (pymunk alone ends g t dt / 2 too high), errors shrink with dt squared, and a bouncing leg gains no energy: with
+forces from the old position, as pymunk's callbacks give them, it does.
+
+The body in pymunk weighs 1 kg and has the square of the radius of gyration as its moment: kicks are per kilogram of the
+mass that is left. That is the same motion, without telling pymunk a new mass 200 times a second at 2 us each.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any, NamedTuple
+
+from snr_sim.plants.gear import Touchdown
+from snr_sim.plants.module import TIPPED_RAD, LunarModule, PlaneStart
+from snr_sim.plants.module_shapes import HULL_M, NOZZLE_BELOW_M, PADS_APART_M, PADS_BELOW_M, module_shapes
+from snr_sim.plants.terrain import HALF_WIDTH_M, ROOF_REACH_M, Terrain, terrain_shapes
+from snr_sim.prelude.errors import MissingExtra, ParameterError, PlantError, UnknownName, nearest
+from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
+
+# Halving it moves a touchdown by less than a millimetre and a millimetre per second (tests/plants/test_lander_2d.py);
+# the stiffest motion, a foot gripping sideways, needs 11 steps a radian. Twice as long would still do.
+STEP_S = 0.005
+FEET_M = ((-0.5 * PADS_APART_M, -PADS_BELOW_M), (0.5 * PADS_APART_M, -PADS_BELOW_M))
+REACH_M = math.hypot(*FEET_M[0])  # no part of the module that can touch is farther from its centre of mass
+FAR_STEPS_MAX = 20  # the ground is looked for at least this often
+STILL_MPS, STILL_RADPS, SETTLE_S = 0.05, 0.01, 0.5  # slower than this for so long, on both feet: it stands
+CEILING_M = 20_000.0
+EDGE_M = HALF_WIDTH_M - ROOF_REACH_M
+HULL, GROUND = 1, 2  # pymunk's collision types
+
+
+class Pose(NamedTuple):
+    """Where the module is and how it moves, world frame, at one moment."""
+
+    x_m: float
+    z_m: float
+    attitude_rad: float
+    vx_mps: float
+    vz_mps: float
+    rate_radps: float
+
+
+class State(NamedTuple):
+    """All of the plant: what pymunk holds (velocities half a step ahead), and what is ours."""
+
+    body: Pose
+    steps: int
+    mass_kg: float
+    fuel_kg: float
+    throttle: float
+    gimbal_rad: float
+    command: tuple[float, float, float]
+    kick: tuple[float, float, float]
+    leg_kick: tuple[float, float, float]
+    grips_m: tuple[float | None, float | None]
+    far_steps: int
+    still_steps: int
+    terrain: Terrain
+    touchdown: Touchdown | None
+    outcome: str | None
+
+
+class Lander2D:
+    """The lander in the plane. Keeps the promise of Plant.
+
+    Args:
+        module: its numbers.
+        start_of: gives the start and the ground that belong to a seed.
+        step_s: of integration; see `STEP_S`.
+
+    Attributes:
+        touchdown: the first contact, once there was one.
+        outcome: 'landed', 'crashed', 'out_of_fuel' (crashed with a dry tank) or 'lost' (left the region), once
+            over. From then on it stands still.
+    """
+
+    inputs = ("engine",)
+    outputs = ("radar", "inertial")
+
+    def __init__(
+        self, module: LunarModule, start_of: Callable[[int], tuple[PlaneStart, Terrain]], step_s: float = STEP_S
+    ) -> None:
+        self.pymunk = _pymunk()
+        self.engine = f"pymunk {self.pymunk.version}"
+        self.module = module
+        self.start_of = start_of
+        self.step_s: float = step_s
+        self._lag_gain = -math.expm1(-step_s / module.throttle_lag_s) if module.throttle_lag_s > 0.0 else 1.0
+        self._gimbal_step = module.gimbal_rate_radps * step_s
+        self._flow_step = module.thrust_n / module.exhaust_mps * step_s  # propellant of one step at full throttle
+        self.reset(0)
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time since the last reset: a count, so that nothing adds up."""
+        return self._steps * self.step_s
+
+    # -- start, and being put back ------------------------------------------------------------------------------------
+
+    def reset(self, seed: int) -> None:
+        """Builds the world anew and puts the module at the start that belongs to this seed."""
+        start, terrain = self.start_of(seed)
+        half_fall = 0.5 * self.module.gravity_mps2 * self.step_s
+        body = Pose(
+            *start.position_m, start.attitude_rad, start.velocity_mps[0], start.velocity_mps[1] - half_fall, start.rate_radps
+        )
+        nothing = (0.0, 0.0, 0.0)
+        self.restore(
+            State(
+                body=body,
+                steps=0,
+                mass_kg=start.mass_kg,
+                fuel_kg=start.fuel_kg,
+                throttle=0.0,
+                gimbal_rad=0.0,
+                command=nothing,
+                kick=nothing,
+                leg_kick=nothing,
+                grips_m=(None, None),
+                far_steps=0,
+                still_steps=0,
+                terrain=terrain,
+                touchdown=None,
+                outcome=None,
+            )
+        )
+
+    def snapshot(self) -> State:
+        """Returns all of the state; it never changes afterwards."""
+        return State(
+            body=self._body_state(),
+            steps=self._steps,
+            mass_kg=self.mass_kg,
+            fuel_kg=self.fuel_kg,
+            throttle=self.throttle,
+            gimbal_rad=self.gimbal_rad,
+            command=(self._throttle_goal, self._gimbal_goal, self._jets),
+            kick=self._kick,
+            leg_kick=self._leg_kick,
+            grips_m=(self._grips_m[0], self._grips_m[1]),
+            far_steps=self._far_steps,
+            still_steps=self._still_steps,
+            terrain=self.terrain,
+            touchdown=self.touchdown,
+            outcome=self.outcome,
+        )
+
+    def restore(self, snapshot: State) -> None:
+        """Puts back what `snapshot` returned, in a world built anew: an old one would remember contacts."""
+        self.terrain = snapshot.terrain
+        self._build_world()
+        pose = snapshot.body
+        self._body.position = pose.x_m, pose.z_m
+        self._body.angle = pose.attitude_rad
+        self._body.velocity = pose.vx_mps, pose.vz_mps
+        self._body.angular_velocity = pose.rate_radps
+        self._steps = snapshot.steps
+        self.mass_kg, self.fuel_kg = snapshot.mass_kg, snapshot.fuel_kg
+        self.throttle, self.gimbal_rad = snapshot.throttle, snapshot.gimbal_rad
+        self._throttle_goal, self._gimbal_goal, self._jets = snapshot.command
+        self._kick, self._leg_kick = snapshot.kick, snapshot.leg_kick
+        self._grips_m: list[float | None] = list(snapshot.grips_m)
+        self._far_steps, self._still_steps = snapshot.far_steps, snapshot.still_steps
+        self.touchdown, self.outcome = snapshot.touchdown, snapshot.outcome
+        self._pose: Pose | None = None
+        self._hull_touched = False
+
+    def _build_world(self) -> None:
+        pymunk = self.pymunk
+        space = pymunk.Space()
+        space.gravity = 0.0, -self.module.gravity_mps2
+        body = pymunk.Body(1.0, self.module.gyration_m**2)
+        hull = pymunk.Poly(body, HULL_M)
+        hull.collision_type = HULL
+        line = self.terrain.points_m()
+        ground = [pymunk.Segment(space.static_body, a, b, 0.0) for a, b in zip(line, line[1:], strict=False)]
+        for segment in ground:
+            segment.collision_type = GROUND
+        space.add(body, hull, *ground)
+        space.on_collision(HULL, GROUND, begin=self._on_hull_contact)
+        self._body = body
+        self._move: Callable[[float], None] = space.step
+        self._push: Callable[..., None] = body.apply_impulse_at_local_point
+        self._push_foot: Callable[..., None] = body.apply_impulse_at_world_point
+
+    def _on_hull_contact(self, arbiter: Any, space: Any, data: Any) -> None:
+        self._hull_touched = True
+        arbiter.process_collision = False  # the flight is over; a bounce would only spoil the last velocity
+
+    # -- moving -------------------------------------------------------------------------------------------------------
+
+    def write(self, name: str, command: EngineCommand) -> None:
+        """Sets throttle, gimbal and jets, clamped to what the module can do."""
+        if name != "engine":
+            raise UnknownName(f"This plant has no input '{name}'.", fix=nearest(name, self.inputs))
+        throttle, gimbal, jets = command.throttle, command.gimbal_rad, command.attitude
+        if not math.isfinite(throttle + gimbal + jets):
+            raise PlantError(f"At {self.time_s:g} s the engine was told {command}.", fix="send finite numbers.")
+        self._throttle_goal = self.module.throttle.snap(min(1.0, max(0.0, throttle)))
+        limit = self.module.gimbal_rad
+        self._gimbal_goal = min(limit, max(-limit, gimbal))
+        self._jets = min(1.0, max(-1.0, jets)) * self.module.jets_nm
+
+    def step(self, dt_s: float) -> None:
+        """Moves on by one step."""
+        if dt_s != self.step_s and abs(dt_s - self.step_s) > 1e-9:
+            raise ParameterError(f"This plant moves in steps of {self.step_s} s, not {dt_s} s.", fix="step by plant.step_s.")
+        self._steps += 1
+        if self.outcome is not None:
+            return
+        self._pose = None
+        self._move(self.step_s)
+        if self.throttle or self._throttle_goal or self._jets:
+            self._fire()
+        elif self._kick[1] or self._kick[2]:
+            self._kick = (0.0, 0.0, 0.0)
+        self._far_steps -= 1
+        if self._far_steps <= 0:
+            self._meet_ground()
+
+    def _fire(self) -> None:
+        """Lets engine and jets push for one step, from the propellant there is."""
+        throttle = self.throttle
+        if throttle != self._throttle_goal:
+            throttle += (self._throttle_goal - throttle) * self._lag_gain
+            if abs(throttle - self._throttle_goal) < 1e-3:
+                throttle = self._throttle_goal
+            self.throttle = throttle
+        if self.gimbal_rad != self._gimbal_goal:
+            most = self._gimbal_step
+            self.gimbal_rad += min(most, max(-most, self._gimbal_goal - self.gimbal_rad))
+        burned = throttle * self._flow_step
+        if burned >= self.fuel_kg:
+            burned = self.fuel_kg
+            self.throttle = 0.0
+            self._throttle_goal = 0.0
+        self.fuel_kg -= burned
+        self.mass_kg -= burned
+        push = burned * self.module.exhaust_mps / self.mass_kg
+        twist = self._jets * self.step_s / self.mass_kg
+        if push > 0.0:
+            turned = self.gimbal_rad
+            side, up = push * math.sin(turned), push * math.cos(turned)
+            twist += NOZZLE_BELOW_M * side
+            # A push beside the centre of mass is the same push through it, and a twist: one call for both.
+            self._push((side, up), (twist / up, 0.0))
+            self._kick = (side, up, twist)
+        else:
+            self._body.angular_velocity += twist / self.module.gyration_m**2
+            self._kick = (0.0, 0.0, twist)
+
+    def _meet_ground(self) -> None:
+        """Lets the feet push against the ground, ends the flight when it is over, and says when to look again."""
+        x, z, attitude, vx, vz, rate = body = self._body_state()
+        if not math.isfinite(x + z + attitude + vx + vz + rate):
+            raise PlantError(
+                f"At {self.time_s:g} s the state is no longer finite: {body}.",
+                fix="look at the last commands and at the module's numbers: a mass or an inertia of 0?",
+            )
+        clearance = z - REACH_M - self.terrain.roof_m(x)
+        if clearance > 0.0 and not self._hull_touched:
+            self._leg_kick = (0.0, 0.0, 0.0)
+            nearing_mps = abs(vz) + abs(vx) + 1.0
+            self._far_steps = min(FAR_STEPS_MAX, int(clearance / (nearing_mps * self.step_s)))
+            if abs(x) > EDGE_M or z > CEILING_M:
+                self._end("lost")
+            return
+        touching = self._stand(body)
+        if (touching or self._hull_touched) and self.touchdown is None:
+            self._judge_contact()
+        if self.outcome is None and (self._hull_touched or abs(attitude) > TIPPED_RAD):
+            self._end("crashed")
+        self._watch_settling(touching)
+
+    def _stand(self, body: Pose) -> int:
+        """Pushes with each leg that touches; returns how many do.
+
+        A leg pushes as if its foot were where it would be without ground, so the spring's work is its energy to the
+        last joule. Dampers use the velocity of the middle of the step, solved for: they can stop a foot, never turn it.
+        """
+        x, z, attitude, vx, vz, rate = body
+        cos, sin = math.cos(attitude), math.sin(attitude)
+        leg, dt = self.module.leg, self.step_s
+        mass, gyration2 = self.mass_kg, self.module.gyration_m**2
+        sum_x = sum_z = sum_twist = 0.0
+        touching = 0
+        for i, (foot_x, foot_z) in enumerate(FEET_M):
+            rx, rz = cos * foot_x - sin * foot_z, sin * foot_x + cos * foot_z
+            height, slope = self.terrain.ground(x + rx)
+            nz = 1.0 / math.sqrt(1.0 + slope * slope)
+            nx = -slope * nz
+            depth = (height - z - rz) * nz
+            if depth <= 0.0:
+                self._grips_m[i] = None
+                continue
+            touching += 1
+            ux, uz = vx - rate * rz, vz + rate * rx
+            arm_n, arm_t = rx * nz - rz * nx, -rx * nx - rz * nz
+            half_c = 0.5 * dt * leg.damper_nspm / mass
+            normal = leg.spring_npm * depth - leg.damper_nspm * (ux * nx + uz * nz)
+            normal = max(0.0, normal / (1.0 + half_c * (1.0 + arm_n * arm_n / gyration2)))
+            hold = leg.friction * normal
+            grip = self._grips_m[i]
+            bent = 0.0 if grip is None else (x + rx - grip) / nz
+            most = hold / leg.spring_npm
+            bent = min(most, max(-most, bent))
+            self._grips_m[i] = x + rx - bent * nz
+            side = -leg.spring_npm * bent - leg.damper_nspm * (ux * nz - uz * nx)
+            side = min(hold, max(-hold, side / (1.0 + half_c * (1.0 + arm_t * arm_t / gyration2))))
+            kick_x, kick_z = (normal * nx + side * nz) * dt / mass, (normal * nz - side * nx) * dt / mass
+            self._push_foot((kick_x, kick_z), (x + rx, z + rz))
+            sum_x += kick_x
+            sum_z += kick_z
+            sum_twist += rx * kick_z - rz * kick_x
+        self._leg_kick = (sum_x, sum_z, sum_twist)
+        return touching
+
+    def _judge_contact(self) -> None:
+        """Writes down the first contact, and ends the flight if the gear cannot take it."""
+        pose = self._read_pose()
+        self.touchdown = Touchdown(
+            vertical_mps=-pose.vz_mps,
+            lateral_mps=pose.vx_mps,
+            attitude_deg=math.degrees(pose.attitude_rad),
+            rate_degps=math.degrees(pose.rate_radps),
+        )
+        if not self.module.gear.holds(self.touchdown):
+            self._end("crashed" if self.fuel_kg > 0.0 else "out_of_fuel")
+
+    def _watch_settling(self, touching: int) -> None:
+        """Ends the flight when both feet have stood still for a while."""
+        pose = self._read_pose()
+        speed = math.hypot(pose.vx_mps, pose.vz_mps)
+        still = touching == 2 and speed < STILL_MPS and abs(pose.rate_radps) < STILL_RADPS
+        self._still_steps = self._still_steps + 1 if still else 0
+        if self.outcome is None and self._still_steps * self.step_s >= SETTLE_S:
+            self._end("landed")
+
+    def _end(self, outcome: str) -> None:
+        """Stops everything where it is."""
+        self.outcome = outcome
+        pose = self._read_pose()
+        self._pose = pose._replace(vx_mps=0.0, vz_mps=0.0, rate_radps=0.0)
+        self._body.velocity = 0.0, 0.0
+        self._body.angular_velocity = 0.0
+        self._kick = self._leg_kick = (0.0, 0.0, 0.0)
+        self.throttle = self._throttle_goal = self._jets = 0.0
+
+    # -- being measured -----------------------------------------------------------------------------------------------
+
+    def _body_state(self) -> Pose:
+        """Returns what pymunk holds."""
+        body = self._body
+        x, z = body.position
+        vx, vz = body.velocity
+        return Pose(x, z, body.angle, vx, vz, body.angular_velocity)
+
+    def _read_pose(self) -> Pose:
+        """Returns position and velocity at the same moment: half of the last kick has not happened yet."""
+        if self._pose is not None:
+            return self._pose
+        x, z, attitude, vx, vz, rate = self._body_state()
+        side, up, twist = self._kick
+        leg_x, leg_z, leg_twist = self._leg_kick
+        cos, sin = math.cos(attitude), math.sin(attitude)
+        kick_x = cos * side - sin * up + leg_x
+        kick_z = sin * side + cos * up + leg_z - self.module.gravity_mps2 * self.step_s
+        kick_rate = (twist + leg_twist) / self.module.gyration_m**2
+        self._pose = Pose(x, z, attitude, vx - 0.5 * kick_x, vz - 0.5 * kick_z, rate - 0.5 * kick_rate)
+        return self._pose
+
+    def read(self, name: str) -> RadarReading | InertialReading:
+        """Returns what a sensor without faults would say."""
+        pose = self._read_pose()
+        x, z, attitude, vx, vz, rate = pose
+        if name == "inertial":
+            contact = [grip is not None for grip in self._grips_m]
+            return InertialReading([x, z], [vx, vz], attitude, rate, self.fuel_kg, contact, self.time_s)
+        if name == "radar":
+            return RadarReading(z - PADS_BELOW_M - self.terrain.ground(x)[0], vz, self.time_s)
+        raise UnknownName(f"This plant has no output '{name}'.", fix=nearest(name, self.outputs))
+
+    def scene(self) -> dict[str, Any]:
+        """Returns the ground of this run and the shapes of the module."""
+        return {"statics": terrain_shapes(self.terrain), "bodies": module_shapes()}
+
+    def truth(self) -> dict[str, Any]:
+        """Returns the true state for the recorder."""
+        x, z, attitude, vx, vz, rate = self._read_pose()
+        cos, sin = math.cos(attitude), math.sin(attitude)
+        height = self.terrain.ground(x)[0]
+        turn = [0.0, -math.sin(0.5 * attitude), 0.0, math.cos(0.5 * attitude)]
+        poses = {"module": [x, 0.0, z, *turn]}
+        for body, (foot_x, foot_z), grip in zip(("left_legs", "right_legs"), FEET_M, self._grips_m, strict=True):
+            given = 0.0
+            if grip is not None:
+                foot_height = z + sin * foot_x + cos * foot_z
+                given = self.terrain.ground(x + cos * foot_x - sin * foot_z)[0] - foot_height
+            poses[body] = [x - sin * given, 0.0, z + cos * given, *turn]
+        thrust = self.throttle * self.module.thrust_n
+        fire = attitude + self.gimbal_rad * -1.0
+        arrows = {
+            "thrust": [
+                x + sin * NOZZLE_BELOW_M,
+                0.0,
+                z - cos * NOZZLE_BELOW_M,
+                -math.sin(fire) * thrust,
+                0.0,
+                math.cos(fire) * thrust,
+            ]
+        }
+        return {
+            "poses": poses,
+            "arrows": arrows,
+            "values": {
+                "altitude_m": z - PADS_BELOW_M - height,
+                "vertical_mps": vz,
+                "lateral_mps": vx,
+                "throttle": self.throttle,
+                "fuel_kg": self.fuel_kg,
+                "attitude_deg": math.degrees(attitude),
+            },
+        }
+
+
+def _pymunk() -> ModuleType:
+    """Returns pymunk, imported when the first lander is built: the one door to it."""
+    try:
+        import pymunk
+    except ImportError as error:
+        raise MissingExtra("pymunk", "sim") from error
+    module: ModuleType = pymunk
+    return module
