@@ -39,7 +39,18 @@ class PageMissing(SnrError):
 
 
 class ComponentFailed(SnrError):
-    """A student's handler or loop raised, or answered with something that is not a task."""
+    """A student's handler or loop raised, or answered with something that is not a task.
+
+    Args:
+        message: with the student's line first.
+        node: name of the node.
+        component: name of the component.
+    """
+
+    def __init__(self, message: str, node: str = "", component: str = "") -> None:
+        super().__init__(message)
+        self.node = node
+        self.component = component
 
 
 class ClockError(SnrError):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, TypeAlias
 
 import msgspec
+import msgspec.structs
 
 from snr_sim.prelude.errors import ValueEncodingError
 from snr_sim.prelude.values import MARK, decode_value, encode_with_marks
@@ -54,10 +55,22 @@ class Page(msgspec.Struct, frozen=True, tag_field=MARK, tag="page"):
         Raises:
             ValueEncodingError: it is no page.
         """
-        page = decode_value(raw, KINDS)
-        if not isinstance(page, Page) or not isinstance(page.key, str) or not isinstance(page.created_at_s, (int, float)):
-            raise ValueEncodingError(f"This is not a page: {raw[:80]!r}", fix="pages are written by Page.serialize().")
-        return page
+        data = raw.encode() if isinstance(raw, str) else raw
+        try:
+            page = _decode_page(data)
+            # More than one "$": the page's own, and those of marked values inside its data.
+            return page if data.count(b'"$":') == 1 else msgspec.structs.replace(page, data=_data_of(data))
+        except (msgspec.DecodeError, RecursionError) as error:
+            raise ValueEncodingError(
+                f"This is not a page ({error}): {data[:80]!r}", fix="pages are written by Page.serialize()."
+            ) from error
+
+
+_decode_page = msgspec.json.Decoder(Page).decode
+
+
+def _data_of(raw: bytes) -> Any:
+    return decode_value(raw, KINDS).data
 
 
 # The marks that tasks and traces know beside the plain ones of prelude/values.py.

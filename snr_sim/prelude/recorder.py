@@ -1,54 +1,48 @@
-"""The promise of whoever writes down what a node does, and of the tickets that tie a task to its cause."""
+"""The promise of whoever writes down what nodes do, and of the tickets that tie a task to its cause."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol, TypeAlias
 
 from snr_sim.prelude.task import Task
 
+# A queued task of a recorded node, and where it came from: the task, the seq of the record that brought it, its
+# position among the tasks of that record, and its values, already encoded, so that each is encoded once.
+# A plain tuple: there is one for every task, and a named one costs three times as much to make.
+Ticket: TypeAlias = tuple[Task, int, int, bytes]
 
-class Ticket(NamedTuple):
-    """Where a queued task came from.
-
-    Args:
-        cause: seq of the record that brought it; 0 for what components schedule in `begin`.
-        nth: position among the tasks of that record.
-        values: its values, already encoded, so that each is encoded once.
-    """
-
-    cause: int
-    nth: int
-    values: bytes
+# What one handler made of a task: (component's name, handler's name), and the tasks it returned.
+Handled: TypeAlias = tuple[tuple[str, str], Sequence[Task]]
 
 
-class Handled(NamedTuple):
-    """What one handler made of a task."""
+class NodeRecorder(Protocol):
+    """Takes down one node's part of the trace, on the node's own thread."""
 
-    component: str
-    handler: str
-    returned: Sequence[Task]
-
-
-class Recorder(Protocol):
-    """Writes the trace. The node calls it on its own thread, once per input and once per executed task."""
-
-    def begun(self, node: str, now_s: float, component: str, scheduled: Sequence[Task]) -> list[Ticket]:
-        """Takes down what a component scheduled in `begin`."""
+    def begun(self, now_s: float, component: str, scheduled: Sequence[Task]) -> list[Ticket]:
+        """Takes down what a component scheduled in `begin`; returns its tickets, in order."""
         ...
 
-    def input(self, node: str, now_s: float, source: str, task: Task) -> Ticket:
-        """Takes down a task that entered through the door."""
+    def input(self, now_s: float, source: str, task: Task) -> Ticket:
+        """Takes down a task that entered through the door; returns its ticket."""
         ...
 
-    def task(self, node: str, now_s: float, task: Task, ticket: Ticket, handled: Sequence[Handled]) -> list[Ticket]:
+    def task(self, now_s: float, ticket: Ticket, handled: Sequence[Handled]) -> list[Ticket]:
         """Takes down an executed task; returns a ticket for each task its handlers returned, in order."""
         ...
 
-    def error(self, node: str, now_s: float, cause: int, component: str, message: str) -> None:
-        """Takes down what went wrong."""
+    def error(self, now_s: float, component: str, message: str) -> None:
+        """Takes down what went wrong in a component, just now."""
         ...
 
-    def end(self, node: str, now_s: float, reason: str, summary: dict[str, Any]) -> None:
+    def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:
         """Takes down that the node has ended, and why."""
+        ...
+
+
+class Recorder(Protocol):
+    """Writes a run's trace, of one node or several."""
+
+    def for_node(self, name: str) -> NodeRecorder:
+        """Returns the recorder of one node."""
         ...

@@ -131,7 +131,7 @@ class BeginRecord(msgspec.Struct, frozen=True, tag_field="kind", tag="begin"):
 
 
 class ErrorRecord(msgspec.Struct, frozen=True, tag_field="kind", tag="error"):
-    """Something went wrong in a component; `cause` is the seq of the task's cause, `message` what was said."""
+    """Something went wrong in a component; `cause` is the seq of the node's record before, usually the task's own."""
 
     seq: int
     t: float

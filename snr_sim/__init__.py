@@ -1,0 +1,72 @@
+"""snr_sim: robots as SNR nodes, in lock step with simulated plants, every run recorded and replayable.
+
+All names of the library that students use stand here: `import snr_sim as snr`, or `from snr_sim import *`.
+Each is imported when it is first used, so `import snr_sim` costs next to nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from snr_sim.core.clocks import SimClock, WallClock
+    from snr_sim.core.config import ComponentsByRole, Config, Mode
+    from snr_sim.core.endpoint import Endpoint, EndpointFactory
+    from snr_sim.core.loop import Loop, LoopFactory, ThreadLoop
+    from snr_sim.core.node import Node
+    from snr_sim.core.profiler import Profiler
+    from snr_sim.core.runners import CliRunner, SimRunner, SynchronousRunner, TestRunner
+    from snr_sim.prelude import tasks
+    from snr_sim.prelude.errors import SnrError
+    from snr_sim.prelude.page import DataKey, Page
+    from snr_sim.prelude.task import (
+        SomeTasks,
+        Task,
+        TaskHandler,
+        TaskHandlerMap,
+        TaskId,
+        TaskName,
+        TaskType,
+    )
+
+_PLACES = {
+    "snr_sim.core.clocks": ("SimClock", "WallClock"),
+    "snr_sim.core.config": ("ComponentsByRole", "Config", "Mode"),
+    "snr_sim.core.endpoint": ("Endpoint", "EndpointFactory"),
+    "snr_sim.core.loop": ("Loop", "LoopFactory", "ThreadLoop"),
+    "snr_sim.core.node": ("Node",),
+    "snr_sim.core.profiler": ("Profiler",),
+    "snr_sim.core.runners": ("CliRunner", "SimRunner", "SynchronousRunner", "TestRunner"),
+    "snr_sim.prelude.errors": ("SnrError",),
+    "snr_sim.prelude.page": ("DataKey", "Page"),
+    "snr_sim.prelude.task": (
+        "SomeTasks",
+        "Task",
+        "TaskHandler",
+        "TaskHandlerMap",
+        "TaskId",
+        "TaskName",
+        "TaskType",
+    ),
+}
+_HOME = {name: module for module, names in _PLACES.items() for name in names}
+
+__all__ = [*_HOME, "tasks"]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "tasks":
+        value: Any = import_module("snr_sim.prelude.tasks")
+    elif name in _HOME:
+        value = getattr(import_module(_HOME[name]), name)
+    else:
+        raise AttributeError(f"module 'snr_sim' has no attribute '{name}'")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__version__"])

@@ -1,0 +1,1 @@
+"""What runs: the event machine, its door, the components on it, the clocks and the runners."""

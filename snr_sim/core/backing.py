@@ -1,0 +1,158 @@
+"""Who calls a loop: the virtual clock on the node's thread, or a thread of the loop's own. The loop cannot tell."""
+
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING, Protocol
+
+from snr_sim.core.clocks import SimClock
+
+if TYPE_CHECKING:
+    from snr_sim.core.loop import Loop
+
+_UNLIMITED_RATE_IN_LOCK_STEP_HZ = 1000.0
+# How long a node waits for a loop's thread at the end. Longer than any honest tick, shorter than a person's patience.
+JOIN_TIMEOUT_S = 0.5
+
+
+class Backing(Protocol):
+    """Starts, calls and ends one loop."""
+
+    ticks: int
+    late_s: float  # the largest delay of a tick behind its deadline
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether no more ticks will come."""
+        ...
+
+    def start(self) -> None:
+        """Begins calling."""
+        ...
+
+    def stop(self) -> None:
+        """Asks for no more calls; returns at once."""
+        ...
+
+    def join(self) -> None:
+        """Stops, and returns once `halt` has been called."""
+        ...
+
+
+class ClockBacking:
+    """Has the virtual clock call the loop on the node's thread: tick k comes at exactly k / rate."""
+
+    def __init__(self, loop: Loop) -> None:
+        assert isinstance(loop.parent.clock, SimClock)
+        self._loop = loop
+        self._clock = loop.parent.clock
+        self._rate_hz = loop.max_tick_rate_hz or _UNLIMITED_RATE_IN_LOCK_STEP_HZ
+        self._start_s = self._clock.now_s()
+        self._order = loop.parent.order_of(loop.name)
+        self._is_set_up = False
+        self._is_halted = False
+        self.is_stopped = False
+        self.ticks = 0
+        self.late_s = 0.0
+
+    def start(self) -> None:
+        """Sets the loop up and asks the clock for its first tick, now."""
+        self._loop.parent.call_loop(self._loop, "setup")
+        self._is_set_up = True
+        self._clock.call_at(self._start_s, self._tick, self._order)
+
+    def _tick(self) -> None:
+        if self.is_stopped:
+            return
+        self.ticks += 1
+        self._loop.parent.call_loop(self._loop, "loop")
+        # A product would drift in the last digits; and equal rates must meet at equal floats.
+        if not self.is_stopped:
+            self._clock.call_at(self._start_s + self.ticks / self._rate_hz, self._tick, self._order)
+
+    def stop(self) -> None:
+        """Asks for no more ticks."""
+        self.is_stopped = True
+
+    def join(self) -> None:
+        """Stops and halts the loop."""
+        self.is_stopped = True
+        if self._is_set_up and not self._is_halted:
+            self._is_halted = True
+            self._loop.halt()
+
+
+class ThreadBacking:
+    """Calls the loop from a thread, on deadlines: work in a tick does not delay the next one."""
+
+    def __init__(self, loop: Loop) -> None:
+        self._loop = loop
+        self._clock = loop.parent.clock
+        self._period_s = 1.0 / loop.max_tick_rate_hz if loop.max_tick_rate_hz else 0.0
+        self._stopping = threading.Event()
+        self._halting = threading.Lock()
+        self._is_halted = False
+        # A daemon, so that a loop that hangs cannot keep the process alive.
+        self._thread = threading.Thread(target=self._run, name=loop.name, daemon=True)
+        self.ticks = 0
+        self.late_s = 0.0
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether no more ticks will come."""
+        return self._stopping.is_set() or not self._thread.is_alive()
+
+    def start(self) -> None:
+        """Starts the thread."""
+        self._thread.start()
+
+    def _run(self) -> None:
+        node, loop = self._loop.parent, self._loop
+        try:
+            node.call_loop(loop, "setup")
+            self._tick_on_deadlines()
+        except BaseException as error:
+            node.door.fail(node.failure_of(loop, error, "loop"))
+        finally:
+            self._halt_once()
+
+    def _tick_on_deadlines(self) -> None:
+        node, loop, clock = self._loop.parent, self._loop, self._clock
+        deadline_s = clock.now_s()
+        while not self._stopping.is_set():
+            self.ticks += 1
+            node.call_loop(loop, "loop")
+            deadline_s += self._period_s
+            spare_s = deadline_s - clock.now_s()
+            if spare_s > 0:
+                self._stopping.wait(spare_s)  # not sleep: stop() ends it at once
+            elif self._period_s:
+                self.late_s = max(self.late_s, -spare_s)
+                missed = int(-spare_s / self._period_s)  # ticks that can no longer be on time are left out, not hurried
+                deadline_s += missed * self._period_s
+
+    def _halt_once(self) -> None:
+        with self._halting:
+            if self._is_halted:
+                return
+            self._is_halted = True
+        try:
+            self._loop.halt()
+        except BaseException as error:
+            self._loop.parent.door.fail(self._loop.parent.failure_of(self._loop, error, "halt"))
+
+    def stop(self) -> None:
+        """Asks for no more ticks; a loop that waits for its next one wakes."""
+        self._stopping.set()
+
+    def join(self) -> None:
+        """Stops and waits for the thread; a loop that does not answer is halted from here and left behind."""
+        self._stopping.set()
+        if self._thread.ident is None or self._thread is threading.current_thread():
+            return
+        self._thread.join(JOIN_TIMEOUT_S)
+        if self._thread.is_alive():
+            self._halt_once()
+            self._loop.parent.note(
+                f"Loop '{self._loop.name}' did not end within {JOIN_TIMEOUT_S} s: something in its loop() blocks."
+            )

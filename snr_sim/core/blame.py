@@ -1,0 +1,67 @@
+"""Finds the student's line in a failure, and says it first."""
+
+from __future__ import annotations
+
+import linecache
+import sysconfig
+import traceback
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple
+
+_KIT = Path(__file__).resolve().parents[1]
+_SHIPPED = _KIT / "shipped"  # robots and scenarios in the wheel: content, not kit
+_STDLIB = Path(sysconfig.get_paths()["stdlib"]).resolve()
+
+
+class Place(NamedTuple):
+    """A line in a file."""
+
+    file: str
+    line: int
+    function: str
+    source: str
+
+    def __str__(self) -> str:
+        return f"{self.file}, line {self.line}: {self.source}" if self.source else f"{self.file}, line {self.line}"
+
+
+def student_place(trace: TracebackType | None) -> Place | None:
+    """Returns the innermost line that a student wrote, or None if there is none in the traceback."""
+    found = None
+    for frame in traceback.extract_tb(trace):
+        if is_student_file(frame.filename):
+            source = (frame.line or linecache.getline(frame.filename, frame.lineno or 0)).strip()
+            found = Place(short_path(frame.filename), frame.lineno or 0, frame.name, source)
+    return found
+
+
+def is_student_file(filename: str) -> bool:
+    """Returns whether a file is neither the kit's, Python's, an installed package's, nor generated."""
+    if filename.startswith("<"):
+        return False
+    path = Path(filename).resolve()
+    if path.is_relative_to(_SHIPPED):
+        return True
+    return not (path.is_relative_to(_KIT) or path.is_relative_to(_STDLIB) or "site-packages" in path.parts)
+
+
+def short_path(filename: str) -> str:
+    """Returns the path as seen from the current folder where that is shorter."""
+    try:
+        relative = str(Path(filename).resolve().relative_to(Path.cwd()))
+    except (ValueError, OSError):
+        return filename
+    return relative
+
+
+def describe_error(error: BaseException, while_doing: str) -> str:
+    """Returns what happened with the student's line first.
+
+    Args:
+        error: what was raised.
+        while_doing: what the component was doing, in its own names.
+    """
+    place = student_place(error.__traceback__)
+    what = str(error) if type(error).__module__.startswith("snr_sim.") else f"{type(error).__name__}: {error}"
+    return f"{place}\n  {what}\n  {while_doing}" if place else f"{what}\n  {while_doing}"

@@ -1,0 +1,148 @@
+"""Which handlers a task goes to: the map each component keeps, and the node's cached lookup over all of them."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, TypeAlias
+
+from snr_sim.core.profiler import Profiler
+from snr_sim.prelude.component import Component
+from snr_sim.prelude.errors import ConfigError
+from snr_sim.prelude.task import Task, TaskHandler, TaskId, TaskName, TaskType
+
+# One handler to call: whose it is, the function, the id it was registered for, and the names of both for the trace.
+Entry: TypeAlias = tuple[Component, TaskHandler, TaskId, tuple[str, str]]
+
+_MUTATORS = ("__setitem__", "__delitem__", "__ior__", "clear", "pop", "popitem", "setdefault", "update")
+
+
+class HandlerMap(dict[TaskId, TaskHandler]):
+    """A component's handlers; tells when they change, so that the node can cache who handles what."""
+
+    def __init__(self, handlers: Mapping[TaskId, TaskHandler], on_change: Callable[[], None]) -> None:
+        super().__init__(handlers)
+        self.on_change = on_change
+
+
+def _telling(name: str) -> Callable[..., Any]:
+    mutate = getattr(dict, name)
+
+    def method(self: HandlerMap, *args: Any, **kwargs: Any) -> Any:
+        result = mutate(self, *args, **kwargs)
+        self.on_change()
+        return result
+
+    method.__name__ = name
+    return method
+
+
+for _name in _MUTATORS:
+    setattr(HandlerMap, _name, _telling(_name))
+
+
+class Lookup:
+    """Finds the handlers of a task in time that does not grow with the number of components.
+
+    Args:
+        components: the node's components by name; the order is the order of their handlers.
+        profiler: times each handler, if given. It wraps them here, so that the machine need not know of it.
+    """
+
+    def __init__(self, components: Mapping[str, Component], profiler: Profiler | None = None) -> None:
+        self._components = components
+        self._profiler = profiler
+        self.cache: dict[TaskType, dict[TaskName, tuple[Entry, ...]]] = {kind: {} for kind in TaskType}
+
+    def forget(self) -> None:
+        """Looks again at the next task: a component came, went or changed its handlers."""
+        for by_name in self.cache.values():
+            by_name.clear()
+
+    def find(self, task: Task) -> tuple[Entry, ...]:
+        """Returns who handles the task: per component the handler of (type, name), else of type."""
+        by_name = self.cache[task.type]
+        entries = by_name.get(task.name)
+        if entries is None:
+            entries = by_name[task.name] = tuple(self._search(task.type, task.name))
+        return entries
+
+    def _search(self, kind: TaskType, name: TaskName) -> Iterable[Entry]:
+        for component in self._components.values():
+            handlers = component.task_handlers
+            for task_id in ((kind, name), kind):
+                if task_id in handlers:
+                    handler = handlers[task_id]
+                    label = (component.name, handler_name(handler))
+                    if self._profiler is not None:
+                        handler = self._profiler.timed(".".join(label), handler)
+                    yield component, handler, task_id, label
+                    break
+
+
+def check_handlers(owner: str, handlers: Any) -> None:
+    """Checks a component's handlers where they are set, not an hour into the dive.
+
+    Raises:
+        ConfigError: a key is no task id, or a handler cannot be called with (task, task_id).
+    """
+    if not isinstance(handlers, Mapping):
+        raise ConfigError(
+            f"Component '{owner}' has task_handlers of type {type(handlers).__name__}.",
+            fix="task_handlers is a dict: {(TaskType.event, 'start'): self.on_start}.",
+        )
+    for task_id, handler in handlers.items():
+        _check_id(owner, task_id)
+        _check_handler(owner, task_id, handler)
+
+
+def _check_id(owner: str, task_id: Any) -> None:
+    if isinstance(task_id, TaskType):
+        return
+    if isinstance(task_id, tuple) and len(task_id) == 2:
+        kind, name = task_id
+        if isinstance(kind, TaskType) and isinstance(name, str):
+            return
+        if isinstance(name, TaskType) and isinstance(kind, str):
+            raise ConfigError(
+                f"Component '{owner}' registers a handler for ('{kind}', TaskType.{name.value}): the two are swapped.",
+                fix=f"(TaskType.{name.value}, '{kind}').",
+            )
+    raise ConfigError(
+        f"Component '{owner}' registers a handler for {task_id!r}, which no task can have as its id.",
+        fix="a key is TaskType.event, or (TaskType.event, 'name').",
+    )
+
+
+def _check_handler(owner: str, task_id: TaskId, handler: Any) -> None:
+    shown = handler_name(handler)
+    if not callable(handler):
+        raise ConfigError(
+            f"Component '{owner}' registers {handler!r} for {describe(task_id)}, which is not a function.",
+            fix="write the method's name without calling it: self.on_start, not self.on_start().",
+        )
+    try:
+        signature = inspect.signature(handler)
+    except (TypeError, ValueError):
+        return  # some callables written in C do not tell
+    try:
+        signature.bind(None, None)
+    except TypeError:
+        raise ConfigError(
+            f"Handler '{owner}.{shown}' for {describe(task_id)} takes {signature}, but is called with (task, task_id).",
+            fix=f"def {shown}(self, task, task_id).",
+        ) from None
+
+
+def handler_name(handler: Any) -> str:
+    """Returns a handler's name as its author would say it."""
+    return getattr(handler, "__name__", None) or type(handler).__name__
+
+
+def describe(task_id: TaskId) -> str:
+    """Returns a task id in words.
+
+    >>> describe((TaskType.event, "start"))
+    "event 'start'"
+    """
+    return f"{task_id[0].value} '{task_id[1]}'" if isinstance(task_id, tuple) else f"every {task_id.value}"

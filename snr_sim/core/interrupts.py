@@ -1,0 +1,62 @@
+"""Ctrl-C and SIGTERM end a run in order: a terminate task, components halted, actuators neutral, trace closed.
+
+A signal handler here never raises into the machine. It puts a terminate task at the door, as any other input. Only
+if a student's own code is still running a moment later (a `while True`, a `sleep(60)`), it is interrupted where it
+is. A second signal interrupts at once.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
+
+from snr_sim.core.node import Node
+from snr_sim.prelude import tasks
+
+PATIENCE_S = 0.3
+
+
+class Interrupted(KeyboardInterrupt):
+    """Raised inside a component that does not return although the run is to end."""
+
+
+@contextmanager
+def orderly(nodes: Sequence[Node]) -> Iterator[list[str]]:
+    """Turns signals into terminate tasks while it is entered; yields a list that gets the signals' names.
+
+    Signals reach only the main thread of a program; elsewhere this does nothing.
+    """
+    caught: list[str] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield caught
+        return
+
+    def on_signal(number: int, frame: FrameType | None) -> None:
+        caught.append(signal.Signals(number).name)
+        if len(caught) > 1:
+            raise Interrupted(f"second signal: {caught[-1]}")
+        for node in nodes:
+            node.enter(tasks.terminate(caught[0]), "signal")
+        if hasattr(signal, "setitimer"):
+            signal.setitimer(signal.ITIMER_REAL, PATIENCE_S, PATIENCE_S)
+
+    def on_impatience(number: int, frame: FrameType | None) -> None:
+        for node in nodes:
+            if node.machine.running is not None:
+                raise Interrupted(f"component '{node.machine.running.name}' did not return")
+
+    handlers: dict[int, Any] = {signal.SIGINT: on_signal, signal.SIGTERM: on_signal}
+    if hasattr(signal, "SIGALRM"):
+        handlers[signal.SIGALRM] = on_impatience
+    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
+    try:
+        yield caught
+    finally:
+        if hasattr(signal, "setitimer"):
+            signal.setitimer(signal.ITIMER_REAL, 0)
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,129 @@
+"""Runs nodes: in lock step on the virtual clock, or one node on the wall clock."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+from snr_sim.core.clocks import SimClock
+from snr_sim.core.node import Node
+from snr_sim.prelude.errors import ComponentFailed
+
+NOTHING_LEFT = "nothing left to do"
+TIME_LIMIT = "time limit"
+
+
+def run_alone(node: Node) -> None:
+    """Runs one node until it ends, on the clock it has.
+
+    Raises:
+        ComponentFailed: a handler or a loop raised; everything has been halted.
+    """
+    if isinstance(node.clock, SimClock):
+        LockStep([node], node.clock).run()
+        return
+    try:
+        node.begin()
+        while not node.is_terminated:
+            node.run_ready()
+            if not node.is_terminated:
+                node.door.wait()
+    except BaseException as error:
+        _end_all([node], error)
+        raise
+    _end_all([node], "")
+
+
+class LockStep:
+    """Nodes under one virtual clock: time moves only when every node has nothing left to do at this moment.
+
+    Args:
+        nodes: in the order in which they work at the same moment.
+        clock: theirs.
+        pace: virtual seconds per wall second; None is as fast as it goes.
+        until_s: the latest moment.
+    """
+
+    def __init__(
+        self, nodes: Sequence[Node], clock: SimClock, pace: float | None = None, until_s: float | None = None
+    ) -> None:
+        self._nodes = list(nodes)
+        self._clock = clock
+        self._pace = pace
+        self._until_s = float("inf") if until_s is None else until_s
+        self._wall_start_s = 0.0
+
+    def run(self) -> None:
+        """Runs until every node has ended, nothing is due any more, or the time limit has come.
+
+        Raises:
+            ComponentFailed: a handler or a loop raised; every node has been halted.
+        """
+        try:
+            for node in self._nodes:
+                node.begin()
+            self._wall_start_s = time.monotonic()
+            reason = self._run()
+        except BaseException as error:
+            _end_all(self._nodes, error)
+            raise
+        _end_all(self._nodes, reason)
+
+    def _run(self) -> str:
+        clock, only = self._clock, self._nodes[0] if len(self._nodes) == 1 else None
+        self._settle()
+        while any(not node.is_terminated for node in self._nodes):
+            next_s = clock.next_s
+            if next_s is None:
+                return NOTHING_LEFT
+            if next_s > self._until_s:
+                return TIME_LIMIT
+            if self._pace is not None and not self._wait_for(next_s):
+                self._settle()  # somebody knocked while we waited
+                continue
+            clock.run_next()
+            if only is not None:
+                only.machine.now_s = clock.now_s()
+                only.run_ready()
+            else:
+                self._settle()
+        return ""
+
+    def _settle(self) -> None:
+        """Lets every node work until none has anything left at this moment."""
+        busy = True
+        while busy:
+            busy = False
+            for node in self._nodes:
+                if node.is_terminated:
+                    node.end()
+                elif node.machine.queued or node.door.failure is not None:
+                    node.machine.now_s = self._clock.now_s()
+                    node.run_ready()
+                    busy = True
+
+    def _wait_for(self, time_s: float) -> bool:
+        """Waits until the wall clock has come as far; returns whether it has, or a node has work before."""
+        assert self._pace is not None
+        door = self._nodes[0].door
+        while True:
+            spare_s = self._wall_start_s + time_s / self._pace - time.monotonic()
+            if spare_s <= 0:
+                return True
+            door.wait(min(spare_s, 0.05 if len(self._nodes) > 1 else spare_s))
+            if any(node.machine.queued or node.door.failure is not None for node in self._nodes):
+                return False
+
+
+def _end_all(nodes: Sequence[Node], why: str | BaseException) -> None:
+    """Ends every node; raises the first failure to do so, unless another one is already on its way."""
+    failure: Exception | None = None
+    for node in nodes:
+        try:
+            if isinstance(why, ComponentFailed):
+                node.record_failure(why)
+            node.end(why if isinstance(why, str) else "error")
+        except Exception as error:
+            failure = failure or error
+    if failure is not None and isinstance(why, str):
+        raise failure

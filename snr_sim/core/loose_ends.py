@@ -1,0 +1,63 @@
+"""What hung loose in a run: tasks nobody handled, handlers nobody called, pages nobody stored. Never silent."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from snr_sim.core.datastore import Datastore
+from snr_sim.core.handlers import Entry, describe
+from snr_sim.prelude.component import Component
+from snr_sim.prelude.errors import nearest
+from snr_sim.prelude.task import TaskName, TaskType
+
+Seen = Mapping[TaskType, Mapping[TaskName, tuple[Entry, ...]]]
+
+
+def loose_ends(components: Mapping[str, Component], seen: Seen, datastore: Datastore) -> list[str]:
+    """Returns a sentence for each, with the nearest known name.
+
+    Args:
+        components: of the node.
+        seen: every task id that came by, with who handled it.
+        datastore: knows which pages were asked for in vain.
+    """
+    return [
+        *_unhandled(components, seen),
+        *_never_called(components, seen),
+        *_never_stored(datastore),
+    ]
+
+
+def _unhandled(components: Mapping[str, Component], seen: Seen) -> Iterator[str]:
+    for kind in (TaskType.event, TaskType.reload):
+        for name, entries in seen[kind].items():
+            if not entries:
+                known = {
+                    task_id[1] for task_id in _ids(components) if isinstance(task_id, tuple) and task_id[0] is kind
+                }
+                yield f"Nobody handled {describe((kind, name))}: {nearest(name, known)}"
+
+
+def _never_called(components: Mapping[str, Component], seen: Seen) -> Iterator[str]:
+    for component in components.values():
+        for task_id in component.task_handlers:
+            if (
+                isinstance(task_id, tuple)
+                and task_id[1] not in seen[task_id[0]]
+                and task_id[0] is not TaskType.terminate
+            ):
+                kind, name = task_id
+                verb = "sent" if kind is TaskType.event else "stored" if kind is not TaskType.reload else "asked for"
+                near = nearest(name, seen[kind])
+                yield f"'{component.name}' waits for {describe(task_id)}, which nobody {verb}: {near}"
+
+
+def _never_stored(datastore: Datastore) -> Iterator[str]:
+    for key in datastore.missed:
+        if key not in datastore.pages:
+            yield f"Page '{key}' was asked for, but nobody stored it: {nearest(str(key), datastore.pages)}"
+
+
+def _ids(components: Mapping[str, Component]) -> Iterator[object]:
+    for component in components.values():
+        yield from component.task_handlers

@@ -1,0 +1,197 @@
+"""The event machine: takes one task, runs its handlers, queues what they return. Everything else is around it.
+
+One step: what waits at the door is let in; a task is taken, oldest first, `terminate` before all others; `now_s` is
+latched; all handlers of the task run, in component order; what they returned is queued, in order.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from snr_sim.core.door import Door
+from snr_sim.core.handlers import Lookup, handler_name
+from snr_sim.prelude.component import Component
+from snr_sim.prelude.errors import ComponentFailed, TaskError
+from snr_sim.prelude.task import SomeTasks, Task, TaskType
+
+# A run that is over finishes what is queued, and what follows from that, this many times over: the last page is
+# stored, processed, answered and the answer stored. A task that asks for itself for ever is cut off here.
+DRAIN_GENERATIONS = 10
+
+
+class HandlerFailed(Exception):
+    """Carries a failure in a handler out of the machine: who, on which task. The failure is its cause."""
+
+    def __init__(self, component: Component | None, task: Task) -> None:
+        super().__init__()
+        self.component = component
+        self.task = task
+
+
+class EventMachine:
+    """Queue and execution of one node's tasks.
+
+    Args:
+        lookup: who handles what.
+        door: where inputs wait.
+        latch: returns the time for the next task; None if `now_s` is set from outside, as in lock step.
+    """
+
+    def __init__(self, lookup: Lookup, door: Door, latch: Callable[[], float] | None) -> None:
+        self.lookup = lookup
+        self.door = door
+        self.now_s = 0.0
+        self.executed = 0
+        self.running: Component | None = None  # whose code runs now
+        self.is_ended = False
+        self._latch = latch
+        self._queue: deque[Task] = deque()
+        self._urgent: deque[Task] = deque()
+
+    @property
+    def queued(self) -> int:
+        """How many tasks wait, at the door or inside."""
+        return len(self._queue) + len(self._urgent) + len(self.door.waiting)
+
+    def run_ready(self) -> None:
+        """Executes tasks until none is left or the machine has ended.
+
+        Raises:
+            HandlerFailed: a handler raised, or returned something that is not tasks.
+            ComponentFailed: a loop failed on its own thread.
+        """
+        # The loop everything stands on: local names, and no calls but the handlers'.
+        queue, urgent, waiting = self._queue, self._urgent, self.door.waiting
+        take, put, cache, latch, terminate = queue.popleft, queue.append, self.lookup.cache, self._latch, _TERMINATE
+        executed = 0
+        task: Task | None = None
+        try:
+            while True:
+                if waiting:
+                    self.let_in()
+                if urgent:
+                    self.execute_next()
+                    if self.is_ended:
+                        return
+                    continue
+                if not queue:
+                    return
+                task = take()
+                if latch is not None:
+                    self.now_s = latch()
+                executed += 1
+                try:
+                    entries = cache[task.type][task.name]
+                except KeyError:
+                    entries = self.lookup.find(task)
+                for self.running, handler, task_id, _ in entries:
+                    returned = handler(task, task_id)
+                    if returned is None:
+                        continue
+                    if type(returned) is Task and returned.type is not terminate:
+                        put(returned)
+                    else:
+                        self._queue_all(as_tasks(returned, self.running, handler))
+        except (HandlerFailed, ComponentFailed):
+            raise
+        except BaseException as error:
+            if task is None:
+                raise
+            raise HandlerFailed(self.running, task) from error
+        finally:
+            self.executed += executed
+            self.running = None
+
+    def execute_next(self) -> None:
+        """Executes one task; there must be one.
+
+        Raises:
+            HandlerFailed: as above.
+        """
+        task = (self._urgent or self._queue).popleft()
+        if self._latch is not None:
+            self.now_s = self._latch()
+        self.executed += 1
+        try:
+            for component, handler, task_id, _ in self.lookup.find(task):
+                self.running = component
+                self._queue_all(as_tasks(handler(task, task_id), component, handler))
+        except BaseException as error:
+            raise HandlerFailed(self.running, task) from error
+        finally:
+            self.running = None
+
+    def drain(self) -> int:
+        """Finishes what is queued when the machine has ended; returns how many tasks were cut off."""
+        self.let_in()
+        for _ in range(DRAIN_GENERATIONS):
+            for _ in range(self.queued):
+                self.execute_next()
+            if not self.queued:
+                return 0
+        return self.queued
+
+    def let_in(self) -> None:
+        """Queues what waits at the door. From here on the order is fixed; that is what a replay repeats.
+
+        Raises:
+            ComponentFailed: a loop failed on its own thread.
+        """
+        if self.door.failure is not None:
+            raise self.door.failure
+        waiting = self.door.waiting
+        while waiting:
+            self._enter(*waiting.popleft())
+
+    def begin_component(self, component: Component) -> None:
+        """Calls a component's `begin`; what it schedules is queued as its own doing, not as an input."""
+        self.running = component
+        try:
+            component.begin()
+        finally:
+            self.running = None
+
+    def schedule(self, tasks: Sequence[Task]) -> None:
+        """Queues what the running component schedules, before what it will return."""
+        self._queue_all(tasks)
+
+    def _enter(self, task: Task, source: str) -> None:
+        (self._urgent if task.type is _TERMINATE else self._queue).append(task)
+
+    def _queue_all(self, tasks: Sequence[Task]) -> None:
+        for task in tasks:
+            (self._urgent if task.type is _TERMINATE else self._queue).append(task)
+
+
+_TERMINATE = TaskType.terminate
+
+
+def as_tasks(returned: SomeTasks | Any, component: Component, handler: Any) -> Sequence[Task]:
+    """Returns what a handler returned as a sequence of tasks.
+
+    Raises:
+        TaskError: it is something else.
+    """
+    if type(returned) is Task:
+        return (returned,)
+    if returned is None:
+        return ()
+    if isinstance(returned, (list, tuple)):
+        for item in returned:
+            if type(item) is not Task:
+                raise _not_a_task(item, component, handler, f"a {type(returned).__name__} with ")
+        return tuple(returned)
+    raise _not_a_task(returned, component, handler, "")
+
+
+def _not_a_task(value: Any, component: Component, handler: Any, within: str) -> TaskError:
+    fix = (
+        f"did you mean tasks.event({value!r})?" if isinstance(value, str) else "return None, a Task or a list of Tasks."
+    )
+    if isinstance(value, TaskType):
+        fix = f"that is a kind of task; tasks.event('name') or Task(TaskType.{value.value}, 'name') makes one."
+    return TaskError(
+        f"'{component.name}.{handler_name(handler)}' returned {within}{value!r}, which is not a task.", fix=fix
+    )

@@ -1,0 +1,366 @@
+"""Node: one role of a robot, running. Components around an event machine, a datastore, and one door."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from snr_sim.core.blame import describe_error
+from snr_sim.core.clocks import SimClock, WallClock
+from snr_sim.core.config import AnyFactory, Config
+from snr_sim.core.datastore import Datastore
+from snr_sim.core.door import Door
+from snr_sim.core.endpoint import Endpoint, EndpointFactory
+from snr_sim.core.handlers import Lookup
+from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.loose_ends import loose_ends
+from snr_sim.core.machine import EventMachine, HandlerFailed, as_tasks
+from snr_sim.core.node_core import NodeCore
+from snr_sim.core.recording_machine import RecordingMachine
+from snr_sim.prelude.clock import Clock
+from snr_sim.prelude.component import Component, RoleName
+from snr_sim.prelude.errors import ComponentFailed, ConfigError, TaskError
+from snr_sim.prelude.page import DataKey, Page
+from snr_sim.prelude.recorder import Recorder
+from snr_sim.prelude.rng import rng_for
+from snr_sim.prelude.task import SomeTasks, Task, TaskType
+
+if TYPE_CHECKING:
+    import numpy as np
+
+
+class Node:
+    """Runs the components of one role until a terminate task.
+
+    Args:
+        role: which of the config's roles.
+        config: factories by role, and mode.
+        clock: a `WallClock` if not given; under a `SimClock` the node runs in lock step.
+        recorder: writes the trace, if given.
+        seed: of the run; all chance in the node comes from it.
+        is_replay: loops are not made; somebody else brings their tasks.
+
+    Raises:
+        UnknownName: the config has no such role.
+        ConfigError: a factory makes no component, or two components have one name.
+    """
+
+    def __init__(
+        self,
+        role: RoleName,
+        config: Config,
+        *,
+        clock: Clock | None = None,
+        recorder: Recorder | None = None,
+        seed: int = 0,
+        is_replay: bool = False,
+    ) -> None:
+        self.role = role
+        self.config = config
+        self.mode = config.mode
+        self.name = f"{role}_node"
+        self.clock = clock or WallClock()
+        self.seed = seed
+        self.door = Door()
+        self.datastore = Datastore()
+        self.profiler = config.get_profiler()
+        self.components: dict[str, Component] = {}
+        self.exit_reason: str | None = None
+        self.notes: list[str] = []
+        latch = None if isinstance(self.clock, SimClock) else self.clock.now_s
+        lookup = Lookup(self.components, self.profiler)
+        self._recorder = recorder.for_node(self.name) if recorder is not None else None
+        self.machine = (
+            EventMachine(lookup, self.door, latch)
+            if self._recorder is None
+            else RecordingMachine(lookup, self.door, latch, self._recorder)
+        )
+        self._thread_id = threading.get_ident()
+        self._begun: list[Component] = []
+        self._is_over = False
+        self._add(NodeCore(self))
+        for factory in config.get(role):
+            if not (is_replay and isinstance(factory, LoopFactory)):
+                self._add(self._make(factory))
+
+    def _make(self, factory: AnyFactory) -> Component:
+        name = type(factory).__name__
+        if not isinstance(factory, (EndpointFactory, LoopFactory)):
+            raise ConfigError(
+                f"Role '{self.role}' lists {factory!r} where a factory belongs.",
+                fix="list instances: [MyFactory()], not the class and not the endpoint itself.",
+            )
+        component = factory.get(self)
+        wanted = Endpoint if isinstance(factory, EndpointFactory) else Loop
+        if not isinstance(component, wanted):
+            raise ConfigError(
+                f"{name}.get() of role '{self.role}' returned {component!r}, but should return a {wanted.__name__}.",
+                fix=f"end get(self, parent) with: return My{wanted.__name__}(self, parent, 'its_name').",
+            )
+        return component
+
+    def _add(self, component: Component) -> None:
+        other = self.components.get(component.name)
+        if other is not None:
+            raise ConfigError(
+                f"Role '{self.role}' has two components named '{component.name}': "
+                f"a {type(other).__name__} and a {type(component).__name__}.",
+                fix="give each component a name of its own in its factory.",
+            )
+        self.components[component.name] = component
+        self.machine.lookup.forget()
+
+    # Life: begin, run until ended, end. `loop` does all three.
+
+    def loop(self) -> None:
+        """Runs until a terminate task has been executed.
+
+        Raises:
+            ComponentFailed: a handler or a loop raised; everything has been halted.
+        """
+        from snr_sim.core.lockstep import run_alone  # the one step up: lock step runs nodes
+
+        run_alone(self)
+
+    def begin(self) -> None:
+        """Begins each component, in order; from now on this thread is the node's.
+
+        Raises:
+            ComponentFailed: a component could not begin.
+            ConfigError: the node has run before.
+        """
+        if self._begun or self._is_over:
+            raise ConfigError(f"Node '{self.name}' has already run.", fix="make a new Node for a new run.")
+        self._thread_id = threading.get_ident()
+        self.machine.now_s = self.clock.now_s()
+        for component in self.components.values():
+            self._begun.append(component)
+            try:
+                self.machine.begin_component(component)
+            except ComponentFailed:
+                raise
+            except Exception as error:
+                raise self.failure_of(component, error, "begin") from error
+
+    def run_ready(self) -> None:
+        """Executes tasks until none is left or the node has ended.
+
+        Raises:
+            ComponentFailed: a handler or a loop raised.
+        """
+        try:
+            self.machine.run_ready()
+        except HandlerFailed as failed:
+            cause = failed.__cause__
+            if not isinstance(cause, Exception):
+                assert cause is not None
+                raise cause from None  # an interrupt, not a failure
+            raise self._handler_failure(failed, cause) from cause
+
+    def end(self, reason: str | None = None) -> None:
+        """Finishes what is queued, then halts and terminates each component, whatever any of them raises.
+
+        Args:
+            reason: why, if no terminate task said so.
+
+        Raises:
+            ComponentFailed: a component could not be halted or terminated; all others have been.
+        """
+        if self._is_over:
+            return
+        self._is_over = True
+        failures: list[ComponentFailed] = []
+        if self.exit_reason is not None:
+            self._drain(failures)
+        self.exit_reason = self.exit_reason or reason
+        for component in self._begun:  # all loops are told first: then none waits for another's sleep
+            if isinstance(component, Loop):
+                component.stop()
+        for component in self._begun:
+            self._call_last(component, "join", component.join, failures)
+            self._call_last(component, "terminate", component.terminate, failures)
+        self.notes.extend(loose_ends(self.components, self.machine.lookup.cache, self.datastore))
+        if self._recorder is not None:
+            self._recorder.end(self.machine.now_s, self.exit_reason or "", self.summary())
+        if failures:
+            raise failures[0]
+
+    def _drain(self, failures: list[ComponentFailed]) -> None:
+        try:
+            cut_off = self.machine.drain()
+        except HandlerFailed as failed:
+            if not isinstance(failed.__cause__, Exception):
+                return
+            failures.append(self._handler_failure(failed, failed.__cause__))
+        except ComponentFailed as failure:
+            failures.append(failure)
+        else:
+            if cut_off:
+                self.note(f"The node ended with {cut_off} tasks still queued; something keeps scheduling.")
+
+    def _call_last(
+        self, component: Component, step: str, function: Callable[[], None], failures: list[ComponentFailed]
+    ) -> None:
+        self.machine.running = component
+        try:
+            function()
+        except BaseException as error:  # also an interrupt: the others must still be halted
+            failures.append(self.failure_of(component, error, step))
+        finally:
+            self.machine.running = None
+
+    @property
+    def is_terminated(self) -> bool:
+        """Whether a terminate task has been executed."""
+        return self.machine.is_ended
+
+    def set_terminate_flag(self, reason: str) -> None:
+        """Ends the node after the current task."""
+        if self.exit_reason is None:
+            self.exit_reason = reason
+        self.machine.is_ended = True
+
+    def summary(self) -> dict[str, Any]:
+        """Returns counts of the run, as they stand in the trace's last record."""
+        return {"tasks": self.machine.executed, "pages": self.datastore.stored, "notes": self.notes}
+
+    # Tasks
+
+    def schedule(self, tasks: SomeTasks, source: str = "outside") -> None:
+        """Queues tasks: as the running handler's doing, or as an input if none of this node's handlers runs.
+
+        Args:
+            tasks: a task, several, or None.
+            source: who brings them, if they are inputs.
+        """
+        running = self.machine.running
+        if running is None or threading.get_ident() != self._thread_id:
+            self.enter(tasks, source)
+        elif isinstance(running, Loop):
+            self.enter(tasks, running.name)
+        else:
+            self.machine.schedule([tasks] if type(tasks) is Task else as_tasks(tasks, running, self.schedule))
+
+    def enter(self, tasks: SomeTasks, source: str) -> None:
+        """Lets tasks in through the door, from any thread; `source` says whose they are.
+
+        Raises:
+            TaskError: something is not a task.
+        """
+        if type(tasks) is Task:
+            self.door.put(tasks, source)
+            return
+        for task in tasks if isinstance(tasks, (list, tuple)) else [tasks]:
+            if type(task) is not Task:
+                if task is None:
+                    continue
+                raise TaskError(
+                    f"'{source}' scheduled {task!r}, which is not a task.", fix="tasks.event('name') makes one."
+                )
+            self.door.put(task, source)
+
+    def handlers_changed(self) -> None:
+        """Has handlers looked up anew; components call it when theirs change."""
+        self.machine.lookup.forget()
+
+    def order_of(self, component_name: str) -> int:
+        """Returns a component's place among the node's components."""
+        return list(self.components).index(component_name)
+
+    # Data
+
+    def page(self, key: DataKey, data: Any, process: bool = True) -> Page:
+        """Returns a page made by this node, now."""
+        return Page(key, data, self.name, self.get_time_s(), process)
+
+    def store_page(self, page: Page) -> None:
+        """Queues the task that stores a page."""
+        self.schedule(Task(TaskType.store_page, page.key, [page]))
+
+    def store_data(self, key: DataKey, data: Any, process: bool = True) -> None:
+        """Queues the task that stores data under a key."""
+        self.schedule(self.store_data_task(key, data, process))
+
+    def store_data_task(self, key: DataKey, data: Any, process: bool = True) -> Task:
+        """Returns the task that stores data under a key."""
+        return Task(TaskType.store_page, key, [self.page(key, data, process)])
+
+    def get_page(self, key: DataKey) -> Page | None:
+        """Returns the newest page of a key, or None; `<key>_prev` is the one before."""
+        return self.datastore.get(key)
+
+    def get_data(self, key: DataKey) -> Any:
+        """Returns the newest data of a key, or None."""
+        page = self.datastore.get(key)
+        return None if page is None else page.data
+
+    # Time and chance
+
+    def get_time_s(self) -> float:
+        """Returns the time latched for the running task, or else the clock's."""
+        machine = self.machine
+        if machine.running is not None and threading.get_ident() == self._thread_id:
+            return machine.now_s
+        return self.clock.now_s()
+
+    @property
+    def rng(self) -> np.random.Generator:
+        """The random generator of the component that runs now: so none shifts another's chance.
+
+        From a thread, or outside of any component, it is the node's own.
+        """
+        running = self.machine.running
+        if isinstance(running, (Endpoint, Loop)) and threading.get_ident() == self._thread_id:
+            return running.rng
+        if "_rng" not in self.__dict__:
+            self._rng = rng_for(self.seed, self.name)
+        return self._rng
+
+    # Failures
+
+    def call_loop(self, loop: Loop, step: str) -> None:
+        """Calls a loop's `setup` or `loop`: on the node's thread in lock step, on the loop's own otherwise.
+
+        Raises:
+            ComponentFailed: it raised.
+        """
+        is_ours = threading.get_ident() == self._thread_id
+        if is_ours:
+            self.machine.running = loop
+            self.machine.now_s = self.clock.now_s()
+        function = loop.setup if step == "setup" else loop.loop
+        try:
+            if self.profiler is not None:
+                self.profiler.time(f"{loop.name}.{step}", function)
+            else:
+                function()
+        except Exception as error:
+            raise self.failure_of(loop, error, step) from error
+        finally:
+            if is_ours:
+                self.machine.running = None
+
+    def failure_of(self, component: Component, error: BaseException, step: str) -> ComponentFailed:
+        """Returns what went wrong in `begin`, `setup`, `loop`, `halt` or `terminate`, in words."""
+        if isinstance(error, ComponentFailed):
+            return error
+        where = f"in {step}() of component '{component.name}' at t = {self.clock.now_s():.3f} s"
+        return ComponentFailed(describe_error(error, where), self.name, component.name)
+
+    def _handler_failure(self, failed: HandlerFailed, error: Exception) -> ComponentFailed:
+        task = failed.task
+        name = failed.component.name if failed.component is not None else "node"
+        where = (
+            f"in component '{name}', while it handled {task.type.value} '{task.name}' at t = {self.machine.now_s:.3f} s"
+        )
+        return ComponentFailed(describe_error(error, where), self.name, name)
+
+    def record_failure(self, failure: ComponentFailed) -> None:
+        """Writes a failure of this node into the trace."""
+        if self._recorder is not None and failure.node == self.name:
+            self._recorder.error(self.machine.now_s, failure.component, failure.message)
+
+    def note(self, text: str) -> None:
+        """Keeps a remark for the end of the run."""
+        self.notes.append(text)

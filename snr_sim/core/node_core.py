@@ -1,0 +1,45 @@
+"""The node's own endpoint, first of its components: it stores pages and ends the run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from snr_sim.core.endpoint import Endpoint, EndpointFactory
+from snr_sim.prelude.errors import TaskError
+from snr_sim.prelude.page import DataKey, Page
+from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
+
+if TYPE_CHECKING:
+    from snr_sim.core.node import Node
+
+CORE_NAME = "node_core"
+
+
+class NodeCore(Endpoint):
+    """Stores pages before anybody else sees the task, and asks for their processing after."""
+
+    def __init__(self, parent: Node) -> None:
+        super().__init__(EndpointFactory(), parent, CORE_NAME)
+        self._put = parent.datastore.put
+        # Ways out of the node, by key: links send these pages on. Not part of the machine, so not of a replay.
+        self.taps: dict[DataKey, list[Callable[[Page], None]]] = {}
+        self.task_handlers = {TaskType.store_page: self.store, TaskType.terminate: self.end_node}
+
+    def store(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Puts the page in the datastore; if it asks for processing, that comes next."""
+        if not task.val_list:
+            raise TaskError(
+                f"The task store_page '{task.name}' carries no page.", fix="self.store_data_task(key, data)."
+            )
+        page = task.val_list[0]
+        self._put(page)
+        if self.taps:
+            for tap in self.taps.get(page.key, ()):
+                tap(page)
+        return Task(TaskType.process_data, page.key) if page.process else None
+
+    def end_node(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Ends the node; the task's name is the reason."""
+        self.parent.set_terminate_flag(task.name)
+        return None

@@ -1,0 +1,100 @@
+"""The event machine with a witness: the same steps in the same order, and every one of them taken down."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+
+from snr_sim.core.door import Door
+from snr_sim.core.handlers import Lookup
+from snr_sim.core.machine import EventMachine, HandlerFailed, as_tasks
+from snr_sim.prelude.component import Component
+from snr_sim.prelude.errors import ComponentFailed
+from snr_sim.prelude.recorder import Handled, NodeRecorder, Ticket
+from snr_sim.prelude.task import Task, TaskType
+
+
+class RecordingMachine(EventMachine):
+    """Queues tickets instead of tasks: a ticket knows which record brought its task.
+
+    Args:
+        lookup, door, latch: as for `EventMachine`.
+        recorder: is told of every input and every executed task.
+    """
+
+    def __init__(self, lookup: Lookup, door: Door, latch: Callable[[], float] | None, recorder: NodeRecorder) -> None:
+        super().__init__(lookup, door, latch)
+        self._recorder = recorder
+        self._tickets: deque[Ticket] = deque()
+        self._urgent_tickets: deque[Ticket] = deque()
+        self._scheduled: list[Task] = []  # by the running component, so far
+
+    @property
+    def queued(self) -> int:
+        """How many tasks wait, at the door or inside."""
+        return len(self._tickets) + len(self._urgent_tickets) + len(self.door.waiting)
+
+    def run_ready(self) -> None:
+        """Executes tasks until none is left or the machine has ended; raises as `EventMachine.run_ready`."""
+        tickets, urgent, waiting = self._tickets, self._urgent_tickets, self.door.waiting
+        while True:
+            if waiting:
+                self.let_in()
+            if not (tickets or urgent):
+                return
+            self.execute_next()
+            if self.is_ended:
+                return
+
+    def execute_next(self) -> None:
+        """Executes one task and takes it down, also when a handler raises: the trace is whole up to there."""
+        ticket = (self._urgent_tickets or self._tickets).popleft()
+        task = ticket[0]
+        if self._latch is not None:
+            self.now_s = self._latch()
+        self.executed += 1
+        try:
+            entries = self.lookup.cache[task.type][task.name]
+        except KeyError:
+            entries = self.lookup.find(task)
+        handled: list[Handled] = []
+        scheduled = self._scheduled
+        try:
+            for self.running, handler, task_id, label in entries:
+                returned = handler(task, task_id)
+                if type(returned) is not Task or scheduled:
+                    outputs = (*scheduled, *as_tasks(returned, self.running, handler))
+                    scheduled.clear()
+                    handled.append((label, outputs))
+                else:
+                    handled.append((label, (returned,)))
+        except (ComponentFailed, HandlerFailed):
+            raise
+        except BaseException as error:
+            self._queue_tickets(self._recorder.task(self.now_s, ticket, handled))
+            raise HandlerFailed(self.running, task) from error
+        finally:
+            self.running = None
+            scheduled.clear()
+        self._queue_tickets(self._recorder.task(self.now_s, ticket, handled))
+
+    def begin_component(self, component: Component) -> None:
+        """Calls a component's `begin` and takes down what it schedules."""
+        super().begin_component(component)
+        if self._scheduled:
+            tickets = self._recorder.begun(self.now_s, component.name, tuple(self._scheduled))
+            self._scheduled.clear()
+            self._queue_tickets(tickets)
+
+    def schedule(self, tasks: Sequence[Task]) -> None:
+        """Keeps what the running component schedules until it is done: it is part of what it returns."""
+        self._scheduled.extend(tasks)
+
+    def _enter(self, task: Task, source: str) -> None:
+        if self._latch is not None:
+            self.now_s = self._latch()
+        self._queue_tickets([self._recorder.input(self.now_s, source, task)])
+
+    def _queue_tickets(self, tickets: list[Ticket]) -> None:
+        for ticket in tickets:
+            (self._urgent_tickets if ticket[0].type is TaskType.terminate else self._tickets).append(ticket)

@@ -1,0 +1,175 @@
+"""Runners: the ways to start a config. One role here, one role by command line, a test, or all roles in lock step."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import Protocol
+
+from snr_sim.core.clocks import SimClock
+from snr_sim.core.config import ComponentsByRole, Config, Mode
+from snr_sim.core.interrupts import orderly
+from snr_sim.core.lockstep import LockStep
+from snr_sim.core.node import Node
+from snr_sim.prelude.clock import Clock
+from snr_sim.prelude.component import RoleName
+from snr_sim.prelude.errors import ConfigError, nearest
+from snr_sim.prelude.recorder import Recorder
+
+TEST_ROLE = "test"
+
+
+class Link(Protocol):
+    """Carries pages between nodes of one process."""
+
+    def attach(self, nodes: dict[RoleName, Node], clock: SimClock) -> None:
+        """Connects to the nodes it links, before they begin."""
+        ...
+
+
+class SynchronousRunner:
+    """Runs one role until it ends.
+
+    Args:
+        role: which.
+        config: of the robot.
+        clock: the wall clock if not given.
+        recorder: writes the trace, if given.
+        seed: of the run.
+    """
+
+    def __init__(
+        self,
+        role: RoleName,
+        config: Config,
+        *,
+        clock: Clock | None = None,
+        recorder: Recorder | None = None,
+        seed: int = 0,
+    ) -> None:
+        self.node = Node(role, config, clock=clock, recorder=recorder, seed=seed)
+
+    def run(self) -> None:
+        """Runs until a terminate task, or a signal, ends it.
+
+        Raises:
+            ComponentFailed: a handler or a loop raised.
+        """
+        with orderly([self.node]):
+            self.node.loop()
+        for note in self.node.notes:
+            print(f"note: {note}", file=sys.stderr)
+
+
+class CliRunner:
+    """Runs the role that the command line names: `python robot.py ROLE`; `-d` for DEBUG mode.
+
+    Args:
+        components: factories by role, or a Config.
+        argv: the command line, `sys.argv` if not given.
+    """
+
+    def __init__(self, components: ComponentsByRole | Config, argv: Sequence[str] | None = None) -> None:
+        self._components = components
+        self._argv = list(sys.argv if argv is None else argv)
+
+    def run(self) -> None:
+        """Runs the role until it ends. Without a known role: says which there are, exit status 2."""
+        words = self._argv[1:]
+        mode = Mode.DEBUG if "-d" in words else Mode.DEPLOYED
+        roles = [word for word in words if word != "-d"]
+        config = self._components if isinstance(self._components, Config) else Config(mode, self._components)
+        if mode is Mode.DEBUG:
+            config.mode = mode
+        if len(roles) != 1 or roles[0] not in config.factories:
+            self._explain(roles, list(config.factories))
+            raise SystemExit(2)
+        runner = SynchronousRunner(roles[0], config)
+        runner.run()
+        if runner.node.profiler is not None:
+            print(runner.node.profiler.dump(), file=sys.stderr)
+
+    def _explain(self, given: list[str], known: list[str]) -> None:
+        if not given:
+            print("Which role? None was given.", file=sys.stderr)
+        elif len(given) > 1:
+            print(f"One role at a time, not {len(given)}: {' '.join(given)}.", file=sys.stderr)
+        else:
+            print(f"There is no role '{given[0]}': {nearest(given[0], known)}", file=sys.stderr)
+        print(f"usage: {self._argv[0] if self._argv else 'robot.py'} [-d] ROLE", file=sys.stderr)
+        print("roles: " + ", ".join(known), file=sys.stderr)
+
+
+class TestRunner:
+    """Runs the role 'test' in virtual time, so that nothing sleeps.
+
+    Args:
+        config: has the role 'test'.
+        seed: of the run.
+        until_s: the longest virtual time.
+    """
+
+    __test__ = False  # pytest: this is no test class
+
+    def __init__(self, config: Config, *, seed: int = 0, until_s: float = 3600.0) -> None:
+        self.clock = SimClock()
+        self.node = Node(TEST_ROLE, config, clock=self.clock, seed=seed)
+        self._until_s = until_s
+
+    def run(self) -> None:
+        """Runs until a terminate task, or until nothing is left to do.
+
+        Raises:
+            ComponentFailed: a handler or a loop raised.
+        """
+        with orderly([self.node]):
+            LockStep([self.node], self.clock, until_s=self._until_s).run()
+
+
+class SimRunner:
+    """Runs several roles in one process under one virtual clock, with simulated links between them.
+
+    Args:
+        config: of the robot.
+        roles: in the order in which they work at the same moment; all of the config's if not given.
+        links: carry pages between them.
+        clock: a new one if not given; a plant follows it.
+        recorder: writes one trace for all nodes, if given.
+        seed: of the run.
+        pace: virtual seconds per wall second; None is as fast as it goes.
+        until_s: the longest virtual time.
+
+    Raises:
+        ConfigError: a role is named twice.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        roles: Sequence[RoleName] | None = None,
+        *,
+        links: Sequence[Link] = (),
+        clock: SimClock | None = None,
+        recorder: Recorder | None = None,
+        seed: int = 0,
+        pace: float | None = None,
+        until_s: float | None = None,
+    ) -> None:
+        names = list(roles if roles is not None else config.factories)
+        if len(set(names)) != len(names):
+            raise ConfigError(f"A role is named twice: {', '.join(names)}.", fix="each role runs once.")
+        self.clock = clock or SimClock()
+        self.nodes = {role: Node(role, config, clock=self.clock, recorder=recorder, seed=seed) for role in names}
+        for link in links:
+            link.attach(self.nodes, self.clock)
+        self._lock_step = LockStep(list(self.nodes.values()), self.clock, pace, until_s)
+        self.signals: list[str] = []
+
+    def run(self) -> None:
+        """Runs until every node has ended, nothing is left to do, or the time limit has come.
+
+        Raises:
+            ComponentFailed: a handler or a loop raised; every node has been halted.
+        """
+        with orderly(list(self.nodes.values())) as self.signals:
+            self._lock_step.run()

@@ -1,0 +1,149 @@
+"""The loops between devices and pages: a sensor's readings in, an actuator's commands out. They see promises only.
+
+Devices are opened when a loop is set up, on the thread that will use them, and never in a replay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+
+from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.node import Node
+from snr_sim.prelude.device import Actuator, Sensor
+from snr_sim.prelude.errors import CommandError, nearest
+from snr_sim.prelude.page import Page
+
+
+class SensorLoopFactory(LoopFactory):
+    """Reads a sensor at a rate and stores each reading as a page.
+
+    Args:
+        key: of the page.
+        open_device: opens the sensor.
+        rate_hz: how often it is read.
+    """
+
+    def __init__(self, key: str, open_device: Callable[[], Sensor[Any]], rate_hz: float) -> None:
+        super().__init__()
+        self.key = key
+        self.open_device = open_device
+        self.rate_hz = rate_hz
+
+    def get(self, parent: Node) -> SensorLoop:
+        """Returns the loop `<key>_sensor`."""
+        return SensorLoop(self, parent, f"{self.key}_sensor", self.rate_hz)
+
+
+class SensorLoop(Loop):
+    """Stores `{field: value}` of the newest reading under the sensor's key."""
+
+    factory: SensorLoopFactory
+
+    def setup(self) -> None:
+        """Opens the sensor."""
+        self.sensor = self.factory.open_device()
+
+    def loop(self) -> None:
+        """Reads once."""
+        self.store_data(self.factory.key, msgspec.to_builtins(self.sensor.read()))
+
+    def terminate(self) -> None:
+        """Closes the sensor."""
+        if "sensor" in self.__dict__:
+            self.sensor.close()
+
+
+class ActuatorLoopFactory(LoopFactory):
+    """Writes the newest command page to an actuator, and neutral when there is none or it is too old.
+
+    Args:
+        key: of the command page.
+        open_device: opens the actuator.
+        rate_hz: how often it is written.
+        timeout_s: age from which a command no longer counts.
+    """
+
+    def __init__(
+        self, key: str, open_device: Callable[[], Actuator[Any]], rate_hz: float, timeout_s: float = 0.5
+    ) -> None:
+        super().__init__()
+        self.key = key
+        self.open_device = open_device
+        self.rate_hz = rate_hz
+        self.timeout_s = timeout_s
+
+    def get(self, parent: Node) -> ActuatorLoop:
+        """Returns the loop `<key>_actuator`."""
+        return ActuatorLoop(self, parent, f"{self.key}_actuator", self.rate_hz)
+
+
+class ActuatorLoop(Loop):
+    """Writes commands; a command that is not one leaves the actuator at neutral and stops the run."""
+
+    factory: ActuatorLoopFactory
+
+    def setup(self) -> None:
+        """Opens the actuator and puts it at neutral."""
+        self.actuator = self.factory.open_device()
+        self.actuator.neutral()
+        self._written: Page | None = None
+        self._clamped: set[str] = set()
+
+    def loop(self) -> None:
+        """Writes the newest command, if it is new; neutral if it is too old."""
+        page = self.parent.datastore.pages.get(self.factory.key)
+        if page is None:
+            return
+        if page is not self._written:
+            self._written = page
+            self._write(page)
+        elif self.get_time_s() - page.created_at_s > self.factory.timeout_s:
+            self.actuator.neutral()
+
+    def _write(self, page: Page) -> None:
+        try:
+            command = self._command(page)
+            applied = self.actuator.write(command)
+        except CommandError:
+            self.actuator.neutral()
+            raise
+        if applied != command:
+            self._say_clamped(command, applied)
+
+    def _command(self, page: Page) -> Any:
+        wanted = self.actuator.command_type
+        if type(page.data) is wanted:
+            return page.data
+        try:
+            return msgspec.convert(page.data, wanted)
+        except msgspec.ValidationError as error:
+            fields = wanted.__struct_fields__
+            given = list(page.data) if isinstance(page.data, dict) else []
+            wrong = [name for name in given if name not in fields]
+            fix = f"'{wrong[0]}': {nearest(wrong[0], fields)}" if wrong else f"its fields are {', '.join(fields)}."
+            raise CommandError(
+                f"Page '{page.key}' is no command for its actuator: {error}. It holds {page.data!r}.", fix=fix
+            ) from error
+
+    def _say_clamped(self, command: Any, applied: Any) -> None:
+        for field in command.__struct_fields__:
+            wanted, got = getattr(command, field), getattr(applied, field)
+            if wanted != got and field not in self._clamped:
+                self._clamped.add(field)
+                self.parent.note(
+                    f"Command '{self.factory.key}.{field}' = {wanted:g} is outside {self.actuator.limits[field]} "
+                    f"and was clamped to {got:g} (said once; t = {self.get_time_s():.2f} s)."
+                )
+
+    def halt(self) -> None:
+        """Goes to neutral."""
+        if "actuator" in self.__dict__:
+            self.actuator.neutral()
+
+    def terminate(self) -> None:
+        """Closes the actuator."""
+        if "actuator" in self.__dict__:
+            self.actuator.close()
