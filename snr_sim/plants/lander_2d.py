@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 
 from snr_sim.plants.gear import Touchdown
 from snr_sim.plants.module import TIPPED_RAD, LunarModule, PlaneStart
-from snr_sim.plants.module_shapes import HULL_M, NOZZLE_BELOW_M, PADS_APART_M, PADS_BELOW_M, module_shapes
+from snr_sim.plants.module_shapes import HULL_M, JETS_OUT_M, NOZZLE_BELOW_M, PADS_APART_M, PADS_BELOW_M, module_shapes
 from snr_sim.plants.terrain import HALF_WIDTH_M, ROOF_REACH_M, Terrain, terrain_shapes
 from snr_sim.prelude.errors import MissingExtra, ParameterError, PlantError, UnknownName, nearest
 from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
@@ -103,6 +103,8 @@ class Lander2D:
         self._lag_gain = -math.expm1(-step_s / module.throttle_lag_s) if module.throttle_lag_s > 0.0 else 1.0
         self._gimbal_step = module.gimbal_rate_radps * step_s
         self._flow_step = module.thrust_n / module.exhaust_mps * step_s  # propellant of one step at full throttle
+        self._world_terrain: Terrain | None = None
+        self._hull_touched = False
         self.reset(0)
 
     @property
@@ -161,9 +163,11 @@ class Lander2D:
         )
 
     def restore(self, snapshot: State) -> None:
-        """Puts back what `snapshot` returned, in a world built anew: an old one would remember contacts."""
+        """Puts back what `snapshot` returned."""
+        # A world in which the hull has met the ground remembers it, and would not say so again.
+        if self._world_terrain is not snapshot.terrain or self._hull_touched:
+            self._build_world(snapshot.terrain)
         self.terrain = snapshot.terrain
-        self._build_world()
         pose = snapshot.body
         self._body.position = pose.x_m, pose.z_m
         self._body.angle = pose.attitude_rad
@@ -180,19 +184,20 @@ class Lander2D:
         self._pose: Pose | None = None
         self._hull_touched = False
 
-    def _build_world(self) -> None:
+    def _build_world(self, terrain: Terrain) -> None:
         pymunk = self.pymunk
         space = pymunk.Space()
         space.gravity = 0.0, -self.module.gravity_mps2
         body = pymunk.Body(1.0, self.module.gyration_m**2)
         hull = pymunk.Poly(body, HULL_M)
         hull.collision_type = HULL
-        line = self.terrain.points_m()
+        line = terrain.points_m()
         ground = [pymunk.Segment(space.static_body, a, b, 0.0) for a, b in zip(line, line[1:], strict=False)]
         for segment in ground:
             segment.collision_type = GROUND
         space.add(body, hull, *ground)
         space.on_collision(HULL, GROUND, begin=self._on_hull_contact)
+        self._world_terrain = terrain
         self._body = body
         self._move: Callable[[float], None] = space.step
         self._push: Callable[..., None] = body.apply_impulse_at_local_point
@@ -285,7 +290,11 @@ class Lander2D:
             self._judge_contact()
         if self.outcome is None and (self._hull_touched or abs(attitude) > TIPPED_RAD):
             self._end("crashed")
-        self._watch_settling(touching)
+        # Half a step ahead is near enough to tell whether it stands.
+        still = touching == 2 and abs(vx) + abs(vz) < STILL_MPS and abs(rate) < STILL_RADPS
+        self._still_steps = self._still_steps + 1 if still else 0
+        if self.outcome is None and self._still_steps * self.step_s >= SETTLE_S:
+            self._end("landed")
 
     def _stand(self, body: Pose) -> int:
         """Pushes with each leg that touches; returns how many do.
@@ -342,15 +351,6 @@ class Lander2D:
         if not self.module.gear.holds(self.touchdown):
             self._end("crashed" if self.fuel_kg > 0.0 else "out_of_fuel")
 
-    def _watch_settling(self, touching: int) -> None:
-        """Ends the flight when both feet have stood still for a while."""
-        pose = self._read_pose()
-        speed = math.hypot(pose.vx_mps, pose.vz_mps)
-        still = touching == 2 and speed < STILL_MPS and abs(pose.rate_radps) < STILL_RADPS
-        self._still_steps = self._still_steps + 1 if still else 0
-        if self.outcome is None and self._still_steps * self.step_s >= SETTLE_S:
-            self._end("landed")
-
     def _end(self, outcome: str) -> None:
         """Stops everything where it is."""
         self.outcome = outcome
@@ -405,24 +405,16 @@ class Lander2D:
         cos, sin = math.cos(attitude), math.sin(attitude)
         height = self.terrain.ground(x)[0]
         turn = [0.0, -math.sin(0.5 * attitude), 0.0, math.cos(0.5 * attitude)]
-        poses = {"module": [x, 0.0, z, *turn]}
-        for body, (foot_x, foot_z), grip in zip(("left_legs", "right_legs"), FEET_M, self._grips_m, strict=True):
-            given = 0.0
-            if grip is not None:
-                foot_height = z + sin * foot_x + cos * foot_z
-                given = self.terrain.ground(x + cos * foot_x - sin * foot_z)[0] - foot_height
-            poses[body] = [x - sin * given, 0.0, z + cos * given, *turn]
-        thrust = self.throttle * self.module.thrust_n
-        fire = attitude + self.gimbal_rad * -1.0
-        arrows = {
-            "thrust": [
-                x + sin * NOZZLE_BELOW_M,
-                0.0,
-                z - cos * NOZZLE_BELOW_M,
-                -math.sin(fire) * thrust,
-                0.0,
-                math.cos(fire) * thrust,
-            ]
+        left, right = (self._foot_given_m(i, x, z, cos, sin) for i in (0, 1))
+        thrust, fire = self.throttle * self.module.thrust_n, attitude - self.gimbal_rad
+        nozzle_x, nozzle_z = x + sin * NOZZLE_BELOW_M, z - cos * NOZZLE_BELOW_M
+        arrows = {"thrust": [nozzle_x, 0.0, nozzle_z, -math.sin(fire) * thrust, 0.0, math.cos(fire) * thrust]}
+        if self._jets:
+            arrows |= self._jet_arrows(x, z, cos, sin)
+        poses = {
+            "module": [x, 0.0, z, *turn],
+            "left_legs": [x - sin * left, 0.0, z + cos * left, *turn],
+            "right_legs": [x - sin * right, 0.0, z + cos * right, *turn],
         }
         return {
             "poses": poses,
@@ -435,6 +427,24 @@ class Lander2D:
                 "fuel_kg": self.fuel_kg,
                 "attitude_deg": math.degrees(attitude),
             },
+        }
+
+    def _foot_given_m(self, i: int, x: float, z: float, cos: float, sin: float) -> float:
+        """Returns how far a leg has given way, so that its foot shows on the ground and not under it."""
+        if self._grips_m[i] is None:
+            return 0.0
+        foot_x, foot_z = FEET_M[i]
+        ground = self.terrain.ground(x + cos * foot_x - sin * foot_z)[0]
+        return max(0.0, ground - z - sin * foot_x - cos * foot_z)
+
+    def _jet_arrows(self, x: float, z: float, cos: float, sin: float) -> dict[str, list[float]]:
+        """Returns the pair of attitude jets that fires: one side up, the other down."""
+        force = 0.5 * self._jets / JETS_OUT_M
+        up_x, up_z = -sin * force, cos * force
+        out_x, out_z = cos * JETS_OUT_M, sin * JETS_OUT_M
+        return {
+            "jet_right": [x + out_x - sin, 0.0, z + out_z + cos, up_x, 0.0, up_z],
+            "jet_left": [x - out_x - sin, 0.0, z - out_z + cos, -up_x, 0.0, -up_z],
         }
 
 

@@ -1,0 +1,85 @@
+"""Falls as long as possible, then burns: the cheapest way down, planned on closed forms at every reading."""
+
+from __future__ import annotations
+
+from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
+from snr_sim.plants.descent import Engine, Motion, after, stop_height
+from snr_sim.prelude.scenario import Robot
+from snr_sim.prelude.signals import EngineCommand, RadarReading
+from snr_sim_robot_lander.parameters import LanderParameters
+from snr_sim_robot_lander.reckoning import Reckoning
+
+IN_HAND = 0.97  # share of the thrust that the plan counts on: the rest answers noise and what is not in the plan
+STOP_M = -0.15  # aim under the ground: the module touches down at about 1 m/s instead of hanging above it
+TOUCH_MPS = -1.5
+
+
+def factories(robot: Robot) -> list[EndpointFactory]:
+    """Returns what makes the controller's components."""
+    return [OptimalFactory(robot.parameters)]
+
+
+class OptimalFactory(EndpointFactory):
+    """Makes the pilot. It keeps the lander's numbers, so that a reload loses none."""
+
+    def __init__(self, parameters: LanderParameters) -> None:
+        super().__init__()
+        self.parameters = parameters
+
+    def get(self, parent: Node) -> Endpoint:
+        """Returns a new one."""
+        return Optimal(self, parent, "optimal")
+
+
+class Optimal(Endpoint):
+    """Answers every radar reading with a throttle."""
+
+    def __init__(self, factory: OptimalFactory, parent: Node, name: str) -> None:
+        super().__init__(factory, parent, name)
+        self.law = OptimalLaw(factory.parameters)
+        self.task_handlers = {(TaskType.process_data, "radar"): self.on_radar}
+
+    def on_radar(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Passes the reading to the law, and what the law says to the engine."""
+        command = self.law.update(RadarReading(**self.get_data("radar")), self.get_time_s())
+        return self.store_data_task("engine", {"throttle": command.throttle})
+
+
+class OptimalLaw:
+    """Waits as long as it may, then brakes so that it would stand still just under the ground.
+
+    Args:
+        parameters: of the lander.
+    """
+
+    def __init__(self, parameters: LanderParameters) -> None:
+        self.reckoning = Reckoning(parameters)
+        self.period_s = 1.0 / parameters.radar.rate_hz
+        self.is_burning = False
+
+    def update(self, radar: RadarReading, now_s: float) -> EngineCommand:
+        """Returns no throttle before ignition, and afterwards the one that stops in time, planned anew each time."""
+        here = self.reckoning.now(radar, now_s)
+        if not self.is_burning:
+            self.is_burning = self.must_ignite(here)
+        throttle = self.braking_throttle(here) if self.is_burning else 0.0
+        return EngineCommand(self.reckoning.told(throttle))
+
+    def must_ignite(self, here: Motion) -> bool:
+        """Returns whether at the next reading it would be too late."""
+        thrust, exhaust, gravity = self.reckoning.engine
+        next_time = after(here, 0.0, exhaust, gravity, self.period_s)
+        return stop_height(next_time, Engine(IN_HAND * thrust, exhaust, gravity)) < STOP_M
+
+    def braking_throttle(self, here: Motion) -> float:
+        """Returns the throttle that, kept, stops the fall at `STOP_M`: two guesses, and the line through them."""
+        if here.velocity_mps >= 0.0 or here.height_m <= STOP_M:
+            return 0.0 if here.velocity_mps >= TOUCH_MPS else 1.0
+        thrust, exhaust, gravity = self.reckoning.engine
+        # With constant mass; the true answer is a little lower, as the module gets lighter.
+        first = self.reckoning.throttle_for(here.velocity_mps**2 / (2.0 * (here.height_m - STOP_M)))
+        second = 0.99 * first
+        misses = [stop_height(here, Engine(u * thrust, exhaust, gravity)) - STOP_M for u in (first, second)]
+        if misses[0] == misses[1]:
+            return first
+        return second - misses[1] * (first - second) / (misses[0] - misses[1])

@@ -1,0 +1,110 @@
+"""The numbers of the lunar module, each with its source, and how good its sensors are.
+
+[E] encyclopedia article on the descent engine; [C] ND Pyomo Cookbook 06.04, Apollo 11's masses; [M] from memory of
+the field, not read again; [O] our own choice, for the course.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from snr_sim.devices.simulated import SensorErrors
+from snr_sim.plants.descent import MOON_GRAVITY_MPS2, STANDARD_GRAVITY_MPS2, Engine
+from snr_sim.plants.module import Leg, LunarModule, Throttle
+
+THRUST_N = 45_040.0  # descent engine at full throttle [C]
+EXHAUST_MPS = 311.0 * STANDARD_GRAVITY_MPS2  # specific impulse 311 s [E]; at 10 % it was 285 s, which we leave out
+DRY_MASS_KG = 2_445.0 + 2_376.0 + 2_034.0  # ascent stage, its propellant, empty descent stage: 6855 kg [C]
+
+APOLLO = LunarModule(
+    thrust_n=THRUST_N,
+    exhaust_mps=EXHAUST_MPS,
+    throttle=Throttle(lowest=0.10, highest=0.60),  # 1050 to 6825 lbf, or full [E]
+    throttle_lag_s=0.15,  # [O]
+    gimbal_rad=math.radians(6.0),  # [E]
+    gimbal_rate_radps=math.radians(10.0),  # [O]: the real one trimmed at 0.2 deg/s [M]; here students may steer with it
+    jets_nm=4 * 445.0 * 1.68,  # four of the sixteen 445 N jets, 1.68 m out [M]
+    gyration_m=1.6,  # [O]: about 19 000 kg m2 at 7500 kg
+    # [O]: 3 m/s is taken up within 0.4 m, damped to about half of critical. Grip as of a dish in gravel.
+    leg=Leg(spring_npm=200e3, damper_nspm=26e3, friction=0.7),
+    gravity_mps2=MOON_GRAVITY_MPS2,
+)
+
+
+@dataclass(frozen=True)
+class SensorLevel:
+    """How often a sensor is read, and how badly it measures.
+
+    Args:
+        rate_hz: readings per second.
+        errors: noise, resolution and delay.
+    """
+
+    rate_hz: float
+    errors: SensorErrors = field(default_factory=SensorErrors)
+
+
+# A landing radar of the time was good to 1.5 % or 5 ft in height, and to 1.5 ft/s in rate [M]; its numbers were smoothed
+# in the computer. Near the ground that is about what stands here [O]. One period of delay is what computing takes.
+VERTICAL_RADAR = SensorLevel(
+    rate_hz=10.0,  # as the lunar module's digital autopilot ran [M]
+    errors=SensorErrors(
+        noise={"altitude_m": 0.2, "velocity_mps": 0.05},
+        resolution={"altitude_m": 0.05, "velocity_mps": 0.01},
+        delay_s=0.1,
+    ),
+)
+
+# In the plane attitude wants a shorter delay than descent does. At 20 Hz it lands as well as at 50 Hz.
+PLANE_RADAR = SensorLevel(
+    rate_hz=20.0,
+    errors=SensorErrors(
+        noise={"altitude_m": 0.2, "velocity_mps": 0.05},
+        resolution={"altitude_m": 0.05, "velocity_mps": 0.01},
+        delay_s=0.05,
+    ),
+)
+INERTIAL = SensorLevel(
+    rate_hz=20.0,
+    errors=SensorErrors(
+        noise={"position_m": 0.15, "velocity_mps": 0.04, "attitude_rad": 0.002, "rate_radps": 0.001, "fuel_kg": 0.5},
+        resolution={"attitude_rad": 0.0005, "rate_radps": 0.0002, "fuel_kg": 0.5},
+        delay_s=0.05,
+    ),
+)
+
+
+def worse(level: SensorLevel, factor: float) -> SensorLevel:
+    """Returns a sensor with `factor` times the noise."""
+    errors = level.errors
+    noise = {name: factor * sigma for name, sigma in errors.noise.items()}
+    return SensorLevel(level.rate_hz, SensorErrors(noise, errors.resolution, errors.delay_s))
+
+
+@dataclass(frozen=True)
+class LanderParameters:
+    """What a controller may know about its lander. Where it starts, its sensors tell.
+
+    Args:
+        mass_kg: all of it, at the start.
+        fuel_kg: of the mass, what may be burned.
+        module: its other numbers.
+        radar: the radar altimeter.
+        inertial: the inertial unit; None where there is none (the vertical lander).
+        engine_hz: how often a command is written to the engine.
+        engine_timeout_s: a command older than this shuts the engine off.
+    """
+
+    mass_kg: float
+    fuel_kg: float
+    module: LunarModule = APOLLO
+    radar: SensorLevel = VERTICAL_RADAR
+    inertial: SensorLevel | None = None
+    engine_hz: float = 10.0
+    engine_timeout_s: float = 0.5
+
+    @property
+    def engine(self) -> Engine:
+        """The main engine, as the closed forms of descent want it."""
+        return Engine(self.module.thrust_n, self.module.exhaust_mps, self.module.gravity_mps2)

@@ -1,0 +1,201 @@
+"""Simulated devices: any output of a plant as a Sensor, any input as an Actuator.
+
+A plant tells the truth and obeys at once. Real devices do neither, so these stand between: the sensor answers late,
+with noise and in steps; the actuator takes no more than its limits. Both know a plant only by its promise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+import msgspec
+
+from snr_sim.prelude.errors import CommandError, DeviceError, ParameterError, SensorLost, nearest
+from snr_sim.prelude.plant import Plant
+
+if TYPE_CHECKING:
+    import numpy as np
+
+CommandT = TypeVar("CommandT", bound=msgspec.Struct)
+
+NOISE_BLOCK = 256  # drawn at once: one number at a time costs 40 times as much
+SAME_TIME_S = 1e-9  # two times closer than this are one, whatever rounding made of them
+
+
+@dataclass(frozen=True)
+class SensorErrors:
+    """How a sensor spoils what it measures. Empty: not at all.
+
+    Args:
+        noise: standard deviation by field of the reading, in the field's unit; for a list, of each number in it.
+        resolution: step that values are rounded to, by field.
+        delay_s: how old a reading is when it is read.
+    """
+
+    noise: dict[str, float] = field(default_factory=dict)
+    resolution: dict[str, float] = field(default_factory=dict)
+    delay_s: float = 0.0
+
+
+class SimSensor:
+    """Reads one output of a plant, as late and as badly as told. Keeps the promise of Sensor.
+
+    Args:
+        plant: what is measured.
+        output: name of the output.
+        errors: how badly.
+        rng: chance behind the noise.
+
+    Raises:
+        ParameterError: the errors name a field that readings do not have.
+
+    A delayed sensor keeps what it has read and answers with the newest of it that is old enough. So the age is
+    `delay_s`, rounded up to whole periods of reading; the reading's own `stamp_s` says what it is. Until there is one
+    old enough the first one stands in.
+    """
+
+    def __init__(self, plant: Plant, output: str, errors: SensorErrors, rng: np.random.Generator) -> None:
+        reading = plant.read(output)
+        fields = reading.__struct_fields__
+        for name in (*errors.noise, *errors.resolution):
+            if name not in fields:
+                raise ParameterError(f"Readings of '{output}' have no field '{name}'.", fix=nearest(name, fields))
+        self._plant, self._output = plant, output
+        self._reading_type: type[Any] = type(reading)
+        self._values_of = attrgetter(*fields)
+        # What is done to each field: (place, standard deviation, resolution, whether it is a list).
+        self._spoiling = [
+            (i, errors.noise.get(name, 0.0), errors.resolution.get(name, 0.0), isinstance(getattr(reading, name), list))
+            for i, name in enumerate(fields)
+            if errors.noise.get(name) or errors.resolution.get(name)
+        ]
+        self._delay_s = errors.delay_s
+        self._past: deque[Any] = deque()
+        self._rng = rng
+        self._noise: list[float] = []
+        self._is_open = True
+
+    def read(self) -> Any:
+        """Returns the newest reading.
+
+        Raises:
+            SensorLost: the sensor was closed.
+        """
+        if not self._is_open:
+            raise SensorLost(f"The simulated sensor '{self._output}' was closed.")
+        reading = self._plant.read(self._output)
+        if self._delay_s > 0.0:
+            reading = self._delayed(reading)
+        return self._spoiled(reading) if self._spoiling else reading
+
+    def close(self) -> None:
+        """Ends reading. Safe to call twice."""
+        self._is_open = False
+
+    def _delayed(self, reading: Any) -> Any:
+        past = self._past
+        past.append(reading)
+        newest_s = self._plant.time_s - self._delay_s + SAME_TIME_S
+        while len(past) > 1 and past[1].stamp_s <= newest_s:
+            past.popleft()
+        return past[0]
+
+    def _spoiled(self, reading: Any) -> Any:
+        values = list(self._values_of(reading))
+        if len(self._noise) < 32:  # more than any reading needs
+            self._noise = self._rng.standard_normal(NOISE_BLOCK).tolist() + self._noise
+        draw = self._noise.pop
+        for i, sigma, step, is_list in self._spoiling:
+            value = values[i]
+            if is_list:
+                if sigma:
+                    value = [one + sigma * draw() for one in value]
+                values[i] = [round(one / step) * step for one in value] if step else value
+                continue
+            if sigma:
+                value += sigma * draw()
+            values[i] = round(value / step) * step if step else value
+        return self._reading_type(*values)
+
+
+class SimActuator(Generic[CommandT]):
+    """Drives one input of a plant. Keeps the promise of Actuator.
+
+    Args:
+        plant: what is driven.
+        input_name: name of the input.
+        command_type: the struct of its commands; made without arguments it must be neutral.
+        limits: lowest and highest value of each field; a list is limited number by number.
+    """
+
+    def __init__(
+        self, plant: Plant, input_name: str, command_type: type[CommandT], limits: dict[str, tuple[float, float]]
+    ) -> None:
+        for name in limits:
+            if name not in command_type.__struct_fields__:
+                raise ParameterError(
+                    f"{command_type.__name__} has no field '{name}'.", fix=nearest(name, command_type.__struct_fields__)
+                )
+        self._plant, self._input = plant, input_name
+        self._type, self._limits = command_type, dict(limits)
+        self._bounds = [(name, low, high) for name, (low, high) in limits.items()]
+        self._is_open = True
+
+    @property
+    def command_type(self) -> type[CommandT]:
+        """The struct that `write` takes."""
+        return self._type
+
+    @property
+    def limits(self) -> dict[str, tuple[float, float]]:
+        """Lowest and highest value of each field."""
+        return dict(self._limits)
+
+    def write(self, command: CommandT) -> CommandT:
+        """Applies a command, clamped to the limits, and returns it as applied.
+
+        Raises:
+            CommandError: it is not a command of this actuator, or a value is not a finite number. What was applied
+                before stays.
+        """
+        if not self._is_open:
+            raise DeviceError(f"The simulated actuator '{self._input}' was closed.", fix="open it again.")
+        if type(command) is not self._type:
+            raise CommandError(
+                f"'{self._input}' takes {self._type.__name__}, not {type(command).__name__}.",
+                fix=f"send {self._type.__name__}({', '.join(self._type.__struct_fields__)}).",
+            )
+        changed: dict[str, Any] = {}
+        for name, low, high in self._bounds:
+            value = getattr(command, name)
+            if type(value) is not float or not low <= value <= high:
+                limited = self._limited(name, value, low, high)
+                if limited is not value:
+                    changed[name] = limited
+        if changed:
+            command = msgspec.structs.replace(command, **changed)
+        self._plant.write(self._input, command)
+        return command
+
+    def _limited(self, name: str, value: Any, low: float, high: float) -> Any:
+        if isinstance(value, (list, tuple)):
+            return [self._limited(f"{name}[{i}]", one, low, high) for i, one in enumerate(value)]
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+            raise CommandError(
+                f"'{self._input}' was told {name} = {value!r}, which is no finite number.",
+                fix=f"send a number between {low:g} and {high:g}; look for a division by zero or an overflow before it.",
+            )
+        return min(high, max(low, value))
+
+    def neutral(self) -> None:
+        """Stops pushing, also after `close`."""
+        self._plant.write(self._input, self._type())
+
+    def close(self) -> None:
+        """Goes to neutral and takes no more commands. Safe to call twice."""
+        self.neutral()
+        self._is_open = False
