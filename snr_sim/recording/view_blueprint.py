@@ -1,0 +1,210 @@
+"""How the viewer opens: which number goes into which plot, what it is called there, and where the cameras stand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+# Endings of names, as STYLE asks for them, and how the unit is written under a plot.
+UNITS = {
+    "m": "m",
+    "mps": "m/s",
+    "mps2": "m/s²",
+    "kg": "kg",
+    "rad": "rad",
+    "radps": "rad/s",
+    "n": "N",
+    "nm": "N m",
+    "v": "V",
+    "a": "A",
+    "pa": "Pa",
+    "s": "s",
+    "hz": "Hz",
+    "us": "µs",
+    "deg": "°",
+}
+# Where a student looks first; other units follow in the order in which they appear.
+UNITS_FIRST = ("m", "m/s", "", "kg", "rad", "rad/s")
+UNITS_NOT_PLOTTED = ("s",)  # stamps: a straight line for each sensor, and nothing to learn from it
+PLOTS_BESIDE_MAX = 4
+
+TRUTH_COLORS = ((240, 240, 240), (120, 170, 255), (255, 150, 200))
+BELIEF_COLORS = ((255, 170, 60), (90, 210, 120), (80, 200, 230), (230, 110, 90), (200, 150, 255), (210, 200, 80))
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line in one plot.
+
+    Args:
+        entity: path of the entity that holds its values.
+        name: what the legend says.
+        unit: its unit as text; empty if it has none.
+        is_truth: whether the plant says so; otherwise it is what a node believed.
+    """
+
+    entity: str
+    name: str
+    unit: str
+    is_truth: bool
+
+
+@dataclass
+class Layout:
+    """What the view holds, collected while it is written.
+
+    Args:
+        title: of the run.
+        roots: '' or, when two runs lie side by side, '/recorded' and '/replayed'.
+        bodies: entities of the bodies that move.
+        start_m: where the first body was at first.
+        low_m, high_m: corners of the box in which bodies moved.
+        body_size_m: longest edge of the largest body.
+    """
+
+    title: str
+    roots: list[str] = field(default_factory=lambda: [""])
+    lines: list[Line] = field(default_factory=list)
+    logs: list[str] = field(default_factory=list)
+    bodies: list[str] = field(default_factory=list)
+    start_m: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    low_m: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    high_m: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    body_size_m: float = 1.0
+    has_divergences: bool = False
+
+
+def name_and_unit(path: Sequence[str]) -> tuple[str, str]:
+    """Returns how a number is called and its unit.
+
+    >>> name_and_unit(("inertial", "velocity_mps", "0"))
+    ('inertial velocity 0', 'm/s')
+    >>> name_and_unit(("engine", "throttle"))
+    ('engine throttle', '')
+    """
+    words, unit = [], ""
+    for part in path:
+        stem, _, ending = part.rpartition("_")
+        if stem and ending in UNITS:
+            part, unit = stem, UNITS[ending]
+        words.append(part.replace("_", " "))
+    return " ".join(words), unit
+
+
+def color_and_width(line: Line, before: Sequence[Line]) -> tuple[tuple[int, int, int], float]:
+    """Returns how a line is drawn: truth thick and first, beliefs thin and in colours of their own."""
+    colors = TRUTH_COLORS if line.is_truth else BELIEF_COLORS
+    place = sum(other.unit == line.unit and other.is_truth == line.is_truth for other in before)
+    return colors[place % len(colors)], 3.0 if line.is_truth else 1.2
+
+
+def plots(lines: Sequence[Line]) -> dict[str, list[Line]]:
+    """Returns lines by plot: numbers of the same unit share one, titled by what it shows and the unit."""
+    by_unit: dict[str, list[Line]] = {unit: [] for unit in UNITS_FIRST}
+    for line in lines:
+        if line.unit not in UNITS_NOT_PLOTTED:
+            by_unit.setdefault(line.unit, []).append(line)
+    return {_title(unit, group): group for unit, group in by_unit.items() if group}
+
+
+def _title(unit: str, lines: Sequence[Line]) -> str:
+    truth = [line.name for line in lines if line.is_truth]
+    names = list(dict.fromkeys(truth or [line.name for line in lines]))
+    shown = ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
+    return f"{shown} [{unit}]" if unit else shown
+
+
+def blueprint(rrb: Any, layout: Layout, follow_time: bool = False) -> Any:
+    """Returns the layout for rerun.
+
+    Args:
+        rrb: the module rerun.blueprint; this file does not import it.
+        layout: what there is to show.
+        follow_time: whether the view stays with the newest data, as for a run that goes on.
+    """
+    left: list[Any] = []
+    if layout.bodies:
+        left.append(rrb.Horizontal(_follow(rrb, layout), _overview(rrb, layout), column_shares=[3, 2]))
+    left.append(_logs(rrb, layout))
+    parts: list[Any] = [rrb.Vertical(contents=left, row_shares=[7, 3] if len(left) == 2 else None)]
+    beside = _plots(rrb, layout)
+    if beside:
+        parts.append(beside)
+    return rrb.Blueprint(
+        rrb.Horizontal(contents=parts, column_shares=[5, 3] if len(parts) == 2 else None, name=layout.title),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="following" if follow_time else "paused"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _follow(rrb: Any, layout: Layout) -> Any:
+    """A camera that goes along with the first body."""
+    reach = 3.2 * layout.body_size_m
+    x, y, z = layout.start_m
+    return rrb.Spatial3DView(
+        name="close-up: the camera follows",
+        contents=["+ /**", "- /**/marker"],
+        line_grid=False,
+        background=[10, 12, 20],
+        eye_controls=rrb.EyeControls3D(
+            kind="Orbital",
+            position=[x + 0.25 * reach, y - reach, z + 0.3 * reach],
+            look_target=[x, y, z],
+            eye_up=[0, 0, 1],
+            tracking_entity=layout.bodies[0],
+        ),
+    )
+
+
+def _overview(rrb: Any, layout: Layout) -> Any:
+    """The whole way at once, seen from the south: x to the right, z up."""
+    low, high = layout.low_m, layout.high_m
+    center = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
+    reach = 1.25 * max(max(b - a for a, b in zip(low, high, strict=True)), 3 * layout.body_size_m)
+    return rrb.Spatial3DView(
+        name="the whole way",
+        contents=["+ /**", "- /**/arrows/**"],
+        line_grid=False,
+        background=[10, 12, 20],
+        eye_controls=rrb.EyeControls3D(
+            kind="Orbital",
+            position=[center[0], center[1] - reach, center[2] + 0.15 * reach],
+            look_target=center,
+            eye_up=[0, 0, 1],
+        ),
+    )
+
+
+def _logs(rrb: Any, layout: Layout) -> Any:
+    views = [
+        rrb.TextLogView(
+            name="tasks of " + log.strip("/").replace("/", " "),
+            contents=[f"+ {log}/**", f"- {log}/pages/**"],
+            columns=rrb.TextLogColumns(timeline_columns=["seq", "sim_time"], text_log_columns=["LogLevel", "Body"]),
+            format_options=rrb.TextLogFormat(monospace_body=True),
+        )
+        for log in layout.logs
+    ]
+    if layout.has_divergences:
+        views.insert(0, rrb.TextLogView(name="divergences", contents=["+ /divergences/**"]))
+    return rrb.Tabs(*views, rrb.TextDocumentView(name="run", contents=[f"+ {root}/run" for root in layout.roots]))
+
+
+def _plots(rrb: Any, layout: Layout) -> Any:
+    views = [
+        rrb.TimeSeriesView(
+            name=title,
+            contents=[f"+ {line.entity}" for line in lines] + (["+ /divergences/marks"] if layout.has_divergences else []),
+            plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
+            axis_x=rrb.TimeAxis(link="linkToGlobal"),
+        )
+        for title, lines in plots(layout.lines).items()
+    ]
+    if len(views) <= PLOTS_BESIDE_MAX:
+        return rrb.Vertical(*views) if views else None
+    first, rest = views[: PLOTS_BESIDE_MAX - 1], views[PLOTS_BESIDE_MAX - 1 :]
+    return rrb.Vertical(*first, rrb.Tabs(*rest))

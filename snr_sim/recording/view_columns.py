@@ -1,0 +1,341 @@
+"""Records of a run, turned from rows into columns: what the viewer and the picture draw.
+
+A trace is a list of records; a plot wants one array per number. Turning 20 000 rows into columns costs little if it is
+done a column at a time, and a lot if it is done a row at a time, so nothing here looks at one number alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from operator import itemgetter
+from typing import Any, TypeAlias
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from snr_sim.prelude.errors import ValueEncodingError
+from snr_sim.prelude.page import KINDS, Page
+from snr_sim.prelude.values import decode_value
+from snr_sim.recording.records import (
+    BeginRecord,
+    EndRecord,
+    ErrorRecord,
+    InputRecord,
+    PageRecord,
+    Record,
+    Returned,
+    TaskRecord,
+    TruthRecord,
+)
+
+Floats: TypeAlias = NDArray[np.float64]
+Ints: TypeAlias = NDArray[np.int64]
+Executed: TypeAlias = TaskRecord | PageRecord
+
+# A longer list in a page is a picture or a scan, not a handful of numbers: as lines in a plot it would explain nothing.
+LIST_PLOTTED_MAX = 32
+# An input is executed soon after it came in; one that waited for longer than this many records is only named by its seq.
+INPUTS_REMEMBERED = 10_000
+
+_NUMBERS = {float, int, bool}
+_NO_ARROW = [0.0] * 6
+
+
+class _PlainPage(msgspec.Struct, gc=False):
+    """The part of a page that is drawn; the decoder skips the rest."""
+
+    data: Any
+
+
+_decode_pages = msgspec.json.Decoder(list[tuple[_PlainPage]]).decode
+
+
+@dataclass(frozen=True)
+class When:
+    """Where rows stand: `seq` is their order, `t_s` virtual time."""
+
+    seq: Ints
+    t_s: Floats
+
+    def __getitem__(self, rows: Any) -> When:
+        return When(self.seq[rows], self.t_s[rows])
+
+    def __len__(self) -> int:
+        return len(self.seq)
+
+
+@dataclass(frozen=True)
+class Series:
+    """One number over a run: its path, such as ('inertial', 'velocity_mps', '0'), and its values."""
+
+    path: tuple[str, ...]
+    when: When
+    values: Floats
+
+
+@dataclass(frozen=True)
+class LogRows:
+    """Lines of text with their level: INFO came from outside, DEBUG is a consequence, ERROR went wrong."""
+
+    when: When
+    texts: list[str]
+    levels: list[str]
+
+
+class _Rows:
+    """Columns that are still growing: where each row stands, and what it holds."""
+
+    def __init__(self) -> None:
+        self.seqs: list[int] = []
+        self.times: list[float] = []
+        self.held: list[Any] = []
+        self.levels: list[str] = []
+
+    def when(self) -> When:
+        return When(np.array(self.seqs, np.int64), np.array(self.times, np.float64))
+
+
+class Batch:
+    """Some records of a run, in the order they were made, sorted by what shows them.
+
+    Each record is looked at once, and what is needed of it put into columns there and then.
+
+    Example:
+        >>> batch = Batch()
+        >>> batch.add(TruthRecord(seq=1, t=0.0, poses={}, arrows={}, values={"altitude_m": 4.5}))
+        >>> [(series.path, series.values.tolist()) for series in batch.truth_values()]
+        [(('altitude_m',), [4.5])]
+    """
+
+    def __init__(self) -> None:
+        self._sources: dict[int, str] = {}
+        self._arrow_names: dict[str, None] = {}
+        self._takers: dict[type, Callable[[Any], None]] = {
+            InputRecord: self._add_input,
+            PageRecord: self._add_page,
+            TaskRecord: self._add_executed,
+            TruthRecord: self._add_truth,
+        }
+        self.clear()
+
+    def add(self, record: Record) -> None:
+        """Takes one record."""
+        self._takers.get(type(record), self._add_event)(record)
+
+    def extend(self, records: Iterable[Record]) -> None:
+        """Takes several records."""
+        for record in records:
+            self._takers.get(type(record), self._add_event)(record)
+
+    def clear(self) -> None:
+        """Forgets the records, but not which inputs are still to be executed."""
+        self._truths = _Rows()
+        self._pages: dict[tuple[str, str], _Rows] = {}
+        self._executed: dict[str, _Rows] = {}
+        self._events: dict[str, _Rows] = {}
+        for seq in list(self._sources)[:-INPUTS_REMEMBERED]:
+            del self._sources[seq]
+
+    def truth_values(self) -> Iterator[Series]:
+        """Returns every number of the plant's true state."""
+        yield from _columns((), self._truths.when(), [truth.values for truth in self._truths.held])
+
+    def poses(self) -> Iterator[tuple[str, When, Floats]]:
+        """Returns the pose of each body: name, when, array of shape (n, 7)."""
+        when, rows = self._truths.when(), [truth.poses for truth in self._truths.held]
+        for body, picked, poses in _by_name(rows):
+            flat = _floats(list(chain.from_iterable(poses)))
+            if len(flat) == 7 * len(poses):
+                yield body, when if picked is None else when[picked], flat.reshape(-1, 7)
+
+    def arrows(self) -> Iterator[tuple[str, When, Floats]]:
+        """Returns each arrow: name, when, array of shape (n, 6). Where a truth does not name it, it has no length."""
+        when, rows = self._truths.when(), [truth.arrows for truth in self._truths.held]
+        self._arrow_names |= dict.fromkeys(chain.from_iterable(rows))
+        for name in self._arrow_names if rows else ():
+            flat = _floats(list(chain.from_iterable([row.get(name, _NO_ARROW) for row in rows])))
+            if len(flat) != 6 * len(rows):
+                continue
+            arrows = flat.reshape(-1, 6)
+            pushes = arrows[:, 3:].any(axis=1)
+            # Only where it is seen, and where it has just gone: a jet that fires now and then costs next to nothing.
+            told = pushes | np.concatenate(([True], pushes[:-1]))
+            yield name, when[told], arrows[told]
+
+    def page_values(self) -> Iterator[tuple[str, Series]]:
+        """Returns every number that pages carried: node and series, whose path begins with the page's key."""
+        for (node, key), rows in self._pages.items():
+            for series in _columns((key,), rows.when(), _page_data(rows.held)):
+                yield node, series
+
+    def executed(self) -> Iterator[tuple[str, LogRows]]:
+        """Returns for each node one line of text per executed task."""
+        return ((node, LogRows(rows.when(), rows.held, rows.levels)) for node, rows in self._executed.items())
+
+    def events(self) -> Iterator[tuple[str, LogRows]]:
+        """Returns for each node how it began and ended, and what went wrong."""
+        return ((node, LogRows(rows.when(), rows.held, rows.levels)) for node, rows in self._events.items())
+
+    def _add_input(self, record: InputRecord) -> None:
+        self._sources[record.seq] = record.source
+
+    def _add_truth(self, record: TruthRecord) -> None:
+        rows = self._truths
+        rows.seqs.append(record.seq)
+        rows.times.append(record.t)
+        rows.held.append(record)
+
+    def _add_page(self, record: PageRecord) -> None:
+        key = (record.node, record.name)
+        rows = self._pages.get(key) or self._pages.setdefault(key, _Rows())
+        rows.seqs.append(record.seq)
+        rows.times.append(record.t)
+        rows.held.append(record.values)
+        self._add_executed(record)
+
+    def _add_executed(self, record: Executed) -> None:
+        rows = self._executed.get(record.node) or self._executed.setdefault(record.node, _Rows())
+        source = self._sources.get(record.cause)
+        rows.seqs.append(record.seq)
+        rows.times.append(record.t)
+        rows.held.append(_line(record, source))
+        rows.levels.append("INFO" if source else "DEBUG")
+
+    def _add_event(self, record: BeginRecord | EndRecord | ErrorRecord) -> None:
+        rows = self._events.setdefault(record.node, _Rows())
+        text, level = _event(record)
+        rows.seqs.append(record.seq)
+        rows.times.append(record.t)
+        rows.held.append(text)
+        rows.levels.append(level)
+
+
+def _line(record: Executed, source: str | None) -> str:
+    """Returns for example 'process_data inertial   because of 43   guidance: store_page engine'."""
+    why = f"because of {record.cause or 'begin'}" if source is None else f"from {source}, input {record.cause}"
+    made = ""
+    for part in record.handled:
+        if part.returned:
+            made += f"   {part.by}: {_tasks(part.returned)}"
+    return f"{record.type} {record.name}   {why}{made}"
+
+
+def _tasks(returned: Sequence[Returned]) -> str:
+    return ", ".join([f"{task.type} {task.name}" for task in returned])
+
+
+def _event(record: BeginRecord | EndRecord | ErrorRecord) -> tuple[str, str]:
+    if isinstance(record, ErrorRecord):
+        return f"{record.component}: {record.message}", "ERROR"
+    if isinstance(record, BeginRecord):
+        return f"{record.by} begins: {_tasks(record.returned) or 'nothing to do'}", "INFO"
+    return f"{record.node} ends: {record.reason}", "INFO"
+
+
+def _page_data(raws: Sequence[msgspec.Raw]) -> list[Any]:
+    """Returns the `data` of each page; None where it cannot be brought back.
+
+    Args:
+        raws: the values of `store_page` tasks, [page] as JSON.
+    """
+    joined = b"[" + b",".join(raws) + b"]"
+    # Each page has one mark "$", its own. No more of them: all data is plain JSON, and C can decode it in one go.
+    if joined.count(b'"$":') == len(raws):
+        try:
+            return [page.data for (page,) in _decode_pages(joined)]
+        except msgspec.DecodeError:
+            pass  # a trace that was edited: one by one, so that the other pages are still shown
+    return [_one_page_data(bytes(raw)) for raw in raws]
+
+
+def _one_page_data(raw: bytes) -> Any:
+    try:
+        values = decode_value(raw, KINDS)
+    except ValueEncodingError:
+        return None
+    page = values[0] if isinstance(values, list) and values else None
+    return page.data if isinstance(page, Page) else None
+
+
+def _columns(path: tuple[str, ...], when: When, rows: Sequence[Any]) -> Iterator[Series]:
+    """Returns the numbers inside `rows`, however they are nested, as one series per place where a number was found."""
+    kinds = set(map(type, rows))
+    if not kinds:
+        return
+    if kinds <= _NUMBERS:
+        yield Series(path, when, _floats(rows))
+    elif kinds == {dict}:
+        for name, picked, inner in _by_name(rows):
+            yield from _columns((*path, str(name)), when if picked is None else when[picked], inner)
+    elif kinds == {list}:
+        for i, picked, inner in _by_place(rows):
+            yield from _columns((*path, str(i)), when if picked is None else when[picked], inner)
+    else:
+        yield from _mixed(path, when, rows)
+
+
+def _by_name(rows: list[dict[Any, Any]]) -> Iterator[tuple[Any, list[int] | None, Sequence[Any]]]:
+    """Returns for each key: the rows that have it (None: all), and what they have there."""
+    names = list(rows[0]) if rows else []
+    if len(names) > 1 and sum(map(len, rows)) == len(rows) * len(names):
+        try:
+            columns = list(zip(*map(itemgetter(*names), rows), strict=True))
+        except KeyError:
+            pass  # as many keys, but others
+        else:
+            yield from ((name, None, column) for name, column in zip(names, columns, strict=True))
+            return
+    for name in _names(rows):
+        picked = [i for i, row in enumerate(rows) if name in row]
+        yield name, picked, [rows[i][name] for i in picked]
+
+
+def _by_place(rows: list[list[Any]]) -> Iterator[tuple[int, list[int] | None, Sequence[Any]]]:
+    """Returns for each index: the rows that are so long (None: all), and what they have there."""
+    lengths = set(map(len, rows))
+    if max(lengths) > LIST_PLOTTED_MAX:
+        return
+    if len(lengths) == 1:
+        yield from ((i, None, column) for i, column in enumerate(zip(*rows, strict=True)))
+        return
+    for at in range(max(lengths)):
+        picked = [i for i, row in enumerate(rows) if len(row) > at]
+        yield at, picked, [rows[i][at] for i in picked]
+
+
+def _mixed(path: tuple[str, ...], when: When, rows: Sequence[Any]) -> Iterator[Series]:
+    """Takes the rows of each kind by themselves; text, None and whatever else is no number falls out."""
+    plain = [_plain(row) for row in rows]
+    for kinds in (_NUMBERS, {dict}, {list}):
+        picked = [i for i, row in enumerate(plain) if type(row) in kinds]
+        if picked:
+            yield from _columns(path, when[picked], [plain[i] for i in picked])
+
+
+def _plain(value: Any) -> Any:
+    """Returns arrays and tuples as lists; other values as they are."""
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist() if value.size <= LIST_PLOTTED_MAX else None
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _floats(values: Sequence[Any]) -> Floats:
+    try:
+        return np.array(values, np.float64)
+    except OverflowError:  # an int too large for a float
+        return np.array([_float(value) for value in values])
+
+
+def _float(value: Any) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return float("inf") if value > 0 else float("-inf")
+
+
+def _names(rows: Iterable[dict[Any, Any]]) -> list[Any]:
+    """Returns the keys that occur, in the order in which they first did."""
+    return list(dict.fromkeys(chain.from_iterable(rows)))

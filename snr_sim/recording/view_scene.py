@@ -1,0 +1,91 @@
+"""What a run looks like in space: the shapes of the scene, how big things are, and the path that a body took.
+
+Nothing here draws. The viewer and the picture ask it for numbers, so that both show the same scene.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Points: TypeAlias = NDArray[np.float64]
+
+# A path is drawn with at most this many points. More cannot be told apart on a screen, and a run may last for days.
+PATH_POINTS_MAX = 2_000
+
+
+class Path:
+    """The way of one body, thinned out as it grows, so that a long run needs no more memory than a short one.
+
+    >>> path = Path(points_max=4)
+    >>> path.extend(np.arange(30.0).reshape(10, 3))
+    >>> path.points()[:, 0].tolist()
+    [0.0, 9.0, 18.0, 27.0]
+    """
+
+    def __init__(self, points_max: int = PATH_POINTS_MAX) -> None:
+        self._points_max = points_max
+        self._stride = 1
+        self._seen = 0
+        self._kept: list[Points] = []
+        self._last: Points = np.empty((0, 3))
+
+    def extend(self, positions: Points) -> None:
+        """Takes further positions [m], shape (n, 3)."""
+        first = -self._seen % self._stride
+        self._kept.append(positions[first :: self._stride])
+        self._seen += len(positions)
+        self._last = positions[-1:] if len(positions) else self._last
+        while sum(map(len, self._kept)) > self._points_max:
+            self._kept = [np.concatenate(self._kept)[::2]]
+            self._stride *= 2
+
+    def points(self) -> Points:
+        """Returns the path, shape (n, 3), from the first position to the last."""
+        path = np.concatenate([np.empty((0, 3)), *self._kept])
+        ends_there = len(path) and np.array_equal(path[-1], self._last[0])
+        return path if ends_there else np.concatenate([path, self._last])[-self._points_max :]
+
+
+def points_of(shape: dict[str, Any]) -> Points:
+    """Returns points [m] between which the whole shape lies, shape (n, 3), in the shape's own frame."""
+    kind = shape.get("kind")
+    if kind == "box":
+        half, center = np.array(shape["half_size_m"], float), np.array(shape["center_m"], float)
+        corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
+        return center + corners * half
+    points = shape.get("points_m" if kind == "polyline" else "vertices_m", [])
+    return np.array(points, np.float64).reshape(-1, 3)
+
+
+def size_of(shapes: Iterable[dict[str, Any]]) -> float:
+    """Returns the longest edge [m] of the box around some shapes; 1 if there are none."""
+    points = [points_of(shape) for shape in shapes]
+    if not sum(map(len, points)):
+        return 1.0
+    return float(np.ptp(np.concatenate(points), axis=0).max()) or 1.0
+
+
+def rgb_of(shape: dict[str, Any]) -> list[int]:
+    """Returns the shape's colour; grey if it has none."""
+    return [int(part) for part in shape.get("rgb", (170, 170, 170))]
+
+
+def mesh_with_normals(vertices: Points, triangles: NDArray[np.int64]) -> tuple[Points, Points]:
+    """Returns three vertices of its own for each triangle, and their normals: edges then look like edges.
+
+    Args:
+        vertices: shape (n, 3).
+        triangles: shape (k, 3), indices of vertices.
+
+    Returns:
+        vertices of shape (3 k, 3), and unit normals of the same shape.
+    """
+    corners = vertices[triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
+    return corners.reshape(-1, 3), np.repeat(normals, 3, axis=0)

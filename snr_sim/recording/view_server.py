@@ -1,0 +1,223 @@
+"""Opens a view: in rerun's own window, or in the browser by a page that only this machine can reach.
+
+rerun's command-line program does the showing. It is started with 127.0.0.1 as the address to listen on, because its
+default is every network of the computer, and with usage statistics off. The page in the browser would by itself ask
+for a font and send statistics; so it is handed on with a content security policy, by which the browser itself refuses
+every address but this machine's.
+"""
+
+from __future__ import annotations
+
+import http.client
+import importlib.util
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from threading import Thread
+from urllib.parse import quote, urlsplit
+
+from snr_sim.prelude.errors import MissingExtra, TraceError
+
+LOOPBACK = "127.0.0.1"
+START_DEADLINE_S = 20.0
+# The address of the page must differ from the one of its data only in the port, so ports are open; hosts are not.
+POLICY = (
+    "default-src 'self'; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval'; style-src 'self' 'unsafe-inline'; "
+    f"img-src 'self' data: blob:; worker-src 'self' blob:; connect-src 'self' data: blob: http://{LOOPBACK}:*"
+)
+HANDED_ON = ("Content-Type", "rerun-final-length")
+
+
+def open_view(path: str | Path, web: bool = False, say: Callable[[str], None] = print) -> None:
+    """Shows a view, and returns when its window is closed or on Ctrl-C.
+
+    Args:
+        path: of a view.rrd.
+        web: whether to show it in the browser instead of in a window.
+        say: is told what to do, and at which address.
+
+    Raises:
+        MissingExtra: rerun is not installed.
+        TraceError: there is no such file, or the viewer does not start.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise TraceError(f"There is no view at {path}.", fix="a run writes one unless it is started with --no-rrd.")
+    if not web:
+        _wait_for(subprocess.Popen([*_viewer(), "--bind", LOOPBACK, "--port", "auto", str(path)], env=_environment()))
+        return
+    with serve_web(path) as url:
+        say(f"Open {url}\nOnly this computer can reach it. Ctrl-C ends it.")
+        _until_interrupted()
+
+
+def open_live(url: str) -> subprocess.Popen[bytes]:
+    """Starts rerun's own window on a `LiveView`, and returns at once.
+
+    Args:
+        url: of the live view.
+    """
+    return subprocess.Popen([*_viewer(), "--bind", LOOPBACK, "--port", "auto", "--connect", url], env=_environment())
+
+
+@contextmanager
+def serve_web(source: str | Path) -> Iterator[str]:
+    """Serves the viewer's page while the block runs; gives its address.
+
+    Args:
+        source: path of a view.rrd, or the url of a `LiveView`.
+    """
+    with _web_viewer() as viewer_port:
+        handler = type("Handler", (_PageHandler,), {"viewer_port": viewer_port, "source": source})
+        server = ThreadingHTTPServer((LOOPBACK, 0), handler)
+        server.daemon_threads = True
+        thread = Thread(target=server.serve_forever, daemon=True)
+        thread.start()
+        page = f"http://{LOOPBACK}:{server.server_address[1]}"
+        data = source if isinstance(source, str) and "://" in source else f"{page}/{_PageHandler.FILE}"
+        try:
+            yield f"{page}/?url={quote(str(data), safe='')}&hide_welcome_screen=1"
+        finally:
+            server.shutdown()
+            server.server_close()
+            thread.join()
+
+
+class _PageHandler(BaseHTTPRequestHandler):
+    """Serves the view, and hands on the rest of the page from rerun's own server, with the policy in front."""
+
+    FILE = "view.rrd"
+    viewer_port = 0
+    source: str | Path = ""
+
+    def do_GET(self) -> None:  # noqa: N802  # the name that http.server calls
+        """Answers one request."""
+        try:
+            if urlsplit(self.path).path == f"/{self.FILE}":
+                self._serve_file()
+            else:
+                self._hand_on()
+        except (BrokenPipeError, ConnectionResetError):
+            pass  # the page was closed or loaded again
+
+    def _serve_file(self) -> None:
+        try:
+            file = open(self.source, "rb")
+        except OSError as error:
+            self.send_error(404, str(error))
+            return
+        with file:
+            self.send_response(200)
+            self.send_header("Content-Type", "application/octet-stream")
+            self.send_header("Content-Length", str(os.fstat(file.fileno()).st_size))
+            self.end_headers()
+            shutil.copyfileobj(file, self.wfile)
+
+    def _hand_on(self) -> None:
+        viewer = http.client.HTTPConnection(LOOPBACK, self.viewer_port, timeout=START_DEADLINE_S)
+        try:
+            viewer.request("GET", self.path)
+            answer = viewer.getresponse()
+            body = answer.read()
+        except OSError as error:
+            self.send_error(502, f"the viewer does not answer: {error}")
+            return
+        finally:
+            viewer.close()
+        self.send_response(answer.status)
+        for name in HANDED_ON:
+            if value := answer.getheader(name):
+                self.send_header(name, value)
+        self.send_header("Content-Length", str(len(body)))
+        self.send_header("Content-Security-Policy", POLICY)
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, format: str, *args: object) -> None:  # noqa: A002
+        """Says nothing: each of the page's requests would be a line in the student's terminal."""
+
+
+@contextmanager
+def _web_viewer() -> Iterator[int]:
+    """Runs rerun's server of the viewer's page, and gives its port.
+
+    Without a file, because with one it keeps a core busy for as long as it runs (0.41).
+    """
+    port = free_port()
+    command = [*_viewer(), "--serve-web", "--bind", LOOPBACK, "--web-viewer-port", str(port), "--port", str(free_port())]
+    process = subprocess.Popen(command, env=_environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        _wait_until_it_answers(process, port)
+        yield port
+    finally:
+        process.terminate()
+        try:
+            process.wait(timeout=5)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def _wait_until_it_answers(process: subprocess.Popen[bytes], port: int) -> None:
+    deadline_s = time.monotonic() + START_DEADLINE_S
+    while time.monotonic() < deadline_s and process.poll() is None:
+        with socket.socket() as probe:
+            probe.settimeout(0.2)
+            if probe.connect_ex((LOOPBACK, port)) == 0:
+                return
+        time.sleep(0.02)
+    raise TraceError(
+        "The rerun viewer did not start.",
+        fix="run 'rerun --version'; if that fails too, install it anew: pip install --force-reinstall rerun-sdk",
+    )
+
+
+def free_port() -> int:
+    """Returns a port that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        return int(probe.getsockname()[1])
+
+
+def _viewer() -> list[str]:
+    """Returns the command of the viewer.
+
+    The program itself where it can be found: `python -m rerun_cli` is a shim, and ending that leaves the program running.
+    """
+    found = importlib.util.find_spec("rerun_cli")
+    if found is None or found.origin is None:
+        raise MissingExtra("rerun-sdk", "view")
+    program = Path(found.origin).with_name("rerun.exe" if sys.platform == "win32" else "rerun")
+    return [str(program)] if program.is_file() else [sys.executable, "-m", "rerun_cli"]
+
+
+def _environment() -> dict[str, str]:
+    """Returns the environment in which rerun neither sends statistics nor writes an identity for them (0.41).
+
+    It treats a machine that says CI as one that must not be counted. `rerun analytics disable` would do it too, but
+    for everything that the student does with rerun, and that is not ours to decide.
+    """
+    return {name: value for name, value in os.environ.items() if name != "FORCE_RERUN_ANALYTICS"} | {"CI": "1"}
+
+
+def _wait_for(process: subprocess.Popen[bytes]) -> None:
+    try:
+        process.wait()
+    except KeyboardInterrupt:
+        process.terminate()
+        process.wait()
+
+
+def _until_interrupted() -> None:
+    try:
+        while True:
+            time.sleep(3600)
+    except KeyboardInterrupt:
+        return
