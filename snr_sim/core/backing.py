@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from contextlib import suppress
 from typing import TYPE_CHECKING, Protocol
 
 from snr_sim.core.clocks import SimClock
@@ -47,9 +48,9 @@ class ClockBacking:
         self._loop = loop
         self._clock = loop.parent.clock
         self._rate_hz = loop.max_tick_rate_hz or _UNLIMITED_RATE_IN_LOCK_STEP_HZ
-        self._start_s = self._clock.now_s()
+        self._start_s = self._clock.now_s() + loop.first_tick_after_s
         self._order = loop.parent.order_of(loop.name)
-        self._is_set_up = False
+        self._is_started = False
         self._is_halted = False
         self.is_stopped = False
         self.ticks = 0
@@ -57,8 +58,8 @@ class ClockBacking:
 
     def start(self) -> None:
         """Sets the loop up and asks the clock for its first tick, now."""
+        self._is_started = True  # before setup: what fails halfway has to be halted too, as on a thread
         self._loop.parent.call_loop(self._loop, "setup")
-        self._is_set_up = True
         self._clock.call_at(self._start_s, self._tick, self._order)
 
     def _tick(self) -> None:
@@ -77,7 +78,7 @@ class ClockBacking:
     def join(self) -> None:
         """Stops and halts the loop."""
         self.is_stopped = True
-        if self._is_set_up and not self._is_halted:
+        if self._is_started and not self._is_halted:
             self._is_halted = True
             self._loop.halt()
 
@@ -92,6 +93,7 @@ class ThreadBacking:
         self._stopping = threading.Event()
         self._halting = threading.Lock()
         self._is_halted = False
+        self._give_up_s: float | None = None  # when somebody else asked it to stop, plus the timeout
         # A daemon, so that a loop that hangs cannot keep the process alive.
         self._thread = threading.Thread(target=self._run, name=loop.name, daemon=True)
         self.ticks = 0
@@ -118,7 +120,8 @@ class ThreadBacking:
 
     def _tick_on_deadlines(self) -> None:
         node, loop, clock = self._loop.parent, self._loop, self._clock
-        deadline_s = clock.now_s()
+        deadline_s = clock.now_s() + loop.first_tick_after_s
+        self._stopping.wait(loop.first_tick_after_s)
         while not self._stopping.is_set():
             self.ticks += 1
             node.call_loop(loop, "loop")
@@ -143,14 +146,18 @@ class ThreadBacking:
 
     def stop(self) -> None:
         """Asks for no more ticks; a loop that waits for its next one wakes."""
+        if self._give_up_s is None and self._thread is not threading.current_thread():
+            self._give_up_s = self._clock.now_s() + JOIN_TIMEOUT_S
         self._stopping.set()
 
     def join(self) -> None:
         """Stops and waits for the thread; a loop that does not answer is halted from here and left behind."""
-        self._stopping.set()
-        if self._thread.ident is None or self._thread is threading.current_thread():
+        self.stop()
+        if self._thread.ident is None or self._give_up_s is None:
             return
-        self._thread.join(JOIN_TIMEOUT_S)
+        with suppress(KeyboardInterrupt):  # whoever is impatient wants it halted now
+            # From when it was asked, not from now: so many loops that hang cost the time of one.
+            self._thread.join(max(self._give_up_s - self._clock.now_s(), 0.0))
         if self._thread.is_alive():
             self._halt_once()
             self._loop.parent.note(

@@ -53,11 +53,21 @@ class Lookup:
         self._components = components
         self._profiler = profiler
         self.cache: dict[TaskType, dict[TaskName, tuple[Entry, ...]]] = {kind: {} for kind in TaskType}
+        self._seen: dict[TaskType, dict[TaskName, tuple[Entry, ...]]] = {kind: {} for kind in TaskType}
 
     def forget(self) -> None:
         """Looks again at the next task: a component came, went or changed its handlers."""
+        self.seen()  # what the cache knew of the run so far
         for by_name in self.cache.values():
             by_name.clear()
+
+    def seen(self) -> dict[TaskType, dict[TaskName, tuple[Entry, ...]]]:
+        """Returns every task id that came by in this run, with who handled it, if anybody ever did."""
+        for kind, by_name in self.cache.items():
+            seen = self._seen[kind]
+            for name, entries in by_name.items():
+                seen[name] = entries or seen.get(name, ())
+        return self._seen
 
     def find(self, task: Task) -> tuple[Entry, ...]:
         """Returns who handles the task: per component the handler of (type, name), else of type."""
@@ -92,11 +102,16 @@ def check_handlers(owner: str, handlers: Any) -> None:
             fix="task_handlers is a dict: {(TaskType.event, 'start'): self.on_start}.",
         )
     for task_id, handler in handlers.items():
-        _check_id(owner, task_id)
+        check_id(owner, task_id)
         _check_handler(owner, task_id, handler)
 
 
-def _check_id(owner: str, task_id: Any) -> None:
+def check_id(owner: str, task_id: Any) -> None:
+    """Checks that tasks can have this id.
+
+    Raises:
+        ConfigError: they cannot.
+    """
     if isinstance(task_id, TaskType):
         return
     if isinstance(task_id, tuple) and len(task_id) == 2:

@@ -55,6 +55,8 @@ class Loop:
         ParameterError: the rate is negative or not a number.
     """
 
+    first_tick_after_s: float = 0.0  # how long after `begin` the first `loop` comes; a loop may set its own
+
     def __init__(self, factory: LoopFactory, parent: Node, name: str, max_tick_rate_hz: float = 1000.0) -> None:
         if not 0 <= max_tick_rate_hz < float("inf"):
             raise ParameterError(

@@ -44,6 +44,7 @@ class EventMachine:
         self.door = door
         self.now_s = 0.0
         self.executed = 0
+        self.longest_queue = 0  # right after inputs were let in: where it grows when they come too fast
         self.running: Component | None = None  # whose code runs now
         self.is_ended = False
         self._latch = latch
@@ -53,7 +54,12 @@ class EventMachine:
     @property
     def queued(self) -> int:
         """How many tasks wait, at the door or inside."""
-        return len(self._queue) + len(self._urgent) + len(self.door.waiting)
+        return self.inside + len(self.door.waiting)
+
+    @property
+    def inside(self) -> int:
+        """How many tasks wait that have been let in."""
+        return len(self._queue) + len(self._urgent)
 
     def run_ready(self) -> None:
         """Executes tasks until none is left or the machine has ended.
@@ -127,11 +133,11 @@ class EventMachine:
         """Finishes what is queued when the machine has ended; returns how many tasks were cut off."""
         self.let_in()
         for _ in range(DRAIN_GENERATIONS):
-            for _ in range(self.queued):
+            for _ in range(self.inside):
                 self.execute_next()
-            if not self.queued:
+            if not self.inside:
                 return 0
-        return self.queued
+        return self.inside
 
     def let_in(self) -> None:
         """Queues what waits at the door. From here on the order is fixed; that is what a replay repeats.
@@ -144,6 +150,7 @@ class EventMachine:
         waiting = self.door.waiting
         while waiting:
             self._enter(*waiting.popleft())
+        self.longest_queue = max(self.longest_queue, self.inside)
 
     def begin_component(self, component: Component) -> None:
         """Calls a component's `begin`; what it schedules is queued as its own doing, not as an input."""

@@ -29,6 +29,9 @@ from snr_sim.prelude.task import SomeTasks, Task, TaskType
 if TYPE_CHECKING:
     import numpy as np
 
+# From this many waiting tasks on a run is told that it cannot keep up. A burst of a few hundred is nothing unusual.
+OVERLOAD_TASKS = 1000
+
 
 class Node:
     """Runs the components of one role until a terminate task.
@@ -180,11 +183,21 @@ class Node:
         for component in self._begun:
             self._call_last(component, "join", component.join, failures)
             self._call_last(component, "terminate", component.terminate, failures)
-        self.notes.extend(loose_ends(self.components, self.machine.lookup.cache, self.datastore))
+        if isinstance(self.door.failure, ComponentFailed):  # a loop's thread failed, perhaps only now, in its halt
+            failures.append(self.door.failure)
+        self._note_overload()
+        self.notes.extend(loose_ends(self.components, self.machine.lookup.seen(), self.datastore))
         if self._recorder is not None:
             self._recorder.end(self.machine.now_s, self.exit_reason or "", self.summary())
         if failures:
             raise failures[0]
+
+    def _note_overload(self) -> None:
+        if self.machine.longest_queue >= OVERLOAD_TASKS:
+            self.note(
+                f"Up to {self.machine.longest_queue} tasks waited at a time: they come faster than their handlers "
+                "work, so handlers see old data. Lower a loop's max_tick_rate_hz, or do less in a handler."
+            )
 
     def _drain(self, failures: list[ComponentFailed]) -> None:
         try:

@@ -30,9 +30,9 @@ class RecordingMachine(EventMachine):
         self._scheduled: list[Task] = []  # by the running component, so far
 
     @property
-    def queued(self) -> int:
-        """How many tasks wait, at the door or inside."""
-        return len(self._tickets) + len(self._urgent_tickets) + len(self.door.waiting)
+    def inside(self) -> int:
+        """How many tasks wait that have been let in."""
+        return len(self._tickets) + len(self._urgent_tickets)
 
     def run_ready(self) -> None:
         """Executes tasks until none is left or the machine has ended; raises as `EventMachine.run_ready`."""
