@@ -31,6 +31,16 @@ if TYPE_CHECKING:
         TaskName,
         TaskType,
     )
+    from snr_sim.std_mods.comms.memory import MemoryLink
+    from snr_sim.std_mods.moving_average import MovingAvgFilter, MovingAvgFilterFactory
+    from snr_sim.std_mods.printer import PrinterEndpointFactory
+    from snr_sim.std_mods.stopwatch import StopwatchEndpointFactory
+    from snr_sim.std_mods.timeout import TimeoutLoopFactory
+    from snr_sim.testing.case import SNRTestCase
+    from snr_sim.testing.expector import Expector, OrderedExpector
+    from snr_sim.testing.expector_endpoint import ExpectorEndpointFactory
+    from snr_sim.testing.fakes import FakeActuator, FakeSensor
+    from snr_sim.testing.replayer import ListReplayerFactory
 
 _PLACES = {
     "snr_sim.core.clocks": ("SimClock", "WallClock"),
@@ -51,6 +61,16 @@ _PLACES = {
         "TaskName",
         "TaskType",
     ),
+    "snr_sim.std_mods.comms.memory": ("MemoryLink",),
+    "snr_sim.std_mods.moving_average": ("MovingAvgFilter", "MovingAvgFilterFactory"),
+    "snr_sim.std_mods.printer": ("PrinterEndpointFactory",),
+    "snr_sim.std_mods.stopwatch": ("StopwatchEndpointFactory",),
+    "snr_sim.std_mods.timeout": ("TimeoutLoopFactory",),
+    "snr_sim.testing.case": ("SNRTestCase",),
+    "snr_sim.testing.expector": ("Expector", "OrderedExpector"),
+    "snr_sim.testing.expector_endpoint": ("ExpectorEndpointFactory",),
+    "snr_sim.testing.fakes": ("FakeActuator", "FakeSensor"),
+    "snr_sim.testing.replayer": ("ListReplayerFactory",),
 }
 _HOME = {name: module for module, names in _PLACES.items() for name in names}
 

@@ -1,0 +1,1 @@
+"""Links: how pages get from one node to another."""

@@ -1,0 +1,55 @@
+"""Printer: shows tasks as they come by."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import TextIO
+
+from snr_sim.core.endpoint import Endpoint, EndpointFactory
+from snr_sim.core.node import Node
+from snr_sim.prelude.page import Page
+from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
+
+
+class PrinterEndpointFactory(EndpointFactory):
+    """Prints a line for each task of some ids.
+
+    Args:
+        task_ids: which: `[(TaskType.process_data, "depth"), TaskType.event]`.
+        stream: where to; standard output, as it is when the line is printed, if not given.
+        name: of the endpoint.
+    """
+
+    def __init__(self, task_ids: Sequence[TaskId], stream: TextIO | None = None, name: str = "printer") -> None:
+        super().__init__()
+        self.task_ids = list(task_ids)
+        self.stream = stream
+        self.name = name
+
+    def get(self, parent: Node) -> PrinterEndpoint:
+        """Returns the endpoint."""
+        return PrinterEndpoint(self, parent, self.name)
+
+
+class PrinterEndpoint(Endpoint):
+    """Prints node, time, task, and what the task is about."""
+
+    factory: PrinterEndpointFactory
+
+    def __init__(self, factory: PrinterEndpointFactory, parent: Node, name: str) -> None:
+        super().__init__(factory, parent, name)
+        self.task_handlers = dict.fromkeys(factory.task_ids, self.print_task)
+
+    def print_task(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Prints one line."""
+        line = f"{self.parent.name} {self.get_time_s():10.4f} s  {task.type.value} '{task.name}'  {self._about(task)}"
+        print(line.rstrip(), file=self.factory.stream or sys.stdout)
+        return None
+
+    def _about(self, task: Task) -> str:
+        """The data, for tasks about a page; else the values the task carries."""
+        if task.type is TaskType.process_data:
+            return repr(self.get_data(task.name))
+        values = [value.data if isinstance(value, Page) else value for value in task.val_list]
+        return ", ".join(repr(value) for value in values)

@@ -1,0 +1,44 @@
+"""Stopwatch: takes the time of each task of some ids."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from snr_sim.core.endpoint import Endpoint, EndpointFactory
+from snr_sim.core.node import Node
+from snr_sim.prelude.task import SomeTasks, Task, TaskId
+
+
+class StopwatchEndpointFactory(EndpointFactory):
+    """Appends the node's time [s] at each matching task to a list.
+
+    Args:
+        times: the list; yours, so that it is there after the run.
+        ids: which tasks.
+        name: of the endpoint.
+    """
+
+    def __init__(self, times: list[float], ids: Sequence[TaskId], name: str = "stopwatch") -> None:
+        super().__init__()
+        self.times = times
+        self.ids = list(ids)
+        self.name = name
+
+    def get(self, parent: Node) -> StopwatchEndpoint:
+        """Returns the endpoint."""
+        return StopwatchEndpoint(self, parent, self.name)
+
+
+class StopwatchEndpoint(Endpoint):
+    """Writes down when tasks come."""
+
+    factory: StopwatchEndpointFactory
+
+    def __init__(self, factory: StopwatchEndpointFactory, parent: Node, name: str) -> None:
+        super().__init__(factory, parent, name)
+        self.task_handlers = dict.fromkeys(factory.ids, self.take_time)
+
+    def take_time(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Appends the time."""
+        self.factory.times.append(self.get_time_s())
+        return None

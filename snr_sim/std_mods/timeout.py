@@ -1,0 +1,56 @@
+"""Timeout: schedules a task once some time has passed."""
+
+from __future__ import annotations
+
+import math
+
+from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.node import Node
+from snr_sim.prelude import tasks
+from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.task import SomeTasks
+
+TIMEOUT = "timeout"
+
+
+class TimeoutLoopFactory(LoopFactory):
+    """Schedules a task `seconds` and `ms` after the node has begun: to the digit in virtual time.
+
+    Args:
+        seconds: to wait.
+        ms: milliseconds to wait, on top.
+        task: what to schedule; ends the node if not given.
+        name: of the loop; give each timeout of a node its own.
+
+    Raises:
+        ParameterError: the time is negative or not a number.
+    """
+
+    def __init__(
+        self, seconds: float = 0.0, ms: float = 0.0, task: SomeTasks = None, name: str = "timeout_loop"
+    ) -> None:
+        super().__init__()
+        self.delay_s = seconds + ms / 1000.0
+        if not (math.isfinite(self.delay_s) and self.delay_s >= 0.0):
+            raise ParameterError(f"A timeout of {self.delay_s} s.", fix="TimeoutLoopFactory(seconds=1.5).")
+        self.task = tasks.terminate(TIMEOUT) if task is None else task
+        self.name = name
+
+    def get(self, parent: Node) -> TimeoutLoop:
+        """Returns the loop."""
+        return TimeoutLoop(self, parent, self.name)
+
+
+class TimeoutLoop(Loop):
+    """A loop whose first tick comes late and is its last."""
+
+    factory: TimeoutLoopFactory
+
+    def __init__(self, factory: TimeoutLoopFactory, parent: Node, name: str) -> None:
+        super().__init__(factory, parent, name)
+        self.first_tick_after_s = factory.delay_s
+
+    def loop(self) -> None:
+        """The time has come."""
+        self.schedule(self.factory.task)
+        self.stop()

@@ -1,0 +1,1 @@
+"""The test kit: expectors, replayers, fakes and contracts. Students test their robots with it; time is virtual."""

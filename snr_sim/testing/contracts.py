@@ -1,0 +1,222 @@
+"""Contracts: what every sensor, actuator and plant has promised, checked on one. Run them over all of yours.
+
+Each check raises an AssertionError with the broken promise in words.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import msgspec
+
+from snr_sim.prelude.device import Actuator, Sensor
+from snr_sim.prelude.errors import CommandError, SnrError
+from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.values import decode_value, encode_value
+
+STEPS = 25
+DEFAULT_STEP_S = 0.01
+_SHAPES = {
+    "polyline": {"points_m", "rgb", "radius_m"},
+    "mesh": {"vertices_m", "triangles", "rgb"},
+    "box": {"half_size_m", "center_m", "rgb"},
+}
+
+
+def check_sensor(open_sensor: Callable[[], Sensor[Any]]) -> None:
+    """Checks a sensor: readings that are frozen Structs, an orderly end, and that it can be opened again.
+
+    Args:
+        open_sensor: opens one that has readings to give.
+    """
+    for _ in range(2):
+        sensor = open_sensor()
+        _promise(isinstance(sensor, Sensor), f"{sensor!r} lacks read() or close()")
+        for _ in range(3):
+            reading = sensor.read()
+            _promise(reading is not None, "read() returned None; it raises SensorLost when there is no reading")
+            _check_struct(reading, "a reading")
+        sensor.close()
+        sensor.close()
+
+
+def check_actuator(open_actuator: Callable[[], Actuator[Any]], a_command: Any) -> None:
+    """Checks an actuator: clamped to its own limits, deaf to NaN and infinity, neutral at any time.
+
+    Args:
+        open_actuator: opens one.
+        a_command: a valid command, inside the limits.
+    """
+    actuator = open_actuator()
+    _promise(isinstance(actuator, Actuator), f"{actuator!r} lacks one of command_type, limits, write, neutral, close")
+    _check_struct(a_command, "a command")
+    _promise(
+        type(a_command) is actuator.command_type, f"command_type is {actuator.command_type}, not {type(a_command)}"
+    )
+    limits = actuator.limits
+    numbers = _numbers(a_command)
+    _promise(set(limits) >= set(numbers), f"limits {sorted(limits)} leave out a field of {sorted(numbers)}")
+    actuator.neutral()
+    _check_inside(actuator.write(a_command), limits)
+    for name in numbers:
+        lowest, highest = limits[name]
+        _promise(math.isfinite(lowest) and math.isfinite(highest) and lowest <= highest, f"limits of {name}: {limits}")
+        for value in (lowest - 1.0, highest + 1.0, -1e300, 1e300):
+            _check_inside(actuator.write(msgspec.structs.replace(a_command, **{name: value})), limits)
+        for value in (math.nan, math.inf, -math.inf):
+            _check_refused(actuator, msgspec.structs.replace(a_command, **{name: value}), name)
+    actuator.neutral()
+    actuator.neutral()
+    actuator.close()
+    actuator.close()
+    actuator.neutral()
+
+
+def check_plant(make_plant: Callable[[], Plant], commands: Mapping[str, Any] | None = None) -> None:
+    """Checks a plant: same seed, same bits; snapshots; time; names; what it shows; and that NaN never gets in.
+
+    Args:
+        make_plant: makes a new one.
+        commands: a valid command for each of its inputs, so that it is also checked under way.
+    """
+    plant = make_plant()
+    _promise(isinstance(plant, Plant), f"{type(plant).__name__} lacks a member of Plant")
+    _promise(bool(plant.engine), "engine names the physics")
+    _promise(plant.step_s is None or plant.step_s > 0, f"step_s is {plant.step_s}")
+    for name, names in (("inputs", plant.inputs), ("outputs", plant.outputs)):
+        _promise(isinstance(names, tuple) and len(set(names)) == len(names), f"{name} is {names!r}")
+    _promise(set(commands or {}) <= set(plant.inputs), f"commands for {list(commands or {})}, inputs {plant.inputs}")
+    _check_time(plant)
+    _check_shown(plant)
+    _check_same_bits(plant, make_plant(), commands or {})
+    _check_snapshot(plant, commands or {})
+    for name, command in (commands or {}).items():
+        _check_nan(plant, name, command)
+
+
+def _promise(kept: bool, message: str) -> None:
+    if not kept:  # not an assert statement: those go with -O
+        raise AssertionError(f"Promise broken: {message}.")
+
+
+def _check_struct(value: Any, what: str) -> None:
+    is_struct = isinstance(value, msgspec.Struct)
+    _promise(is_struct, f"{what} is a msgspec Struct, not {value!r}")
+    _promise(bool(type(value).__struct_config__.frozen), f"{type(value).__name__} is frozen")
+
+
+def _numbers(command: Any) -> dict[str, float]:
+    values = msgspec.structs.asdict(command)
+    return {name: value for name, value in values.items() if isinstance(value, float)}
+
+
+def _check_inside(applied: Any, limits: Mapping[str, tuple[float, float]]) -> None:
+    for name, value in _numbers(applied).items():
+        lowest, highest = limits[name]
+        _promise(lowest <= value <= highest, f"'{name}' = {value} was applied, limits are {lowest} .. {highest}")
+
+
+def _check_refused(actuator: Actuator[Any], command: Any, name: str) -> None:
+    try:
+        applied = actuator.write(command)
+    except CommandError:
+        return
+    raise AssertionError(f"Promise broken: '{name}' = {getattr(command, name)} was applied as {applied!r}.")
+
+
+def _check_time(plant: Plant) -> None:
+    plant.reset(0)
+    _promise(plant.time_s == 0.0, f"time_s is {plant.time_s} after reset")
+    dt_s = plant.step_s or DEFAULT_STEP_S
+    for i in range(STEPS):
+        before_s = plant.time_s
+        plant.step(dt_s)
+        moved_s = plant.time_s - before_s
+        _promise(abs(moved_s - dt_s) < 1e-9, f"step {i} of {dt_s} s moved time by {moved_s} s")
+
+
+def _check_same_bits(one: Plant, other: Plant, commands: Mapping[str, Any]) -> None:
+    one.reset(4)
+    _go(one, commands)
+    one.reset(3)
+    other.reset(3)
+    _same(_state(one), _state(other), "after use and reset(3), a plant starts as a new one does")
+    _go(one, commands)
+    _go(other, commands)
+    _same(_state(one), _state(other), "same seed, same commands, same steps: same bits")
+
+
+def _check_snapshot(plant: Plant, commands: Mapping[str, Any]) -> None:
+    plant.reset(5)
+    _go(plant, commands)
+    at_snapshot = _state(plant)
+    snapshot = plant.snapshot()
+    _same(at_snapshot, _state(plant), "snapshot() changes nothing")
+    _go(plant, commands)
+    after = _state(plant)
+    for turn in ("once", "twice"):
+        plant.restore(snapshot)
+        _same(at_snapshot, _state(plant), f"restored {turn}, a plant is as it was")
+        _go(plant, commands)
+        _same(after, _state(plant), f"restored {turn}, the same steps give the same bits")
+
+
+def _check_shown(plant: Plant) -> None:
+    scene, truth = plant.scene(), plant.truth()
+    for what, value in (("scene()", scene), ("truth()", truth)):
+        _promise(decode_value(encode_value(value)) == value and b'"$":' not in encode_value(value), f"{what} is JSON")
+    _promise(set(scene) == {"statics", "bodies"}, f"scene() has the keys {sorted(scene)}")
+    for shape in [*scene["statics"].values(), *(shape for body in scene["bodies"].values() for shape in body)]:
+        wanted = _SHAPES.get(shape.get("kind"), set())
+        _promise(wanted != set() and wanted <= set(shape), f"a shape has {sorted(wanted)}, not {shape!r:.200}")
+    _promise(set(truth) == {"poses", "arrows", "values"}, f"truth() has the keys {sorted(truth)}")
+    for name, pose in truth["poses"].items():
+        _promise(name in scene["bodies"], f"truth() has a pose of '{name}', which scene() does not show")
+        _promise(len(pose) == 7 and abs(math.hypot(*pose[3:]) - 1.0) < 1e-6, f"pose of '{name}' is {pose}")
+    for name, arrow in truth["arrows"].items():
+        _promise(len(arrow) == 6, f"arrow '{name}' is {arrow}")
+    _promise(all(isinstance(value, (int, float)) for value in truth["values"].values()), "values are numbers")
+    for name in plant.outputs:
+        _check_struct(plant.read(name), f"output '{name}'")
+
+
+def _check_nan(plant: Plant, name: str, command: Any) -> None:
+    for field in _numbers(command):
+        plant.reset(0)
+        try:
+            plant.write(name, msgspec.structs.replace(command, **{field: math.nan}))
+            _go(plant, {})
+        except (SnrError, ValueError):
+            continue  # refused, which is as good
+        for value in _flat(plant.truth()):
+            _promise(math.isfinite(value), f"after '{name}.{field}' = NaN the state is no longer finite")
+
+
+def _go(plant: Plant, commands: Mapping[str, Any]) -> None:
+    for name, command in commands.items():
+        plant.write(name, command)
+    for _ in range(STEPS):
+        plant.step(plant.step_s or DEFAULT_STEP_S)
+
+
+def _state(plant: Plant) -> bytes:
+    """All that can be seen of a plant, with every bit of every float."""
+    return encode_value(
+        [plant.time_s, plant.truth(), {name: msgspec.to_builtins(plant.read(name)) for name in plant.outputs}]
+    )
+
+
+def _same(one: bytes, other: bytes, promise: str) -> None:
+    _promise(one == other, f"{promise}\n  {one.decode()}\n  {other.decode()}")
+
+
+def _flat(value: Any) -> Iterable[float]:
+    if isinstance(value, Mapping):
+        value = list(value.values())
+    if isinstance(value, list):
+        for item in value:
+            yield from _flat(item)
+    elif isinstance(value, (int, float)):
+        yield value

@@ -1,0 +1,160 @@
+"""Expectors: what tasks a test waits for, counted or in order, and a sentence about what came instead.
+
+An expector hears of tasks from the endpoint of `testing/expector_endpoint.py`, which stands in the node under test.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from types import TracebackType
+from typing import Self, TypeAlias
+from unittest import TestCase
+
+from snr_sim.core.handlers import check_id, describe
+from snr_sim.prelude.errors import ParameterError, nearest
+from snr_sim.prelude.task import Task, TaskId, TaskName, TaskType
+
+TaskExpectations: TypeAlias = Mapping[TaskId, int] | Sequence[TaskId]
+SHOWN = 20  # of a long list; nobody reads the rest
+
+
+class Expectations:
+    """What both expectors share: used in a `with`, they check at its end, unless something else has gone wrong.
+
+    Args:
+        expected: the ids waited for.
+        case: the test it belongs to, whose kind of failure is raised; without one, an AssertionError.
+    """
+
+    def __init__(self, expected: Iterable[TaskId], case: TestCase | None) -> None:
+        self.ids = list(dict.fromkeys(expected))
+        for task_id in self.ids:
+            check_id("expector", task_id)
+        self._failure = case.failureException if case is not None else AssertionError
+        self._seen: dict[TaskType, set[TaskName]] = {kind: set() for kind in TaskType}
+
+    def hear(self, task: Task) -> None:
+        """Takes note of a task."""
+        raise NotImplementedError(f"{type(self).__name__} needs a method hear(self, task)")
+
+    def is_satisfied(self) -> bool:
+        """Returns whether exactly the expected tasks have come so far."""
+        return not self.complaints()
+
+    def complaints(self) -> list[str]:
+        """Returns a sentence for each way in which what came is not what was expected."""
+        raise NotImplementedError(f"{type(self).__name__} needs a method complaints(self)")
+
+    def assert_satisfied(self) -> None:
+        """Fails with all complaints, if there are any.
+
+        Raises:
+            AssertionError: or what the test case raises for a failure.
+        """
+        complaints = self.complaints()
+        if complaints:
+            raise self._failure("The expected tasks did not come:\n  " + "\n  ".join(complaints))
+
+    def add_seen(self, kind: TaskType, names: Iterable[TaskName]) -> None:
+        """Takes names that came by in the node, whoever handled them: to offer the nearest for one that did not."""
+        self._seen[kind].update(names)
+
+    def _instead(self, task_id: TaskId) -> str:
+        """Says what came instead of an id that did not come at all."""
+        kind, name = task_id if isinstance(task_id, tuple) else (task_id, "")
+        seen = self._seen[kind]
+        return f"; {nearest(name, seen)}".replace("Known:", f"Every {kind.value} that came:") if seen and name else ""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if error is None:  # what went wrong in the `with` is the news; a missing task would only follow from it
+            self.assert_satisfied()
+
+
+class Expector(Expectations):
+    """Counts tasks.
+
+    Args:
+        expected: how often each id is to come: `{(TaskType.event, "landed"): 1, TaskType.store_page: 3}`. Or a list,
+            in which an id stands as often as it is to come. An id with count 0 is not to come at all.
+        case: the test it belongs to.
+
+    >>> with Expector({(TaskType.event, "landed"): 1}) as expector:
+    ...     expector.hear(Task(TaskType.event, "landed"))
+    """
+
+    def __init__(self, expected: TaskExpectations, case: TestCase | None = None) -> None:
+        counts = dict(expected) if isinstance(expected, Mapping) else dict(Counter(expected))
+        for task_id, count in counts.items():
+            if not isinstance(count, int) or count < 0:
+                raise ParameterError(f"Expector got {count!r} as the count of {task_id!r}.", fix="0, 1, 2, ...")
+        super().__init__(counts, case)
+        self.expected = counts
+        self.counts: Counter[TaskId] = Counter()
+
+    def hear(self, task: Task) -> None:
+        """Counts a task under its own id and under its type, where they are expected."""
+        for task_id in (task.id(), task.type):
+            if task_id in self.expected:
+                self.counts[task_id] += 1
+
+    def complaints(self) -> list[str]:
+        """Returns a line for each count that is not as expected."""
+        return [
+            f"{describe(task_id)}: expected {count}, came {self.counts[task_id]}"
+            + ("" if self.counts[task_id] else self._instead(task_id))
+            for task_id, count in self.expected.items()
+            if self.counts[task_id] != count
+        ]
+
+
+class OrderedExpector(Expectations):
+    """Checks the order in which tasks come; tasks with an id that is not in the list may come between them.
+
+    Args:
+        expected: ids, in order.
+        case: the test it belongs to.
+    """
+
+    def __init__(self, expected: Sequence[TaskId], case: TestCase | None = None) -> None:
+        super().__init__(expected, case)
+        self.expected = list(expected)
+        self.came: list[tuple[TaskType, TaskName]] = []
+
+    def hear(self, task: Task) -> None:
+        """Adds a task to what came, if its id or its type is expected anywhere."""
+        if task.id() in self.ids or task.type in self.ids:
+            self.came.append(task.id())
+
+    def complaints(self) -> list[str]:
+        """Returns what is wrong at the first place where the order differs, and both orders."""
+        place = self._first_difference()
+        if place is None:
+            return []
+        wanted = self.expected[place] if place < len(self.expected) else None
+        got = describe(self.came[place]) if place < len(self.came) else "nothing more"
+        expected = describe(wanted) if wanted is not None else "nothing more"
+        hint = self._instead(wanted) if wanted is not None and wanted not in self.came else ""
+        return [
+            f"number {place + 1}: expected {expected}, came {got}{hint}",
+            f"expected order: {_listed(self.expected)}",
+            f"order that came: {_listed(self.came)}",
+        ]
+
+    def _first_difference(self) -> int | None:
+        for place, (wanted, got) in enumerate(zip(self.expected, self.came, strict=False)):
+            if wanted not in (got, got[0]):
+                return place
+        shorter = min(len(self.expected), len(self.came))
+        return None if len(self.expected) == len(self.came) else shorter
+
+
+def _listed(ids: Sequence[TaskId]) -> str:
+    words = [describe(task_id) for task_id in ids[:SHOWN]]
+    more = f" and {len(ids) - SHOWN} more" if len(ids) > SHOWN else ""
+    return (", ".join(words) or "nothing") + more

@@ -1,0 +1,114 @@
+"""Devices without a wire: they keep the promises of `prelude/device.py`, and a test says what they answer."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any, Generic, TypeVar
+
+import msgspec
+
+from snr_sim.prelude.errors import CommandError, DeviceError, SensorLost, nearest
+
+ReadingT = TypeVar("ReadingT")
+CommandT = TypeVar("CommandT")
+
+
+class FakeSensor(Generic[ReadingT]):
+    """Gives readings from a list, then the last one again and again. Keeps the promise of Sensor.
+
+    Args:
+        readings: in order; an exception among them is raised, as by a sensor that is lost for a moment.
+    """
+
+    def __init__(self, readings: Iterable[ReadingT | Exception]) -> None:
+        self._left = list(readings)
+        self.is_closed = False
+
+    def read(self) -> ReadingT:
+        """Returns the next reading.
+
+        Raises:
+            SensorLost: the list is empty, or the sensor is closed.
+        """
+        if self.is_closed:
+            raise SensorLost("This sensor has been closed.", fix="read before close().")
+        if not self._left:
+            raise SensorLost("This fake sensor has no readings.", fix="FakeSensor([reading, ...]).")
+        reading = self._left.pop(0) if len(self._left) > 1 else self._left[0]
+        if isinstance(reading, Exception):
+            raise reading
+        return reading
+
+    def close(self) -> None:
+        """Ends it."""
+        self.is_closed = True
+
+
+class FakeActuator(Generic[CommandT]):
+    """Keeps in a list what it was told. Keeps the promise of Actuator.
+
+    Args:
+        command_type: a frozen msgspec Struct.
+        limits: lowest and highest value of each of its fields that is a number.
+    """
+
+    def __init__(self, command_type: type[CommandT], limits: Mapping[str, tuple[float, float]]) -> None:
+        fields: tuple[str, ...] = getattr(command_type, "__struct_fields__", ())
+        for name in limits:
+            if name not in fields:
+                raise CommandError(
+                    f"{command_type.__name__} has no field '{name}' to limit.", fix=nearest(name, fields)
+                )
+        self._command_type = command_type
+        self._limits = dict(limits)
+        self.written: list[CommandT] = []  # as applied, after clamping
+        self.neutral_count = 0
+        self.is_neutral = True
+        self.is_closed = False
+
+    @property
+    def command_type(self) -> type[CommandT]:
+        """What `write` takes."""
+        return self._command_type
+
+    @property
+    def limits(self) -> dict[str, tuple[float, float]]:
+        """Lowest and highest value of each field."""
+        return dict(self._limits)
+
+    def write(self, command: CommandT) -> CommandT:
+        """Clamps a command, keeps it, and returns it.
+
+        Raises:
+            CommandError: a value is NaN or infinite, or it is no command of this actuator.
+            DeviceError: the actuator is closed.
+        """
+        if self.is_closed:
+            raise DeviceError("This actuator has been closed.", fix="write before close().")
+        if type(command) is not self._command_type:
+            raise CommandError(f"{command!r} is no {self._command_type.__name__}.")
+        applied = self._clamped(command)
+        self.written.append(applied)
+        self.is_neutral = False
+        return applied
+
+    def _clamped(self, command: CommandT) -> CommandT:
+        values: dict[str, Any] = msgspec.structs.asdict(command)  # type: ignore[arg-type]
+        for name, (lowest, highest) in self._limits.items():
+            if not math.isfinite(values[name]):
+                raise CommandError(
+                    f"Command '{name}' is {values[name]}.", fix=f"a number in {lowest:g} .. {highest:g}."
+                )
+            values[name] = min(max(values[name], lowest), highest)
+        return self._command_type(**values)
+
+    def neutral(self) -> None:
+        """Counts that it was put at neutral."""
+        self.neutral_count += 1
+        self.is_neutral = True
+
+    def close(self) -> None:
+        """Goes to neutral and ends it."""
+        self.neutral()
+        self.is_closed = True
