@@ -37,9 +37,7 @@ def parameters(seed: int) -> LanderParameters:
 
 def plant(seed: int, engine: str) -> Lander1D:
     """Returns the module at its start."""
-    lander = Lander1D(start, parameters(seed).engine, gear=APOLLO.gear)
-    lander.reset(seed)
-    return lander
+    return Lander1D(start, parameters(seed).engine, seed, gear=APOLLO.gear)
 
 
 def verdict(plant: Lander1D) -> Verdict | None:

@@ -1,7 +1,8 @@
 """Where the vertical lander is now, from a radar that tells where it was.
 
-A reading is old when it arrives, and nothing measures the mass. But both follow from what the engine was told: the mass
-from all commands so far, the way since the reading from the last one.
+A reading is old when it arrives, it is noisy, and nothing measures the mass. But all of that follows from what the engine
+was told: the mass from all commands so far, the way since the reading from the last one. And where the module should be by
+now, had the last estimate been right, is worth more than one noisy reading.
 """
 
 from __future__ import annotations
@@ -10,6 +11,8 @@ from snr_sim.plants.descent import Motion, after
 from snr_sim.prelude.signals import RadarReading
 
 from .parameters import LanderParameters
+
+LEAST_GAIN = 0.15  # share of a new reading in the estimate, once many have come; less is smoother and slower
 
 
 class Reckoning:
@@ -21,20 +24,28 @@ class Reckoning:
 
     def __init__(self, parameters: LanderParameters) -> None:
         self.engine = parameters.engine
-        self.mass_kg = parameters.mass_kg
         self.throttle = 0.0
         self.told_s = 0.0
+        self.readings = 0
+        self.estimate = Motion(0.0, 0.0, parameters.mass_kg)
 
     def now(self, radar: RadarReading, now_s: float) -> Motion:
-        """Returns the present motion from a reading of a moment ago."""
-        flow = self.throttle * self.engine.thrust_n / self.engine.exhaust_mps
-        self.mass_kg -= flow * (now_s - self.told_s)
-        self.told_s = now_s
+        """Returns the best estimate of the present motion from a reading of a moment ago and all before."""
+        thrust, exhaust, gravity = self.engine
+        push = self.throttle * thrust
+        expected = after(self.estimate, push, exhaust, gravity, now_s - self.told_s)
         age_s = now_s - radar.stamp_s
-        then = Motion(radar.altitude_m, radar.velocity_mps, self.mass_kg + flow * age_s)
-        thrust = self.throttle * self.engine.thrust_n
-        here = after(then, thrust, self.engine.exhaust_mps, self.engine.gravity_mps2, age_s)
-        return here._replace(mass_kg=self.mass_kg)
+        mass_then = expected.mass_kg + push / exhaust * age_s
+        measured = after(Motion(radar.altitude_m, radar.velocity_mps, mass_then), push, exhaust, gravity, age_s)
+        self.readings += 1
+        gain = max(LEAST_GAIN, 1.0 / self.readings)
+        self.estimate = Motion(
+            expected.height_m + gain * (measured.height_m - expected.height_m),
+            expected.velocity_mps + gain * (measured.velocity_mps - expected.velocity_mps),
+            expected.mass_kg,
+        )
+        self.told_s = now_s
+        return self.estimate
 
     def told(self, throttle: float) -> float:
         """Notes what the engine is told from now on, as it will do it; returns it."""
@@ -43,4 +54,4 @@ class Reckoning:
 
     def throttle_for(self, acceleration_mps2: float) -> float:
         """Returns the throttle that gives an upward acceleration against gravity; not limited."""
-        return self.mass_kg * (acceleration_mps2 + self.engine.gravity_mps2) / self.engine.thrust_n
+        return self.estimate.mass_kg * (acceleration_mps2 + self.engine.gravity_mps2) / self.engine.thrust_n

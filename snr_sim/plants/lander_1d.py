@@ -56,6 +56,7 @@ class Lander1D:
     Args:
         start_of: gives the start that belongs to a seed.
         engine: thrust, exhaust speed and gravity.
+        seed: of the first run.
         least_throttle: what the engine gives at least while there is propellant, as one that cannot be shut off.
         gear: judges the touchdown.
         ceiling_m: above it the module is lost.
@@ -70,6 +71,7 @@ class Lander1D:
         self,
         start_of: Callable[[int], VerticalStart],
         engine: Engine,
+        seed: int = 0,
         least_throttle: float = 0.0,
         gear: GearLimits = APOLLO_GEAR,
         ceiling_m: float = 50_000.0,
@@ -79,13 +81,13 @@ class Lander1D:
         self.least_throttle = least_throttle
         self.gear = gear
         self.ceiling_m = ceiling_m
-        self.reset(0)
+        self.reset(seed)
 
     def reset(self, seed: int) -> None:
         """Puts the module back to the start that belongs to this seed, engine off."""
         start = self.start_of(seed)
         self.time_s = 0.0
-        self.height_m, self.velocity_mps = start.height_m, start.velocity_mps
+        self.height_m, self.velocity_mps = float(start.height_m), float(start.velocity_mps)
         self.mass_kg, self.fuel_kg = start.mass_kg, start.fuel_kg
         self.throttle = self.least_throttle
         self.touchdown: Touchdown | None = None

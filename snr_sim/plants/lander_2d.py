@@ -81,6 +81,7 @@ class Lander2D:
     Args:
         module: its numbers.
         start_of: gives the start and the ground that belong to a seed.
+        seed: of the first run.
         step_s: of integration; see `STEP_S`.
 
     Attributes:
@@ -93,7 +94,7 @@ class Lander2D:
     outputs = ("radar", "inertial")
 
     def __init__(
-        self, module: LunarModule, start_of: Callable[[int], tuple[PlaneStart, Terrain]], step_s: float = STEP_S
+        self, module: LunarModule, start_of: Callable[[int], tuple[PlaneStart, Terrain]], seed: int = 0, step_s: float = STEP_S
     ) -> None:
         self.pymunk = _pymunk()
         self.engine = f"pymunk {self.pymunk.version}"
@@ -105,7 +106,7 @@ class Lander2D:
         self._flow_step = module.thrust_n / module.exhaust_mps * step_s  # propellant of one step at full throttle
         self._world_terrain: Terrain | None = None
         self._hull_touched = False
-        self.reset(0)
+        self.reset(seed)
 
     @property
     def time_s(self) -> float:

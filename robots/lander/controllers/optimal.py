@@ -9,9 +9,10 @@ from snr_sim.prelude.signals import EngineCommand, RadarReading
 from snr_sim_robot_lander.parameters import LanderParameters
 from snr_sim_robot_lander.reckoning import Reckoning
 
-IN_HAND = 0.97  # share of the thrust that the plan counts on: the rest answers noise and what is not in the plan
-STOP_M = -0.15  # aim under the ground: the module touches down at about 1 m/s instead of hanging above it
-TOUCH_MPS = -1.5
+IN_HAND = 0.96  # share of the thrust that the plan counts on: the rest answers noise and what is not in the plan
+STOP_M = -0.04  # aim just under the ground: the module touches down at half a metre a second instead of hanging over it
+EARLY = 0.7  # who needs less than this brakes too early, and may fall on for a moment
+TOUCH_MPS = -1.0  # by the estimate it is on the ground already: faster than this, burn until contact
 
 
 def factories(robot: Robot) -> list[EndpointFactory]:
@@ -73,11 +74,13 @@ class OptimalLaw:
 
     def braking_throttle(self, here: Motion) -> float:
         """Returns the throttle that, kept, stops the fall at `STOP_M`: two guesses, and the line through them."""
-        if here.velocity_mps >= 0.0 or here.height_m <= STOP_M:
-            return 0.0 if here.velocity_mps >= TOUCH_MPS else 1.0
+        if here.height_m <= STOP_M:
+            return 1.0 if here.velocity_mps < TOUCH_MPS else 0.0
         thrust, exhaust, gravity = self.reckoning.engine
         # With constant mass; the true answer is a little lower, as the module gets lighter.
         first = self.reckoning.throttle_for(here.velocity_mps**2 / (2.0 * (here.height_m - STOP_M)))
+        if here.velocity_mps >= 0.0 or first < EARLY:
+            return 0.0
         second = 0.99 * first
         misses = [stop_height(here, Engine(u * thrust, exhaust, gravity)) - STOP_M for u in (first, second)]
         if misses[0] == misses[1]:

@@ -1,0 +1,118 @@
+"""Lands on the pad: one law for the way down and one for the way across ask for an acceleration, the module tilts to give it.
+
+    inertial, radar --> wanted acceleration [x, z] --> tilt and throttle
+                                    attitude, rate --> jets
+
+The engine pushes along the module only. So going sideways means tilting first, and attitude is the inner, quicker loop.
+"""
+
+from __future__ import annotations
+
+import math
+
+from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
+from snr_sim.prelude.scenario import Robot
+from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
+from snr_sim_robot_lander.parameters import LanderParameters
+
+# Down: sink so fast that this deceleration stops the fall at the last metres, and those slowly.
+BRAKE_MPS2 = 1.1  # 60 % of thrust gives 2: the rest is for tilting, lag and noise
+FASTEST_MPS = 14.0
+LAST_M, LAST_MPS = 2.5, 0.9
+SINK_RESPONSE_S = 0.8
+# Across: a spring and a damper to the middle of the pad, in 1/s^2 and 1/s.
+ACROSS_SPRING, ACROSS_DAMPER = 0.030, 0.33
+# Wait here until above the pad and slow enough; within them nothing is corrected that the gear would not mind.
+GATE_M, GATE_X_M, GATE_MPS = 9.0, 8.0, 0.8
+TILT_HIGH_RAD, TILT_LOW_RAD = math.radians(22.0), math.radians(4.0)  # from afar, and under the gate
+# Attitude: spring and damper of the jets, in 1/s^2 and 1/s; damped a little more than critically.
+TURN_SPRING, TURN_DAMPER = 1.6, 2.4
+
+
+def factories(robot: Robot) -> list[EndpointFactory]:
+    """Returns what makes the controller's components."""
+    return [PadFactory(robot.parameters)]
+
+
+class PadFactory(EndpointFactory):
+    """Makes the pilot. It keeps the lander's numbers, so that a reload loses none."""
+
+    def __init__(self, parameters: LanderParameters) -> None:
+        super().__init__()
+        self.parameters = parameters
+
+    def get(self, parent: Node) -> Endpoint:
+        """Returns a new one."""
+        return Pad(self, parent, "pad")
+
+
+class Pad(Endpoint):
+    """Answers every inertial reading with throttle and jets; the radar's page of the same moment is there already."""
+
+    def __init__(self, factory: PadFactory, parent: Node, name: str) -> None:
+        super().__init__(factory, parent, name)
+        self.law = PadLaw(factory.parameters)
+        self.task_handlers = {(TaskType.process_data, "inertial"): self.on_inertial}
+
+    def on_inertial(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Passes both readings to the law, and what the law says to the engine."""
+        radar = RadarReading(**self.get_data("radar"))
+        inertial = InertialReading(**self.get_data("inertial"))
+        command = self.law.update(radar, inertial, self.get_time_s())
+        return self.store_data_task("engine", {"throttle": command.throttle, "attitude": command.attitude})
+
+
+class PadLaw:
+    """Goes to the pad and sinks, upright, onto it.
+
+    Args:
+        parameters: of the lander.
+    """
+
+    def __init__(self, parameters: LanderParameters) -> None:
+        self.module = parameters.module
+        self.dry_mass_kg = parameters.mass_kg - parameters.fuel_kg
+        self.is_down = False
+        self.is_through_gate = False
+
+    def update(self, radar: RadarReading, inertial: InertialReading, now_s: float) -> EngineCommand:
+        """Returns throttle and jets for now."""
+        if self.is_down or any(inertial.contact):
+            self.is_down = True  # and stays: an engine that starts again on a bounce turns the module over
+            return EngineCommand()
+        age_s = now_s - inertial.stamp_s
+        (x, _), (vx, vz) = inertial.position_m, inertial.velocity_mps
+        height = radar.altitude_m + vz * age_s
+        mass = self.dry_mass_kg + inertial.fuel_kg
+        rate = inertial.rate_radps
+        attitude = inertial.attitude_rad + rate * age_s
+
+        up = self.module.gravity_mps2 + (self.wanted_sink(x + vx * age_s, vx, height) - vz) / SINK_RESPONSE_S
+        tilt = self.wanted_tilt(x + vx * age_s, vx, height, max(up, 0.8))
+        jets = TURN_SPRING * (tilt - attitude) - TURN_DAMPER * rate
+        inertia = mass * self.module.gyration_m**2
+        throttle = mass * max(0.0, up) / (math.cos(attitude) * self.module.thrust_n)
+        return EngineCommand(
+            throttle=min(self.module.throttle.highest, throttle),
+            attitude=min(1.0, max(-1.0, jets * inertia / self.module.jets_nm)),
+        )
+
+    def wanted_sink(self, x_m: float, vx_mps: float, height_m: float) -> float:
+        """Returns the vertical velocity that belongs to a height [m/s, up positive]."""
+        if not self.is_through_gate and height_m < GATE_M + 1.0:
+            self.is_through_gate = abs(x_m) < GATE_X_M and abs(vx_mps) < GATE_MPS
+        floor = LAST_M if self.is_through_gate else GATE_M
+        left = height_m - floor
+        slow = LAST_MPS if self.is_through_gate else 0.0
+        if left <= 0.0:
+            return -slow if self.is_through_gate else -0.5 * left
+        return -min(FASTEST_MPS, slow + math.sqrt(2.0 * BRAKE_MPS2 * left + 1.0) - 1.0)
+
+    def wanted_tilt(self, x_m: float, vx_mps: float, height_m: float, up_mps2: float) -> float:
+        """Returns the attitude that, at an upward push, gives the wanted sideways one [rad]."""
+        spring = 0.0 if self.is_through_gate else ACROSS_SPRING
+        across = -spring * x_m - ACROSS_DAMPER * vx_mps
+        most = TILT_LOW_RAD if self.is_through_gate else TILT_HIGH_RAD
+        if self.is_through_gate and height_m < LAST_M:
+            most *= 0.5
+        return min(most, max(-most, math.atan2(-across, up_mps2)))

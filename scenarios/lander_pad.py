@@ -1,0 +1,62 @@
+"""A lunar module in the plane, above gentle hills: fly to the pad, stand upright, touch down softly.
+
+Every seed is another start: height, distance, speed, tilt, mass and hills. It has landed when it stands still on both
+feet and the first contact was within what the gear takes, on the pad or off it. No wind (there is no air), and nothing
+breaks.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any
+
+from snr_sim.plants.lander_2d import Lander2D
+from snr_sim.plants.module import PlaneStart
+from snr_sim.plants.terrain import Terrain, make_terrain
+from snr_sim.prelude.rng import rng_for
+from snr_sim.prelude.scenario import Verdict
+from snr_sim_robot_lander.judging import judge, plane_metrics
+from snr_sim_robot_lander.parameters import APOLLO, DRY_MASS_KG, INERTIAL, PLANE_RADAR, LanderParameters
+
+ROBOT = "lander"
+ENGINES = ("pymunk",)
+CONTROLLER = "pad"
+TIME_LIMIT_S = 180.0
+
+
+@lru_cache(maxsize=4)
+def start(seed: int) -> tuple[PlaneStart, Terrain]:
+    """Returns where the run of a seed begins, and the ground it has."""
+    rng = rng_for(seed, "start")
+    fuel = rng.uniform(500.0, 700.0)
+    begin = PlaneStart(
+        position_m=(rng.uniform(-60.0, 60.0), rng.uniform(120.0, 180.0)),
+        velocity_mps=(rng.uniform(-6.0, 6.0), rng.uniform(-8.0, -2.0)),
+        attitude_rad=math.radians(rng.uniform(-6.0, 6.0)),
+        rate_radps=math.radians(rng.uniform(-1.0, 1.0)),
+        mass_kg=DRY_MASS_KG + fuel,
+        fuel_kg=fuel,
+    )
+    return begin, make_terrain(seed, relief_m=5.0)
+
+
+def parameters(seed: int) -> LanderParameters:
+    """Returns what the controller may know."""
+    begin, _ = start(seed)
+    return LanderParameters(begin.mass_kg, begin.fuel_kg, APOLLO, PLANE_RADAR, INERTIAL, engine_hz=20.0)
+
+
+def plant(seed: int, engine: str) -> Lander2D:
+    """Returns the module at its start."""
+    return Lander2D(APOLLO, start, seed)
+
+
+def verdict(plant: Lander2D) -> Verdict | None:
+    """Returns how it ended, or None while it flies."""
+    return judge(plant)
+
+
+def metrics(plant: Lander2D, seed: int) -> dict[str, Any]:
+    """Returns the touchdown, and the propellant beside a lower bound: the best vertical descent from the same start."""
+    return plane_metrics(plant, *start(seed))
