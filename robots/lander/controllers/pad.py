@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 
 from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
+from snr_sim.plants.module_shapes import PADS_BELOW_M
 from snr_sim.prelude.scenario import Robot
 from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
 from snr_sim_robot_lander.parameters import LanderParameters
@@ -24,6 +25,7 @@ SINK_RESPONSE_S = 0.8
 ACROSS_SPRING, ACROSS_DAMPER = 0.030, 0.33
 # Wait here until above the pad and slow enough; within them nothing is corrected that the gear would not mind.
 GATE_M, GATE_X_M, GATE_MPS = 9.0, 8.0, 0.8
+STEEPEST = 0.3  # come in over this slope to the gate: there are hills
 TILT_HIGH_RAD, TILT_LOW_RAD = math.radians(22.0), math.radians(4.0)  # from afar, and under the gate
 # Attitude: spring and damper of the jets, in 1/s^2 and 1/s; damped a little more than critically.
 TURN_SPRING, TURN_DAMPER = 1.6, 2.4
@@ -82,7 +84,8 @@ class PadLaw:
             return EngineCommand()
         age_s = now_s - inertial.stamp_s
         (x, _), (vx, vz) = inertial.position_m, inertial.velocity_mps
-        height = radar.altitude_m + vz * age_s
+        # Over a hill the radar's height counts, over a hollow that over the pad.
+        height = min(radar.altitude_m, inertial.position_m[1] - PADS_BELOW_M) + vz * age_s
         mass = self.dry_mass_kg + inertial.fuel_kg
         rate = inertial.rate_radps
         attitude = inertial.attitude_rad + rate * age_s
@@ -101,7 +104,7 @@ class PadLaw:
         """Returns the vertical velocity that belongs to a height [m/s, up positive]."""
         if not self.is_through_gate and height_m < GATE_M + 1.0:
             self.is_through_gate = abs(x_m) < GATE_X_M and abs(vx_mps) < GATE_MPS
-        floor = LAST_M if self.is_through_gate else GATE_M
+        floor = LAST_M if self.is_through_gate else GATE_M + STEEPEST * max(0.0, abs(x_m) - GATE_X_M)
         left = height_m - floor
         slow = LAST_MPS if self.is_through_gate else 0.0
         if left <= 0.0:
