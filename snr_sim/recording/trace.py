@@ -11,7 +11,7 @@ import hashlib
 import os
 import threading
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +63,7 @@ class TraceWriter:
         self._lines: deque[bytes] = deque()
         self._digest = digest_of_header(header)
         self._failure: OSError | None = None
+        self._follower: Callable[[Record], None] | None = None
         self._whole_bytes = 0  # length of the file up to its last whole line
         self._writing = threading.Lock()
         self._closing = threading.Event()
@@ -104,6 +105,10 @@ class TraceWriter:
         os.close(self._file)
         self._check()
 
+    def follow(self, add: Callable[[Record], None]) -> None:
+        """Has every record from now on given to `add`, too, decoded, on the thread that writes the file."""
+        self._follower = add
+
     def put(self, line: bytes) -> None:
         """Adds a line to the trace.
 
@@ -133,6 +138,9 @@ class TraceWriter:
             ready = [lines.popleft() for _ in range(len(lines))]
             if not ready or self._failure is not None:
                 return
+            if self._follower is not None:
+                for line in ready:
+                    self._follower(_decode_record(line))
             ready.append(b"")  # so that the last line gets its newline, too
             data = b"\n".join(ready)
             self._write(data)

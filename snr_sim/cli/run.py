@@ -1,0 +1,201 @@
+"""`snr run SCENARIO`: runs it, records it, says how it ended."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from snr_sim.recording.records import Header
+    from snr_sim.simulation import Request, Result
+
+
+def run(
+    scenario: Annotated[str, typer.Argument(help="A scenario's name, or its file; `snr list scenarios`.")],
+    seed: Annotated[int, typer.Option(help="Of all chance in the run. Every seed is another start.")] = 0,
+    engine: Annotated[str, typer.Option(help="Physics engine; the scenario's first if not given.")] = "",
+    controller: Annotated[str, typer.Option(help="One of the robot's by name, or a file: ./mine.py.")] = "",
+    role: Annotated[str, typer.Option(help="Runs one role only; all if not given.")] = "",
+    io: Annotated[str, typer.Option(help="Where devices are: a row of the robot's table.")] = "sim",
+    speed: Annotated[str, typer.Option(help="'fast', 'real', or a multiple of real time such as 4.")] = "fast",
+    option: Annotated[list[str], typer.Option(help="KEY=VALUE for the controller; may be repeated.")] = [],  # noqa: B006
+    out: Annotated[Path, typer.Option(help="Folder that run folders go into.")] = Path("runs"),
+    no_rrd: Annotated[bool, typer.Option("--no-rrd", help="Leave out view.rrd.")] = False,
+    show: Annotated[bool, typer.Option("--view", help="Show the run in rerun while it goes on.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Run a scenario and record it.
+
+    Exit status: 0 the scenario's criterion was met, 1 it ran and was not, 2 the request was wrong (nothing written).
+    """
+    from snr_sim.simulation import Request
+
+    request = Request(scenario, seed, engine or None, controller or None, role or None, io, _options(option))
+    fields, status = record_run(request, out, pace_of(speed), is_viewed=not no_rrd, is_live=show, is_quiet=as_json)
+    if as_json:
+        import json
+
+        print(json.dumps(fields))
+    sys.exit(status)
+
+
+def record_run(
+    request: Request, out: Path, pace: float | None, *, is_viewed: bool, is_live: bool, is_quiet: bool
+) -> tuple[dict[str, Any], int]:
+    """Runs a request into a new run folder; returns what result.json holds, and the exit status.
+
+    Raises:
+        SnrError: the request is wrong; nothing has been written.
+    """
+    from snr_sim.cli.progress import progress
+    from snr_sim.recording.folder import new_run_folder, write_result
+    from snr_sim.recording.trace import FILE_NAME, TraceWriter
+    from snr_sim.simulation import prepare
+
+    simulation = prepare(request)
+    plant = simulation.plant()
+    config = simulation.config(plant)
+    header = simulation.header(plant, config)
+    folder = new_run_folder(out, simulation.scenario_name, request.seed)
+    recorder = TraceWriter(folder / FILE_NAME, header)
+    live = _live_view(header, recorder) if is_live else None
+    try:
+        with progress(simulation, is_shown=pace is not None) as tick:
+            result = simulation.run(plant, config, recorder, pace, on_advance=tick)
+    finally:
+        recorder_error = _close(recorder)
+        if live is not None:
+            live.close()
+    if recorder_error and not result.error:
+        result.error, result.outcome, result.success = recorder_error, "error", False
+    fields = result_fields(simulation.request, result, recorder.digest, folder)
+    write_result(folder, fields)
+    if is_viewed:
+        _write_view(folder, result)
+    _say(fields, result, is_quiet)
+    return fields, 0 if result.success else 1
+
+
+def _close(recorder: Any) -> str:
+    from snr_sim.prelude.errors import TraceError
+
+    try:
+        recorder.close()
+    except TraceError as error:
+        return str(error)
+    return ""
+
+
+def result_fields(request: Request, result: Result, digest: str, folder: Path) -> dict[str, Any]:
+    """Returns what result.json and --json hold."""
+    fields: dict[str, Any] = {
+        "scenario": request.scenario,
+        "seed": request.seed,
+        "engine": request.engine,
+        "controller": request.controller,
+        "success": result.success,
+        "outcome": result.outcome,
+        **result.metrics,
+        "sim_time_s": result.sim_time_s,
+        "wall_time_s": result.wall_time_s,
+        "tasks": result.tasks,
+        "pages": result.pages,
+        "notes": result.notes,
+        "trace_digest": digest,
+        "run_dir": str(folder),
+    }
+    if result.error:
+        fields["error"] = result.error
+    if result.signal:
+        fields["signal"] = result.signal
+    return fields
+
+
+def _write_view(folder: Path, result: Result) -> None:
+    """Writes view.rrd from the trace; without the viewer's package, or with a full disk, the run still counts."""
+    from snr_sim.prelude.errors import MissingExtra, SnrError
+    from snr_sim.recording.trace import FILE_NAME, read_trace
+
+    try:
+        from snr_sim.recording.view import write_view
+
+        trace = read_trace(folder / FILE_NAME)
+        write_view(trace.header, trace.records, folder / "view.rrd")
+    except MissingExtra as error:
+        result.notes.append(f"No view.rrd was written. {error.message} {error.fix}")
+    except (OSError, SnrError) as error:
+        result.notes.append(f"No view.rrd was written: {error}")
+
+
+def _live_view(header: Header, recorder: Any) -> Any:
+    from snr_sim.recording.view import LiveView
+
+    live = LiveView(header)
+    recorder.follow(live.add)
+    return live
+
+
+def _say(fields: dict[str, Any], result: Result, is_quiet: bool) -> None:
+    for note in result.notes:
+        print(f"note: {note}", file=sys.stderr)
+    if result.error:
+        print(result.error, file=sys.stderr)
+    if is_quiet:
+        return
+    speed = result.sim_time_s / result.wall_time_s if result.wall_time_s > 0 else 0.0
+    print(
+        f"{fields['scenario']}, seed {fields['seed']}, controller {Path(str(fields['controller'])).name}: "
+        f"{fields['outcome']} after {result.sim_time_s:.1f} s ({speed:.0f} x real time)"
+    )
+    for name, value in result.metrics.items():
+        print(f"  {name:<16} {_in_words(value)}")
+    print(f"run folder: {fields['run_dir']}")
+    if result.error:
+        print(f"  the trace is whole up to there: snr trace {fields['run_dir']}")
+    else:
+        print(f"  look at it: snr view {fields['run_dir']}    check it: snr replay {fields['run_dir']} --check")
+
+
+def _in_words(value: Any) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {_in_words(item)}" for key, item in value.items())
+    if isinstance(value, float):
+        return f"{value:.3f}"
+    return "-" if value is None else str(value)
+
+
+def pace_of(speed: str) -> float | None:
+    """Returns virtual seconds per wall second, or None for as fast as it goes.
+
+    Raises:
+        ParameterError: it is neither a word nor a number above 0.
+
+    >>> pace_of("real"), pace_of("4"), pace_of("fast")
+    (1.0, 4.0, None)
+    """
+    from snr_sim.prelude.errors import ParameterError
+
+    if speed in ("fast", "real"):
+        return None if speed == "fast" else 1.0
+    try:
+        pace = float(speed)
+    except ValueError:
+        pace = float("nan")
+    if not 0 < pace < float("inf"):
+        raise ParameterError(f"--speed {speed} is no speed.", fix="--speed fast, --speed real, or a number such as 4.")
+    return pace
+
+
+def _options(pairs: list[str]) -> dict[str, str]:
+    from snr_sim.prelude.errors import ParameterError
+
+    options = {}
+    for pair in pairs:
+        key, equals, value = pair.partition("=")
+        if not (key and equals):
+            raise ParameterError(f"--option {pair} is not KEY=VALUE.", fix="--option t_go_s=60.")
+        options[key] = value
+    return options

@@ -1,0 +1,271 @@
+"""Finds and loads robots, scenarios and controllers: ordinary files that the kit knows only by path.
+
+Looked for in this order, and the one taken is said: a path; `./robots/<name>` (or `./scenarios/<name>.py`) under the
+current folder; the folders in SNR_SIM_PATH; the copy that came with the kit.
+
+Files are read afresh at every load and leave no bytecode behind: what runs is what stands in the file, also a
+moment after an edit.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import importlib.util
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec, SourceFileLoader
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Literal, TypeAlias
+
+from snr_sim.core.blame import describe_error, short_path
+from snr_sim.prelude.errors import ConfigError, MissingExtra, SnrError, UnknownName, nearest
+
+Kind: TypeAlias = Literal["robots", "scenarios", "assignments"]
+
+ROBOT_MODULE = "snr_sim_robot_"
+_CONTROLLER_MODULE = "snr_sim_controller_"
+_SCENARIO_MODULE = "snr_sim_scenario_"
+_KIT = Path(__file__).resolve().parent
+
+
+@dataclass(frozen=True)
+class Found:
+    """A robot's folder or a scenario's file, and where it was found."""
+
+    kind: Kind
+    name: str
+    path: Path
+    place: str
+
+
+def find(kind: Kind, name: str) -> Found:
+    """Returns where the robot or scenario `name` is.
+
+    Raises:
+        UnknownName: nowhere; says where it looked and what it knows.
+    """
+    given = Path(name)
+    if given.suffix or given.exists() or os.sep in name:
+        path = given.resolve()
+        if _is_one(kind, path):
+            return Found(kind, path.stem if kind == "scenarios" else path.name, path, "the path given")
+    for place, folder in _places(kind):
+        path = _path_in(kind, folder, name)
+        if name and _is_one(kind, path):
+            return Found(kind, name, path, place)
+    looked = ", ".join(short_path(str(folder)) for _, folder in _places(kind))
+    raise UnknownName(
+        f"There is no {kind[:-1]} '{name}'. Looked in: {looked}.", fix=nearest(name, [found.name for found in known(kind)])
+    )
+
+
+def known(kind: Kind) -> list[Found]:
+    """Returns all that can be found by name; the first of two with one name counts."""
+    all_found: dict[str, Found] = {}
+    for place, folder in _places(kind):
+        for path in sorted(folder.iterdir()) if folder.is_dir() else []:
+            name = path.stem if kind == "scenarios" else path.name
+            if _is_one(kind, path):
+                all_found.setdefault(name, Found(kind, name, path, place))
+    return sorted(all_found.values(), key=lambda found: found.name)
+
+
+def _places(kind: Kind) -> Iterator[tuple[str, Path]]:
+    yield "the current folder", Path.cwd() / kind
+    for folder in filter(None, os.environ.get("SNR_SIM_PATH", "").split(os.pathsep)):
+        yield "SNR_SIM_PATH", Path(folder).resolve() / kind
+    checkout = _KIT.parent / kind
+    yield "the kit", checkout if (_KIT.parent / "pyproject.toml").is_file() else _KIT / "shipped" / kind
+
+
+def _path_in(kind: Kind, folder: Path, name: str) -> Path:
+    return folder / f"{name}.py" if kind == "scenarios" else folder / name
+
+
+def _is_one(kind: Kind, path: Path) -> bool:
+    if kind == "robots":
+        return (path / "robot.py").is_file()
+    if kind == "scenarios":
+        return path.is_file() and path.suffix == ".py" and not path.name.startswith("_")
+    return (path / "README.md").is_file()
+
+
+def load_robot(found: Found) -> ModuleType:
+    """Loads a robot's folder as the package `snr_sim_robot_<name>`, so that `from .mixer import mix` works in it.
+
+    Raises:
+        ConfigError: it cannot be loaded, or lacks what a robot promises (`prelude/scenario.py`).
+    """
+    _install_finder()
+    name = ROBOT_MODULE + found.name
+    for loaded in [module for module in sys.modules if module == name or module.startswith(name + ".")]:
+        del sys.modules[loaded]
+    robot = _load(name, found.path / "robot.py", f"the robot '{found.name}'", package=found.path)
+    _need(robot, found.path / "robot.py", ("ROLES", "IO", "roles"), "a robot")
+    return robot
+
+
+def load_scenario(found: Found) -> ModuleType:
+    """Loads a scenario's file; its robot must have been loaded before.
+
+    Raises:
+        ConfigError: it cannot be loaded, or lacks what a scenario promises (`prelude/scenario.py`).
+    """
+    scenario = _load(_SCENARIO_MODULE + found.name, found.path, f"the scenario '{found.name}'")
+    _need(
+        scenario,
+        found.path,
+        ("ROBOT", "ENGINES", "CONTROLLER", "TIME_LIMIT_S", "parameters", "plant", "verdict", "metrics"),
+        "a scenario",
+    )
+    return scenario
+
+
+def robot_of_scenario(found: Found) -> str:
+    """Returns the name after `ROBOT =` in a scenario's file, without running it: the robot is loaded first.
+
+    Raises:
+        ConfigError: the file has no such line.
+    """
+    import ast
+
+    try:
+        tree = ast.parse(found.path.read_bytes(), str(found.path))
+    except (SyntaxError, ValueError) as error:
+        raise _load_failure(error, f"the scenario '{found.name}' was read") from error
+    for node in tree.body:
+        match node:
+            case ast.Assign(targets=[ast.Name(id="ROBOT")], value=ast.Constant(value=str(robot))):
+                return robot
+    raise ConfigError(f"{short_path(str(found.path))} does not say which robot it is for.", fix="add: ROBOT = 'lander'.")
+
+
+def controllers(robot: Found) -> list[str]:
+    """Returns the names of a robot's own controllers."""
+    return sorted(path.stem for path in (robot.path / "controllers").glob("*.py") if not path.stem.startswith("_"))
+
+
+def load_controller(robot: Found, name: str) -> ModuleType:
+    """Loads a controller: one of the robot's own by name, or any file by path.
+
+    Raises:
+        UnknownName: there is none.
+        ConfigError: it cannot be loaded, or has no `factories`.
+    """
+    if name in controllers(robot):
+        path = robot.path / "controllers" / f"{name}.py"
+        module = _load(f"{ROBOT_MODULE}{robot.name}.controllers.{name}", path, f"the controller '{name}'")
+    else:
+        path = Path(name).resolve()
+        if not path.is_file():
+            raise UnknownName(
+                f"There is no controller '{name}': robot '{robot.name}' has none of that name, and there is no such file.",
+                fix=nearest(name, controllers(robot)) + " Or a file: --controller ./mine.py.",
+            )
+        if str(path.parent) not in sys.path:
+            sys.path.append(str(path.parent))  # so that the file can import its neighbours, as a script could
+        module = _load(_CONTROLLER_MODULE + path.stem.replace("-", "_"), path, f"the controller '{name}'")
+    _need(module, path, ("factories",), "a controller", "def factories(robot): return [MyEndpointFactory()].")
+    if not callable(module.factories):
+        raise ConfigError(
+            f"{short_path(str(path))}: `factories` is {module.factories!r}, not a function.",
+            fix="def factories(robot): return [MyEndpointFactory()].",
+        )
+    return module
+
+
+def hashes(folders: Sequence[tuple[str, Path]]) -> dict[str, str]:
+    """Returns the sha256 of every source file that has been loaded from these folders or files.
+
+    Args:
+        folders: (label, path); a file in it is called `<label>/<path below it>`.
+    """
+    found: dict[str, str] = {}
+    loaded = {Path(file).resolve() for module in list(sys.modules.values()) if (file := _file_of(module))}
+    for label, folder in folders:
+        for path in loaded:
+            if path == folder or path.is_relative_to(folder):
+                below = path.name if path == folder else path.relative_to(folder).as_posix()
+                found.setdefault(f"{label}/{below}", hashlib.sha256(path.read_bytes()).hexdigest())
+    return dict(sorted(found.items()))
+
+
+def _file_of(module: Any) -> str | None:
+    file = getattr(module, "__file__", None)
+    return file if isinstance(file, str) and file.endswith(".py") and os.path.exists(file) else None
+
+
+def _need(module: ModuleType, path: Path, names: Sequence[str], what: str, fix: str = "") -> None:
+    for name in names:
+        if not hasattr(module, name):
+            has = [known for known in vars(module) if not known.startswith("_")]
+            close = nearest(name, has)
+            raise ConfigError(
+                f"{short_path(str(path))} has no `{name}`, which {what} needs.",
+                fix=fix or (close if close.startswith("did") else f"see prelude/scenario.py for what {what} defines."),
+            )
+
+
+def _load(name: str, path: Path, what: str, package: Path | None = None) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(
+        name,
+        path,
+        loader=_FreshLoader(name, str(path)),
+        submodule_search_locations=[str(package)] if package else None,
+    )
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except MissingExtra:
+        raise
+    except (Exception, SystemExit) as error:
+        del sys.modules[name]
+        raise _load_failure(error, f"{what} was read") from error
+    return module
+
+
+def _load_failure(error: BaseException, while_doing: str) -> SnrError:
+    if isinstance(error, SyntaxError) and error.filename:
+        line = (error.text or "").strip()
+        text = f"{short_path(error.filename)}, line {error.lineno}: {line}\n  SyntaxError: {error.msg}\n  while {while_doing}"
+        return ConfigError(text)
+    return ConfigError(describe_error(error, f"while {while_doing}"))
+
+
+class _FreshLoader(SourceFileLoader):
+    """Reads the source every time: a cached bytecode file may be older than an edit within the same second."""
+
+    def path_stats(self, path: Any) -> Any:
+        """Knows of no bytecode."""
+        raise OSError
+
+
+class _RobotFinder(MetaPathFinder):
+    """Finds the modules inside a robot's folder, which needs no `__init__.py` anywhere."""
+
+    def find_spec(self, fullname: str, path: Any, target: Any = None) -> ModuleSpec | None:
+        """Returns the spec of `snr_sim_robot_<name>.<module>`."""
+        if not fullname.startswith(ROBOT_MODULE) or not path:
+            return None
+        base = Path(next(iter(path))) / fullname.rpartition(".")[2]
+        file = base.with_suffix(".py")
+        if file.is_file():
+            return importlib.util.spec_from_file_location(fullname, file, loader=_FreshLoader(fullname, str(file)))
+        if base.is_dir():
+            spec = ModuleSpec(fullname, None, is_package=True)
+            spec.submodule_search_locations = [str(base)]
+            return spec
+        return None
+
+
+def _install_finder() -> None:
+    if not any(isinstance(finder, _RobotFinder) for finder in sys.meta_path):
+        sys.meta_path.insert(0, _RobotFinder())

@@ -1,0 +1,350 @@
+"""A scenario, ready to run: robot, plant, controller and clock put together, run to its verdict, and recorded.
+
+`prepare` finds and loads everything and writes nothing: what is wrong with a request is said before there is a run.
+`Simulation.run` runs it. `snr run`, `snr replay`, learning and grading all start here.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import platform
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from snr_sim import __version__, library
+from snr_sim.core.blame import describe_error, short_path
+from snr_sim.core.clocks import SimClock
+from snr_sim.core.config import AnyFactory, Config, Mode
+from snr_sim.core.endpoint import EndpointFactory
+from snr_sim.core.loop import LoopFactory
+from snr_sim.core.runners import SimRunner
+from snr_sim.devices.loops import ActuatorLoopFactory
+from snr_sim.plants.stepping import Stepper
+from snr_sim.prelude import tasks
+from snr_sim.prelude.errors import ComponentFailed, ConfigError, PlantError, SnrError, TraceError, UnknownName, nearest
+from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.scenario import Rig, Robot, Verdict
+from snr_sim.recording.records import SCHEMA, Header
+from snr_sim.recording.trace import TraceWriter
+
+TRUTH_RATE_HZ = 20.0
+_AFTER_THE_LOOPS = 1_000_000  # the truth of a moment is what it is once everybody has acted
+_REPORTED_PACKAGES = ("numpy", "msgspec", "pymunk", "mujoco-core")
+
+
+@dataclass(frozen=True)
+class Request:
+    """What somebody asks to be run; None is the scenario's own choice."""
+
+    scenario: str
+    seed: int = 0
+    engine: str | None = None
+    controller: str | None = None
+    role: str | None = None
+    io: str = "sim"
+    options: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass
+class Result:
+    """How a run ended, as it goes into result.json."""
+
+    outcome: str
+    success: bool
+    metrics: dict[str, Any]
+    sim_time_s: float
+    wall_time_s: float
+    tasks: int
+    pages: int
+    notes: list[str]
+    error: str = ""
+    signal: str = ""
+
+
+class Simulation:
+    """One scenario with one controller, loaded and checked.
+
+    Args:
+        request: what was asked for, with nothing left open.
+        scenario, robot, controller: the loaded files.
+        found: where they are, for the header.
+    """
+
+    def __init__(
+        self,
+        request: Request,
+        scenario: ModuleType,
+        robot: ModuleType,
+        controller: ModuleType,
+        found: Sequence[tuple[str, Path]],
+    ) -> None:
+        self.request = request
+        self.scenario = scenario
+        self.robot_file = robot
+        self._controller = controller
+        self._found = found
+        self._robot = Robot(
+            name=scenario.ROBOT,
+            role=robot.ROLES[0],
+            scenario=request.scenario,
+            engine=request.engine or "",
+            parameters=call_student(scenario.parameters, "parameters()", request.seed),
+            options=request.options,
+        )
+
+    @property
+    def scenario_name(self) -> str:
+        """The scenario's name, also if it was given as a path."""
+        return Path(self.request.scenario).stem
+
+    @property
+    def roles(self) -> list[str]:
+        """The roles that run: the one asked for, or all of the robot's."""
+        return [self.request.role] if self.request.role else list(self.robot_file.ROLES)
+
+    def config(self, plant: Plant | None) -> Config:
+        """Returns the robot's wiring.
+
+        Args:
+            plant: what the simulated devices reach; None for a replay, where no device is opened.
+
+        Raises:
+            ConfigError: the controller or the robot gives something else than factories.
+        """
+        controller = self._factories()
+        rig = Rig(self._robot, self.request.io, self.request.seed, plant)
+        roles = call_student(self.robot_file.roles, "roles()", rig, controller)
+        return Config(Mode.TEST, roles)
+
+    def _factories(self) -> list[AnyFactory]:
+        made = call_student(self._controller.factories, "factories()", self._robot)
+        place = short_path(str(self._controller.__file__))
+        if not isinstance(made, (list, tuple)):
+            raise ConfigError(
+                f"{place}: factories(robot) returned {made!r}, which is not a list.",
+                fix="return [MyEndpointFactory()].",
+            )
+        for factory in made:
+            if not isinstance(factory, (EndpointFactory, LoopFactory)):
+                raise ConfigError(
+                    f"{place}: factories(robot) returned a list with {factory!r}, which is not a factory.",
+                    fix="list instances of your EndpointFactory classes: [MyEndpointFactory()], with the brackets.",
+                )
+        return list(made)
+
+    def plant(self) -> Plant:
+        """Returns the plant at the start that belongs to the seed."""
+        plant: Plant = call_student(self.scenario.plant, "plant()", self.request.seed, self.request.engine)
+        return plant
+
+    def header(self, plant: Plant, config: Config, clock: str = "sim") -> Header:
+        """Returns the first line of this run's trace."""
+        roles = self.roles
+        return Header(
+            schema=SCHEMA,
+            kit=__version__,
+            python=platform.python_version(),
+            platform=platform.platform(),
+            packages=_package_versions(),
+            scenario=self.request.scenario,
+            robot=self._robot.name,
+            controller=self.request.controller or "",
+            roles=roles,
+            engine=f"{self.request.engine}: {plant.engine}",
+            io=self.request.io,
+            seed=self.request.seed,
+            options=self.request.options,
+            nodes=[f"{role}_node" for role in roles],
+            clock=clock,
+            commands={f"{role}_node": command_keys(config.get(role)) for role in roles},
+            sources=library.hashes(self._found),
+            scene=plant.scene(),
+            wall={"started": time.strftime("%Y-%m-%dT%H:%M:%S%z"), "argv": sys.argv},
+        )
+
+    def run(
+        self,
+        plant: Plant,
+        config: Config,
+        recorder: TraceWriter | None = None,
+        pace: float | None = None,
+        on_advance: Callable[[float], None] | None = None,
+    ) -> Result:
+        """Runs until the scenario's verdict, its time limit, an error or a signal.
+
+        Args:
+            plant: from `plant()`, fresh.
+            config: from `config(plant)`.
+            recorder: writes the trace, if given; the caller closes it.
+            pace: virtual seconds per wall second; None is as fast as it goes.
+            on_advance: called with the virtual time at each new moment.
+        """
+        clock = SimClock()
+        limit_s = float(self.scenario.TIME_LIMIT_S)
+        runner = SimRunner(
+            config,
+            self.roles,
+            clock=clock,
+            recorder=recorder,
+            seed=self.request.seed,
+            pace=pace,
+            until_s=limit_s,
+        )
+        referee = _Referee(self.scenario, plant, runner)
+        clock.follow(Stepper(plant).advance_to)
+        clock.follow(referee.look)
+        if on_advance is not None:
+            clock.follow(on_advance)
+        if recorder is not None:
+            _Truth(plant, clock, recorder).begin()
+        error = ""
+        start_s = time.perf_counter()
+        try:
+            runner.run()
+            if recorder is not None:
+                _note_truth(recorder, clock.now_s(), plant)
+        except (ComponentFailed, PlantError, TraceError) as failure:
+            error = str(failure)
+        except KeyboardInterrupt:
+            runner.signals.append("SIGINT")
+        wall_time_s = time.perf_counter() - start_s
+        if error:
+            verdict = Verdict("error", False)
+        elif runner.signals and referee.verdict is None:
+            verdict = Verdict("interrupted", False)
+        else:
+            verdict = referee.verdict or Verdict("timeout", False)
+        nodes = list(runner.nodes.values())
+        return Result(
+            outcome=verdict.outcome,
+            success=verdict.success,
+            metrics=self.scenario.metrics(plant, self.request.seed),
+            sim_time_s=plant.time_s,
+            wall_time_s=wall_time_s,
+            tasks=sum(node.machine.executed for node in nodes),
+            pages=sum(node.datastore.stored for node in nodes),
+            notes=[note for node in nodes for note in node.notes],
+            error=error,
+            signal=runner.signals[0] if runner.signals else "",
+        )
+
+
+def prepare(request: Request) -> Simulation:
+    """Finds, loads and checks everything a request names.
+
+    Raises:
+        UnknownName: scenario, robot, controller, engine or io is not known.
+        ConfigError: one of the files is not what it should be.
+    """
+    scenario_found = library.find("scenarios", request.scenario)
+    robot_found = library.find("robots", library.robot_of_scenario(scenario_found))
+    robot = library.load_robot(robot_found)
+    scenario = library.load_scenario(scenario_found)
+    engine = request.engine or scenario.ENGINES[0]
+    if engine not in scenario.ENGINES:
+        raise UnknownName(
+            f"Scenario '{scenario_found.name}' does not run on engine '{engine}':", fix=nearest(engine, scenario.ENGINES)
+        )
+    if request.io not in robot.IO:
+        raise UnknownName(
+            f"Robot '{robot_found.name}' has no devices for --io {request.io}:", fix=nearest(request.io, robot.IO)
+        )
+    if request.role is not None and request.role not in robot.ROLES:
+        raise UnknownName(
+            f"Robot '{robot_found.name}' has no role '{request.role}':", fix=nearest(request.role, robot.ROLES)
+        )
+    controller_name = request.controller or scenario.CONTROLLER
+    controller = library.load_controller(robot_found, controller_name)
+    whole = Request(
+        # A file is named by its path, so that a replay from another folder finds it again.
+        scenario=scenario_found.name if scenario_found.place != "the path given" else str(scenario_found.path),
+        seed=request.seed,
+        engine=engine,
+        controller=controller_name
+        if controller_name in library.controllers(robot_found)
+        else str(Path(controller_name).resolve()),
+        role=request.role,
+        io=request.io,
+        options=request.options,
+    )
+    found = [
+        ("scenario", scenario_found.path),
+        ("robot", robot_found.path),
+        ("controller", Path(str(controller.__file__)).resolve()),
+    ]
+    return Simulation(whole, scenario, robot, controller, found)
+
+
+def command_keys(factories: Sequence[AnyFactory]) -> list[str]:
+    """Returns the keys of the pages that drive actuators."""
+    return [factory.key for factory in factories if isinstance(factory, ActuatorLoopFactory)]
+
+
+def call_student(function: Callable[..., Any], name: str, *args: Any) -> Any:
+    """Calls a function of a student's file; a failure in it is told with the student's line first.
+
+    Raises:
+        ConfigError: it raised.
+    """
+    try:
+        return function(*args)
+    except SnrError:
+        raise
+    except Exception as error:
+        raise ConfigError(describe_error(error, f"while {name} was called")) from error
+
+
+class _Referee:
+    """Looks at the plant at each new moment; once there is a verdict, every node is told to end."""
+
+    def __init__(self, scenario: ModuleType, plant: Plant, runner: SimRunner) -> None:
+        self._judge = scenario.verdict
+        self._plant = plant
+        self._runner = runner
+        self.verdict: Verdict | None = None
+
+    def look(self, time_s: float) -> None:
+        """Asks the scenario for its verdict."""
+        if self.verdict is None:
+            self.verdict = self._judge(self._plant)
+            if self.verdict is not None:
+                for node in self._runner.nodes.values():
+                    node.enter(tasks.terminate(self.verdict.outcome), "referee")
+
+
+class _Truth:
+    """Has the plant's true state recorded at a steady rate."""
+
+    def __init__(self, plant: Plant, clock: SimClock, recorder: TraceWriter) -> None:
+        self._plant = plant
+        self._clock = clock
+        self._recorder = recorder
+        self._ticks = 0
+
+    def begin(self) -> None:
+        """Asks the clock for the first look, now."""
+        self._clock.call_at(0.0, self._tick, _AFTER_THE_LOOPS)
+
+    def _tick(self) -> None:
+        _note_truth(self._recorder, self._clock.now_s(), self._plant)
+        self._ticks += 1
+        self._clock.call_at(self._ticks / TRUTH_RATE_HZ, self._tick, _AFTER_THE_LOOPS)
+
+
+def _note_truth(recorder: TraceWriter, now_s: float, plant: Plant) -> None:
+    recorder.truth(now_s, plant.truth())
+
+
+def _package_versions() -> dict[str, str]:
+    versions = {}
+    for package in _REPORTED_PACKAGES:
+        try:
+            versions[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return versions
