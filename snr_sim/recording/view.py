@@ -5,6 +5,7 @@ Everything lies on two timelines: `seq`, the order in which things happened, and
 
     /world/<name>                          what does not move
     /world/<body>                          shapes of a body; its pose (rerun keeps poses in float32)
+    /world/camera                          goes along with the first body
     /world/arrows/<name>/newtons           forces [N], scaled so that the longest is as long as the body
     /truth/<value>, /truth/poses/<body>    what was really so, in float64
     /<node>/pages/<key>/<field>            what the node believed
@@ -33,6 +34,7 @@ from snr_sim.recording.view_scene import Path, mesh_with_normals, rgb_of, size_o
 # Records that are turned into columns together: enough to be quick, few enough that a run of days fits into memory.
 BATCH_RECORDS = 100_000
 DIVERGENCES_MARKED_MAX = 1_000
+CAMERA = "camera"
 THRUST_RGB = (255, 140, 30)
 PATH_RGB = (120, 200, 255)
 DIVERGENCE_RGB = (255, 60, 60)
@@ -284,6 +286,9 @@ class _Writer:
         self._send(entity, when, self._rr.Transform3D.columns(translation=translation, quaternion=quaternion))
         self._send(self._entity("truth", "poses", body), when, [self._numbers(poses.ravel(), 7)])
         if body == self._main_body:
+            # Moves, but does not turn: seen from here the body stays in the middle and the ground stays level.
+            camera = self._rr.Transform3D.columns(translation=translation)
+            self._send(self._entity("world", CAMERA), when, camera)
             self._path.extend(positions)
             self.layout.low_m = np.minimum(self.layout.low_m, positions.min(axis=0)).tolist()
             self.layout.high_m = np.maximum(self.layout.high_m, positions.max(axis=0)).tolist()
@@ -294,11 +299,11 @@ class _Writer:
             return
         self._main_body = body
         if not self.layout.bodies:
-            first = positions[0].tolist()
-            self.layout.start_m, self.layout.low_m, self.layout.high_m = first, first, first
+            self.layout.low_m = self.layout.high_m = positions[0].tolist()
         self.layout.bodies.append(entity)
+        self.layout.cameras.append(self._entity("world", CAMERA))
         rr = self._rr
-        marker = rr.Points3D([[0, 0, 0]], radii=rr.Radius.ui_points(5.0), colors=THRUST_RGB, labels=body)
+        marker = rr.Points3D([[0, 0, 0]], radii=rr.Radius.ui_points(5.0), colors=THRUST_RGB)
         self._stream.log(self._entity("world", body, "marker"), marker, static=True)
 
     def _send_arrows(self, name: str, when: When, arrows: Any) -> None:
@@ -311,8 +316,7 @@ class _Writer:
             self._stream.log(newtons, style, static=True)
         self._longest_n = max(self._longest_n, float(lengths.max()))
         pushes = lengths > 0  # a force of nothing is no arrow, not even a dot
-        flat = self._arrow.array(vectors[pushes].astype(np.float32).ravel())
-        triples = self._arrow.FixedSizeListArray.from_arrays(flat, 3)
+        triples = rr.components.Vector3DBatch(vectors[pushes].astype(np.float32)).as_arrow_array()
         offsets = np.concatenate(([0], np.cumsum(pushes))).astype(np.int32)
         self._send(entity, when, rr.Transform3D.columns(translation=arrows[:, :3].astype(np.float32)))
         self._send(newtons, when, [self._column("Arrows3D:vectors", triples, offsets)])
@@ -338,10 +342,10 @@ class _Writer:
             self._send_style(entity, line.name, color, width)
         self._send(entity, series.when, [self._numbers(series.values)])
 
-    def _send_style(self, entity: str, name: str, rgb: tuple[int, int, int], width: float) -> None:
+    def _send_style(self, entity: str, name: str, rgba: tuple[int, int, int, int], width: float) -> None:
         """Says how a line looks; as arrow arrays, because rr.SeriesLines costs more than the numbers themselves."""
-        red, green, blue = rgb
-        color = np.array([red << 24 | green << 16 | blue << 8 | 255], np.uint32)
+        red, green, blue, opacity = rgba
+        color = np.array([red << 24 | green << 16 | blue << 8 | opacity], np.uint32)
         columns = [
             self._words("SeriesLines:names", [name]),
             self._column("SeriesLines:colors", self._arrow.array(color)),

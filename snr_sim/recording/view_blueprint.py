@@ -29,8 +29,11 @@ UNITS_FIRST = ("m", "m/s", "", "kg", "rad", "rad/s")
 UNITS_NOT_PLOTTED = ("s",)  # stamps: a straight line for each sensor, and nothing to learn from it
 PLOTS_BESIDE_MAX = 4
 
-TRUTH_COLORS = ((240, 240, 240), (120, 170, 255), (255, 150, 200))
-BELIEF_COLORS = ((255, 170, 60), (90, 210, 120), (80, 200, 230), (230, 110, 90), (200, 150, 255), (210, 200, 80))
+# Chosen to be told apart on white and on black, since the viewer follows the student's system. Beliefs are broad and
+# pale: truth is drawn on top of them as a thin line, so that noise and lag can be seen as what sticks out.
+TRUTH_COLORS = ((40, 100, 220, 255), (205, 45, 135, 255), (110, 110, 120, 255))
+BELIEF_COLORS = ((245, 165, 80, 255), (95, 195, 130, 255), (95, 190, 215, 255), (225, 120, 110, 255), (185, 150, 230, 255))
+TRUTH_WIDTH, BELIEF_WIDTH = 1.5, 3.5
 
 
 @dataclass(frozen=True)
@@ -57,8 +60,8 @@ class Layout:
     Args:
         title: of the run.
         roots: '' or, when two runs lie side by side, '/recorded' and '/replayed'.
-        bodies: entities of the bodies that move.
-        start_m: where the first body was at first.
+        bodies: entities of the first body of each run.
+        cameras: entities that go along with them.
         low_m, high_m: corners of the box in which bodies moved.
         body_size_m: longest edge of the largest body.
     """
@@ -68,7 +71,7 @@ class Layout:
     lines: list[Line] = field(default_factory=list)
     logs: list[str] = field(default_factory=list)
     bodies: list[str] = field(default_factory=list)
-    start_m: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    cameras: list[str] = field(default_factory=list)
     low_m: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     high_m: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     body_size_m: float = 1.0
@@ -92,11 +95,11 @@ def name_and_unit(path: Sequence[str]) -> tuple[str, str]:
     return " ".join(words), unit
 
 
-def color_and_width(line: Line, before: Sequence[Line]) -> tuple[tuple[int, int, int], float]:
+def color_and_width(line: Line, before: Sequence[Line]) -> tuple[tuple[int, int, int, int], float]:
     """Returns how a line is drawn: truth thick and first, beliefs thin and in colours of their own."""
     colors = TRUTH_COLORS if line.is_truth else BELIEF_COLORS
     place = sum(other.unit == line.unit and other.is_truth == line.is_truth for other in before)
-    return colors[place % len(colors)], 3.0 if line.is_truth else 1.2
+    return colors[place % len(colors)], TRUTH_WIDTH if line.is_truth else BELIEF_WIDTH
 
 
 def plots(lines: Sequence[Line]) -> dict[str, list[Line]]:
@@ -132,10 +135,10 @@ def blueprint(rrb: Any, layout: Layout, follow_time: bool = False) -> Any:
     if beside:
         parts.append(beside)
     return rrb.Blueprint(
-        rrb.Horizontal(contents=parts, column_shares=[5, 3] if len(parts) == 2 else None, name=layout.title),
+        rrb.Horizontal(contents=parts, column_shares=[4, 3] if len(parts) == 2 else None, name=layout.title),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="following" if follow_time else "paused"),
+        rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="following" if follow_time else "playing"),
         auto_views=False,
         auto_layout=False,
     )
@@ -143,19 +146,18 @@ def blueprint(rrb: Any, layout: Layout, follow_time: bool = False) -> Any:
 
 def _follow(rrb: Any, layout: Layout) -> Any:
     """A camera that goes along with the first body."""
-    reach = 3.2 * layout.body_size_m
-    x, y, z = layout.start_m
+    reach = 2.4 * layout.body_size_m
     return rrb.Spatial3DView(
         name="close-up: the camera follows",
-        contents=["+ /**", "- /**/marker"],
+        origin=layout.cameras[0],
+        contents=["+ /**", *(f"- {body}/marker" for body in layout.bodies)],
         line_grid=False,
         background=[10, 12, 20],
         eye_controls=rrb.EyeControls3D(
             kind="Orbital",
-            position=[x + 0.25 * reach, y - reach, z + 0.3 * reach],
-            look_target=[x, y, z],
+            position=[0.25 * reach, -reach, 0.3 * reach],
+            look_target=[0.0, 0.0, 0.0],
             eye_up=[0, 0, 1],
-            tracking_entity=layout.bodies[0],
         ),
     )
 
@@ -167,7 +169,7 @@ def _overview(rrb: Any, layout: Layout) -> Any:
     reach = 1.25 * max(max(b - a for a, b in zip(low, high, strict=True)), 3 * layout.body_size_m)
     return rrb.Spatial3DView(
         name="the whole way",
-        contents=["+ /**", "- /**/arrows/**"],
+        contents=["+ /**", *(f"- {root}/world/arrows/**" for root in layout.roots)],
         line_grid=False,
         background=[10, 12, 20],
         eye_controls=rrb.EyeControls3D(
@@ -184,7 +186,7 @@ def _logs(rrb: Any, layout: Layout) -> Any:
         rrb.TextLogView(
             name="tasks of " + log.strip("/").replace("/", " "),
             contents=[f"+ {log}/**", f"- {log}/pages/**"],
-            columns=rrb.TextLogColumns(timeline_columns=["seq", "sim_time"], text_log_columns=["LogLevel", "Body"]),
+            columns=rrb.TextLogColumns(timeline_columns=["sim_time"], text_log_columns=["LogLevel", "Body"]),
             format_options=rrb.TextLogFormat(monospace_body=True),
         )
         for log in layout.logs

@@ -214,13 +214,10 @@ class Batch:
 
 
 def _line(record: Executed, source: str | None) -> str:
-    """Returns for example 'process_data inertial   because of 43   guidance: store_page engine'."""
-    why = f"because of {record.cause or 'begin'}" if source is None else f"from {source}, input {record.cause}"
-    made = ""
-    for part in record.handled:
-        if part.returned:
-            made += f"   {part.by}: {_tasks(part.returned)}"
-    return f"{record.type} {record.name}   {why}{made}"
+    """Returns for example '   147  process_data  inertial        <- 146             guidance: store_page engine'."""
+    cause = f"<- {record.cause or 'begin'}" if source is None else f"<- {record.cause} {source}"
+    made = [f"{part.by}: {_tasks(part.returned)}" for part in record.handled if part.returned]
+    return f"{record.seq:6}  {record.type:<13} {record.name:<14} {cause:<18} {'; '.join(made)}"
 
 
 def _tasks(returned: Sequence[Returned]) -> str:
