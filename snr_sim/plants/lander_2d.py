@@ -2,7 +2,7 @@
 
 pymunk moves the hull and finds out whether it meets the ground. Legs are ours: a spring and a damper between foot and
 ground, and a grip that slides when pulled too hard. pymunk's own springs and contacts keep impulses from step to step
-that nothing can write back, so no run could be resumed to the bit; ours have one number each, the place they grip.
+that nothing can write back, so no run could be resumed to the bit; ours have one place each, where they grip.
 
 How a step goes, and why in this order:
 
@@ -42,6 +42,10 @@ STILL_MPS, STILL_RADPS, SETTLE_S = 0.05, 0.01, 0.5  # slower than this for so lo
 CEILING_M = 20_000.0
 EDGE_M = HALF_WIDTH_M - ROOF_REACH_M
 HULL, GROUND = 1, 2  # pymunk's collision types
+NOTHING = (0.0, 0.0, 0.0)
+
+
+Grip = tuple[float, float] | None  # the place on the ground that a foot holds on to, if it touches
 
 
 class Pose(NamedTuple):
@@ -67,7 +71,7 @@ class State(NamedTuple):
     command: tuple[float, float, float]
     kick: tuple[float, float, float]
     leg_kick: tuple[float, float, float]
-    grips_m: tuple[float | None, float | None]
+    grips_m: tuple[Grip, Grip]
     far_steps: int
     still_steps: int
     terrain: Terrain
@@ -122,7 +126,6 @@ class Lander2D:
         body = Pose(
             *start.position_m, start.attitude_rad, start.velocity_mps[0], start.velocity_mps[1] - half_fall, start.rate_radps
         )
-        nothing = (0.0, 0.0, 0.0)
         self.restore(
             State(
                 body=body,
@@ -131,9 +134,9 @@ class Lander2D:
                 fuel_kg=start.fuel_kg,
                 throttle=0.0,
                 gimbal_rad=0.0,
-                command=nothing,
-                kick=nothing,
-                leg_kick=nothing,
+                command=NOTHING,
+                kick=NOTHING,
+                leg_kick=NOTHING,
                 grips_m=(None, None),
                 far_steps=0,
                 still_steps=0,
@@ -179,7 +182,7 @@ class Lander2D:
         self.throttle, self.gimbal_rad = snapshot.throttle, snapshot.gimbal_rad
         self._throttle_goal, self._gimbal_goal, self._jets = snapshot.command
         self._kick, self._leg_kick = snapshot.kick, snapshot.leg_kick
-        self._grips_m: list[float | None] = list(snapshot.grips_m)
+        self._grips_m: list[Grip] = list(snapshot.grips_m)
         self._far_steps, self._still_steps = snapshot.far_steps, snapshot.still_steps
         self.touchdown, self.outcome = snapshot.touchdown, snapshot.outcome
         self._pose: Pose | None = None
@@ -234,7 +237,7 @@ class Lander2D:
         if self.throttle or self._throttle_goal or self._jets:
             self._fire()
         elif self._kick[1] or self._kick[2]:
-            self._kick = (0.0, 0.0, 0.0)
+            self._kick = NOTHING
         self._far_steps -= 1
         if self._far_steps <= 0:
             self._meet_ground()
@@ -280,7 +283,7 @@ class Lander2D:
             )
         clearance = z - REACH_M - self.terrain.roof_m(x)
         if clearance > 0.0 and not self._hull_touched:
-            self._leg_kick = (0.0, 0.0, 0.0)
+            self._leg_kick = NOTHING
             nearing_mps = abs(vz) + abs(vx) + 1.0
             self._far_steps = min(FAR_STEPS_MAX, int(clearance / (nearing_mps * self.step_s)))
             if abs(x) > EDGE_M or z > CEILING_M:
@@ -288,7 +291,7 @@ class Lander2D:
             return
         touching = self._stand(body)
         if (touching or self._hull_touched) and self.touchdown is None:
-            self._judge_contact()
+            self._judge_contact(body)
         if self.outcome is None and (self._hull_touched or abs(attitude) > TIPPED_RAD):
             self._end("crashed")
         # Half a step ahead is near enough to tell whether it stands.
@@ -326,10 +329,11 @@ class Lander2D:
             normal = max(0.0, normal / (1.0 + half_c * (1.0 + arm_n * arm_n / gyration2)))
             hold = leg.friction * normal
             grip = self._grips_m[i]
-            bent = 0.0 if grip is None else (x + rx - grip) / nz
+            # How far the foot is from where it grips, along the ground; a grip that holds no more slides after it.
+            bent = 0.0 if grip is None else (x + rx - grip[0]) * nz - (z + rz - grip[1]) * nx
             most = hold / leg.spring_npm
             bent = min(most, max(-most, bent))
-            self._grips_m[i] = x + rx - bent * nz
+            self._grips_m[i] = x + rx + depth * nx - bent * nz, z + rz + depth * nz + bent * nx
             side = -leg.spring_npm * bent - leg.damper_nspm * (ux * nz - uz * nx)
             side = min(hold, max(-hold, side / (1.0 + half_c * (1.0 + arm_t * arm_t / gyration2))))
             kick_x, kick_z = (normal * nx + side * nz) * dt / mass, (normal * nz - side * nx) * dt / mass
@@ -340,9 +344,9 @@ class Lander2D:
         self._leg_kick = (sum_x, sum_z, sum_twist)
         return touching
 
-    def _judge_contact(self) -> None:
-        """Writes down the first contact, and ends the flight if the gear cannot take it."""
-        pose = self._read_pose()
+    def _judge_contact(self, body: Pose) -> None:
+        """Writes down the first contact, as it was before legs pushed, and ends the flight if they cannot take it."""
+        pose = self._at_one_moment(body, NOTHING)
         self.touchdown = Touchdown(
             vertical_mps=-pose.vz_mps,
             lateral_mps=pose.vx_mps,
@@ -359,7 +363,7 @@ class Lander2D:
         self._pose = pose._replace(vx_mps=0.0, vz_mps=0.0, rate_radps=0.0)
         self._body.velocity = 0.0, 0.0
         self._body.angular_velocity = 0.0
-        self._kick = self._leg_kick = (0.0, 0.0, 0.0)
+        self._kick = self._leg_kick = NOTHING
         self.throttle = self._throttle_goal = self._jets = 0.0
 
     # -- being measured -----------------------------------------------------------------------------------------------
@@ -372,18 +376,21 @@ class Lander2D:
         return Pose(x, z, body.angle, vx, vz, body.angular_velocity)
 
     def _read_pose(self) -> Pose:
-        """Returns position and velocity at the same moment: half of the last kick has not happened yet."""
-        if self._pose is not None:
-            return self._pose
-        x, z, attitude, vx, vz, rate = self._body_state()
+        """Returns position and velocity at the same moment; looked up once a step, however many ask."""
+        if self._pose is None:
+            self._pose = self._at_one_moment(self._body_state(), self._leg_kick)
+        return self._pose
+
+    def _at_one_moment(self, body: Pose, leg_kick: tuple[float, float, float]) -> Pose:
+        """Returns what pymunk holds, with its velocities back by half of the last kick."""
+        x, z, attitude, vx, vz, rate = body
         side, up, twist = self._kick
-        leg_x, leg_z, leg_twist = self._leg_kick
+        leg_x, leg_z, leg_twist = leg_kick
         cos, sin = math.cos(attitude), math.sin(attitude)
         kick_x = cos * side - sin * up + leg_x
         kick_z = sin * side + cos * up + leg_z - self.module.gravity_mps2 * self.step_s
         kick_rate = (twist + leg_twist) / self.module.gyration_m**2
-        self._pose = Pose(x, z, attitude, vx - 0.5 * kick_x, vz - 0.5 * kick_z, rate - 0.5 * kick_rate)
-        return self._pose
+        return Pose(x, z, attitude, vx - 0.5 * kick_x, vz - 0.5 * kick_z, rate - 0.5 * kick_rate)
 
     def read(self, name: str) -> RadarReading | InertialReading:
         """Returns what a sensor without faults would say."""

@@ -1,0 +1,117 @@
+import math
+
+import pytest
+
+from snr_sim.plants.descent import (
+    Descent,
+    Engine,
+    Motion,
+    after,
+    cheapest_descent,
+    constant_mass_ignition_m,
+    find_root,
+    free_fall,
+    impulsive_bound_kg,
+    stop_height,
+    time_to_stop,
+    tsiolkovsky,
+)
+from snr_sim.prelude.errors import ParameterError
+
+EXHAUST_MPS = 311.0 * 9.80665
+
+# The closed-form rows of the reference table: height, speed down, mass, thrust, exhaust speed, idle thrust; then coast,
+# ignition height and speed, burn, fuel.
+TABLE = {
+    "LM_1km": ((1000, 0, 8000, 45040, EXHAUST_MPS, 0), (29.6972, 285.639, 48.1095, 11.8139, 174.465)),
+    "LM_lowgate": ((150, 5, 7500, 45040, EXHAUST_MPS, 0), (8.8441, 42.423, 19.3274, 4.3813, 64.702)),
+    "LM_60pct": ((1000, 0, 8000, 27024, EXHAUST_MPS, 0), (25.4469, 475.488, 41.224, 22.8826, 202.756)),
+    "LM_full_15km": ((15000, 0, 15103, 45040, EXHAUST_MPS, 0), (93.7995, 7873.332, 151.9553, 100.0773, 1477.926)),
+    "small": ((500, 10, 1000, 6000, 2500, 0), (15.7263, 142.412, 35.4766, 7.9933, 19.184)),
+    "LM_1km_min10pct": ((1000, 0, 8000, 45040, EXHAUST_MPS, 4504), (38.807, 205.1, 40.94, 9.976, 204.63)),
+}
+DIGITS = {"LM_1km_min10pct": (0.0005, 0.05, 0.005, 0.0005, 0.005)}
+
+
+def best(case: str) -> Descent:
+    (height, speed, mass, thrust, exhaust, idle), _ = TABLE[case]
+    return cheapest_descent(Motion(height, -speed, mass), Engine(thrust, exhaust), idle)
+
+
+@pytest.mark.parametrize("case", TABLE)
+def test_the_cheapest_descent_is_the_one_of_the_table_to_its_last_digit(case: str) -> None:
+    for value, expected, half_digit in zip(
+        best(case), TABLE[case][1], DIGITS.get(case, (0.00005, 0.0005, 0.00005, 0.00005, 0.0005)), strict=True
+    ):
+        assert value == pytest.approx(expected, abs=half_digit * 1.01)
+
+
+@pytest.mark.parametrize(
+    ("case", "bound_kg", "ignition_m"),
+    [
+        ("LM_1km", 147.923, 287.744),
+        ("LM_lowgate", 55.384, 42.546),
+        ("LM_60pct", 147.923, 479.574),
+        ("LM_full_15km", 1053.171, 8148.377),
+        ("small", 16.452, 143.333),
+    ],
+)
+def test_the_bounds_are_those_of_the_table(case: str, bound_kg: float, ignition_m: float) -> None:
+    (height, speed, mass, thrust, exhaust, _), _ = TABLE[case]
+    start, engine = Motion(height, -speed, mass), Engine(thrust, exhaust)
+    assert impulsive_bound_kg(start, engine) == pytest.approx(bound_kg, abs=0.0006)
+    assert constant_mass_ignition_m(start, engine) == pytest.approx(ignition_m, abs=0.0006)
+    assert best(case).fuel_kg > bound_kg
+
+
+def test_no_other_ignition_of_a_grid_lands_softly_for_less() -> None:
+    engine, start = Engine(45040, EXHAUST_MPS), Motion(1000.0, 0.0, 8000.0)
+    cheapest = best("LM_1km")
+    for early_s in (0.5, 2.0, 8.0):
+        ignition = after(start, 0.0, EXHAUST_MPS, 1.62, cheapest.coast_s - early_s)
+        # With just so much thrust that it stops at the ground: weaker and longer.
+        thrust = find_root(lambda t, at=ignition: -stop_height(at, engine._replace(thrust_n=t)), 20000.0, 45040.0)
+        burn_s = time_to_stop(ignition, engine._replace(thrust_n=thrust))
+        assert thrust / EXHAUST_MPS * burn_s > cheapest.fuel_kg
+
+
+def test_a_burn_in_two_pieces_is_the_burn_in_one() -> None:
+    start = Motion(300.0, -40.0, 8000.0)
+    halfway = after(start, 45040, EXHAUST_MPS, 1.62, 3.7)
+    assert after(halfway, 45040, EXHAUST_MPS, 1.62, 4.1) == pytest.approx(after(start, 45040, EXHAUST_MPS, 1.62, 7.8), rel=1e-13)
+
+
+def test_a_burn_agrees_with_fine_integration() -> None:
+    height, velocity, mass, dt = 300.0, -40.0, 8000.0, 1e-4
+    for _ in range(50000):
+        middle = velocity + 0.5 * dt * (45040 / (mass - 0.25 * dt * 45040 / EXHAUST_MPS) - 1.62)
+        height += middle * dt
+        velocity += dt * (45040 / (mass - 0.5 * dt * 45040 / EXHAUST_MPS) - 1.62)
+        mass -= dt * 45040 / EXHAUST_MPS
+    assert after(Motion(300.0, -40.0, 8000.0), 45040, EXHAUST_MPS, 1.62, 5.0) == pytest.approx(
+        (height, velocity, mass), rel=1e-8
+    )
+
+
+def test_the_rocket_equation_gives_what_the_lunar_modules_tanks_could() -> None:
+    assert tsiolkovsky(15103, 6855, EXHAUST_MPS) == pytest.approx(2409.1, abs=0.05)
+    burn_s = (15103 - 6855) / (45040 / EXHAUST_MPS)
+    assert burn_s == pytest.approx(558.5, abs=0.05)
+    assert after(Motion(0.0, 0.0, 15103.0), 45040, EXHAUST_MPS, 0.0, burn_s).velocity_mps == pytest.approx(2409.137, abs=0.001)
+
+
+def test_a_fall_of_100_metres_takes_11_seconds_on_the_moon() -> None:
+    assert free_fall(100.0, 0.0) == pytest.approx((math.sqrt(200 / 1.62), 18.0))
+
+
+def test_who_does_not_fall_needs_no_time_to_stop() -> None:
+    assert time_to_stop(Motion(10.0, 0.5, 8000.0), Engine(45040, EXHAUST_MPS)) == 0.0
+
+
+def test_too_late_and_too_weak_are_said_with_their_numbers() -> None:
+    with pytest.raises(ParameterError, match="even full thrust is too late"):
+        cheapest_descent(Motion(50.0, -60.0, 8000.0), Engine(45040, EXHAUST_MPS))
+    with pytest.raises(ParameterError, match="cannot hold 8000 kg"):
+        time_to_stop(Motion(50.0, -6.0, 8000.0), Engine(9000, EXHAUST_MPS))
+    with pytest.raises(ParameterError, match="already lifts"):
+        cheapest_descent(Motion(50.0, 0.0, 1000.0), Engine(45040, EXHAUST_MPS), 2000.0)
