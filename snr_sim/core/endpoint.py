@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from types import FunctionType, MethodType, ModuleType
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from snr_sim.core.handlers import HandlerMap, check_handlers
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.rng import rng_for
-from snr_sim.prelude.task import SomeTasks, Task, TaskHandlerMap, TaskType
+from snr_sim.prelude.task import SomeTasks, Task, TaskHandler, TaskHandlerMap, TaskId, TaskType
 
 if TYPE_CHECKING:
     import numpy as np
@@ -48,11 +48,26 @@ class Endpoint:
         name: unique in the node.
     """
 
+    _of_class: ClassVar[Mapping[TaskId, TaskHandler]] = {}
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """A table `task_handlers` in the class is what each object starts with; functions in it are its methods."""
+        super().__init_subclass__(**options)
+        table = cls.__dict__.get("task_handlers")
+        if isinstance(table, Mapping):
+            cls._of_class = table
+            del cls.task_handlers  # or it would hide the property below, and all objects would share one map
+
     def __init__(self, factory: EndpointFactory, parent: Node, name: str) -> None:
         self.factory = factory
         self.parent = parent
         self.name = name
         self._handlers = HandlerMap({}, self._handlers_changed)
+        if self._of_class:
+            self.task_handlers = {
+                task_id: MethodType(handler, self) if isinstance(handler, FunctionType) else handler
+                for task_id, handler in self._of_class.items()
+            }
 
     @property
     def task_handlers(self) -> TaskHandlerMap:

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 from snr_sim.core.profiler import Profiler
 from snr_sim.prelude.component import Component
-from snr_sim.prelude.errors import ConfigError
+from snr_sim.prelude.errors import ConfigError, TaskError, nearest
 from snr_sim.prelude.task import Task, TaskHandler, TaskId, TaskName, TaskType
 
 # One handler to call: whose it is, the function, the id it was registered for, and the names of both for the trace.
@@ -70,7 +70,15 @@ class Lookup:
         return self._seen
 
     def find(self, task: Task) -> tuple[Entry, ...]:
-        """Returns who handles the task: per component the handler of (type, name), else of type."""
+        """Returns who handles the task: per component the handler of (type, name), else of type.
+
+        Raises:
+            TaskError: its type is no TaskType, or its name no text.
+        """
+        if task.type not in self.cache:
+            raise TaskError(f"A task has the type {task.type!r}.", fix=nearest(str(task.type), TaskType.__members__))
+        if not isinstance(task.name, str):
+            raise TaskError(f"A task has the name {task.name!r}, which is not text.", fix="values go into val_list.")
         by_name = self.cache[task.type]
         entries = by_name.get(task.name)
         if entries is None:

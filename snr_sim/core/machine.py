@@ -90,7 +90,8 @@ class EventMachine:
                 executed += 1
                 try:
                     entries = cache[task.type][task.name]
-                except KeyError:
+                except (KeyError, TypeError):
+                    self.running = None
                     entries = self.lookup.find(task)
                 for self.running, handler, task_id, _ in entries:
                     returned = handler(task, task_id)

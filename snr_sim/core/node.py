@@ -363,10 +363,14 @@ class Node:
 
     def _handler_failure(self, failed: HandlerFailed, error: Exception) -> ComponentFailed:
         task = failed.task
-        name = failed.component.name if failed.component is not None else "node"
-        where = (
-            f"in component '{name}', while it handled {task.type.value} '{task.name}' at t = {self.machine.now_s:.3f} s"
-        )
+        what, when = f"{task.type} '{task.name}'", f"at t = {self.machine.now_s:.3f} s"
+        if failed.component is None:
+            where = f"in node '{self.name}', while it looked for handlers of {what} {when}"
+            return ComponentFailed(describe_error(error, where), self.name)
+        name = failed.component.name
+        entries = self.machine.lookup.find(task)
+        labels = [f"{label[1]}(), " for component, _, _, label in entries if component is failed.component]
+        where = f"in {''.join(labels)}component '{name}', while it handled {what} {when}"
         return ComponentFailed(describe_error(error, where), self.name, name)
 
     def record_failure(self, failure: ComponentFailed) -> None:

@@ -53,13 +53,13 @@ class RecordingMachine(EventMachine):
         if self._latch is not None:
             self.now_s = self._latch()
         self.executed += 1
-        try:
-            entries = self.lookup.cache[task.type][task.name]
-        except KeyError:
-            entries = self.lookup.find(task)
         handled: list[Handled] = []
         scheduled = self._scheduled
         try:
+            try:
+                entries = self.lookup.cache[task.type][task.name]
+            except (KeyError, TypeError):
+                entries = self.lookup.find(task)
             for self.running, handler, task_id, label in entries:
                 returned = handler(task, task_id)
                 if type(returned) is not Task or scheduled:
