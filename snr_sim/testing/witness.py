@@ -1,0 +1,57 @@
+"""Witness: a recorder that keeps what it is told in lists, for tests that want to see what the trace would."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from snr_sim.prelude.recorder import Handled, Ticket
+from snr_sim.prelude.task import Task
+
+
+class Witness:
+    """Keeps the promise of Recorder, and that of NodeRecorder for each node.
+
+    After a run: `inputs` as (source, task), `handled` as (task, what each handler returned), `errors`, `ends`.
+    """
+
+    def __init__(self) -> None:
+        self.inputs: list[tuple[str, Task]] = []
+        self.begun_by: list[tuple[str, Sequence[Task]]] = []
+        self.handled: list[tuple[Task, list[Handled]]] = []
+        self.causes: list[int] = []  # of each handled task: the number of the record that brought it
+        self.errors: list[tuple[str, str]] = []
+        self.ends: list[tuple[str, dict[str, Any]]] = []
+        self._seq = 0
+
+    def for_node(self, name: str) -> Witness:
+        """Returns itself: one list for all nodes."""
+        return self
+
+    def begun(self, now_s: float, component: str, scheduled: Sequence[Task]) -> list[Ticket]:
+        """Keeps what a component scheduled in `begin`."""
+        self.begun_by.append((component, scheduled))
+        return self._tickets(scheduled)
+
+    def input(self, now_s: float, source: str, task: Task) -> Ticket:
+        """Keeps a task that entered."""
+        self.inputs.append((source, task))
+        return self._tickets([task])[0]
+
+    def task(self, now_s: float, ticket: Ticket, handled: Sequence[Handled]) -> list[Ticket]:
+        """Keeps an executed task."""
+        self.handled.append((ticket[0], list(handled)))
+        self.causes.append(ticket[1])
+        return self._tickets([task for _, returned in handled for task in returned])
+
+    def error(self, now_s: float, component: str, message: str) -> None:
+        """Keeps what went wrong."""
+        self.errors.append((component, message))
+
+    def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:
+        """Keeps why a node ended."""
+        self.ends.append((reason, summary))
+
+    def _tickets(self, made: Sequence[Task]) -> list[Ticket]:
+        self._seq += 1
+        return [(task, self._seq, nth, b"") for nth, task in enumerate(made)]

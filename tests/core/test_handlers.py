@@ -1,0 +1,188 @@
+"""Handlers are looked up once, found again when they change, and checked where they are set."""
+
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import pytest
+
+from snr_sim import Config, Endpoint, EndpointFactory, Node, SimClock, SomeTasks, Task, TaskType, tasks
+from snr_sim.prelude.errors import ConfigError
+from snr_sim.prelude.task import TaskHandlerMap
+from snr_sim.testing.parts import Part, PartFactory
+
+X = (TaskType.event, "x")
+Y = (TaskType.event, "y")
+
+
+def new(task: Task, task_id: Any) -> SomeTasks:
+    return tasks.terminate("new")
+
+
+CHANGES: dict[str, Callable[[Part], object]] = {
+    "set": lambda part: part.task_handlers.__setitem__(X, new),
+    "delete": lambda part: part.task_handlers.__delitem__(X),
+    "update": lambda part: part.task_handlers.update({X: new}),
+    "pop": lambda part: part.task_handlers.pop(X),
+    "popitem": lambda part: part.task_handlers.popitem(),
+    "clear": lambda part: part.task_handlers.clear(),
+    "setdefault": lambda part: part.task_handlers.setdefault(TaskType.process_data, new),
+    "or": lambda part: part.task_handlers.__ior__({X: new}),
+    "reassign": lambda part: setattr(part, "task_handlers", {X: new}),
+}
+KEEPS_OLD = {"setdefault"}
+REMOVES = {"delete", "pop", "popitem", "clear"}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_a_component_that_changes_its_handlers_while_running_is_seen(change: str) -> None:
+    called: list[str] = []
+
+    class Changing(PartFactory):
+        def get(self, parent: Node) -> Part:
+            part = super().get(parent)
+
+            def old(task: Task, task_id: Any) -> SomeTasks:
+                called.append("old")
+                return [Task(*X), Task(*Y)] if len(called) == 1 else None
+
+            def change_now(task: Task, task_id: Any) -> SomeTasks:
+                CHANGES[change](part)
+                return [Task(*X), tasks.event("end")]
+
+            part.task_handlers = {Y: change_now, X: old}
+            return part
+
+    end = PartFactory({(TaskType.event, "end"): lambda task, task_id: tasks.event("end2"),
+                       (TaskType.event, "end2"): lambda task, task_id: tasks.terminate("end")}, "end")  # fmt: skip
+    start = PartFactory(name="start", begin=lambda part: part.schedule(Task(*X)))
+    node = Node("r", Config(factories={"r": [Changing(), end, start]}), clock=SimClock())
+    node.loop()
+    if change in KEEPS_OLD:
+        assert called == ["old", "old", "old"]
+    else:
+        assert called == ["old", "old"]
+        assert node.exit_reason == ("end" if change in REMOVES else "new")
+    assert not [note for note in node.notes if "nobody sent" in note]  # what came before the change is not forgotten
+
+
+class OfTheClass(Endpoint):
+    """Its handlers stand in the class, as a table: they are methods there, and each object has its own map."""
+
+    def on_x(self, task: Task, task_id: Any) -> SomeTasks:
+        self.count += 1
+        return tasks.terminate("done") if self.count == 2 else [Task(*X)]
+
+    task_handlers: ClassVar[TaskHandlerMap] = {X: on_x}  # type: ignore[assignment, misc]
+    count = 0
+
+    def begin(self) -> None:
+        self.schedule(Task(*X))
+
+
+class OfTheClassFactory(EndpointFactory):
+    def get(self, parent: Node) -> Endpoint:
+        return OfTheClass(self, parent, "part")
+
+
+def test_handlers_of_the_class_are_methods_and_belong_to_each_object() -> None:
+    nodes = [Node("r", Config(factories={"r": [OfTheClassFactory()]}), clock=SimClock()) for _ in range(2)]
+    first, second = (node.components["part"] for node in nodes)
+    first.task_handlers[Y] = new
+    assert Y not in second.task_handlers
+    nodes[1].loop()
+    assert nodes[1].exit_reason == "done"
+    assert isinstance(second, OfTheClass)
+    assert second.count == 2
+
+
+def test_who_handles_a_task_is_looked_up_once_and_not_at_every_task() -> None:
+    looked: list[None] = []
+
+    class Watched(Part):
+        @property
+        def task_handlers(self) -> TaskHandlerMap:
+            looked.append(None)
+            return {}
+
+        @task_handlers.setter
+        def task_handlers(self, handlers: TaskHandlerMap) -> None:
+            pass
+
+    class WatchedFactory(PartFactory):
+        def get(self, parent: Node) -> Part:
+            return Watched(self, parent, self.name)
+
+    turns: list[None] = []
+
+    def again(task: Task, task_id: Any) -> SomeTasks:
+        turns.append(None)
+        return tasks.terminate("done") if len(turns) == 1000 else task
+
+    busy = PartFactory({X: again}, "busy", begin=lambda part: part.schedule(Task(*X)))
+    others = [WatchedFactory(name=f"other{i}") for i in range(10)]
+    Node("r", Config(factories={"r": [*others, busy]}), clock=SimClock()).loop()
+    assert len(turns) == 1000
+    assert len(looked) < 100
+
+
+class Wrong(Endpoint):
+    handlers: Any = None
+
+    def __init__(self, factory: Any, parent: Node, name: str) -> None:
+        super().__init__(factory, parent, name)
+        self.task_handlers = factory.handlers_of(self)
+
+    def takes_nothing(self) -> None: ...
+    def takes_one(self, task: Task) -> None: ...
+    def takes_three(self, task: Task, task_id: Any, more: int) -> None: ...
+    def takes_any(self, *args: Any) -> None: ...
+    def takes_two_and_a_default(self, task: Task, task_id: Any, more: int = 0) -> None: ...
+
+
+class WrongFactory(EndpointFactory):
+    def __init__(self, handlers_of: Callable[[Wrong], Any]) -> None:
+        super().__init__()
+        self.handlers_of = handlers_of
+
+    def get(self, parent: Node) -> Endpoint:
+        return Wrong(self, parent, "mixer")
+
+
+def build(handlers_of: Callable[[Wrong], Any]) -> Node:
+    return Node("r", Config(factories={"r": [WrongFactory(handlers_of)]}), clock=SimClock())
+
+
+@pytest.mark.parametrize(
+    ("handlers_of", "message"),
+    [
+        (lambda wrong: {X: wrong.takes_nothing}, r"'mixer.takes_nothing' for event 'x' takes \(\).*but is called"),
+        (lambda wrong: {X: wrong.takes_one}, r"def takes_one\(self, task, task_id\)"),
+        (lambda wrong: {X: wrong.takes_three}, r"takes \(task.*more"),
+        (lambda wrong: {X: wrong.takes_nothing()}, r"registers None for event 'x'.*\n.*self.on_start, not self.on_st"),
+        (lambda wrong: {("x", TaskType.event): wrong.takes_any}, r"swapped.\n  Try: \(TaskType.event, 'x'\)"),
+        (lambda wrong: {"x": wrong.takes_any}, r"'mixer' registers a handler for 'x', which no task can have"),
+        (lambda wrong: {(TaskType.event, 5): wrong.takes_any}, r"which no task can have as its id"),
+        (lambda wrong: [(X, wrong.takes_any)], r"'mixer' has task_handlers of type list"),
+        (lambda wrong: None, r"has task_handlers of type NoneType"),
+    ],
+)
+def test_a_wrong_handler_is_refused_where_it_is_registered(handlers_of: Callable[[Wrong], Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        build(handlers_of)
+
+
+@pytest.mark.parametrize("handlers_of", [lambda w: {X: w.takes_any}, lambda w: {X: w.takes_two_and_a_default}])
+def test_a_handler_that_can_take_task_and_id_is_accepted(handlers_of: Callable[[Wrong], Any]) -> None:
+    assert build(handlers_of).components["mixer"].task_handlers
+
+
+def test_a_wrong_handler_is_also_refused_when_it_is_added_later() -> None:
+    node = build(lambda wrong: {X: wrong.takes_any})
+    with pytest.raises(ConfigError, match="swapped"):
+        node.components["mixer"].task_handlers["x", TaskType.event] = lambda task, task_id: None  # type: ignore[index]
+
+
+def test_an_endpoint_without_handlers_is_no_mistake() -> None:
+    node = Node("r", Config(factories={"r": [PartFactory()]}), clock=SimClock())
+    node.loop()
+    assert node.notes == []
