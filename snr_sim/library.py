@@ -29,6 +29,7 @@ Kind: TypeAlias = Literal["robots", "scenarios", "assignments"]
 
 ROBOT_MODULE = "snr_sim_robot_"
 _CONTROLLER_MODULE = "snr_sim_controller_"
+_PROGRAM_MODULE = "snr_sim_program_"
 _SCENARIO_MODULE = "snr_sim_scenario_"
 _KIT = Path(__file__).resolve().parent
 
@@ -60,7 +61,8 @@ def find(kind: Kind, name: str) -> Found:
             return Found(kind, name, path, place)
     looked = ", ".join(short_path(str(folder)) for _, folder in _places(kind))
     raise UnknownName(
-        f"There is no {kind[:-1]} '{name}'. Looked in: {looked}.", fix=nearest(name, [found.name for found in known(kind)])
+        f"There is no {kind[:-1]} '{name}'. Looked in: {looked}.",
+        fix=nearest(name, [found.name for found in known(kind)]),
     )
 
 
@@ -142,7 +144,9 @@ def robot_of_scenario(found: Found) -> str:
         match node:
             case ast.Assign(targets=[ast.Name(id="ROBOT")], value=ast.Constant(value=str(robot))):
                 return robot
-    raise ConfigError(f"{short_path(str(found.path))} does not say which robot it is for.", fix="add: ROBOT = 'lander'.")
+    raise ConfigError(
+        f"{short_path(str(found.path))} does not say which robot it is for.", fix="add: ROBOT = 'lander'."
+    )
 
 
 def controllers(robot: Found) -> list[str]:
@@ -164,7 +168,7 @@ def load_controller(robot: Found, name: str) -> ModuleType:
         path = Path(name).resolve()
         if not path.is_file():
             raise UnknownName(
-                f"There is no controller '{name}': robot '{robot.name}' has none of that name, and there is no such file.",
+                f"There is no controller '{name}': robot '{robot.name}' has none, and there is no such file.",
                 fix=nearest(name, controllers(robot)) + " Or a file: --controller ./mine.py.",
             )
         if str(path.parent) not in sys.path:
@@ -177,6 +181,21 @@ def load_controller(robot: Found, name: str) -> ModuleType:
             fix="def factories(robot): return [MyEndpointFactory()].",
         )
     return module
+
+
+def load_program(name: str) -> ModuleType:
+    """Loads a file of the student's own, without running what stands under `if __name__ == "__main__"`.
+
+    Raises:
+        UnknownName: there is no such file.
+        ConfigError: it cannot be loaded.
+    """
+    path = Path(name).resolve()
+    if not name or not path.is_file():
+        raise UnknownName(f"There is no file '{name}'.", fix="name the program that was recorded: --with robot.py.")
+    if str(path.parent) not in sys.path:
+        sys.path.append(str(path.parent))
+    return _load(_PROGRAM_MODULE + path.stem.replace("-", "_"), path, f"the program '{name}'")
 
 
 def hashes(folders: Sequence[tuple[str, Path]]) -> dict[str, str]:
@@ -234,9 +253,8 @@ def _load(name: str, path: Path, what: str, package: Path | None = None) -> Modu
 
 def _load_failure(error: BaseException, while_doing: str) -> SnrError:
     if isinstance(error, SyntaxError) and error.filename:
-        line = (error.text or "").strip()
-        text = f"{short_path(error.filename)}, line {error.lineno}: {line}\n  SyntaxError: {error.msg}\n  while {while_doing}"
-        return ConfigError(text)
+        place = f"{short_path(error.filename)}, line {error.lineno}: {(error.text or '').strip()}"
+        return ConfigError(f"{place}\n  SyntaxError: {error.msg}\n  while {while_doing}")
     return ConfigError(describe_error(error, f"while {while_doing}"))
 
 

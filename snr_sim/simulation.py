@@ -162,10 +162,14 @@ class Simulation:
             nodes=[f"{role}_node" for role in roles],
             clock=clock,
             commands={f"{role}_node": command_keys(config.get(role)) for role in roles},
-            sources=library.hashes(self._found),
+            sources=self.sources(),
             scene=plant.scene(),
             wall={"started": time.strftime("%Y-%m-%dT%H:%M:%S%z"), "argv": sys.argv},
         )
+
+    def sources(self) -> dict[str, str]:
+        """Returns the sha256 of every file of scenario, robot and controller that is in use."""
+        return library.hashes(self._found)
 
     def run(
         self,
@@ -248,7 +252,8 @@ def prepare(request: Request) -> Simulation:
     engine = request.engine or scenario.ENGINES[0]
     if engine not in scenario.ENGINES:
         raise UnknownName(
-            f"Scenario '{scenario_found.name}' does not run on engine '{engine}':", fix=nearest(engine, scenario.ENGINES)
+            f"Scenario '{scenario_found.name}' does not run on engine '{engine}':",
+            fix=nearest(engine, scenario.ENGINES),
         )
     if request.io not in robot.IO:
         raise UnknownName(
@@ -278,6 +283,21 @@ def prepare(request: Request) -> Simulation:
         ("controller", Path(str(controller.__file__)).resolve()),
     ]
     return Simulation(whole, scenario, robot, controller, found)
+
+
+def wiring_of_file(name: str) -> Config:
+    """Returns the `config` of a program that was recorded without a scenario (`recording/program.py`).
+
+    Raises:
+        ConfigError: the file has no Config of that name.
+    """
+    module = library.load_program(name)
+    config = getattr(module, "config", None)
+    if not isinstance(config, Config):
+        raise ConfigError(
+            f"{name} has no `config` that is a Config.", fix="config = Config(factories={...}) at top level."
+        )
+    return config
 
 
 def command_keys(factories: Sequence[AnyFactory]) -> list[str]:

@@ -1,5 +1,188 @@
-"""x."""
+"""`snr replay RUN`: runs the handlers again on the recorded inputs and says whether they did the same."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from snr_sim.recording.outside import OutsideCall
+    from snr_sim.recording.replay import Divergence, NodeReplay
+    from snr_sim.recording.trace import Trace
+
+OPEN_LOOP = "after this the recorded sensors no longer answer your code"
 
 
-def replay() -> None:
-    """X."""
+def replay(
+    run: Annotated[Path, typer.Argument(help="A run folder, or its trace.")],
+    check: Annotated[
+        bool, typer.Option("--check", help="Also name handlers that ask clock, chance, files or threads by themselves.")
+    ] = False,
+    with_file: Annotated[
+        str, typer.Option("--with", help="Another controller: a name, or a file with changed code.")
+    ] = "",
+    tolerance: Annotated[
+        list[str],
+        typer.Option(help="PATH=1e-6, PATH=0.1% or PATH=ignore; may be repeated. PATH as printed, * allowed."),
+    ] = [],  # noqa: B006
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Run the handlers of a run again, on its recorded inputs, and compare.
+
+    Exit status: 0 identical, 1 diverged (the first divergence is printed), 2 the trace cannot be used.
+    """
+    from contextlib import redirect_stdout
+
+    from snr_sim.recording.compare import Tolerance
+    from snr_sim.recording.folder import trace_path
+    from snr_sim.recording.trace import read_trace
+
+    tolerances = [Tolerance.parse(text) for text in tolerance]
+    trace = read_trace(trace_path(run))
+    with redirect_stdout(sys.stderr):  # what handlers print is not our answer
+        replays, calls, notes = _replay(trace, with_file, tolerances, check)
+    folder = trace.path.parent
+    if with_file:
+        notes.extend(_write_comparison(trace, replays, folder))
+    divergences = sorted((one for replay in replays for one in replay.divergences), key=lambda one: one.seq)
+    if as_json:
+        import json
+
+        print(json.dumps(_fields(trace, replays, divergences, calls, notes)))
+    else:
+        _say(trace, replays, divergences, calls, notes)
+    sys.exit(1 if divergences else 0)
+
+
+def _replay(
+    trace: Trace, with_file: str, tolerances: list[Any], is_checking: bool
+) -> tuple[list[NodeReplay], list[OutsideCall], list[str]]:
+    from contextlib import ExitStack
+
+    from snr_sim.recording.outside import watching
+    from snr_sim.recording.replay import replay_node
+
+    config, notes = _config(trace, with_file)
+    if trace.is_cut:
+        notes.append("The trace was cut short; it is replayed up to its last whole record.")
+    elif not trace.is_ended:
+        notes.append("The run did not end by itself; it is replayed up to its last record.")
+    roles = [node.removesuffix("_node") for node in trace.header.nodes]
+    with ExitStack() as stack:
+        found = stack.enter_context(watching()) if is_checking else {}
+        replays = [replay_node(trace, role, config, tolerances) for role in roles]
+    return replays, list(found.values()), notes
+
+
+def _config(trace: Trace, with_file: str) -> tuple[Any, list[str]]:
+    """Returns the wiring to replay with, and what is to be said about it."""
+    from snr_sim.simulation import Request, prepare, wiring_of_file
+
+    header = trace.header
+    if not header.scenario:
+        return wiring_of_file(with_file or header.controller), []
+    request = Request(
+        scenario=header.scenario,
+        seed=header.seed,
+        engine=header.engine.partition(":")[0],
+        controller=with_file or header.controller,
+        role=header.roles[0] if len(header.roles) == 1 else None,
+        io=header.io,
+        options=header.options,
+    )
+    simulation = prepare(request)
+    config = simulation.config(None)
+    changed = [] if with_file else _changed(header.sources, simulation.sources())
+    return config, [f"Changed since the run: {name}" for name in changed]
+
+
+def _changed(then: dict[str, str], now: dict[str, str]) -> list[str]:
+    return [name for name in then if now.get(name) != then[name]]
+
+
+def _write_comparison(trace: Trace, replays: list[NodeReplay], folder: Path) -> list[str]:
+    from snr_sim.prelude.errors import MissingExtra
+
+    marks = [(one.seq, one.t, _sentence(one)) for replay in replays for one in replay.divergences]
+    records = [record for replay in replays for record in replay.records]
+    try:
+        from snr_sim.recording.view import write_comparison
+
+        path = folder / "replayed.rrd"
+        write_comparison(trace.header, trace.records, records, marks, path)
+    except MissingExtra as error:
+        return [f"Both runs side by side: {error.message} {error.fix}"]
+    except OSError as error:
+        return [f"Both runs side by side could not be written: {error.strerror}."]
+    return [f"Both runs on one timeline: snr view {path}"]
+
+
+def _sentence(one: Divergence) -> str:
+    who = f"{one.component}.{one.handler}" if one.handler else one.component
+    if one.kind == "missing":
+        return f"{who} returned {one.field} then, and does not now"
+    if one.kind == "extra":
+        return f"{who} returns {one.field} now, and did not then"
+    return f"{who}: {one.field} was {one.recorded!r}, now {one.replayed!r}" + (
+        " (reordered)" if one.kind == "reordered" else ""
+    )
+
+
+def _say(
+    trace: Trace,
+    replays: list[NodeReplay],
+    divergences: list[Divergence],
+    calls: list[OutsideCall],
+    notes: list[str],
+) -> None:
+    for note in notes:
+        print(f"note: {note}", file=sys.stderr)
+    for call in calls:
+        print(f"asks the outside: {call}")
+    executed = sum(replay.executed for replay in replays)
+    if not divergences:
+        print(f"identical: {executed} tasks of {len(replays)} node(s), every task and page as recorded")
+        return
+    first = divergences[0]
+    print(f"diverged: {len(divergences)} difference(s) in {executed} tasks; the first:")
+    print(f"  seq {first.seq}, t = {first.t:.3f} s, node {first.node}, while handling {first.task}")
+    print(f"  component {first.component}, handler {first.handler or '-'} ({first.kind})")
+    print(f"  {first.field}: recorded {first.recorded!r}, replayed {first.replayed!r}")
+    print("  how it came to that:")
+    for cause in first.causes:
+        print(f"    {cause}")
+    command = next((one for one in divergences if one.is_command), None)
+    if command is not None:
+        print(f"  commands to actuators differ from seq {command.seq}, t = {command.t:.3f} s: {OPEN_LOOP}.")
+        print(f"  the closed loop again: snr resim {trace.path.parent}")
+
+
+def _fields(
+    trace: Trace,
+    replays: list[NodeReplay],
+    divergences: list[Divergence],
+    calls: list[OutsideCall],
+    notes: list[str],
+) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    command = next((one for one in divergences if one.is_command), None)
+    return {
+        "run_dir": str(trace.path.parent),
+        "trace_digest": trace.digest,
+        "identical": not divergences,
+        "tasks": sum(replay.executed for replay in replays),
+        "nodes": [
+            {"node": one.node, "tasks": one.executed, "recorded": one.recorded, "divergences": len(one.divergences)}
+            for one in replays
+        ],
+        "divergences": len(divergences),
+        "first_divergence": asdict(divergences[0]) if divergences else None,
+        "commands_differ_from_seq": command.seq if command is not None else None,
+        "warning": f"seq {command.seq}: {OPEN_LOOP}" if command is not None else None,
+        "outside_calls": [asdict(call) for call in calls],
+        "notes": notes,
+    }

@@ -122,7 +122,7 @@ def _end_all(nodes: Sequence[Node], why: str | BaseException) -> None:
         try:
             if isinstance(why, ComponentFailed):
                 node.record_failure(why)
-            node.end(why if isinstance(why, str) else "error")
+            node.end(why if isinstance(why, str) else f"error: {type(why).__name__}")
         except Exception as error:
             failure = failure or error
     if failure is not None and isinstance(why, str):

@@ -137,6 +137,8 @@ class Node:
             raise ConfigError(f"Node '{self.name}' has already run.", fix="make a new Node for a new run.")
         self._thread_id = threading.get_ident()
         self.machine.now_s = self.clock.now_s()
+        if self._recorder is not None:
+            self._recorder.begun(self.machine.now_s, self.name, ())  # so that a replay begins at the same time
         for component in self.components.values():
             self._begun.append(component)
             try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import wraps
 from time import perf_counter
 from typing import ParamSpec, TypeVar
 
@@ -49,6 +50,7 @@ class Profiler:
     def timed(self, name: str, function: Callable[P, R]) -> Callable[P, R]:
         """Returns the function with every call of it added to `name`."""
 
+        @wraps(function)
         def call(*args: P.args, **kwargs: P.kwargs) -> R:
             return self.time(name, function, *args, **kwargs)
 

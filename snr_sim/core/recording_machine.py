@@ -90,6 +90,16 @@ class RecordingMachine(EventMachine):
         """Keeps what the running component schedules until it is done: it is part of what it returns."""
         self._scheduled.extend(tasks)
 
+    @property
+    def next_ticket(self) -> Ticket | None:
+        """The ticket that `execute_next` will take."""
+        waiting = self._urgent_tickets or self._tickets
+        return waiting[0] if waiting else None
+
+    def admit(self, task: Task, source: str) -> None:
+        """Queues an input without a door, as a replay does."""
+        self._enter(task, source)
+
     def _enter(self, task: Task, source: str) -> None:
         if self._latch is not None:
             self.now_s = self._latch()

@@ -1,0 +1,137 @@
+"""Compares recorded with replayed values: exactly, unless a tolerance or an exception is asked for by name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import Any
+
+import msgspec
+
+from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.values import MARK
+
+_decode = msgspec.json.Decoder().decode
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How far numbers may be apart where the path matches.
+
+    Args:
+        pattern: of paths such as 'engine.throttle' or 'inertial.position_m[0]'; * and ? as in file names.
+        absolute, relative: a difference within either is none. Infinity lets everything pass, also other types.
+    """
+
+    pattern: str
+    absolute: float = 0.0
+    relative: float = 0.0
+
+    @staticmethod
+    def parse(text: str) -> Tolerance:
+        """Returns the tolerance written as PATTERN=ABSOLUTE, PATTERN=RELATIVE%, or PATTERN=ignore.
+
+        Raises:
+            ParameterError: it is none of them.
+
+        >>> Tolerance.parse("engine.*=1e-6")
+        Tolerance(pattern='engine.*', absolute=1e-06, relative=0.0)
+        """
+        pattern, _, bound = text.rpartition("=")
+        try:
+            if pattern and bound == "ignore":
+                return Tolerance(pattern, absolute=float("inf"))
+            if pattern and bound.endswith("%"):
+                return Tolerance(pattern, relative=_bound(bound[:-1]) / 100.0)
+            if pattern:
+                return Tolerance(pattern, absolute=_bound(bound))
+        except ValueError:
+            pass
+        raise ParameterError(
+            f"--tolerance {text} is no tolerance.",
+            fix="engine.throttle=1e-6, or 'radar.*=0.1%', or engine.stamp_s=ignore.",
+        )
+
+
+def _bound(text: str) -> float:
+    bound = float(text)
+    if not bound >= 0:
+        raise ValueError(text)
+    return bound
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Where two values part."""
+
+    field: str
+    recorded: Any
+    replayed: Any
+
+
+_ABSENT = "(absent)"
+
+
+def first_difference(
+    name: str, kind: str, recorded: bytes, replayed: bytes, tolerances: Sequence[Tolerance] = ()
+) -> Difference | None:
+    """Returns the first place where the values of two tasks differ by more than allowed, or None.
+
+    Args:
+        name: of the task: the beginning of every path.
+        kind: the task's type; of a page the path leads into its data: 'engine.throttle'.
+        recorded, replayed: the values as JSON, as they stand in traces.
+        tolerances: those whose pattern matches a path apply there.
+    """
+    if recorded == replayed:
+        return None
+    for difference in _differences(name, *(_roots(kind, raw) for raw in (recorded, replayed))):
+        if not any(_passes(tolerance, difference) for tolerance in tolerances):
+            return difference
+    return None
+
+
+def _roots(kind: str, raw: bytes) -> Any:
+    values = _decode(raw)
+    if kind == "store_page" and len(values) == 1 and isinstance(values[0], dict) and values[0].get(MARK) == "page":
+        page = values[0]
+        about = {key: item for key, item in page.items() if key not in ("data", MARK)}
+        return _Page(page.get("data"), about)
+    return values
+
+
+@dataclass(frozen=True)
+class _Page:
+    data: Any
+    about: dict[str, Any]
+
+
+def _differences(path: str, recorded: Any, replayed: Any) -> Iterator[Difference]:
+    """Yields every leaf that differs, in the order of the recorded value."""
+    if isinstance(recorded, _Page) and isinstance(replayed, _Page):
+        yield from _differences(path, recorded.data, replayed.data)
+        for key in recorded.about:
+            yield from _differences(f"{path}:{key}", recorded.about[key], replayed.about.get(key, _ABSENT))
+    elif isinstance(recorded, dict) and isinstance(replayed, dict):
+        for key in [*recorded, *(key for key in replayed if key not in recorded)]:
+            inner = f"{path}.{key}"
+            yield from _differences(inner, recorded.get(key, _ABSENT), replayed.get(key, _ABSENT))
+    elif isinstance(recorded, list) and isinstance(replayed, list):
+        for i in range(max(len(recorded), len(replayed))):
+            pair = (values[i] if i < len(values) else _ABSENT for values in (recorded, replayed))
+            yield from _differences(f"{path}[{i}]", *pair)
+    elif recorded != replayed or type(recorded) is not type(replayed):
+        yield Difference(path, recorded, replayed)
+
+
+def _passes(tolerance: Tolerance, difference: Difference) -> bool:
+    if not fnmatchcase(difference.field, tolerance.pattern):
+        return False
+    if tolerance.absolute == float("inf"):
+        return True
+    recorded, replayed = difference.recorded, difference.replayed
+    if not all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in (recorded, replayed)):
+        return False
+    apart = abs(recorded - replayed)
+    return bool(apart <= tolerance.absolute or apart <= tolerance.relative * max(abs(recorded), abs(replayed)))

@@ -1,0 +1,164 @@
+"""Names what a handler may not do and stay repeatable: ask the clock, chance, a file or the network by itself.
+
+While a replay is checked, every call into C is looked at (`sys.setprofile`), and so is every file, thread, process
+and socket that is opened (an audit hook). What a student's line set off is reported with that line. Python code in
+between, such as `uuid.uuid4`, is seen through.
+"""
+
+from __future__ import annotations
+
+import datetime
+import os
+import random
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import FrameType
+from typing import Any
+
+from snr_sim.core.blame import is_student_file, short_path
+
+_CLOCKS = (
+    *(getattr(time, name) for name in ("time", "monotonic", "perf_counter", "process_time", "thread_time")),
+    *(getattr(time, f"{name}_ns") for name in ("time", "monotonic", "perf_counter", "process_time", "thread_time")),
+    *(getattr(time, name) for name in ("localtime", "gmtime", "ctime", "strftime", "sleep")),
+    *(getattr(datetime.datetime, name) for name in ("now", "today", "utcnow")),
+    datetime.date.today,
+)
+_CHANCE = (os.urandom, random.random, random.getrandbits, *filter(None, [getattr(os, "getrandom", None)]))
+_HINTS = {
+    **dict.fromkeys(_CLOCKS, "self.get_time_s() is the node's time, and repeats"),
+    **dict.fromkeys(_CHANCE, "self.rng is the component's own chance, and repeats"),
+}
+_NUMPY_LEGACY = (
+    *("rand", "randn", "randint", "random", "random_sample", "choice", "normal", "uniform", "standard_normal"),
+    *("shuffle", "permutation", "seed", "exponential", "poisson", "binomial", "beta", "gamma"),
+)
+_EVENTS = {
+    "_thread.start_new_thread": ("starting a thread", "a Loop is the way for work of its own; it is recorded"),
+    "_thread.start_joinable_thread": ("starting a thread", "a Loop is the way for work of its own; it is recorded"),
+    "subprocess.Popen": ("starting a process", "do it in a Loop, which brings the answer in as an input"),
+    "os.system": ("starting a process", "do it in a Loop, which brings the answer in as an input"),
+    "socket.connect": ("opening a connection", "do it in a Loop, which brings the answer in as an input"),
+}
+_READ_HINT = "read it in the factory or in a Loop, so that it does not change between runs"
+
+
+@dataclass(frozen=True)
+class OutsideCall:
+    """A student's line that asks the outside."""
+
+    file: str
+    line: int
+    what: str
+    hint: str
+
+    def __str__(self) -> str:
+        return f"{self.file}, line {self.line}: {self.what} does not repeat; {self.hint}."
+
+
+class _Watch:
+    """Collects outside calls; each line once."""
+
+    def __init__(self) -> None:
+        self.calls: dict[tuple[str, int, str], OutsideCall] = {}
+        self._is_student: dict[str, bool] = {}
+
+    def on_profile(self, frame: FrameType, event: str, called: Any) -> None:
+        """Looks at a call into C."""
+        if event == "c_call":
+            try:
+                hint = _HINTS.get(called)
+            except TypeError:
+                return  # cannot be hashed, so it is none of them
+            if hint is not None:
+                self.report(frame, _name(called), hint)
+        elif event == "call" and frame.f_code is _RANDOM_SEED and frame.f_locals.get("a") is None:
+            self.report(frame.f_back, "random.Random()", "self.rng is the component's own chance, and repeats")
+
+    def on_audit(self, event: str, args: tuple[Any, ...]) -> None:
+        """Looks at what Python's audit hooks tell."""
+        if event == "open":
+            path, mode, flags = args
+            is_reading = "r" in mode or "+" in mode if mode else not (flags or 0) & (os.O_WRONLY | os.O_RDWR)
+            if is_reading and not isinstance(path, int):
+                self.report(sys._getframe(2), f"reading {short_path(os.fsdecode(path))}", _READ_HINT)
+        elif event in _EVENTS:
+            self.report(sys._getframe(2), *_EVENTS[event])
+
+    def report(self, frame: FrameType | None, what: str, hint: str) -> None:
+        """Keeps the call, if a student's line set it off."""
+        through = ""
+        while frame is not None:
+            file = frame.f_code.co_filename
+            if file not in self._is_student:
+                self._is_student[file] = is_student_file(file)
+            if self._is_student[file]:
+                shown = f"{through} ({what})" if through else what
+                call = OutsideCall(short_path(file), frame.f_lineno, shown, hint)
+                self.calls.setdefault((file, frame.f_lineno, what), call)
+                return
+            if "importlib" in file:
+                return  # an import reads files and asks for chance, but always the same
+            through = f"{frame.f_globals.get('__name__', '')}.{frame.f_code.co_name}()"
+            frame = frame.f_back
+
+
+_RANDOM_SEED = random.Random.seed.__code__
+_current: _Watch | None = None
+_is_hooked = False
+
+
+def _hook(event: str, args: tuple[Any, ...]) -> None:
+    if _current is not None and (event == "open" or event in _EVENTS):
+        _current.on_audit(event, args)
+
+
+def _name(called: Any) -> str:
+    owner = getattr(called, "__self__", None)
+    if isinstance(owner, random.Random):
+        return f"random.{called.__name__}()"
+    module = "os" if called in _CHANCE else getattr(called, "__module__", None) or getattr(owner, "__qualname__", "")
+    return f"{module}.{called.__name__}()"
+
+
+@contextmanager
+def watching() -> Iterator[dict[tuple[str, int, str], OutsideCall]]:
+    """Watches this thread while it is entered; yields what has been found so far."""
+    global _current, _is_hooked
+    if not _is_hooked:
+        sys.addaudithook(_hook)  # for good: Python has no way to take one off, so `_current` switches it
+        _is_hooked = True
+    watch = _Watch()
+    before = sys.getprofile()
+    numpy_before = _wrap_numpy(watch)
+    _current = watch
+    sys.setprofile(watch.on_profile)
+    try:
+        yield watch.calls
+    finally:
+        sys.setprofile(before)
+        _current = None
+        for name, function in numpy_before.items():
+            setattr(sys.modules["numpy"].random, name, function)
+
+
+def _wrap_numpy(watch: _Watch) -> dict[str, Any]:
+    """Puts a look-out before numpy's global generator, whose functions the profiler does not see."""
+    numpy = sys.modules.get("numpy")
+    if numpy is None:
+        return {}
+    before = {name: getattr(numpy.random, name) for name in _NUMPY_LEGACY}
+    for name, function in before.items():
+        setattr(numpy.random, name, _looked_at(watch, name, function))
+    return before
+
+
+def _looked_at(watch: _Watch, name: str, function: Any) -> Any:
+    def call(*args: Any, **kwargs: Any) -> Any:
+        watch.report(sys._getframe(1), f"numpy.random.{name}()", "self.rng is the component's own chance, and repeats")
+        return function(*args, **kwargs)
+
+    return call
