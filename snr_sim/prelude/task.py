@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import msgspec
 
-from snr_sim.prelude.errors import TaskError
+from snr_sim.prelude.errors import TaskError, ValueEncodingError
 
 if TYPE_CHECKING:
     from snr_sim.prelude.page import Page
@@ -73,12 +73,20 @@ class Task(msgspec.Struct, frozen=True):
         Raises:
             TaskError: the bytes are no task.
         """
+        from snr_sim.prelude.page import KINDS
         from snr_sim.prelude.values import decode_value
 
-        value = decode_value(data)
-        if not (isinstance(value, list) and len(value) == 3 and value[0] in TaskType.__members__):
-            raise TaskError(f"These bytes are no task: {data[:80]!r}", fix="a task is [type, name, values] in JSON.")
-        return Task(TaskType(value[0]), value[1], value[2])
+        try:
+            kind, name, val_list = decode_value(data, KINDS)
+            if isinstance(name, str) and isinstance(val_list, list):
+                return Task(TaskType(kind), name, val_list)
+        except (ValueEncodingError, ValueError, TypeError) as error:
+            cause: Exception | None = error
+        else:
+            cause = None
+        raise TaskError(
+            f"These bytes are no task: {data[:80]!r}", fix="they are [type, name, values] in JSON."
+        ) from cause
 
 
 # What a handler may return: nothing, a task, or several, handled in that order.

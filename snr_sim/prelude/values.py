@@ -3,10 +3,12 @@
 Plain JSON stays plain. What JSON would change or lose is wrapped in an object whose key "$" says what it is:
 
     {"$": "float", "v": "nan"}                         also "inf", "-inf"
+    {"$": "int", "v": "0x1f..."}                       beyond 64 bits
     {"$": "tuple" | "set" | "frozenset", "v": [...]}
     {"$": "bytes", "v": "<base64>"}
     {"$": "dict", "v": [[key, value], ...]}            keys that are not text, or a key "$"
-    {"$": "array", "dtype": "float64", "shape": [2], "data": [0.5, 1.0]}    "b64" for "data" above 256 elements
+    {"$": "array", "dtype": "float64", "shape": [2], "data": [0.5, 1.0]}    "b64" for "data" above 256 elements,
+                                                       and for what has no JSON number: complex, text, dates
     {"$": "object", "type": "module.Class", "fields": {...}}                readable, but cannot be brought back
 
 Almost every value is plain. So the fast path encodes in C, decodes again and compares: two passes in C are
@@ -31,6 +33,7 @@ _decode = msgspec.json.Decoder().decode
 MARK = "$"
 _MARK_BYTES = b'"$":'  # inside a JSON string the quotes would be escaped, so this is always a key
 _ARRAY_AS_TEXT_MAX = 256
+_ARRAY_KINDS = "biufcSUmM"  # numpy's letters: bool, int, uint, float, complex, bytes, text, durations, dates
 
 
 def encode_value(value: Any) -> bytes:
@@ -61,6 +64,11 @@ def encode_with_marks(value: Any) -> bytes:
         raise ValueEncodingError(
             "A value is nested too deeply to be stored, or contains itself.",
             fix="store numbers, text, lists, dicts and numpy arrays, and no object that points back at its owner.",
+        ) from None
+    except UnicodeEncodeError as error:
+        raise ValueEncodingError(
+            f"A value holds text that UTF-8 cannot carry: {error.object[:80]!r}.",
+            fix="open the file it came from with errors='replace', or store the bytes.",
         ) from None
 
 
@@ -93,7 +101,7 @@ def _marked(value: Any) -> Any:
     if kind is float:
         return value if math.isfinite(value) else {MARK: "float", "v": repr(value)}
     if kind is int:
-        return value if -(2**63) <= value < 2**64 else {MARK: "int", "v": str(value)}
+        return value if -(2**63) <= value < 2**64 else {MARK: "int", "v": hex(value)}
     if kind is list:
         return [_marked(item) for item in value]
     if kind is dict:
@@ -111,7 +119,7 @@ def _marked(value: Any) -> Any:
 
 def _marked_object(value: Any) -> Any:
     numpy = sys.modules.get("numpy")
-    if numpy is not None and isinstance(value, (numpy.ndarray, numpy.generic)) and value.dtype.kind in "biuf":
+    if numpy is not None and isinstance(value, (numpy.ndarray, numpy.generic)) and value.dtype.kind in _ARRAY_KINDS:
         return _marked_array(value)
     if isinstance(value, (bool, int, float, str)):  # an Enum, or a class of the student's own on top of a number
         return _marked(_plain_parent(value))
@@ -121,8 +129,20 @@ def _marked_object(value: Any) -> Any:
         if config.tag_field == MARK:
             return {MARK: config.tag, **fields}
     else:
-        fields = {str(name): _marked(item) for name, item in getattr(value, "__dict__", {}).items()}
+        fields = {str(name): _marked(item) for name, item in _attributes(value).items()}
     return {MARK: "object", "type": f"{type(value).__module__}.{type(value).__qualname__}", "fields": fields}
+
+
+def _attributes(value: Any) -> dict[str, Any]:
+    """What an object holds, whether it keeps it in a dict or in slots; an array of objects, as a list."""
+    if hasattr(value, "dtype") and hasattr(value, "tolist"):
+        return {"dtype": str(value.dtype), "values": value.tolist()}
+    kept = dict(getattr(value, "__dict__", {}))
+    for kind in type(value).__mro__:
+        slots = kind.__dict__.get("__slots__", ())
+        names = (slots,) if isinstance(slots, str) else slots
+        kept |= {name: getattr(value, name) for name in names if name[:2] != "__" and hasattr(value, name)}
+    return kept
 
 
 def _plain_parent(value: Any) -> Any:
@@ -133,8 +153,9 @@ def _plain_parent(value: Any) -> Any:
 
 
 def _marked_array(value: Any) -> Any:
-    marked = {MARK: "array", "dtype": value.dtype.name, "shape": list(value.shape)}
-    if value.size > _ARRAY_AS_TEXT_MAX:
+    is_plain = value.dtype.kind in "biuf" and value.dtype.itemsize <= 8
+    marked = {MARK: "array", "dtype": value.dtype.name if is_plain else value.dtype.str, "shape": list(value.shape)}
+    if value.size > _ARRAY_AS_TEXT_MAX or not is_plain:
         little_endian = value.astype(value.dtype.newbyteorder("<"), copy=False)
         return {**marked, "b64": base64.b64encode(little_endian.tobytes()).decode()}
     return {**marked, "data": _marked(value.tolist())}
@@ -166,7 +187,7 @@ def _unmarked_simple(mark: Any, value: dict[str, Any], kinds: Mapping[str, Calla
         )
     inner = value["v"]
     if mark in ("float", "int"):
-        return float(inner) if mark == "float" else int(inner)
+        return float(inner) if mark == "float" else int(inner, 16)
     if mark == "bytes":
         return base64.b64decode(inner, validate=True)
     items = [_unmarked(item, kinds) for item in inner]
@@ -182,10 +203,11 @@ def _unmarked_array(value: dict[str, Any]) -> Any:
     import numpy as np  # slow to import, and only pages with arrays need it
 
     dtype = np.dtype(value["dtype"])
-    if dtype.kind not in "biuf":
-        raise ValueEncodingError(f"A stored array has the type {value['dtype']!r}; known: bool, int, uint, float.")
+    if dtype.kind not in _ARRAY_KINDS:
+        raise ValueEncodingError(f"A stored array has the type {value['dtype']!r}, which holds no plain values.")
     if "b64" in value:
-        flat = np.frombuffer(base64.b64decode(value["b64"], validate=True), dtype=dtype.newbyteorder("<"))
+        little_endian = base64.b64decode(value["b64"], validate=True)
+        flat = np.frombuffer(little_endian, dtype.newbyteorder("<")) if little_endian else np.empty(0, dtype)
         return flat.astype(dtype).reshape(value["shape"])
     array = np.array(_unmarked(value["data"], {}), dtype=dtype).reshape(value["shape"])
     return array if value["shape"] else array[()]
