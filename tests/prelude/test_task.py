@@ -1,0 +1,122 @@
+"""Tasks and pages: what they are equal to, and that they come back from JSON as they were."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from snr_sim import Page, Task, TaskType, tasks
+from snr_sim.prelude.errors import TaskError, ValueEncodingError
+
+plain = st.recursive(
+    st.one_of(st.none(), st.booleans(), st.integers(), st.floats(allow_nan=False), st.text('ab$"\\ é'), st.binary()),
+    lambda inner: st.one_of(
+        st.lists(inner), st.tuples(inner), st.dictionaries(st.one_of(st.text("ab$"), st.integers()), inner)
+    ),
+    max_leaves=8,
+)
+
+
+def test_tasks_with_the_same_contents_are_equal_and_have_one_hash() -> None:
+    one, other = tasks.event("a", [1]), Task(TaskType.event, "a", [1])
+    assert one == other
+    assert hash(one) == hash(other)
+    assert len({one, other}) == 1
+    assert one != tasks.event("a", [2])
+    assert one != tasks.process_data("a")
+
+
+def test_each_task_has_a_list_of_its_own() -> None:
+    tasks.event("a").val_list.append(1)
+    Task(TaskType.event, "a").val_list.append(1)
+    assert tasks.event("b").val_list == []
+    assert Task(TaskType.event, "a").val_list == []
+    given_list = [1]
+    task = tasks.event("a", given_list)
+    given_list.append(2)
+    assert task.val_list == [1]
+
+
+@pytest.mark.parametrize("field", ["type", "name", "val_list"])
+def test_a_task_cannot_be_changed_after_it_was_made(field: str) -> None:
+    with pytest.raises(AttributeError):
+        setattr(tasks.event("a"), field, "b")
+
+
+def test_the_id_of_a_task_is_what_handlers_register_for() -> None:
+    assert tasks.event("a").id() == (TaskType.event, "a")
+    assert {(TaskType.event, "a"): 1}[tasks.event("a").id()] == 1
+
+
+def test_the_helpers_make_the_tasks_they_are_named_after() -> None:
+    page = Page("x", 1, "n", 0.0)
+    assert tasks.store_page(page) == Task.store_page(page) == Task(TaskType.store_page, "x", [page])
+    assert tasks.process_data("x").id() == (TaskType.process_data, "x")
+    assert tasks.terminate("done").id() == (TaskType.terminate, "done")
+    assert tasks.reload_component("x").id() == (TaskType.reload, "x")
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.sampled_from(list(TaskType)), st.text('ab$" é'), st.lists(plain, max_size=3))
+def test_a_task_comes_back_from_json(kind: TaskType, name: str, val_list: list[Any]) -> None:
+    task = Task(kind, name, val_list)
+    assert Task.deserialize(task.serialize()) == task
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.text('ab$" é'), plain, st.floats(0, 1e6), st.booleans())
+def test_a_page_comes_back_from_json(key: str, data: Any, created_at_s: float, process: bool) -> None:
+    page = Page(key, data, "some_node", created_at_s, process)
+    raw = page.serialize()
+    assert Page.deserialize(raw) == page
+    assert Page.deserialize(raw.decode()) == page
+    assert type(Page.deserialize(raw).data) is type(data)
+    assert b"\n" not in raw
+    stored = Task.store_page(page)
+    assert Task.deserialize(stored.serialize()) == stored
+
+
+def test_a_page_of_arrays_comes_back_from_json() -> None:
+    page = Page("imu", {"rates": np.array([0.1, np.nan]), "ok": (True, None)}, "n", 0.5)
+    back = Page.deserialize(page.serialize())
+    np.testing.assert_array_equal(back.data["rates"], page.data["rates"])
+    assert back.data["ok"] == (True, None)
+
+
+@pytest.mark.parametrize(
+    "raw",
+    [
+        b"",
+        b"{}",
+        b'["evnt","a",[]]',
+        b'["event","a"]',
+        b'["event",5,[]]',
+        b'["event","a",5]',
+        b'{"$":"x"}',
+        b"\xff",
+        b"5",
+    ],
+)
+def test_bytes_that_are_no_task_are_refused(raw: bytes) -> None:
+    with pytest.raises(TaskError, match="no task"):
+        Task.deserialize(raw)
+
+
+@pytest.mark.parametrize(
+    "raw",
+    [
+        b"",
+        b"5",
+        b"{}",
+        b'{"$":"page"}',
+        b'{"$":"page","key":5,"data":1,"origin":"n","created_at_s":0.0,"process":true}',
+        b'{"$":"page","key":"a","data":1,"origin":"n","created_at_s":"now","process":true}',
+        b'{"$":"page","key":"a","data":1,"origin":7,"created_at_s":0.0,"process":true}',
+        b'{"$":"page","key":"a","data":1,"origin":"n","created_at_s":0.0,"process":"yes"}',
+    ],
+)
+def test_bytes_that_are_no_page_are_refused(raw: bytes) -> None:
+    with pytest.raises(ValueEncodingError):
+        Page.deserialize(raw)

@@ -1,0 +1,201 @@
+"""Values go to JSON and come back as they were: to the bit, whatever they are made of."""
+
+import dataclasses
+import math
+import struct
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from snr_sim.prelude.errors import ValueEncodingError
+from snr_sim.prelude.values import decode_value, encode_value
+
+scalars = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.integers(min_value=-(2**70), max_value=2**70),
+    st.floats(),
+    st.text(st.characters(exclude_categories=["Cs"])),
+    st.just("$"),
+    st.just('"$":'),
+    st.binary(max_size=20),
+)
+keys = st.one_of(st.text(st.characters(exclude_categories=["Cs"]), max_size=5), st.just("$"), st.integers())
+hashables = st.recursive(scalars.filter(lambda x: x == x), lambda inner: st.tuples(inner, inner), max_leaves=4)
+values = st.recursive(
+    scalars,
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=4),
+        st.lists(inner, max_size=4).map(tuple),
+        st.dictionaries(keys, inner, max_size=4),
+        st.sets(hashables, max_size=4),
+        st.frozensets(hashables, max_size=4),
+    ),
+    max_leaves=12,
+)
+
+
+def same(one: Any, other: Any) -> bool:
+    """Equal in type, structure and every bit of every float."""
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, float):
+        return struct.pack("<d", one) == struct.pack("<d", other) or (math.isnan(one) and math.isnan(other))
+    if isinstance(one, (list, tuple)):
+        return len(one) == len(other) and all(map(same, one, other))
+    if isinstance(one, dict):
+        return list(map(repr, one)) == list(map(repr, other)) and all(map(same, one.values(), other.values()))
+    return bool(one == other)
+
+
+@settings(max_examples=400, deadline=None)
+@given(values)
+@example(-0.0)
+@example(5e-324)
+@example([float("nan"), float("inf"), -float("inf")])
+@example({"$": "float", "v": "nan"})
+@example({"$": {"$": 1}})
+@example({1: "a", "1": "b"})
+@example([(1, [2, (3,)]), {"k": {4, 5}}])
+@example(2**64)
+@example(-(2**63) - 1)
+@example(2**53 + 1)
+@example(b"\xff\x00")
+@example(10**5000)
+def test_a_value_comes_back_as_it_was(value: Any) -> None:
+    assert same(decode_value(encode_value(value)), value)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.floats())
+def test_every_float_survives_alone_and_in_company(x: float) -> None:
+    assert same(decode_value(encode_value({"x": x, "list": [x, 1]})), {"x": x, "list": [x, 1]})
+
+
+dtypes = st.one_of(
+    hnp.boolean_dtypes(),
+    hnp.integer_dtypes(endianness="="),
+    hnp.unsigned_integer_dtypes(endianness="="),
+    hnp.floating_dtypes(endianness="=", sizes=(16, 32, 64)),
+    hnp.complex_number_dtypes(endianness="=", sizes=(64, 128)),
+)
+
+
+@settings(max_examples=200, deadline=None)
+@given(hnp.arrays(dtypes, hnp.array_shapes(min_dims=1, max_dims=3, min_side=0, max_side=8)))
+def test_an_array_comes_back_with_its_type_shape_and_values(array: np.ndarray) -> None:
+    back = decode_value(encode_value(array))
+    assert back.dtype == array.dtype
+    assert back.shape == array.shape
+    np.testing.assert_array_equal(back, array)
+
+
+@pytest.mark.parametrize("size", [1, 256, 257, 10_000])
+@pytest.mark.parametrize("dtype", ["bool", "int8", "uint64", "int64", "float16", "float32", "float64", "complex128"])
+def test_large_arrays_survive_too(dtype: str, size: int) -> None:
+    array = (np.arange(size) * 3 - 7).astype(dtype)
+    back = decode_value(encode_value({"image": array}))["image"]
+    assert back.dtype == array.dtype
+    np.testing.assert_array_equal(back, array)
+
+
+@pytest.mark.parametrize(
+    "array",
+    [
+        np.array([1, 2], dtype="longdouble") / 3,
+        np.array(["ab", "c"]),
+        np.array(["2026-01-02"], dtype="datetime64[D]"),
+        np.arange(6, dtype=">f8"),
+        np.arange(12).reshape(3, 4).T,
+        np.arange(12)[::2],
+    ],
+    ids=["longdouble", "text", "dates", "big endian", "transposed", "strided"],
+)
+def test_unusual_arrays_come_back_equal(array: np.ndarray) -> None:
+    np.testing.assert_array_equal(decode_value(encode_value(array)), array)
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        np.float64(0.1),
+        np.float32(0.1),
+        np.int64(-5),
+        np.uint64(2**64 - 1),
+        np.bool_(True),
+        np.float64("nan"),
+        np.str_("a"),
+    ],
+)
+def test_numpy_scalars_come_back_equal(value: Any) -> None:
+    back = decode_value(encode_value([value]))[0]
+    assert back == value or (value != value and back != back)
+
+
+@dataclasses.dataclass
+class Pose:
+    x_m: float
+    label: str
+
+
+@dataclasses.dataclass(slots=True)
+class SlottedPose:
+    x_m: float
+
+
+@pytest.mark.parametrize("value", [Pose(1.5, "start"), {"pose": Pose(1.5, "start")}, [SlottedPose(1.5)]])
+def test_an_object_can_be_read_in_the_file_but_says_that_it_cannot_be_brought_back(value: Any) -> None:
+    raw = encode_value(value)
+    assert b'"x_m":1.5' in raw
+    assert b"Pose" in raw
+    with pytest.raises(ValueEncodingError, match=r"Pose, which cannot be brought back(.|\n)*store a dict"):
+        decode_value(raw)
+
+
+def test_a_value_that_contains_itself_is_refused() -> None:
+    loop: list[Any] = []
+    loop.append(loop)
+    with pytest.raises(ValueEncodingError, match="contains itself"):
+        encode_value(loop)
+
+
+@pytest.mark.parametrize("value", ["\ud800", {"\ud800": 1}])
+def test_text_that_is_no_unicode_is_refused_in_words(value: Any) -> None:
+    with pytest.raises(ValueEncodingError, match="UTF-8"):
+        encode_value(value)
+
+
+@pytest.mark.parametrize(
+    "raw",
+    [
+        b"",
+        b"{",
+        b'{"$":"float"}',
+        b'{"$":"float","v":"x"}',
+        b'{"$":"nothing","v":[]}',
+        b'{"$":5,"v":[]}',
+        b'{"$":"array","dtype":"object","shape":[1],"data":[1]}',
+        b'{"$":"array","dtype":"float64","shape":[3],"data":[1]}',
+        b'{"$":"bytes","v":"?"}',
+        b'{"$":"set","v":[[1]]}',
+        b'{"$":"dict","v":[1]}',
+        b'{"$":"tuple","v":5}',
+        b"\xff",
+    ],
+)
+def test_damaged_values_are_refused_in_words(raw: bytes) -> None:
+    with pytest.raises(ValueEncodingError):
+        decode_value(raw)
+
+
+@given(values)
+@settings(max_examples=100, deadline=None)
+def test_equal_values_have_equal_bytes(value: Any) -> None:
+    raw = encode_value(value)
+    assert encode_value(decode_value(raw)) == raw
+    assert b"\n" not in raw
