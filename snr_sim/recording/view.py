@@ -171,7 +171,7 @@ class _Writer:
             column.component_descriptor().component: column.component_descriptor()
             for column in (
                 *rr.Scalars.columns(scalars=[0.0]),
-                *rr.Arrows3D.columns(vectors=[[0.0, 0.0, 0.0]]),
+                *rr.Arrows3D.columns(vectors=[[0.0, 0.0, 0.0]], origins=[[0.0, 0.0, 0.0]]),
                 *rr.TextLog.columns(text=["a"], level=["a"]),
                 *rr.SeriesLines.columns(names=["a"], colors=[0], widths=[0.0]),
             )
@@ -317,9 +317,12 @@ class _Writer:
         self._longest_n = max(self._longest_n, float(lengths.max()))
         pushes = lengths > 0  # a force of nothing is no arrow, not even a dot
         triples = rr.components.Vector3DBatch(vectors[pushes].astype(np.float32)).as_arrow_array()
+        # It pushes: its tip, not its tail, is where the force acts. From the nozzle upwards it would be inside the hull.
+        tails = rr.components.Position3DBatch(-vectors[pushes].astype(np.float32)).as_arrow_array()
         offsets = np.concatenate(([0], np.cumsum(pushes))).astype(np.int32)
         self._send(entity, when, rr.Transform3D.columns(translation=arrows[:, :3].astype(np.float32)))
-        self._send(newtons, when, [self._column("Arrows3D:vectors", triples, offsets)])
+        columns = [self._column("Arrows3D:vectors", triples, offsets), self._column("Arrows3D:origins", tails, offsets)]
+        self._send(newtons, when, columns)
 
     def _scale_arrows(self) -> None:
         """Newtons to metres: a static scale, so that the file keeps newtons and a live run can find its own scale."""
