@@ -260,7 +260,8 @@ class Lander2D:
             self._throttle_goal = 0.0
         self.fuel_kg -= burned
         self.mass_kg -= burned
-        push = burned * self.module.exhaust_mps / self.mass_kg
+        # By the mean mass of the step: so any burn gives what the rocket equation says, to the step squared.
+        push = burned * self.module.exhaust_mps / (self.mass_kg + 0.5 * burned)
         twist = self._jets * self.step_s / self.mass_kg
         if push > 0.0:
             turned = self.gimbal_rad
@@ -292,7 +293,7 @@ class Lander2D:
         touching = self._stand(body)
         if (touching or self._hull_touched) and self.touchdown is None:
             self._judge_contact(body)
-        if self.outcome is None and (self._hull_touched or abs(attitude) > TIPPED_RAD):
+        if self.outcome is None and (self._hull_touched or (touching and abs(attitude) > TIPPED_RAD)):
             self._end("crashed")
         # Half a step ahead is near enough to tell whether it stands.
         still = touching == 2 and abs(vx) + abs(vz) < STILL_MPS and abs(rate) < STILL_RADPS

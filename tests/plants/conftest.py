@@ -1,4 +1,5 @@
 import importlib.util
+import sys
 from pathlib import Path
 
 import pytest
@@ -15,5 +16,6 @@ def apollo() -> LunarModule:
     assert spec is not None
     assert spec.loader is not None
     parameters = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = parameters  # dataclasses look themselves up there
     spec.loader.exec_module(parameters)
     return parameters.APOLLO

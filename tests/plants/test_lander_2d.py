@@ -1,0 +1,332 @@
+import math
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from snr_sim.plants.gear import GearLimits
+from snr_sim.plants.lander_2d import FEET_M, Lander2D, Pose
+from snr_sim.plants.module import LunarModule, PlaneStart
+from snr_sim.plants.terrain import FLAT, Terrain, make_terrain
+from snr_sim.prelude.errors import MissingExtra, ParameterError, PlantError, UnknownName
+from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.signals import EngineCommand
+
+FORGIVING = GearLimits(99.0, 99.0, 99.0, 3.0, 9.0)
+SLOPE = make_terrain(3, relief_m=0.0, pad_slope_rad=0.1)
+
+
+def start(
+    x: float = 0.0, z: float = 200.0, vx: float = 0.0, vz: float = 0.0, tilt: float = 0.0, rate: float = 0.0,
+    mass: float = 7500.0, fuel: float = 600.0, ground: Terrain = FLAT,
+) -> Callable[[int], tuple[PlaneStart, Terrain]]:  # fmt: skip
+    return lambda seed: (PlaneStart((x, z), (vx, vz), mass, fuel, tilt, rate), ground)
+
+
+def run(plant: Lander2D, time_s: float, command: EngineCommand | None = None) -> Pose:
+    if command is not None:
+        plant.write("engine", command)
+    for _ in range(round(time_s / plant.step_s)):
+        plant.step(plant.step_s)
+    return pose(plant)
+
+
+def pose(plant: Lander2D) -> Pose:
+    reading = plant.read("inertial")
+    (x, z), (vx, vz) = reading.position_m, reading.velocity_mps
+    return Pose(x, z, reading.attitude_rad, vx, vz, reading.rate_radps)
+
+
+def drop(module: LunarModule, height: float = 0.5, step_s: float = 0.005, **how: object) -> Lander2D:
+    return Lander2D(module, start(z=3.6 + height, **how), step_s=step_s)  # type: ignore[arg-type]
+
+
+def energy(plant: Lander2D) -> float:
+    """Motion, height, and what both legs' springs hold."""
+    x, z, tilt, vx, vz, rate = pose(plant)
+    module, cos, sin = plant.module, math.cos(tilt), math.sin(tilt)
+    total = plant.mass_kg * (0.5 * (vx**2 + vz**2 + (module.gyration_m * rate) ** 2) + module.gravity_mps2 * z)
+    for (foot_x, foot_z), grip in zip(FEET_M, plant.snapshot().grips_m, strict=True):
+        if grip is not None:
+            foot = x + cos * foot_x - sin * foot_z, z + sin * foot_x + cos * foot_z
+            height, slope = plant.terrain.ground(foot[0])
+            nz = 1.0 / math.hypot(1.0, slope)
+            depth = (height - foot[1]) * nz
+            bent = (foot[0] - grip[0]) * nz + (foot[1] - grip[1]) * slope * nz
+            total += 0.5 * module.leg.spring_npm * (depth**2 + bent**2)
+    return total
+
+
+def test_it_keeps_the_promise_of_a_plant(apollo: LunarModule) -> None:
+    plant = Lander2D(apollo, start())
+    assert isinstance(plant, Plant)
+    assert plant.engine.startswith("pymunk 7")
+
+
+# -- flight -----------------------------------------------------------------------------------------------------------
+
+
+def test_free_fall_is_exact_at_any_step(apollo: LunarModule) -> None:
+    for step_s in (0.002, 0.005, 0.02):
+        end = run(Lander2D(apollo, start(z=500.0, vz=3.0), step_s=step_s), 10.0)
+        assert end.z_m == pytest.approx(500.0 + 30.0 - 0.81 * 100.0, abs=1e-9)
+        assert end.vz_mps == pytest.approx(3.0 - 16.2, abs=1e-10)
+
+
+def test_a_throw_of_10_mps_at_45_degrees_flies_as_far_as_it_should(apollo: LunarModule) -> None:
+    speed = 10.0 * math.sqrt(0.5)
+    plant = Lander2D(apollo, start(z=100.0, vx=speed, vz=speed))
+    apex = max(run(plant, 0.005).z_m for _ in range(1745))
+    landing = run(plant, 0.005)
+    assert apex == pytest.approx(100.0 + 15.432, abs=0.001)
+    assert landing.x_m == pytest.approx(61.728, abs=0.005)  # at 8.7300 s; the arc ends at 8.7297 s
+    assert landing.z_m == pytest.approx(100.0, abs=0.005)
+
+
+def test_a_turning_module_in_free_fall_keeps_its_rate(apollo: LunarModule) -> None:
+    end = run(Lander2D(apollo, start(z=500.0, rate=0.3)), 10.0)
+    assert end.rate_radps == pytest.approx(0.3, abs=1e-12)
+    assert end.attitude_rad == pytest.approx(3.0, abs=1e-10)
+
+
+def test_full_thrust_in_empty_space_gives_what_the_rocket_equation_says(apollo: LunarModule) -> None:
+    # With a small tank: with a full one it would leave the region at 2409 m/s.
+    space = replace(apollo, gravity_mps2=0.0, throttle_lag_s=0.0)
+    plant = Lander2D(space, start(z=9_000.0, vz=-200.0, mass=15103.0, fuel=800.0))
+    before = pose(plant).vz_mps
+    end = run(plant, 60.0, EngineCommand(1.0))
+    assert plant.fuel_kg == 0.0
+    assert end.vz_mps - before == pytest.approx(apollo.exhaust_mps * math.log(15103.0 / 14303.0), rel=1e-6)
+
+
+def test_an_upright_burn_follows_the_closed_form(apollo: LunarModule) -> None:
+    from snr_sim.plants.descent import Motion, after
+
+    plant = Lander2D(replace(apollo, throttle_lag_s=0.0), start(z=500.0, vz=-30.0))
+    # The command arrives at the first kick, half a step late.
+    end = run(plant, 10.0, EngineCommand(0.5))
+    exact = after(Motion(500.0, -30.0, 7500.0), 0.5 * apollo.thrust_n, apollo.exhaust_mps, 1.62, 10.0)
+    assert end.z_m == pytest.approx(exact.height_m, abs=0.08)
+    assert end.vz_mps == pytest.approx(exact.velocity_mps, abs=0.01)
+
+
+def test_halving_the_step_quarters_the_error_of_a_flight(apollo: LunarModule) -> None:
+    def flight(step_s: float) -> Pose:
+        plant = Lander2D(apollo, start(z=150.0, vx=3.0, vz=-4.0, tilt=0.05, rate=0.02), step_s=step_s)
+        return run(plant, 8.0, EngineCommand(0.4))
+
+    exact = flight(0.02 / 32)
+    coarse, fine = (math.dist(flight(step)[:2], exact[:2]) for step in (0.02, 0.01))
+    assert fine < 0.3 * coarse
+    assert fine < 2e-3
+
+
+def test_gimbal_and_jets_turn_the_way_the_signals_say(apollo: LunarModule) -> None:
+    jets = run(Lander2D(apollo, start()), 1.0, EngineCommand(0.0, 0.0, 0.5))
+    assert jets.rate_radps == pytest.approx(0.5 * apollo.jets_nm / (7500.0 * apollo.gyration_m**2), rel=0.01)
+    gimbal = run(Lander2D(apollo, start()), 1.0, EngineCommand(0.3, 0.05, 0.0))
+    assert gimbal.rate_radps > 0.0
+    tilted = run(Lander2D(apollo, start(tilt=0.1)), 1.0, EngineCommand(0.3))
+    assert tilted.vx_mps < 0.0  # positive attitude: the nose, and the push, to -x
+
+
+def test_the_throttle_runs_off_or_10_to_60_percent_or_full(apollo: LunarModule) -> None:
+    plant = Lander2D(apollo, start())
+    for command, runs_at in ((0.04, 0.0), (0.06, 0.1), (0.35, 0.35), (0.79, 0.6), (0.81, 1.0), (7.0, 1.0), (-1.0, 0.0)):
+        run(plant, 2.0, EngineCommand(command))
+        assert plant.throttle == runs_at
+
+
+def test_thrust_lags_and_the_nozzle_turns_at_its_rate(apollo: LunarModule) -> None:
+    plant = Lander2D(apollo, start())
+    run(plant, apollo.throttle_lag_s, EngineCommand(0.5, 1.0))
+    assert plant.throttle == pytest.approx(0.5 * (1.0 - math.exp(-1.0)), rel=1e-6)
+    assert plant.gimbal_rad == pytest.approx(apollo.throttle_lag_s * apollo.gimbal_rate_radps)
+    run(plant, 2.0)
+    assert plant.gimbal_rad == apollo.gimbal_rad
+
+
+def test_a_module_that_flies_away_is_lost(apollo: LunarModule) -> None:
+    plant = Lander2D(apollo, start(vx=100.0))
+    run(plant, 5.0)
+    assert plant.outcome == "lost"
+
+
+# -- ground -----------------------------------------------------------------------------------------------------------
+
+
+def test_a_gentle_drop_stands_still_on_both_feet(apollo: LunarModule) -> None:
+    plant = drop(apollo, height=1.0)
+    run(plant, 8.0)
+    assert plant.outcome == "landed"
+    assert plant.touchdown is not None
+    assert plant.touchdown["vertical_mps"] == pytest.approx(1.8, abs=0.01)
+    assert plant.read("inertial").contact == [True, True]
+    sag = 7500.0 * 1.62 / (2.0 * apollo.leg.spring_npm)
+    assert pose(plant).z_m == pytest.approx(3.6 - sag, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    "how", [{"vz": -3.2}, {"vx": 1.3}, {"vz": -2.5, "vx": 1.2}, {"tilt": 0.12}, {"rate": 0.04}], ids=str
+)
+def test_what_the_gear_cannot_take_is_a_crash(apollo: LunarModule, how: dict[str, float]) -> None:
+    plant = drop(apollo, height=0.1, **how)
+    run(plant, 8.0)
+    assert plant.outcome == "crashed"
+    assert plant.touchdown is not None
+    assert not apollo.gear.holds(plant.touchdown)
+
+
+def test_a_crash_without_propellant_is_called_out_of_fuel(apollo: LunarModule) -> None:
+    plant = drop(apollo, height=50.0, fuel=0.0)
+    run(plant, 12.0, EngineCommand(1.0))
+    assert plant.outcome == "out_of_fuel"
+
+
+def test_a_module_that_comes_in_head_first_is_stopped_by_its_hull(apollo: LunarModule) -> None:
+    plant = drop(replace(apollo, gear=FORGIVING), height=3.0, tilt=math.pi)
+    run(plant, 8.0)
+    assert plant.outcome == "crashed"
+    assert pose(plant).z_m == pytest.approx(3.1, abs=0.05)
+
+
+def test_a_module_that_slides_into_a_slope_tips_over(apollo: LunarModule) -> None:
+    steep = make_terrain(3, relief_m=0.0, pad_slope_rad=0.35)
+    plant = Lander2D(replace(apollo, gear=FORGIVING), start(z=6.0, vx=4.0, vz=-2.0, rate=-0.5, ground=steep))
+    run(plant, 15.0)
+    assert plant.outcome == "crashed"
+    assert abs(pose(plant).attitude_rad) > 0.5
+
+
+def test_on_a_slope_it_comes_to_rest_along_the_slope(apollo: LunarModule) -> None:
+    plant = drop(apollo, height=0.6, ground=SLOPE)
+    run(plant, 15.0)
+    assert plant.outcome == "landed"
+    assert pose(plant).attitude_rad == pytest.approx(0.1, abs=0.02)
+
+
+@pytest.mark.parametrize("ground", [FLAT, SLOPE], ids=["flat", "slope"])
+@pytest.mark.parametrize("step_s", [0.0025, 0.005, 0.01, 0.02])
+@pytest.mark.parametrize("how", [{"vz": -2.0}, {"vz": -1.5, "vx": 1.0, "tilt": 0.08, "rate": 0.03}], ids=["plumb", "askew"])
+def test_a_bouncing_leg_never_gains_energy(apollo: LunarModule, ground: Terrain, step_s: float, how: dict[str, float]) -> None:
+    springy = replace(apollo, gear=FORGIVING, leg=replace(apollo.leg, damper_nspm=3e3))
+    plant = drop(springy, height=0.9, step_s=step_s, ground=ground, **how)
+    fall = energy(plant) - 7500.0 * 1.62 * 3.5
+    least = energy(plant)
+    for _ in range(round(12.0 / step_s)):
+        plant.step(step_s)
+        if plant.outcome:
+            break
+        now = energy(plant)
+        assert now <= least + 5e-5 * fall  # what rounding and the step leave; it does not add up
+        least = min(least, now)
+    assert least < energy(drop(springy, height=0.9, ground=ground, **how)) - 0.3 * fall
+
+
+def test_a_leg_without_damping_gives_back_what_it_got(apollo: LunarModule) -> None:
+    springy = replace(apollo, gear=FORGIVING, leg=replace(apollo.leg, damper_nspm=0.0))
+    plant = drop(springy, height=1.0)
+    before = energy(plant)
+    run(plant, 60.0)
+    assert energy(plant) == pytest.approx(before, rel=2e-3)
+
+
+def test_a_touchdown_moves_little_when_the_step_is_halved(apollo: LunarModule) -> None:
+    ends = []
+    for step_s in (0.005, 0.0025):
+        plant = drop(apollo, height=1.0, step_s=step_s, vx=0.4, tilt=0.03, rate=0.01)
+        run(plant, 2.0)
+        assert plant.touchdown is not None
+        ends.append((plant.touchdown, pose(plant)))
+    (coarse, stands), (fine, stands_fine) = ends
+    for what in ("vertical_mps", "lateral_mps"):
+        assert coarse[what] == pytest.approx(fine[what], abs=0.01)  # type: ignore[literal-required]
+    assert math.dist(stands[:2], stands_fine[:2]) < 0.01
+
+
+# -- repeatability ----------------------------------------------------------------------------------------------------
+
+
+def test_a_snapshot_in_contact_goes_on_to_the_bit_also_in_another_plant(apollo: LunarModule) -> None:
+    plant = drop(apollo, height=0.4, vx=0.4, vz=-1.0, tilt=0.03)
+    run(plant, 0.6)
+    assert any(plant.read("inertial").contact)
+    held = plant.snapshot()
+
+    def go_on(which: Lander2D) -> list[object]:
+        which.restore(held)
+        states: list[object] = []
+        for i in range(500):
+            which.write("engine", EngineCommand(0.2 if i < 100 else 0.0, 0.01, 0.05))
+            which.step(which.step_s)
+            states.append(which.snapshot())
+        return states
+
+    first = go_on(plant)
+    assert go_on(plant) == first
+    assert go_on(drop(apollo)) == first
+
+
+def test_a_snapshot_before_a_crash_crashes_again_after_it(apollo: LunarModule) -> None:
+    plant = drop(replace(apollo, gear=FORGIVING), height=1.0, tilt=math.pi)
+    held = plant.snapshot()
+    run(plant, 5.0)
+    first = plant.snapshot()
+    plant.restore(held)
+    run(plant, 5.0)
+    assert plant.outcome == "crashed"
+    assert plant.snapshot() == first
+
+
+def test_after_a_reset_the_same_run_follows(apollo: LunarModule) -> None:
+    plant = drop(apollo, height=2.0, vx=0.3, tilt=0.02)
+    run(plant, 3.0, EngineCommand(0.2, 0.02, 0.1))
+    first = plant.snapshot()
+    plant.reset(0)
+    assert plant.time_s == 0.0
+    run(plant, 3.0, EngineCommand(0.2, 0.02, 0.1))
+    assert plant.snapshot() == first
+
+
+def test_after_the_end_it_stands_still_whatever_it_is_told(apollo: LunarModule) -> None:
+    plant = drop(apollo)
+    run(plant, 8.0)
+    before = plant.snapshot()
+    run(plant, 1.0, EngineCommand(1.0, 0.1, 1.0))
+    assert plant.snapshot().body == before.body
+    assert plant.fuel_kg == before.fuel_kg
+    assert plant.truth()["arrows"]["thrust"][3:] == [0.0, 0.0, 0.0]
+
+
+# -- wrong input ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("field", ["throttle", "gimbal_rad", "attitude"])
+def test_a_command_that_is_no_number_is_refused(apollo: LunarModule, field: str) -> None:
+    with pytest.raises(PlantError, match=r"At 0 s the engine was told .*nan"):
+        Lander2D(apollo, start()).write("engine", EngineCommand(**{field: math.nan}))
+
+
+def test_a_state_that_is_no_longer_finite_is_said_with_its_time(apollo: LunarModule) -> None:
+    plant = Lander2D(replace(apollo, gyration_m=1e-160), start(z=1000.0))
+    with pytest.raises(PlantError, match=r"At 0\.\d+ s the state is no longer finite"):
+        run(plant, 1.0, EngineCommand(0.5, 0.1, 1.0))
+
+
+def test_a_step_of_another_length_is_refused(apollo: LunarModule) -> None:
+    with pytest.raises(ParameterError, match=r"steps of 0\.005 s"):
+        Lander2D(apollo, start()).step(0.02)
+
+
+def test_unknown_names_are_answered_with_the_nearest(apollo: LunarModule) -> None:
+    with pytest.raises(UnknownName, match="did you mean 'inertial'"):
+        Lander2D(apollo, start()).read("inertia")
+    with pytest.raises(UnknownName, match="did you mean 'engine'"):
+        Lander2D(apollo, start()).write("engines", EngineCommand())
+
+
+def test_a_missing_pymunk_says_how_to_get_it(apollo: LunarModule, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pymunk", None)
+    with pytest.raises(MissingExtra, match=r"snr_sim\[sim\]"):
+        Lander2D(apollo, start())
