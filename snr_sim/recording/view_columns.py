@@ -139,6 +139,11 @@ class Batch:
         for seq in list(self._sources)[:-INPUTS_REMEMBERED]:
             del self._sources[seq]
 
+    @property
+    def truths(self) -> list[TruthRecord]:
+        """The true states themselves, in order."""
+        return self._truths.held
+
     def truth_values(self) -> Iterator[Series]:
         """Returns every number of the plant's true state."""
         yield from _columns((), self._truths.when(), [truth.values for truth in self._truths.held])

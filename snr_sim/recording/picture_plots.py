@@ -1,0 +1,122 @@
+"""Small plots over time for `picture.py`: few ticks, no boxes, names written in the colour of their line."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from snr_sim.recording.picture_canvas import Canvas, Rgb
+from snr_sim.recording.view_columns import Floats
+
+BACKGROUND: Rgb = (20, 24, 36)
+INK: Rgb = (240, 242, 246)
+PALE: Rgb = (176, 184, 198)
+FAINT: Rgb = (96, 106, 124)
+GRID: Rgb = (44, 51, 68)
+EVENT: Rgb = (255, 200, 80)
+COLORS: tuple[Rgb, ...] = ((110, 190, 250), (255, 150, 90), (130, 220, 150), (225, 150, 235))
+POINTS_MAX = 600  # more than there are pixels
+
+
+class Plot(NamedTuple):
+    """Some lines over time.
+
+    Args:
+        title: of the plot.
+        lines: name, times [s] and values of each.
+    """
+
+    title: str
+    lines: list[tuple[str, Floats, Floats]]
+
+
+def draw_plots(
+    canvas: Canvas, area: tuple[float, float, float, float], plots: Sequence[Plot], event_s: float | None
+) -> None:
+    """Draws plots below each other over the same time.
+
+    Args:
+        canvas: to draw on.
+        area: left, top, right and bottom in points.
+        plots: from top to bottom.
+        event_s: a moment to mark.
+    """
+    if not plots:
+        return
+    left, top, right, bottom = area
+    each = (bottom - top) / len(plots)
+    end_s = max((float(times[-1]) for plot in plots for _, times, _ in plot.lines if len(times)), default=1.0) or 1.0
+    for i, plot in enumerate(plots):
+        panel = (left + 34, top + i * each + 20, right, top + (i + 1) * each - 8)
+        canvas.text((left, top + i * each), _unit(plot.title), 10.5, FAINT)
+        _legend(canvas, plot, left + canvas.text_width(_unit(plot.title), 10.5) + 8, top + i * each)
+        _draw_plot(canvas, panel, plot, end_s, event_s)
+    for t in ticks(0.0, end_s, count=5):
+        x = left + 34 + (right - left - 34) * t / end_s
+        if x < right - 12:
+            canvas.text((x, bottom - 2), f"{t:g}", 10.0, PALE, "ma")
+    canvas.text((right, bottom - 2), "s", 10.0, PALE, "ra")
+
+
+def _unit(title: str) -> str:
+    return title[title.index("[") :] if "[" in title else ""
+
+
+def _legend(canvas: Canvas, plot: Plot, x: float, y: float) -> None:
+    for i, (name, _, _) in enumerate(plot.lines):
+        canvas.text((x, y), name, 11.5, COLORS[i % len(COLORS)])
+        x += canvas.text_width(name, 11.5) + 10
+
+
+def _draw_plot(
+    canvas: Canvas, panel: tuple[float, float, float, float], plot: Plot, end_s: float, event_s: float | None
+) -> None:
+    left, top, right, bottom = panel
+    finite = np.concatenate([values[np.isfinite(values)] for _, _, values in plot.lines] or [np.zeros(1)])
+    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
+    low, high = min(low, 0.0) if low < 0.35 * high else low, max(high, 0.0) if high < 0 else high
+    if high - low < 1e-9:
+        low, high = low - 0.5, high + 0.5
+    for value in ticks(low, high, count=3):
+        y = bottom - (value - low) / (high - low) * (bottom - top)
+        canvas.line([(left, y), (right, y)], GRID, 0.7)
+        canvas.text((left - 5, y), f"{value:g}", 10.0, PALE, "rm")
+    if event_s is not None:
+        x = left + (right - left) * event_s / end_s
+        canvas.dashed((x, top - 2), (x, bottom), EVENT, 1.0, 3.0)
+    for i, (_, times, values) in enumerate(plot.lines):
+        step = max(1, len(times) // POINTS_MAX)
+        xs = left + (right - left) * times[::step] / end_s
+        ys = bottom - (values[::step] - low) / (high - low) * (bottom - top)
+        for part in _finite_parts(xs, ys):
+            canvas.line(part, COLORS[i % len(COLORS)], 1.4)
+
+
+def _finite_parts(xs: Floats, ys: Floats) -> list[list[tuple[float, float]]]:
+    """Returns the points between gaps: where a value is not a number, the line has a hole."""
+    parts: list[list[tuple[float, float]]] = [[]]
+    for x, y in zip(xs.tolist(), ys.tolist(), strict=True):
+        if math.isfinite(y):
+            parts[-1].append((x, y))
+        elif parts[-1]:
+            parts.append([])
+    return parts
+
+
+def ticks(low: float, high: float, count: int) -> list[float]:
+    """Returns about `count` round numbers from `low` to `high`.
+
+    >>> ticks(0.0, 45.2, 5)
+    [0.0, 10.0, 20.0, 30.0, 40.0]
+    """
+    if not high > low:
+        return [low]
+    rough = (high - low) / count
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next(power * factor for factor in (1.0, 2.0, 5.0, 10.0) if power * factor >= 0.7 * rough)
+    first = math.ceil(low / step - 1e-9)
+    last = math.floor(high / step + 1e-9)
+    return [round(i * step, 9) for i in range(first, last + 1)]
