@@ -82,6 +82,7 @@ class Node:
         self._thread_id = threading.get_ident()
         self._begun: list[Component] = []
         self._is_over = False
+        self._failures: list[ComponentFailed] = []  # those that stand in the trace
         self._add(NodeCore(self))
         for factory in config.get(role):
             if not (is_replay and isinstance(factory, LoopFactory)):
@@ -100,6 +101,11 @@ class Node:
             raise ConfigError(
                 f"{name}.get() of role '{self.role}' returned {component!r}, but should return a {wanted.__name__}.",
                 fix=f"end get(self, parent) with: return My{wanted.__name__}(self, parent, 'its_name').",
+            )
+        if not hasattr(component, "name"):
+            raise ConfigError(
+                f"{type(component).__name__} of role '{self.role}' has not called its parent's __init__.",
+                fix="begin its __init__ with: super().__init__(factory, parent, name).",
             )
         return component
 
@@ -189,6 +195,8 @@ class Node:
             failures.append(self.door.failure)
         self._note_overload()
         self.notes.extend(loose_ends(self.components, self.machine.lookup.seen(), self.datastore))
+        for failure in failures:
+            self.record_failure(failure)
         if self._recorder is not None:
             self._recorder.end(self.machine.now_s, self.exit_reason or "", self.summary())
         if failures:
@@ -376,8 +384,11 @@ class Node:
         return ComponentFailed(describe_error(error, where), self.name, name)
 
     def record_failure(self, failure: ComponentFailed) -> None:
-        """Writes a failure of this node into the trace."""
-        if self._recorder is not None and failure.node == self.name:
+        """Writes a failure of this node into the trace, once."""
+        if failure.node != self.name or any(failure is other for other in self._failures):
+            return
+        self._failures.append(failure)
+        if self._recorder is not None:
             self._recorder.error(self.machine.now_s, failure.component, failure.message)
 
     def note(self, text: str) -> None:
