@@ -32,8 +32,7 @@ from snr_sim.prelude.scenario import Rig, Robot, Verdict
 from snr_sim.recording.records import SCHEMA, Header
 from snr_sim.recording.trace import TraceWriter
 
-TRUTH_RATE_HZ = 20.0
-_AFTER_THE_LOOPS = 1_000_000  # the truth of a moment is what it is once everybody has acted
+_TRUTH_PERIOD_S = 0.0499  # 20 Hz, less what rounding takes
 _REPORTED_PACKAGES = ("numpy", "msgspec", "pymunk", "mujoco-core")
 
 
@@ -204,14 +203,16 @@ class Simulation:
         clock.follow(referee.look)
         if on_advance is not None:
             clock.follow(on_advance)
-        if recorder is not None:
-            _Truth(plant, clock, recorder).begin()
+        truth = _Truth(plant, recorder) if recorder is not None else None
+        if truth is not None:
+            truth.look(0.0)
+            clock.follow(truth.look)
         error = ""
         start_s = time.perf_counter()
         try:
             runner.run()
-            if recorder is not None:
-                _note_truth(recorder, clock.now_s(), plant)
+            if truth is not None:
+                truth.record(clock.now_s())
         except (ComponentFailed, PlantError, TraceError) as failure:
             error = str(failure)
         except KeyboardInterrupt:
@@ -285,6 +286,19 @@ def prepare(request: Request) -> Simulation:
     return Simulation(whole, scenario, robot, controller, found)
 
 
+def request_of(header: Header, controller: str = "") -> Request:
+    """Returns the request that a trace's header answers, with another controller if one is given."""
+    return Request(
+        scenario=header.scenario,
+        seed=header.seed,
+        engine=header.engine.partition(":")[0],
+        controller=controller or header.controller,
+        role=header.roles[0] if len(header.roles) == 1 else None,
+        io=header.io,
+        options=header.options,
+    )
+
+
 def wiring_of_file(name: str) -> Config:
     """Returns the `config` of a program that was recorded without a scenario (`recording/program.py`).
 
@@ -338,26 +352,26 @@ class _Referee:
 
 
 class _Truth:
-    """Has the plant's true state recorded at a steady rate."""
+    """Has the plant's true state recorded, at most so often.
 
-    def __init__(self, plant: Plant, clock: SimClock, recorder: TraceWriter) -> None:
+    It follows the clock and asks it for nothing: a run must be the same whether it is recorded or not, and a moment
+    more would already break a closed-form step in two.
+    """
+
+    def __init__(self, plant: Plant, recorder: TraceWriter) -> None:
         self._plant = plant
-        self._clock = clock
         self._recorder = recorder
-        self._ticks = 0
+        self._due_s = 0.0
 
-    def begin(self) -> None:
-        """Asks the clock for the first look, now."""
-        self._clock.call_at(0.0, self._tick, _AFTER_THE_LOOPS)
+    def look(self, time_s: float) -> None:
+        """Records, if it is time."""
+        if time_s >= self._due_s:
+            self._due_s = time_s + _TRUTH_PERIOD_S
+            self.record(time_s)
 
-    def _tick(self) -> None:
-        _note_truth(self._recorder, self._clock.now_s(), self._plant)
-        self._ticks += 1
-        self._clock.call_at(self._ticks / TRUTH_RATE_HZ, self._tick, _AFTER_THE_LOOPS)
-
-
-def _note_truth(recorder: TraceWriter, now_s: float, plant: Plant) -> None:
-    recorder.truth(now_s, plant.truth())
+    def record(self, time_s: float) -> None:
+        """Records."""
+        self._recorder.truth(time_s, self._plant.truth())
 
 
 def _package_versions() -> dict[str, str]:

@@ -1,5 +1,69 @@
-"""x."""
+"""`snr list`: what there is to run."""
+
+from __future__ import annotations
+
+import ast
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from snr_sim.library import Found
+
+_WHAT = ("robots", "scenarios", "assignments")
 
 
-def listing() -> None:
-    """X."""
+def listing(
+    what: Annotated[str, typer.Argument(help="robots, scenarios or assignments; all if not given.")] = "",
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """List what there is to run.
+
+    Robots with their controllers, scenarios and assignments, and where each was found.
+    """
+    from snr_sim.core.blame import short_path
+    from snr_sim.library import controllers, known
+    from snr_sim.prelude.errors import UnknownName, nearest
+
+    if what and what not in _WHAT:
+        raise UnknownName(f"There are no '{what}' to list:", fix=nearest(what, _WHAT))
+    rows = []
+    for kind in _WHAT:
+        if what in ("", kind):
+            for found in known(kind):  # type: ignore[arg-type]
+                row = {
+                    "kind": kind,
+                    "name": found.name,
+                    "about": _first_line(found),
+                    "place": found.place,
+                    "path": short_path(str(found.path)),
+                }
+                if kind == "robots":
+                    row["controllers"] = ", ".join(controllers(found))
+                rows.append(row)
+    if as_json:
+        import json
+
+        print(json.dumps({"found": rows}))
+        return
+    for kind in _WHAT:
+        of_kind = [row for row in rows if row["kind"] == kind]
+        if what == kind and not of_kind:
+            print(f"no {kind} found")
+        for number, row in enumerate(of_kind):
+            if number == 0:
+                print(f"{kind}:")
+            print(f"  {row['name']:<18} {row['about']}  [{row['place']}: {row['path']}]")
+            if row.get("controllers"):
+                print(f"  {'':<18} controllers: {row['controllers']}")
+
+
+def _first_line(found: Found) -> str:
+    """Returns the first line of the file's docstring, without running the file."""
+    if found.kind == "assignments":
+        return (found.path / "README.md").read_text(errors="replace").partition("\n")[0].lstrip("# ")
+    path = found.path / "robot.py" if found.kind == "robots" else found.path
+    try:
+        return (ast.get_docstring(ast.parse(path.read_bytes())) or "").partition("\n")[0]
+    except (SyntaxError, ValueError):
+        return "(does not parse)"

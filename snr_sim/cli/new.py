@@ -1,5 +1,56 @@
-"""x."""
+"""`snr new`: a copy to begin with. A student's robot or scenario is found and treated exactly like ours."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+_SOURCES: dict[str, tuple[Literal["robots", "scenarios"], str]] = {
+    "robot": ("robots", "lander"),
+    "scenario": ("scenarios", "lander_vertical"),
+}
 
 
-def new() -> None:
-    """X."""
+def new(
+    what: Annotated[str, typer.Argument(help="robot or scenario.")],
+    name: Annotated[str, typer.Argument(help="Its name: small letters, digits and _.")],
+    source: Annotated[str, typer.Option("--from", help="Which one to copy.")] = "",
+) -> None:
+    """Begin a robot or scenario of your own.
+
+    Makes a copy of one there is, under the current folder.
+    """
+    from snr_sim.library import find
+    from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
+
+    if what not in _SOURCES:
+        raise UnknownName(f"snr new makes no '{what}':", fix=nearest(what, _SOURCES))
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
+        raise ParameterError(f"'{name}' is no name for a {what}.", fix="small letters, digits and _, a letter first.")
+    kind, default = _SOURCES[what]
+    found = find(kind, source or default)
+    target = Path(kind) / (name if kind == "robots" else f"{name}.py")
+    if target.exists():
+        raise ParameterError(f"{target} is there already.", fix="choose another name; nothing was changed.")
+    target.parent.mkdir(exist_ok=True)
+    if kind == "robots":
+        shutil.copytree(found.path, target, ignore=shutil.ignore_patterns("__pycache__"))
+        _rename(target, found.name, name)
+        print(f"{target}/ is a copy of {found.name}; begin with {target}/robot.py.")
+        print(f'A scenario names its robot: snr new scenario {name}_first, then set ROBOT = "{name}" in it.')
+    else:
+        shutil.copyfile(found.path, target)
+        print(f"{target} is a copy of {found.name}; run it: snr run {name}")
+
+
+def _rename(folder: Path, old: str, new_name: str) -> None:
+    """Lets the copy import its own modules, not those of the one it was copied from."""
+    for path in folder.rglob("*.py"):
+        text = path.read_text()
+        renamed = text.replace(f"snr_sim_robot_{old}", f"snr_sim_robot_{new_name}")
+        if renamed != text:
+            path.write_text(renamed)

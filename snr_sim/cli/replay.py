@@ -30,7 +30,9 @@ def replay(
     ] = [],  # noqa: B006
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """Run the handlers of a run again, on its recorded inputs, and compare.
+    """Replay a run and compare.
+
+    The handlers are executed again on the recorded inputs.
 
     Exit status: 0 identical, 1 diverged (the first divergence is printed), 2 the trace cannot be used.
     """
@@ -79,21 +81,12 @@ def _replay(
 
 def _config(trace: Trace, with_file: str) -> tuple[Any, list[str]]:
     """Returns the wiring to replay with, and what is to be said about it."""
-    from snr_sim.simulation import Request, prepare, wiring_of_file
+    from snr_sim.simulation import prepare, request_of, wiring_of_file
 
     header = trace.header
     if not header.scenario:
         return wiring_of_file(with_file or header.controller), []
-    request = Request(
-        scenario=header.scenario,
-        seed=header.seed,
-        engine=header.engine.partition(":")[0],
-        controller=with_file or header.controller,
-        role=header.roles[0] if len(header.roles) == 1 else None,
-        io=header.io,
-        options=header.options,
-    )
-    simulation = prepare(request)
+    simulation = prepare(request_of(header, with_file))
     config = simulation.config(None)
     changed = [] if with_file else _changed(header.sources, simulation.sources())
     return config, [f"Changed since the run: {name}" for name in changed]

@@ -132,9 +132,11 @@ def _write_view(folder: Path, result: Result) -> None:
 
 def _live_view(header: Header, recorder: Any) -> Any:
     from snr_sim.recording.view import LiveView
+    from snr_sim.recording.view_server import open_live
 
     live = LiveView(header)
-    recorder.follow(live.add)
+    open_live(live.url)
+    recorder.follow(live)
     return live
 
 

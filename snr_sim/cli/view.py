@@ -1,5 +1,55 @@
-"""x."""
+"""`snr view RUN`: shows a run in rerun, or draws it as a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
 
 
-def view() -> None:
-    """X."""
+def view(
+    run: Annotated[Path, typer.Argument(help="A run folder, or an .rrd file of one.")],
+    web: Annotated[bool, typer.Option("--web", help="In a browser, served on this machine only.")] = False,
+    png: Annotated[str, typer.Option(help="Draw a picture into this file instead.")] = "",
+) -> None:
+    """Show a run in rerun.
+
+    In a window of its own, in a browser with --web, or as a picture with --png FILE.
+    """
+    if png:
+        _draw(run, Path(png))
+        return
+    from snr_sim.recording.view_server import open_view
+
+    open_view(_rrd_of(run), web)
+
+
+def _draw(run: Path, png: Path) -> None:
+    from snr_sim.prelude.errors import TraceError
+    from snr_sim.recording.folder import trace_path
+    from snr_sim.recording.picture import draw_run
+    from snr_sim.recording.trace import read_trace
+
+    trace = read_trace(trace_path(run))
+    try:
+        draw_run(trace.header, trace.records, png)
+    except OSError as error:
+        raise TraceError(f"The picture {png} cannot be written: {error.strerror}.", fix="name another file.") from error
+    print(png)
+
+
+def _rrd_of(run: Path) -> Path:
+    """Returns the .rrd to show; it is derived from the trace again if it is not there."""
+    from snr_sim.recording.folder import VIEW_NAME, trace_path
+    from snr_sim.recording.trace import read_trace
+    from snr_sim.recording.view import write_view
+
+    if run.suffix == ".rrd" and run.is_file():
+        return run
+    path = trace_path(run)
+    rrd = path.parent / VIEW_NAME
+    if not rrd.is_file():
+        trace = read_trace(path)
+        write_view(trace.header, trace.records, rrd)
+    return rrd

@@ -151,6 +151,4 @@ class EndRecord(msgspec.Struct, frozen=True, tag_field="kind", tag="end"):
     summary: dict[str, Any]
 
 
-Record: TypeAlias = (
-    InputRecord | TaskRecord | PageRecord | TruthRecord | BeginRecord | ErrorRecord | EndRecord
-)
+Record: TypeAlias = InputRecord | TaskRecord | PageRecord | TruthRecord | BeginRecord | ErrorRecord | EndRecord

@@ -11,9 +11,9 @@ import hashlib
 import os
 import threading
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import msgspec
 from msgspec import Raw
@@ -46,6 +46,18 @@ _encode = msgspec.json.Encoder().encode
 _NO_VALUES = b"[]"
 
 
+class Follower(Protocol):
+    """Is shown a run while it is recorded, as a live view is."""
+
+    def add(self, record: Record) -> None:
+        """Takes a record."""
+        ...
+
+    def flush(self) -> None:
+        """Is told that this was all for the moment."""
+        ...
+
+
 class TraceWriter:
     """Writes one run's trace. Keeps the `Recorder` promise.
 
@@ -63,7 +75,7 @@ class TraceWriter:
         self._lines: deque[bytes] = deque()
         self._digest = digest_of_header(header)
         self._failure: OSError | None = None
-        self._follower: Callable[[Record], None] | None = None
+        self._follower: Follower | None = None
         self._whole_bytes = 0  # length of the file up to its last whole line
         self._writing = threading.Lock()
         self._closing = threading.Event()
@@ -105,9 +117,9 @@ class TraceWriter:
         os.close(self._file)
         self._check()
 
-    def follow(self, add: Callable[[Record], None]) -> None:
-        """Has every record from now on given to `add`, too, decoded, on the thread that writes the file."""
-        self._follower = add
+    def follow(self, follower: Follower) -> None:
+        """Has every record from now on given to a follower, too, on the thread that writes the file."""
+        self._follower = follower
 
     def put(self, line: bytes) -> None:
         """Adds a line to the trace.
@@ -140,7 +152,8 @@ class TraceWriter:
                 return
             if self._follower is not None:
                 for line in ready:
-                    self._follower(_decode_record(line))
+                    self._follower.add(_decode_record(line))
+                self._follower.flush()
             ready.append(b"")  # so that the last line gets its newline, too
             data = b"\n".join(ready)
             self._write(data)
@@ -257,6 +270,11 @@ class Trace:
     def is_ended(self) -> bool:
         """Whether every node of the run has its end record."""
         return {record.node for record in self.records if isinstance(record, EndRecord)} >= set(self.header.nodes)
+
+
+def encode_record(record: Record) -> bytes:
+    """Returns a record as it stands in the file, without the newline."""
+    return _encode(record)
 
 
 _decode_header = msgspec.json.Decoder(Header).decode
