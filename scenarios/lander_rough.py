@@ -1,7 +1,8 @@
 """A lunar module coming in fast over rough ground, with poor sensors: the pad is there, but it slopes.
 
-Every seed is another start: height, distance, speed sideways, tilt, mass, hills and slope of the pad. It has landed when
-it stands still on both feet and the first contact was within what the gear takes. Noise is 2.5 times that of `lander_pad`.
+Every seed is another start: height, distance, speed sideways, tilt, mass, hills and slope of the pad. It has landed
+when it stands still on both feet and the first contact was within what the gear takes. Noise is 2.5 times that of
+`lander_pad`.
 """
 
 from __future__ import annotations
@@ -10,13 +11,14 @@ import math
 from functools import lru_cache
 from typing import Any
 
+from snr_sim_robot_lander.judging import judge, plane_metrics
+from snr_sim_robot_lander.parameters import APOLLO, DRY_MASS_KG, INERTIAL, PLANE_RADAR, LanderParameters, worse
+
 from snr_sim.plants.lander_2d import Lander2D
 from snr_sim.plants.module import PlaneStart
 from snr_sim.plants.terrain import Terrain, make_terrain
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import Verdict
-from snr_sim_robot_lander.judging import judge, plane_metrics
-from snr_sim_robot_lander.parameters import APOLLO, DRY_MASS_KG, INERTIAL, PLANE_RADAR, LanderParameters, worse
 
 ROBOT = "lander"
 ENGINES = ("pymunk",)

@@ -45,8 +45,8 @@ class SensorLevel:
     errors: SensorErrors = field(default_factory=SensorErrors)
 
 
-# A landing radar of the time was good to 1.5 % or 5 ft in height, and to 1.5 ft/s in rate [M]; its numbers were smoothed
-# in the computer. Near the ground that is about what stands here [O]. One period of delay is what computing takes.
+# A landing radar of the time was good to 1.5 % or 5 ft in height, and to 1.5 ft/s in rate [M], before its numbers were
+# smoothed in the computer; after that about what stands here [O]. One period of delay is what computing takes.
 VERTICAL_RADAR = SensorLevel(
     rate_hz=10.0,  # as the lunar module's digital autopilot ran [M]
     errors=SensorErrors(

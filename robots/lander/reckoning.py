@@ -1,7 +1,7 @@
 """Where the vertical lander is now, from a radar that tells where it was.
 
-A reading is old when it arrives, it is noisy, and nothing measures the mass. But all of that follows from what the engine
-was told: the mass from all commands so far, the way since the reading from the last one. And where the module should be by
+A reading is old when it arrives, it is noisy, and nothing measures the mass. But much follows from what the engine was
+told: the mass from all commands so far, the way since the reading from the last one. And where the module should be by
 now, had the last estimate been right, is worth more than one noisy reading.
 """
 

@@ -5,7 +5,8 @@
               (in the plane only)                 (controllers/*.py, or yours)
 
     radar     altitude_m, velocity_mps (up positive), stamp_s
-    inertial  position_m [x, z], velocity_mps [vx, vz], attitude_rad, rate_radps, fuel_kg, contact [left, right], stamp_s
+    inertial  position_m [x, z], velocity_mps [vx, vz], attitude_rad, rate_radps, fuel_kg, contact [left, right],
+              stamp_s
     engine    throttle 0..1, gimbal_rad, attitude -1..1 (the last two in the plane only)
 
 Its numbers are in parameters.py, its physics in snr_sim/plants, and what it starts with in the scenario.
@@ -51,7 +52,7 @@ DEVICES: dict[str, dict[str, Callable[[Rig], Any]]] = {
 
 
 def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
-    """Returns the components of each role. Sensors come first and the engine last, so a reading acts within its tick."""
+    """Returns the components of each role: sensors first and the engine last, so a reading acts within its tick."""
     parameters, devices = rig.robot.parameters, DEVICES[rig.io]
     sensors = [SensorLoopFactory("radar", partial(devices["radar"], rig), parameters.radar.rate_hz)]
     if parameters.inertial is not None:

@@ -187,7 +187,7 @@ class SimActuator(Generic[CommandT]):
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
             raise CommandError(
                 f"'{self._input}' was told {name} = {value!r}, which is no finite number.",
-                fix=f"send a number between {low:g} and {high:g}; look for a division by zero or an overflow before it.",
+                fix=f"send a number from {low:g} to {high:g}; look for a division by zero or an overflow before it.",
             )
         return min(high, max(low, value))
 

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from snr_sim.plants.descent import MOON_GRAVITY_MPS2, Engine, Motion, after, find_root
+from snr_sim.plants.descent import Engine, Motion, after, find_root
 from snr_sim.plants.gear import APOLLO_GEAR, GearLimits, Touchdown
 from snr_sim.plants.module_shapes import NOZZLE_BELOW_M, PADS_BELOW_M, module_shapes
 from snr_sim.plants.terrain import FLAT, terrain_shapes
@@ -98,7 +98,7 @@ class Lander1D:
         if name != "engine":
             raise UnknownName(f"This plant has no input '{name}'.", fix=nearest(name, self.inputs))
         if not math.isfinite(command.throttle):
-            raise PlantError(f"At {self.time_s:g} s the throttle was set to {command.throttle}.", fix="a number, 0 to 1.")
+            raise PlantError(f"At {self.time_s:g} s the throttle was set to {command.throttle}.", fix="send 0 to 1.")
         self.throttle = min(1.0, max(self.least_throttle, command.throttle))
 
     def read(self, name: str) -> RadarReading:
@@ -167,9 +167,7 @@ class Lander1D:
         return find_root(lambda t: at(t).height_m, crest_s, trough_s)
 
     def _touch(self) -> None:
-        self.touchdown = Touchdown(
-            vertical_mps=-self.velocity_mps, lateral_mps=0.0, attitude_deg=0.0, rate_degps=0.0
-        )
+        self.touchdown = Touchdown(vertical_mps=-self.velocity_mps, lateral_mps=0.0, attitude_deg=0.0, rate_degps=0.0)
         if self.gear.holds(self.touchdown):
             self.outcome = "landed"
         else:

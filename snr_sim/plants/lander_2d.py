@@ -1,8 +1,6 @@
 """A lunar module in the x-z plane, under pymunk: it steers, touches down on two sprung legs, and stands or tips over.
 
-pymunk moves the hull and finds out whether it meets the ground. Legs are ours: a spring and a damper between foot and
-ground, and a grip that slides when pulled too hard. pymunk's own springs and contacts keep impulses from step to step
-that nothing can write back, so no run could be resumed to the bit; ours have one place each, where they grip.
+pymunk moves the hull and finds out whether it meets the ground; the feet are those of `legs.py`.
 
 How a step goes, and why in this order:
 
@@ -22,41 +20,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from itertools import pairwise
 from types import ModuleType
 from typing import Any, NamedTuple
 
 from snr_sim.plants.gear import Touchdown
+from snr_sim.plants.legs import NO_KICK, REACH_M, Grip, Kick, Legs, Pose
 from snr_sim.plants.module import TIPPED_RAD, LunarModule, PlaneStart
-from snr_sim.plants.module_shapes import HULL_M, JETS_OUT_M, NOZZLE_BELOW_M, PADS_APART_M, PADS_BELOW_M, module_shapes
+from snr_sim.plants.module_shapes import HULL_M, JETS_OUT_M, NOZZLE_BELOW_M, PADS_BELOW_M, module_shapes
 from snr_sim.plants.terrain import HALF_WIDTH_M, ROOF_REACH_M, Terrain, terrain_shapes
 from snr_sim.prelude.errors import MissingExtra, ParameterError, PlantError, UnknownName, nearest
 from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
 
-# Halving it moves a touchdown by less than a millimetre and a millimetre per second (tests/plants/test_lander_2d.py);
-# the stiffest motion, a foot gripping sideways, needs 11 steps a radian. Twice as long would still do.
+# Halving it moves a touchdown by less than 1 cm/s and, after it, the module by a few millimetres (measured in
+# tests/plants/test_lander_2d.py). Four times as long would still be stable: the stiffest motion, a foot gripping
+# sideways, has 25 steps in each radian. Shorter steps only cost time.
 STEP_S = 0.005
-FEET_M = ((-0.5 * PADS_APART_M, -PADS_BELOW_M), (0.5 * PADS_APART_M, -PADS_BELOW_M))
-REACH_M = math.hypot(*FEET_M[0])  # no part of the module that can touch is farther from its centre of mass
 FAR_STEPS_MAX = 20  # the ground is looked for at least this often
 STILL_MPS, STILL_RADPS, SETTLE_S = 0.05, 0.01, 0.5  # slower than this for so long, on both feet: it stands
 CEILING_M = 20_000.0
 EDGE_M = HALF_WIDTH_M - ROOF_REACH_M
 HULL, GROUND = 1, 2  # pymunk's collision types
-NOTHING = (0.0, 0.0, 0.0)
-
-
-Grip = tuple[float, float] | None  # the place on the ground that a foot holds on to, if it touches
-
-
-class Pose(NamedTuple):
-    """Where the module is and how it moves, world frame, at one moment."""
-
-    x_m: float
-    z_m: float
-    attitude_rad: float
-    vx_mps: float
-    vz_mps: float
-    rate_radps: float
 
 
 class State(NamedTuple):
@@ -69,8 +53,8 @@ class State(NamedTuple):
     throttle: float
     gimbal_rad: float
     command: tuple[float, float, float]
-    kick: tuple[float, float, float]
-    leg_kick: tuple[float, float, float]
+    kick: Kick
+    leg_kick: Kick
     grips_m: tuple[Grip, Grip]
     far_steps: int
     still_steps: int
@@ -98,7 +82,11 @@ class Lander2D:
     outputs = ("radar", "inertial")
 
     def __init__(
-        self, module: LunarModule, start_of: Callable[[int], tuple[PlaneStart, Terrain]], seed: int = 0, step_s: float = STEP_S
+        self,
+        module: LunarModule,
+        start_of: Callable[[int], tuple[PlaneStart, Terrain]],
+        seed: int = 0,
+        step_s: float = STEP_S,
     ) -> None:
         self.pymunk = _pymunk()
         self.engine = f"pymunk {self.pymunk.version}"
@@ -108,6 +96,7 @@ class Lander2D:
         self._lag_gain = -math.expm1(-step_s / module.throttle_lag_s) if module.throttle_lag_s > 0.0 else 1.0
         self._gimbal_step = module.gimbal_rate_radps * step_s
         self._flow_step = module.thrust_n / module.exhaust_mps * step_s  # propellant of one step at full throttle
+        self._legs = Legs(module.leg, module.gyration_m, step_s)
         self._world_terrain: Terrain | None = None
         self._hull_touched = False
         self.reset(seed)
@@ -123,9 +112,8 @@ class Lander2D:
         """Builds the world anew and puts the module at the start that belongs to this seed."""
         start, terrain = self.start_of(seed)
         half_fall = 0.5 * self.module.gravity_mps2 * self.step_s
-        body = Pose(
-            *start.position_m, start.attitude_rad, start.velocity_mps[0], start.velocity_mps[1] - half_fall, start.rate_radps
-        )
+        (x, z), (vx, vz) = start.position_m, start.velocity_mps
+        body = Pose(x, z, start.attitude_rad, vx, vz - half_fall, start.rate_radps)
         self.restore(
             State(
                 body=body,
@@ -134,9 +122,9 @@ class Lander2D:
                 fuel_kg=start.fuel_kg,
                 throttle=0.0,
                 gimbal_rad=0.0,
-                command=NOTHING,
-                kick=NOTHING,
-                leg_kick=NOTHING,
+                command=(0.0, 0.0, 0.0),
+                kick=NO_KICK,
+                leg_kick=NO_KICK,
                 grips_m=(None, None),
                 far_steps=0,
                 still_steps=0,
@@ -158,7 +146,7 @@ class Lander2D:
             command=(self._throttle_goal, self._gimbal_goal, self._jets),
             kick=self._kick,
             leg_kick=self._leg_kick,
-            grips_m=(self._grips_m[0], self._grips_m[1]),
+            grips_m=self._legs.grips_m,
             far_steps=self._far_steps,
             still_steps=self._still_steps,
             terrain=self.terrain,
@@ -182,7 +170,7 @@ class Lander2D:
         self.throttle, self.gimbal_rad = snapshot.throttle, snapshot.gimbal_rad
         self._throttle_goal, self._gimbal_goal, self._jets = snapshot.command
         self._kick, self._leg_kick = snapshot.kick, snapshot.leg_kick
-        self._grips_m: list[Grip] = list(snapshot.grips_m)
+        self._legs.grips_m = snapshot.grips_m
         self._far_steps, self._still_steps = snapshot.far_steps, snapshot.still_steps
         self.touchdown, self.outcome = snapshot.touchdown, snapshot.outcome
         self._pose: Pose | None = None
@@ -196,7 +184,7 @@ class Lander2D:
         hull = pymunk.Poly(body, HULL_M)
         hull.collision_type = HULL
         line = terrain.points_m()
-        ground = [pymunk.Segment(space.static_body, a, b, 0.0) for a, b in zip(line, line[1:], strict=False)]
+        ground = [pymunk.Segment(space.static_body, a, b, 0.0) for a, b in pairwise(line)]
         for segment in ground:
             segment.collision_type = GROUND
         space.add(body, hull, *ground)
@@ -228,7 +216,9 @@ class Lander2D:
     def step(self, dt_s: float) -> None:
         """Moves on by one step."""
         if dt_s != self.step_s and abs(dt_s - self.step_s) > 1e-9:
-            raise ParameterError(f"This plant moves in steps of {self.step_s} s, not {dt_s} s.", fix="step by plant.step_s.")
+            raise ParameterError(
+                f"This plant moves in steps of {self.step_s} s, not {dt_s} s.", fix="use plant.step_s."
+            )
         self._steps += 1
         if self.outcome is not None:
             return
@@ -237,7 +227,7 @@ class Lander2D:
         if self.throttle or self._throttle_goal or self._jets:
             self._fire()
         elif self._kick[1] or self._kick[2]:
-            self._kick = NOTHING
+            self._kick = NO_KICK
         self._far_steps -= 1
         if self._far_steps <= 0:
             self._meet_ground()
@@ -284,13 +274,13 @@ class Lander2D:
             )
         clearance = z - REACH_M - self.terrain.roof_m(x)
         if clearance > 0.0 and not self._hull_touched:
-            self._leg_kick = NOTHING
+            self._leg_kick = NO_KICK
             nearing_mps = abs(vz) + abs(vx) + 1.0
             self._far_steps = min(FAR_STEPS_MAX, int(clearance / (nearing_mps * self.step_s)))
             if abs(x) > EDGE_M or z > CEILING_M:
                 self._end("lost")
             return
-        touching = self._stand(body)
+        touching, self._leg_kick = self._legs.stand(body, self.mass_kg, self.terrain, self._push_foot)
         if (touching or self._hull_touched) and self.touchdown is None:
             self._judge_contact(body)
         if self.outcome is None and (self._hull_touched or (touching and abs(attitude) > TIPPED_RAD)):
@@ -301,53 +291,9 @@ class Lander2D:
         if self.outcome is None and self._still_steps * self.step_s >= SETTLE_S:
             self._end("landed")
 
-    def _stand(self, body: Pose) -> int:
-        """Pushes with each leg that touches; returns how many do.
-
-        A leg pushes as if its foot were where it would be without ground, so the spring's work is its energy to the
-        last joule. Dampers use the velocity of the middle of the step, solved for: they can stop a foot, never turn it.
-        """
-        x, z, attitude, vx, vz, rate = body
-        cos, sin = math.cos(attitude), math.sin(attitude)
-        leg, dt = self.module.leg, self.step_s
-        mass, gyration2 = self.mass_kg, self.module.gyration_m**2
-        sum_x = sum_z = sum_twist = 0.0
-        touching = 0
-        for i, (foot_x, foot_z) in enumerate(FEET_M):
-            rx, rz = cos * foot_x - sin * foot_z, sin * foot_x + cos * foot_z
-            height, slope = self.terrain.ground(x + rx)
-            nz = 1.0 / math.sqrt(1.0 + slope * slope)
-            nx = -slope * nz
-            depth = (height - z - rz) * nz
-            if depth <= 0.0:
-                self._grips_m[i] = None
-                continue
-            touching += 1
-            ux, uz = vx - rate * rz, vz + rate * rx
-            arm_n, arm_t = rx * nz - rz * nx, -rx * nx - rz * nz
-            half_c = 0.5 * dt * leg.damper_nspm / mass
-            normal = leg.spring_npm * depth - leg.damper_nspm * (ux * nx + uz * nz)
-            normal = max(0.0, normal / (1.0 + half_c * (1.0 + arm_n * arm_n / gyration2)))
-            hold = leg.friction * normal
-            grip = self._grips_m[i]
-            # How far the foot is from where it grips, along the ground; a grip that holds no more slides after it.
-            bent = 0.0 if grip is None else (x + rx - grip[0]) * nz - (z + rz - grip[1]) * nx
-            most = hold / leg.spring_npm
-            bent = min(most, max(-most, bent))
-            self._grips_m[i] = x + rx + depth * nx - bent * nz, z + rz + depth * nz + bent * nx
-            side = -leg.spring_npm * bent - leg.damper_nspm * (ux * nz - uz * nx)
-            side = min(hold, max(-hold, side / (1.0 + half_c * (1.0 + arm_t * arm_t / gyration2))))
-            kick_x, kick_z = (normal * nx + side * nz) * dt / mass, (normal * nz - side * nx) * dt / mass
-            self._push_foot((kick_x, kick_z), (x + rx, z + rz))
-            sum_x += kick_x
-            sum_z += kick_z
-            sum_twist += rx * kick_z - rz * kick_x
-        self._leg_kick = (sum_x, sum_z, sum_twist)
-        return touching
-
     def _judge_contact(self, body: Pose) -> None:
         """Writes down the first contact, as it was before legs pushed, and ends the flight if they cannot take it."""
-        pose = self._at_one_moment(body, NOTHING)
+        pose = self._at_one_moment(body, NO_KICK)
         self.touchdown = Touchdown(
             vertical_mps=-pose.vz_mps,
             lateral_mps=pose.vx_mps,
@@ -364,7 +310,7 @@ class Lander2D:
         self._pose = pose._replace(vx_mps=0.0, vz_mps=0.0, rate_radps=0.0)
         self._body.velocity = 0.0, 0.0
         self._body.angular_velocity = 0.0
-        self._kick = self._leg_kick = NOTHING
+        self._kick = self._leg_kick = NO_KICK
         self.throttle = self._throttle_goal = self._jets = 0.0
 
     # -- being measured -----------------------------------------------------------------------------------------------
@@ -382,7 +328,7 @@ class Lander2D:
             self._pose = self._at_one_moment(self._body_state(), self._leg_kick)
         return self._pose
 
-    def _at_one_moment(self, body: Pose, leg_kick: tuple[float, float, float]) -> Pose:
+    def _at_one_moment(self, body: Pose, leg_kick: Kick) -> Pose:
         """Returns what pymunk holds, with its velocities back by half of the last kick."""
         x, z, attitude, vx, vz, rate = body
         side, up, twist = self._kick
@@ -398,7 +344,7 @@ class Lander2D:
         pose = self._read_pose()
         x, z, attitude, vx, vz, rate = pose
         if name == "inertial":
-            contact = [grip is not None for grip in self._grips_m]
+            contact = [grip is not None for grip in self._legs.grips_m]
             return InertialReading([x, z], [vx, vz], attitude, rate, self.fuel_kg, contact, self.time_s)
         if name == "radar":
             return RadarReading(z - PADS_BELOW_M - self.terrain.ground(x)[0], vz, self.time_s)
@@ -410,11 +356,12 @@ class Lander2D:
 
     def truth(self) -> dict[str, Any]:
         """Returns the true state for the recorder."""
-        x, z, attitude, vx, vz, rate = self._read_pose()
+        pose = self._read_pose()
+        x, z, attitude, vx, vz, _ = pose
         cos, sin = math.cos(attitude), math.sin(attitude)
         height = self.terrain.ground(x)[0]
         turn = [0.0, -math.sin(0.5 * attitude), 0.0, math.cos(0.5 * attitude)]
-        left, right = (self._foot_given_m(i, x, z, cos, sin) for i in (0, 1))
+        left, right = self._legs.given_m(0, pose, self.terrain), self._legs.given_m(1, pose, self.terrain)
         thrust, fire = self.throttle * self.module.thrust_n, attitude - self.gimbal_rad
         nozzle_x, nozzle_z = x + sin * NOZZLE_BELOW_M, z - cos * NOZZLE_BELOW_M
         arrows = {"thrust": [nozzle_x, 0.0, nozzle_z, -math.sin(fire) * thrust, 0.0, math.cos(fire) * thrust]}
@@ -437,14 +384,6 @@ class Lander2D:
                 "attitude_deg": math.degrees(attitude),
             },
         }
-
-    def _foot_given_m(self, i: int, x: float, z: float, cos: float, sin: float) -> float:
-        """Returns how far a leg has given way, so that its foot shows on the ground and not under it."""
-        if self._grips_m[i] is None:
-            return 0.0
-        foot_x, foot_z = FEET_M[i]
-        ground = self.terrain.ground(x + cos * foot_x - sin * foot_z)[0]
-        return max(0.0, ground - z - sin * foot_x - cos * foot_z)
 
     def _jet_arrows(self, x: float, z: float, cos: float, sin: float) -> dict[str, list[float]]:
         """Returns the pair of attitude jets that fires: one side up, the other down."""

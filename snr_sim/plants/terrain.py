@@ -62,7 +62,7 @@ def make_terrain(seed: int, relief_m: float, pad_slope_rad: float = 0.0) -> Terr
     """Returns hills of about `relief_m` with a pad of one slope in their middle, another one for every seed."""
     rng = rng_for(seed, "terrain")
     waves = [(rng.uniform(0.7, 1.3) * length, rng.uniform(0.0, 2.0 * math.pi)) for length in (170.0, 95.0, 53.0, 31.0)]
-    bumps = rng.standard_normal(len(FLAT.heights_m)).tolist()
+    bumps: list[float] = rng.standard_normal(len(FLAT.heights_m)).tolist()
     tilt = math.tan(pad_slope_rad)
 
     def height(i: int, x: float) -> float:

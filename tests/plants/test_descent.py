@@ -78,7 +78,9 @@ def test_no_other_ignition_of_a_grid_lands_softly_for_less() -> None:
 def test_a_burn_in_two_pieces_is_the_burn_in_one() -> None:
     start = Motion(300.0, -40.0, 8000.0)
     halfway = after(start, 45040, EXHAUST_MPS, 1.62, 3.7)
-    assert after(halfway, 45040, EXHAUST_MPS, 1.62, 4.1) == pytest.approx(after(start, 45040, EXHAUST_MPS, 1.62, 7.8), rel=1e-13)
+    assert after(halfway, 45040, EXHAUST_MPS, 1.62, 4.1) == pytest.approx(
+        after(start, 45040, EXHAUST_MPS, 1.62, 7.8), rel=1e-13
+    )
 
 
 def test_a_burn_agrees_with_fine_integration() -> None:
@@ -97,7 +99,9 @@ def test_the_rocket_equation_gives_what_the_lunar_modules_tanks_could() -> None:
     assert tsiolkovsky(15103, 6855, EXHAUST_MPS) == pytest.approx(2409.1, abs=0.05)
     burn_s = (15103 - 6855) / (45040 / EXHAUST_MPS)
     assert burn_s == pytest.approx(558.5, abs=0.05)
-    assert after(Motion(0.0, 0.0, 15103.0), 45040, EXHAUST_MPS, 0.0, burn_s).velocity_mps == pytest.approx(2409.137, abs=0.001)
+    assert after(Motion(0.0, 0.0, 15103.0), 45040, EXHAUST_MPS, 0.0, burn_s).velocity_mps == pytest.approx(
+        2409.137, abs=0.001
+    )
 
 
 def test_a_fall_of_100_metres_takes_11_seconds_on_the_moon() -> None:

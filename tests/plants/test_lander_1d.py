@@ -11,7 +11,9 @@ from snr_sim.prelude.signals import EngineCommand
 APOLLO = Engine(45040.0, 311.0 * 9.80665)
 
 
-def lander(height: float, down: float = 0.0, mass: float = 8000.0, fuel: float = 1000.0, engine: Engine = APOLLO) -> Lander1D:
+def lander(
+    height: float, down: float = 0.0, mass: float = 8000.0, fuel: float = 1000.0, engine: Engine = APOLLO
+) -> Lander1D:
     return Lander1D(lambda seed: VerticalStart(height, -down, mass, fuel), engine)
 
 
@@ -46,7 +48,9 @@ def test_a_descent_does_not_depend_on_how_it_is_cut_into_steps() -> None:
 
 
 @pytest.mark.parametrize(("height", "down", "mass"), [(1000.0, 0.0, 8000.0), (150.0, 5.0, 7500.0)])
-def test_the_cheapest_descent_flown_open_loop_stands_still_at_the_ground(height: float, down: float, mass: float) -> None:
+def test_the_cheapest_descent_flown_open_loop_stands_still_at_the_ground(
+    height: float, down: float, mass: float
+) -> None:
     plant = lander(height, down, mass)
     best = cheapest_descent(Motion(height, -down, mass), APOLLO)
     burn(plant, 0.0, best.coast_s)
@@ -170,7 +174,14 @@ def test_after_a_reset_nothing_of_the_run_before_is_left() -> None:
 # Flights of the table under the lunar module's quadratic guidance, in steps of 10 ms: time, propellant, largest thrust.
 @pytest.mark.parametrize(
     ("to_go_s", "fuel_kg", "thrust_n"),
-    [(45, 188.91, 42857), (50, 209.63, 31582), (55, 230.29, 26099), (60, 250.9, 22900), (70, 291.95, 19392), (80, 332.75, 17555)],
+    [
+        (45, 188.91, 42857),
+        (50, 209.63, 31582),
+        (55, 230.29, 26099),
+        (60, 250.9, 22900),
+        (70, 291.95, 19392),
+        (80, 332.75, 17555),
+    ],
 )
 def test_quadratic_guidance_costs_what_the_table_says(to_go_s: int, fuel_kg: float, thrust_n: float) -> None:
     plant = lander(1000.0)

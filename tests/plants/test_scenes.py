@@ -79,5 +79,5 @@ def test_thrust_points_along_the_module_and_jets_show_as_a_pair(apollo: LunarMod
     thrust = arrows["thrust"]
     assert math.atan2(-thrust[3], thrust[5]) == pytest.approx(tilt)
     left, right = arrows["jet_left"], arrows["jet_right"]
-    assert [l + r for l, r in zip(left[3:], right[3:], strict=True)] == [0.0, 0.0, 0.0]
+    assert [a + b for a, b in zip(left[3:], right[3:], strict=True)] == [0.0, 0.0, 0.0]
     assert right[5] > 0.0  # a positive couple lifts the right side

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from snr_sim_robot_lander.parameters import LanderParameters
+from snr_sim_robot_lander.reckoning import Reckoning
+
 from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
 from snr_sim.prelude.scenario import Robot
 from snr_sim.prelude.signals import EngineCommand, RadarReading
-from snr_sim_robot_lander.parameters import LanderParameters
-from snr_sim_robot_lander.reckoning import Reckoning
 
 FASTEST_MPS = 25.0
 SINK_S = 6.0  # from afar the height over the hover shrinks by 63 % in this time

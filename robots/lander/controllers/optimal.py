@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from snr_sim_robot_lander.parameters import LanderParameters
+from snr_sim_robot_lander.reckoning import Reckoning
+
 from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
 from snr_sim.plants.descent import Engine, Motion, after, stop_height
 from snr_sim.prelude.scenario import Robot
 from snr_sim.prelude.signals import EngineCommand, RadarReading
-from snr_sim_robot_lander.parameters import LanderParameters
-from snr_sim_robot_lander.reckoning import Reckoning
 
 IN_HAND = 0.96  # share of the thrust that the plan counts on: the rest answers noise and what is not in the plan
 STOP_M = -0.04  # aim just under the ground: the module touches down at half a metre a second instead of hanging over it

@@ -1,4 +1,4 @@
-"""Lands on the pad: one law for the way down and one for the way across ask for an acceleration, the module tilts to give it.
+"""Lands on the pad: a law for down and one for across say how to accelerate, and the module tilts for it.
 
     inertial, radar --> wanted acceleration [x, z] --> tilt and throttle
                                     attitude, rate --> jets
@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import math
 
+from snr_sim_robot_lander.parameters import LanderParameters
+
 from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
 from snr_sim.plants.module_shapes import PADS_BELOW_M
 from snr_sim.prelude.scenario import Robot
 from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
-from snr_sim_robot_lander.parameters import LanderParameters
 
 # Down: sink so fast that this deceleration stops the fall at the last metres, and those slowly.
 BRAKE_MPS2 = 1.1  # 60 % of thrust gives 2: the rest is for tilting, lag and noise

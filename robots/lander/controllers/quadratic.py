@@ -1,13 +1,14 @@
-"""Apollo's quadratic guidance: arrive at a gate at a set time with a set speed, and let go of the last metres slowly."""
+"""Apollo's quadratic guidance: arrive at a gate at a set time with a set speed, and sink the rest slowly."""
 
 from __future__ import annotations
+
+from snr_sim_robot_lander.parameters import LanderParameters
+from snr_sim_robot_lander.reckoning import Reckoning
 
 from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
 from snr_sim.plants.descent import free_fall
 from snr_sim.prelude.scenario import Robot
 from snr_sim.prelude.signals import EngineCommand, RadarReading
-from snr_sim_robot_lander.parameters import LanderParameters
-from snr_sim_robot_lander.reckoning import Reckoning
 
 PATIENCE = 1.55  # time of the flight in units of a free fall; less needs more thrust, more burns more
 GATE_M, GATE_MPS = 1.5, -1.0

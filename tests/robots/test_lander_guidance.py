@@ -1,0 +1,124 @@
+"""The laws of the lander's controllers, flown on plants through simulated devices, without a node."""
+
+import importlib.util
+import sys
+from collections import Counter
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from snr_sim.prelude.scenario import Rig, Robot
+from snr_sim.prelude.signals import EngineCommand
+
+ROOT = Path(__file__).parents[2]
+ROBOT = ROOT / "robots" / "lander"
+LAWS = {
+    "hover_and_drop": "HoverAndDropLaw",
+    "quadratic": "QuadraticLaw",
+    "optimal": "OptimalLaw",
+    "pad": "PadLaw",
+}
+
+
+def load(name: str, path: Path, folder: Path | None = None) -> ModuleType:
+    if name not in sys.modules:
+        spec = importlib.util.spec_from_file_location(name, path, submodule_search_locations=folder and [str(folder)])
+        assert spec is not None
+        assert spec.loader is not None
+        sys.modules[name] = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(sys.modules[name])
+    return sys.modules[name]
+
+
+robot = load("snr_sim_robot_lander", ROBOT / "robot.py", ROBOT)
+
+
+class Coasting:
+    """What the controller `coast` does, as a law."""
+
+    def __init__(self, parameters: Any) -> None: ...
+
+    def update(self, *readings: Any) -> EngineCommand:
+        return EngineCommand()
+
+
+def law_of(controller: str) -> Any:
+    if controller == "coast":
+        return Coasting
+    module = load(f"lander_controller_{controller}", ROBOT / "controllers" / f"{controller}.py")
+    return getattr(module, LAWS[controller])
+
+
+def fly(scenario_name: str, seed: int, controller: str) -> dict[str, Any]:
+    """Flies one run as the node does: sensors, law, engine, plant, at the robot's rate."""
+    scenario = load(f"scenario_{scenario_name}", ROOT / "scenarios" / f"{scenario_name}.py")
+    parameters, plant = scenario.parameters(seed), scenario.plant(seed, scenario.ENGINES[0])
+    rig = Rig(Robot("lander", "lander", scenario_name, plant.engine, parameters, {}), "sim", seed, plant)
+    sensors = [robot.sim_radar(rig)] + ([robot.sim_inertial(rig)] if parameters.inertial else [])
+    engine, law, rate_hz = robot.sim_engine(rig), law_of(controller)(parameters), parameters.radar.rate_hz
+    tick = 0
+    while scenario.verdict(plant) is None and tick / rate_hz < scenario.TIME_LIMIT_S:
+        engine.write(law.update(*(sensor.read() for sensor in sensors), tick / rate_hz))
+        tick += 1
+        if plant.step_s is None:
+            plant.step(tick / rate_hz - plant.time_s)
+        else:
+            for _ in range(round(1.0 / rate_hz / plant.step_s)):
+                plant.step(plant.step_s)
+    verdict = scenario.verdict(plant)
+    return {**scenario.metrics(plant, seed), "outcome": verdict.outcome if verdict else "timeout"}
+
+
+def outcomes(scenario: str, controller: str, seeds: range) -> Counter[str]:
+    return Counter(fly(scenario, seed, controller)["outcome"] for seed in seeds)
+
+
+@pytest.mark.parametrize("scenario", ["lander_vertical", "lander_low_gate", "lander_pad", "lander_rough"])
+def test_who_does_nothing_crashes(scenario: str) -> None:
+    assert outcomes(scenario, "coast", range(3)) == {"crashed": 3}
+
+
+@pytest.mark.parametrize("scenario", ["lander_vertical", "lander_low_gate"])
+@pytest.mark.parametrize("controller", ["hover_and_drop", "quadratic", "optimal"])
+def test_vertical_controllers_land_from_every_start(scenario: str, controller: str) -> None:
+    assert outcomes(scenario, controller, range(30)) == {"landed": 30}
+
+
+@pytest.mark.parametrize("scenario", ["lander_pad", "lander_rough"])
+def test_the_pad_controller_lands_from_every_start(scenario: str) -> None:
+    assert outcomes(scenario, "pad", range(20)) == {"landed": 20}
+
+
+@pytest.mark.parametrize("scenario", ["lander_vertical", "lander_low_gate"])
+def test_optimal_is_within_2_percent_of_the_optimum_in_spite_of_noise(scenario: str) -> None:
+    assert fly(scenario, 0, "optimal")["fuel_ratio"] == pytest.approx(1.0, abs=0.02)
+    ratios = [fly(scenario, seed, "optimal")["fuel_ratio"] for seed in range(1, 20)]
+    assert sum(ratios) / len(ratios) == pytest.approx(1.0, abs=0.03)
+
+
+def test_hovering_costs_twice_the_optimum_and_the_parabola_a_third_more() -> None:
+    assert fly("lander_vertical", 0, "hover_and_drop")["fuel_ratio"] > 1.8
+    assert 1.1 < fly("lander_vertical", 0, "quadratic")["fuel_ratio"] < 1.5
+
+
+def test_the_first_seeds_are_the_cases_of_the_reference_table() -> None:
+    assert fly("lander_vertical", 0, "coast")["fuel_optimum_kg"] == pytest.approx(174.465, abs=0.001)
+    assert fly("lander_low_gate", 0, "coast")["fuel_optimum_kg"] == pytest.approx(64.702, abs=0.001)
+
+
+@pytest.mark.parametrize("scenario", ["lander_vertical", "lander_low_gate", "lander_pad", "lander_rough"])
+def test_every_seed_is_another_start_and_always_the_same(scenario: str) -> None:
+    module = load(f"scenario_{scenario}", ROOT / "scenarios" / f"{scenario}.py")
+    starts = [str(module.start(seed)) for seed in range(50)]
+    assert len(set(starts)) == 50
+    if hasattr(module.start, "cache_clear"):
+        module.start.cache_clear()
+    assert str(module.start(49)) == starts[49]
+
+
+@pytest.mark.parametrize("scenario", ["lander_vertical", "lander_pad"])
+def test_a_flight_repeats_to_the_bit(scenario: str) -> None:
+    controller = "pad" if scenario == "lander_pad" else "optimal"
+    assert fly(scenario, 7, controller) == fly(scenario, 7, controller)
