@@ -25,18 +25,20 @@ from snr_sim.recording.view_scene import points_of, rgb_of
 WIDTH, HEIGHT = 900, 500
 SCENE = (46.0, 62.0, 596.0, 474.0)  # left, top, right, bottom
 PLOTS = (640.0, 62.0, 884.0, 474.0)
+FAR_M = 1e6
 SKY: Rgb = (9, 12, 24)
 PATH: Rgb = (110, 190, 250)
 FLAME: tuple[Rgb, Rgb] = ((255, 120, 30), (255, 225, 130))
 LIGHT = np.array([-0.45, -0.65, 0.62])  # towards the light: from the left, from the front and from above
 STROBES_MAX = 9
-BODY_SHARE = 0.16  # of the scene's height: a body is drawn so large, or it would be a dot on its way
+BODY_SHARE = 0.14  # of the scene's height: a body is drawn so large, or it would be a dot on its way
+GROUND_SHARE = 0.12  # so much of the scene lies below the lowest point of the way
 PLOTTED_UNITS = ("m", "m/s", "", "kg")  # what a newcomer understands; the view has the rest
 
 Rows: TypeAlias = NDArray[np.float64]
 
 
-def draw_picture(header: Header, records: Iterable[Record], path: str | Path, outcome: str = "") -> None:
+def draw_run(header: Header, records: Iterable[Record], path: str | Path, outcome: str = "") -> None:
     """Draws a run as a PNG of 1800 x 1000 pixels.
 
     Args:
@@ -117,7 +119,7 @@ class _Camera:
         width, height = right - left, bottom - top
         margin = 1.3 * BODY_SHARE
         spread_z = max(float(np.ptp(heights)), body_m / BODY_SHARE * 0.5)
-        self.z_scale = height * (1.0 - 1.9 * margin) / spread_z
+        self.z_scale = height * (1.0 - margin - GROUND_SHARE) / spread_z
         if is_time:
             self.scale = width * (1.0 - margin) / max(float(np.ptp(along)), 1e-9)
         else:
@@ -125,7 +127,7 @@ class _Camera:
                 self.z_scale, width * (1.0 - 1.6 * margin) / max(float(np.ptp(along)), 1e-9)
             )
         self.middle = float(along.min() + along.max()) / 2
-        self.low_z = float(heights.min()) - 0.75 * margin * height / self.z_scale
+        self.low_z = float(heights.min()) - GROUND_SHARE * height / self.z_scale
 
     def at(self, along: float, z: float) -> Point:
         left, _, right, bottom = SCENE
@@ -149,22 +151,32 @@ def _draw_scene(canvas: Canvas, header: Header, flight: _Flight) -> None:
     along, heights = (flight.times_s if is_time else feet[:, 0]), feet[:, 2]
     camera = _Camera(along, heights, size_m, is_time)
     canvas.rectangle(*SCENE, fill=SKY)
-    _draw_ground(canvas, camera, header.scene.get("statics", {}), is_time)
     way = [camera.at(a, z) for a, z in zip(along, heights, strict=True)]
     canvas.line(way[:: max(1, len(way) // 800)] + way[-1:], PATH, 1.2)
     enlarged = max(1.0, BODY_SHARE * (SCENE[3] - SCENE[1]) / (size_m * camera.z_scale))
     strongest = max((_length(arrow) for arrows in flight.arrows for arrow in arrows.values()), default=0.0) or 1.0
     size = size_m * camera.z_scale * enlarged
-    for i in _moments(np.array(way), 1.25 * size):
-        place = _Place(way[i], feet[i], camera.z_scale * enlarged)
+    moments = _moments(np.array(way), 1.25 * size)
+    places = [_Place(way[i], feet[i], camera.z_scale * enlarged) for i in moments]
+    for i, place in zip(moments, places, strict=True):
         for arrow in flight.arrows[i].values():
             _draw_flame(canvas, place, arrow, 0.8 * size / strongest)
+    _draw_ground(canvas, camera, header.scene.get("statics", {}), is_time)  # over flames, under feet
+    for i, place in zip(moments, places, strict=True):
         shapes = [(shape, flight.poses[body][i]) for body in flight.poses for shape in bodies[body]]
         _draw_shapes(canvas, place, shapes)
-        canvas.text((way[i][0] + 0.62 * size, way[i][1] - 0.5 * size), f"{flight.times_s[i]:.0f} s", 10.5, PALE, "lm")
+        _draw_moment(canvas, way[i], size, f"{flight.times_s[i]:.0f} s")
     _frame(canvas, camera, is_time)
     if enlarged > 1.5:
         canvas.text((SCENE[2] - 8, SCENE[1] + 8), f"{main} drawn {enlarged:.0f} times its size", 10.0, FAINT, "ra")
+
+
+def _draw_moment(canvas: Canvas, feet: Point, size: float, words: str) -> None:
+    """Writes when it was, beside the body, where there is room on the sheet."""
+    x, y = feet
+    is_near_edge = x + 0.62 * size + canvas.text_width(words, 10.5) > SCENE[2] - 4
+    side, anchor = (-0.62, "rm") if is_near_edge else (0.62, "lm")
+    canvas.text((x + side * size, y - (0.8 if is_near_edge else 0.5) * size), words, 10.5, PALE, anchor)
 
 
 @dataclass(frozen=True)
@@ -267,15 +279,25 @@ def _draw_ground(canvas: Canvas, camera: _Camera, statics: dict[str, Any], is_ti
     cuts = [(rgb_of(shape), _cut(shape)) for shape in statics.values() if shape.get("kind") == "mesh"]
     for i, (rgb, segments) in enumerate(sorted(cuts, key=lambda cut: -_extent(cut[1]))):
         color: Rgb = (rgb[0], rgb[1], rgb[2])
-        for (x0, z0), (x1, z1) in segments:
-            if is_time:
-                if not min(x0, x1) <= 0.0 <= max(x0, x1):
-                    continue
-                x0, x1 = camera.along_range()
-            start, end = (_clipped(camera.at(x, z)) for x, z in ((x0, z0), (x1, z1)))
+        line = sorted(segments)
+        if is_time:  # only the place at which it comes down
+            line = [((low, z), (high, z)) for (x0, z), (x1, _) in line if x0 <= 0.0 <= x1 for low, high in [camera.along_range()]]
+        elif i == 0 and line:  # the widest is the ground, and goes on to both sides
+            line = [((-FAR_M, line[0][0][1]), line[0][0]), *line, (line[-1][1], (FAR_M, line[-1][1][1]))]
+        for start, end in _visible(camera, line):
             if i == 0:
                 canvas.polygon([start, end, (end[0], SCENE[3]), (start[0], SCENE[3])], mixed(SKY, color, 0.55))
             canvas.line([start, end], mixed(color, (255, 255, 255), 0.15), 1.6 if i == 0 else 3.2)
+
+
+def _visible(camera: _Camera, segments: Iterable[tuple[Point, Point]]) -> Iterable[tuple[Point, Point]]:
+    """Returns the parts of segments (x, z) that lie within the scene from left to right, on the sheet."""
+    low, high = camera.along_range()
+    for (x0, z0), (x1, z1) in segments:
+        a, b = max(x0, low), min(x1, high)
+        if b > a:
+            slope = (z1 - z0) / (x1 - x0)
+            yield camera.at(a, z0 + slope * (a - x0)), camera.at(b, z0 + slope * (b - x0))
 
 
 def _cut(shape: dict[str, Any]) -> list[tuple[Point, Point]]:
@@ -290,18 +312,13 @@ def _cut(shape: dict[str, Any]) -> list[tuple[Point, Point]]:
                 share = ya / (ya - yb)
                 crossed.append((xa + share * (xb - xa), za + share * (zb - za)))
         if len(crossed) == 2:
-            segments.append((crossed[0], crossed[1]))
+            segments.append((min(crossed), max(crossed)))
     return segments
 
 
 def _extent(segments: Sequence[tuple[Point, Point]]) -> float:
     xs = [x for segment in segments for x, _ in segment]
     return max(xs) - min(xs) if xs else 0.0
-
-
-def _clipped(point: Point) -> Point:
-    left, top, right, bottom = SCENE
-    return min(max(point[0], left), right), min(max(point[1], top), bottom)
 
 
 def _frame(canvas: Canvas, camera: _Camera, is_time: bool) -> None:
@@ -314,7 +331,7 @@ def _frame(canvas: Canvas, camera: _Camera, is_time: bool) -> None:
             canvas.text((left - 7, y), f"{z:g}", 10.0, PALE, "rm")
     for along in ticks(*camera.along_range(), count=6):
         x = camera.at(along, 0.0)[0]
-        if left + 4 < x < right - 4:
+        if left + 4 < x < right - 22:
             canvas.line([(x, bottom), (x, bottom + 4)], FAINT, 0.8)
             canvas.text((x, bottom + 6), f"{along:g}", 10.0, PALE, "ma")
     canvas.text((left - 7, top - 2), "m", 10.0, PALE, "rm")
@@ -323,7 +340,7 @@ def _frame(canvas: Canvas, camera: _Camera, is_time: bool) -> None:
 
 def _plots(batch: Batch) -> list[Plot]:
     """Returns a plot for each unit that a newcomer understands, out of the true numbers."""
-    series: dict[str, Series] = {one.path[-1]: one for one in batch.truth_values()}
+    series: dict[str, Series] = {one.path[-1]: one for one in batch.truth_values() if one.values.any()}
     lines = [Line(key, *name_and_unit((key,)), is_truth=True) for key in series]
     chosen = {title: group for title, group in plots(lines).items() if group[0].unit in PLOTTED_UNITS}
     return [
@@ -339,8 +356,20 @@ def _draw_title(canvas: Canvas, header: Header, flight: _Flight, outcome: str) -
     canvas.text((beside, 16), f"seed {header.seed}, controller '{header.controller}'", 12.5, PALE)
     said = f"{outcome}, " if outcome else ""
     canvas.text((right, 12), f"{said}{flight.times_s[-1]:.1f} s", 15.0, INK, "ra")
+    canvas.text((right, 35), _told(flight), 11.5, PALE, "ra")
+
+
+def _told(flight: _Flight) -> str:
+    """Returns what is worth a line: how it touched down, and what it burned."""
+    told = []
+    first, last = flight.values[0], flight.values[-1]
     if flight.touchdown_s is not None:
         i = max(0, int(np.searchsorted(flight.times_s, flight.touchdown_s)) - 1)
-        numbers = [(name_and_unit((key,)), value) for key, value in flight.values[i].items()]
-        told = [f"{name} {value:.1f} {unit}" for (name, unit), value in numbers if unit in ("m/s", "°")]
-        canvas.text((right, 35), f"touchdown: {', '.join(told)}", 11.5, PALE, "ra")
+        numbers = [(*name_and_unit((key,)), value) for key, value in flight.values[i].items()]
+        told = [f"{name} {value:.1f} {unit}" for name, unit, value in numbers if unit in ("m/s", "°") and value]
+        told = [f"touchdown: {', '.join(told)}"] if told else []
+    for key in first.keys() & last.keys():
+        name, unit = name_and_unit((key,))
+        if unit == "kg" and last[key] < first[key]:
+            told.append(f"{first[key] - last[key]:.0f} kg of {name}")
+    return "; ".join(told).replace("-", "\u2212")

@@ -51,8 +51,7 @@ def draw_plots(
     end_s = max((float(times[-1]) for plot in plots for _, times, _ in plot.lines if len(times)), default=1.0) or 1.0
     for i, plot in enumerate(plots):
         panel = (left + 34, top + i * each + 20, right, top + (i + 1) * each - 8)
-        canvas.text((left, top + i * each), _unit(plot.title), 10.5, FAINT)
-        _legend(canvas, plot, left + canvas.text_width(_unit(plot.title), 10.5) + 8, top + i * each)
+        _draw_names(canvas, plot, panel[0], top + i * each)
         _draw_plot(canvas, panel, plot, end_s, event_s)
     for t in ticks(0.0, end_s, count=5):
         x = left + 34 + (right - left - 34) * t / end_s
@@ -65,10 +64,11 @@ def _unit(title: str) -> str:
     return title[title.index("[") :] if "[" in title else ""
 
 
-def _legend(canvas: Canvas, plot: Plot, x: float, y: float) -> None:
+def _draw_names(canvas: Canvas, plot: Plot, x: float, y: float) -> None:
     for i, (name, _, _) in enumerate(plot.lines):
         canvas.text((x, y), name, 11.5, COLORS[i % len(COLORS)])
-        x += canvas.text_width(name, 11.5) + 10
+        x += canvas.text_width(name, 11.5) + 8
+    canvas.text((x, y + 1), _unit(plot.title), 10.5, FAINT)
 
 
 def _draw_plot(
