@@ -85,7 +85,9 @@ class _Flight:
 
 def _flight(header: Header, batch: Batch) -> _Flight:
     truths: list[TruthRecord] = batch.truths
-    bodies = [body for body in header.scene.get("bodies", {}) if truths and all(body in truth.poses for truth in truths)]
+    bodies = [
+        body for body in header.scene.get("bodies", {}) if truths and all(body in truth.poses for truth in truths)
+    ]
     if not bodies:
         raise TraceError(
             "This trace has no true states of a body, so there is nothing to draw.",
@@ -121,12 +123,13 @@ class _Camera:
         spread_z = max(float(np.ptp(heights)), body_m / BODY_SHARE * 0.5)
         self.z_scale = height * (1.0 - margin - GROUND_SHARE) / spread_z
         if is_time:
-            self.scale = width * (1.0 - margin) / max(float(np.ptp(along)), 1e-9)
+            self.scale = width * (1.0 - 1.15 * margin) / max(float(np.ptp(along)), 1e-9)
         else:
             self.z_scale = self.scale = min(
                 self.z_scale, width * (1.0 - 1.6 * margin) / max(float(np.ptp(along)), 1e-9)
             )
-        self.middle = float(along.min() + along.max()) / 2
+        room_m = 0.15 * margin * width / self.scale  # on the right, for the time beside the last body
+        self.middle = float(along.min() + along.max()) / 2 + room_m
         self.low_z = float(heights.min()) - GROUND_SHARE * height / self.z_scale
 
     def at(self, along: float, z: float) -> Point:
@@ -165,18 +168,11 @@ def _draw_scene(canvas: Canvas, header: Header, flight: _Flight) -> None:
     for i, place in zip(moments, places, strict=True):
         shapes = [(shape, flight.poses[body][i]) for body in flight.poses for shape in bodies[body]]
         _draw_shapes(canvas, place, shapes)
-        _draw_moment(canvas, way[i], size, f"{flight.times_s[i]:.0f} s")
+        beside = (way[i][0] + 0.62 * size, way[i][1] - 0.5 * size)
+        canvas.text(beside, f"{flight.times_s[i]:.0f} s", 10.5, PALE, "lm")
     _frame(canvas, camera, is_time)
     if enlarged > 1.5:
         canvas.text((SCENE[2] - 8, SCENE[1] + 8), f"{main} drawn {enlarged:.0f} times its size", 10.0, FAINT, "ra")
-
-
-def _draw_moment(canvas: Canvas, feet: Point, size: float, words: str) -> None:
-    """Writes when it was, beside the body, where there is room on the sheet."""
-    x, y = feet
-    is_near_edge = x + 0.62 * size + canvas.text_width(words, 10.5) > SCENE[2] - 4
-    side, anchor = (-0.62, "rm") if is_near_edge else (0.62, "lm")
-    canvas.text((x + side * size, y - (0.8 if is_near_edge else 0.5) * size), words, 10.5, PALE, anchor)
 
 
 @dataclass(frozen=True)
@@ -265,7 +261,11 @@ def _draw_flame(canvas: Canvas, place: _Place, arrow: Sequence[float], points_pe
         half = wide * min(length, 40.0) + 1.0
         tip = along * length * long
         canvas.polygon(
-            [(x + half * across[0], y + half * across[1]), (x + tip[0], y + tip[1]), (x - half * across[0], y - half * across[1])],
+            [
+                (x + half * across[0], y + half * across[1]),
+                (x + tip[0], y + tip[1]),
+                (x - half * across[0], y - half * across[1]),
+            ],
             color,
         )
 
@@ -281,7 +281,12 @@ def _draw_ground(canvas: Canvas, camera: _Camera, statics: dict[str, Any], is_ti
         color: Rgb = (rgb[0], rgb[1], rgb[2])
         line = sorted(segments)
         if is_time:  # only the place at which it comes down
-            line = [((low, z), (high, z)) for (x0, z), (x1, _) in line if x0 <= 0.0 <= x1 for low, high in [camera.along_range()]]
+            line = [
+                ((low, z), (high, z))
+                for (x0, z), (x1, _) in line
+                if x0 <= 0.0 <= x1
+                for low, high in [camera.along_range()]
+            ]
         elif i == 0 and line:  # the widest is the ground, and goes on to both sides
             line = [((-FAR_M, line[0][0][1]), line[0][0]), *line, (line[-1][1], (FAR_M, line[-1][1][1]))]
         for start, end in _visible(camera, line):
@@ -372,4 +377,4 @@ def _told(flight: _Flight) -> str:
         name, unit = name_and_unit((key,))
         if unit == "kg" and last[key] < first[key]:
             told.append(f"{first[key] - last[key]:.0f} kg of {name}")
-    return "; ".join(told).replace("-", "\u2212")
+    return "; ".join(told)

@@ -267,11 +267,15 @@ class _Writer:
     def _send_shape(self, entity: str, shape: dict[str, Any]) -> None:
         rr, rgb, kind = self._rr, rgb_of(shape), shape.get("kind")
         if kind == "box":
-            box: Any = rr.Boxes3D(half_sizes=[shape["half_size_m"]], centers=[shape["center_m"]], colors=rgb, fill_mode="solid")
+            box: Any = rr.Boxes3D(
+                half_sizes=[shape["half_size_m"]], centers=[shape["center_m"]], colors=rgb, fill_mode="solid"
+            )
         elif kind == "polyline":
             box = rr.LineStrips3D([shape["points_m"]], radii=shape.get("radius_m", 0.1), colors=rgb)
         elif kind == "mesh":
-            vertices, normals = mesh_with_normals(np.array(shape["vertices_m"], float), np.array(shape["triangles"], int))
+            vertices, normals = mesh_with_normals(
+                np.array(shape["vertices_m"], float), np.array(shape["triangles"], int)
+            )
             box = rr.Mesh3D(vertex_positions=vertices, vertex_normals=normals, albedo_factor=[*rgb, 255])
         else:
             return  # a kind of a later version: the rest is still worth seeing
@@ -317,7 +321,7 @@ class _Writer:
         self._longest_n = max(self._longest_n, float(lengths.max()))
         pushes = lengths > 0  # a force of nothing is no arrow, not even a dot
         triples = rr.components.Vector3DBatch(vectors[pushes].astype(np.float32)).as_arrow_array()
-        # It pushes: its tip, not its tail, is where the force acts. From the nozzle upwards it would be inside the hull.
+        # It pushes: its tip, not its tail, is where the force acts. Upwards from the nozzle it would be inside the hull.
         tails = rr.components.Position3DBatch(-vectors[pushes].astype(np.float32)).as_arrow_array()
         offsets = np.concatenate(([0], np.cumsum(pushes))).astype(np.int32)
         self._send(entity, when, rr.Transform3D.columns(translation=arrows[:, :3].astype(np.float32)))

@@ -32,7 +32,13 @@ PLOTS_BESIDE_MAX = 4
 # Chosen to be told apart on white and on black, since the viewer follows the student's system. Beliefs are broad and
 # pale: truth is drawn on top of them as a thin line, so that noise and lag can be seen as what sticks out.
 TRUTH_COLORS = ((40, 100, 220, 255), (205, 45, 135, 255), (110, 110, 120, 255))
-BELIEF_COLORS = ((245, 165, 80, 255), (95, 195, 130, 255), (95, 190, 215, 255), (225, 120, 110, 255), (185, 150, 230, 255))
+BELIEF_COLORS = (
+    (245, 165, 80, 255),
+    (95, 195, 130, 255),
+    (95, 190, 215, 255),
+    (225, 120, 110, 255),
+    (185, 150, 230, 255),
+)
 TRUTH_WIDTH, BELIEF_WIDTH = 1.5, 3.5
 
 
@@ -200,7 +206,8 @@ def _plots(rrb: Any, layout: Layout) -> Any:
     views = [
         rrb.TimeSeriesView(
             name=title,
-            contents=[f"+ {line.entity}" for line in lines] + (["+ /divergences/marks"] if layout.has_divergences else []),
+            contents=[f"+ {line.entity}" for line in lines]
+            + (["+ /divergences/marks"] if layout.has_divergences else []),
             plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
             axis_x=rrb.TimeAxis(link="linkToGlobal"),
         )

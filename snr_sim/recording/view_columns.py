@@ -37,7 +37,7 @@ Executed: TypeAlias = TaskRecord | PageRecord
 
 # A longer list in a page is a picture or a scan, not a handful of numbers: as lines in a plot it would explain nothing.
 LIST_PLOTTED_MAX = 32
-# An input is executed soon after it came in; one that waited for longer than this many records is only named by its seq.
+# An input is executed soon after it came in; of one that waited for longer than so many others, only the seq is known.
 INPUTS_REMEMBERED = 10_000
 
 _NUMBERS = {float, int, bool}

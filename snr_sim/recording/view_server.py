@@ -11,7 +11,6 @@ from __future__ import annotations
 import http.client
 import importlib.util
 import os
-import shutil
 import socket
 import subprocess
 import sys
@@ -97,7 +96,7 @@ class _PageHandler(BaseHTTPRequestHandler):
     viewer_port = 0
     source: str | Path = ""
 
-    def do_GET(self) -> None:  # noqa: N802  # the name that http.server calls
+    def do_GET(self) -> None:
         """Answers one request."""
         try:
             if urlsplit(self.path).path == f"/{self.FILE}":
@@ -109,16 +108,15 @@ class _PageHandler(BaseHTTPRequestHandler):
 
     def _serve_file(self) -> None:
         try:
-            file = open(self.source, "rb")
+            content = Path(self.source).read_bytes()
         except OSError as error:
             self.send_error(404, str(error))
             return
-        with file:
-            self.send_response(200)
-            self.send_header("Content-Type", "application/octet-stream")
-            self.send_header("Content-Length", str(os.fstat(file.fileno()).st_size))
-            self.end_headers()
-            shutil.copyfileobj(file, self.wfile)
+        self.send_response(200)
+        self.send_header("Content-Type", "application/octet-stream")
+        self.send_header("Content-Length", str(len(content)))
+        self.end_headers()
+        self.wfile.write(content)
 
     def _hand_on(self) -> None:
         viewer = http.client.HTTPConnection(LOOPBACK, self.viewer_port, timeout=START_DEADLINE_S)
@@ -140,7 +138,7 @@ class _PageHandler(BaseHTTPRequestHandler):
         self.end_headers()
         self.wfile.write(body)
 
-    def log_message(self, format: str, *args: object) -> None:  # noqa: A002
+    def log_message(self, format: str, *args: object) -> None:
         """Says nothing: each of the page's requests would be a line in the student's terminal."""
 
 
@@ -151,7 +149,16 @@ def _web_viewer() -> Iterator[int]:
     Without a file, because with one it keeps a core busy for as long as it runs (0.41).
     """
     port = free_port()
-    command = [*_viewer(), "--serve-web", "--bind", LOOPBACK, "--web-viewer-port", str(port), "--port", str(free_port())]
+    command = [
+        *_viewer(),
+        "--serve-web",
+        "--bind",
+        LOOPBACK,
+        "--web-viewer-port",
+        str(port),
+        "--port",
+        str(free_port()),
+    ]
     process = subprocess.Popen(command, env=_environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         _wait_until_it_answers(process, port)
@@ -189,7 +196,7 @@ def free_port() -> int:
 def _viewer() -> list[str]:
     """Returns the command of the viewer.
 
-    The program itself where it can be found: `python -m rerun_cli` is a shim, and ending that leaves the program running.
+    The program itself where it can be found: `python -m rerun_cli` only starts it, and when ended leaves it running.
     """
     found = importlib.util.find_spec("rerun_cli")
     if found is None or found.origin is None:
