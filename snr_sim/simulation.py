@@ -28,6 +28,7 @@ from snr_sim.plants.stepping import Stepper
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ComponentFailed, ConfigError, PlantError, SnrError, TraceError, UnknownName, nearest
 from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import Rig, Robot, Verdict
 from snr_sim.recording.records import SCHEMA, Header
 from snr_sim.recording.trace import TraceWriter
@@ -246,6 +247,7 @@ def prepare(request: Request) -> Simulation:
         UnknownName: scenario, robot, controller, engine or io is not known.
         ConfigError: one of the files is not what it should be.
     """
+    rng_for(request.seed, request.scenario)  # no simulation without chance: if numpy is missing, that is said now
     scenario_found = library.find("scenarios", request.scenario)
     robot_found = library.find("robots", library.robot_of_scenario(scenario_found))
     robot = library.load_robot(robot_found)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 from typing import TYPE_CHECKING
 
+from snr_sim.prelude.errors import MissingExtra
+
 if TYPE_CHECKING:
     import numpy as np
 
@@ -18,8 +20,14 @@ def rng_for(seed: int, name: str) -> np.random.Generator:
     True
     >>> rng_for(7, "radar").random() == rng_for(7, "inertial").random()
     False
+
+    Raises:
+        MissingExtra: numpy is not installed.
     """
-    import numpy as np  # slow to import, and most nodes never draw
+    try:
+        import numpy as np  # slow to import, and most nodes never draw
+    except ImportError:
+        raise MissingExtra("numpy", "sim") from None
 
     digest = hashlib.blake2b(name.encode(), digest_size=16).digest()
     words = [int.from_bytes(digest[i : i + 4], "little") for i in range(0, 16, 4)]

@@ -25,7 +25,7 @@ from typing import Any
 
 import msgspec
 
-from snr_sim.prelude.errors import ValueEncodingError
+from snr_sim.prelude.errors import MissingExtra, ValueEncodingError
 
 _encode = msgspec.json.Encoder().encode
 _decode = msgspec.json.Decoder().decode
@@ -200,7 +200,10 @@ def _unmarked_simple(mark: Any, value: dict[str, Any], kinds: Mapping[str, Calla
 
 
 def _unmarked_array(value: dict[str, Any]) -> Any:
-    import numpy as np  # slow to import, and only pages with arrays need it
+    try:
+        import numpy as np  # slow to import, and only pages with arrays need it
+    except ImportError:
+        raise MissingExtra("numpy", "sim") from None
 
     dtype = np.dtype(value["dtype"])
     if dtype.kind not in _ARRAY_KINDS:
