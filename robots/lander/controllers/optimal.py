@@ -6,12 +6,12 @@ from snr_sim_robot_lander.parameters import LanderParameters
 from snr_sim_robot_lander.reckoning import Reckoning
 
 from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
-from snr_sim.plants.descent import Engine, Motion, after, stop_height
+from snr_sim.plants.descent import Engine, Motion, after, find_root, stop_height
 from snr_sim.prelude.scenario import Robot
 from snr_sim.prelude.signals import EngineCommand, RadarReading
 
-IN_HAND = 0.96  # share of the thrust that the plan counts on: the rest answers noise and what is not in the plan
-STOP_M = -0.04  # aim just under the ground: the module touches down at half a metre a second instead of hanging over it
+IN_HAND = 0.95  # share of the thrust that the plan counts on: the rest answers noise and what is not in the plan
+STOP_M = -0.02  # aim just under the ground: the module touches down at half a metre a second instead of hanging over it
 EARLY = 0.7  # who needs less than this brakes too early, and may fall on for a moment
 TOUCH_MPS = -1.0  # by the estimate it is on the ground already: faster than this, burn until contact
 
@@ -62,16 +62,29 @@ class OptimalLaw:
     def update(self, radar: RadarReading, now_s: float) -> EngineCommand:
         """Returns no throttle before ignition, and afterwards the one that stops in time, planned anew each time."""
         here = self.reckoning.now(radar, now_s)
-        if not self.is_burning:
-            self.is_burning = self.must_ignite(here)
-        throttle = self.braking_throttle(here) if self.is_burning else 0.0
+        if self.is_burning:
+            throttle = self.braking_throttle(here)
+        else:
+            throttle = self.ignition_throttle(here)
+            self.is_burning = throttle > 0.0
         return EngineCommand(self.reckoning.told(throttle))
 
-    def must_ignite(self, here: Motion) -> bool:
-        """Returns whether at the next reading it would be too late."""
+    def ignition_throttle(self, here: Motion) -> float:
+        """Returns 0 as long as the next reading is time enough.
+
+        If ignition is due before it, returns the share of full thrust that does in a whole period what a burn from the
+        right moment to its end would do: so there is no need to begin early.
+        """
         thrust, exhaust, gravity = self.reckoning.engine
-        next_time = after(here, 0.0, exhaust, gravity, self.period_s)
-        return stop_height(next_time, Engine(IN_HAND * thrust, exhaust, gravity)) < STOP_M
+        engine = Engine(IN_HAND * thrust, exhaust, gravity)
+
+        def spare_m(coast_s: float) -> float:
+            return stop_height(after(here, 0.0, exhaust, gravity, coast_s), engine) - STOP_M
+
+        if spare_m(self.period_s) > 0.0:
+            return 0.0
+        coast_s = find_root(spare_m, 0.0, self.period_s) if spare_m(0.0) > 0.0 else 0.0
+        return IN_HAND * (1.0 - coast_s / self.period_s)
 
     def braking_throttle(self, here: Motion) -> float:
         """Returns the throttle that, kept, stops the fall at `STOP_M`: two guesses, and the line through them."""
