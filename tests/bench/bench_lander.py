@@ -1,0 +1,238 @@
+"""Lander: what node, trace and view add to a plant and a control law that are called directly.
+
+Baseline and subject fly the same flight: same plant, same simulated devices with the same seeds, same law at the same
+moments. That the plant ends in the same state, to the last bit, is checked before anything is measured.
+
+Run by `snr bench lander`, or by itself: python tests/bench/bench_lander.py [--quick] [--json]
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from harness import Row, Trial, compare, report
+
+from snr_sim import library
+from snr_sim.prelude.errors import MissingExtra
+from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.scenario import Rig, Robot
+from snr_sim.recording.trace import FILE_NAME, TraceWriter, read_trace
+from snr_sim.simulation import Request, Simulation, prepare
+
+SEED = 7
+PACE_SEED = 0  # of lander_vertical: the reference case
+
+# One tick of a flight without a node: reads, decides, writes.
+Tick = Callable[[float], None]
+
+
+def pad_tick(robot: ModuleType, law: Any, rig: Rig) -> tuple[Tick, Callable[[], None]]:
+    """Returns one tick of lander_pad through the same devices, and what ends the flight."""
+    devices = robot.DEVICES["sim"]
+    radar, inertial, engine = (devices[name](rig) for name in ("radar", "inertial", "engine"))
+    engine.neutral()
+
+    def tick(time_s: float) -> None:
+        radar_reading = radar.read()
+        engine.write(law.update(radar_reading, inertial.read(), time_s))
+
+    return tick, engine.neutral
+
+
+def pad_tick_without_devices(robot: ModuleType, law: Any, rig: Rig) -> tuple[Tick, Callable[[], None]]:
+    """Returns one tick of lander_pad on true values: another flight, a little shorter of work."""
+    plant: Any = rig.plant
+
+    def tick(time_s: float) -> None:
+        plant.write("engine", law.update(plant.read("radar"), plant.read("inertial"), time_s))
+
+    return tick, lambda: None
+
+
+def vertical_tick(robot: ModuleType, law: Any, rig: Rig) -> tuple[Tick, Callable[[], None]]:
+    """Returns one tick of lander_vertical through the same devices, and what ends the flight."""
+    devices = robot.DEVICES["sim"]
+    radar, engine = (devices[name](rig) for name in ("radar", "engine"))
+    engine.neutral()
+
+    def tick(time_s: float) -> None:
+        engine.write(law.update(radar.read(), time_s))
+
+    return tick, engine.neutral
+
+
+class Flight:
+    """One scenario with its own controller, flown with and without a node.
+
+    Args:
+        scenario: its name.
+        seed: of the start and of all chance.
+        law: name of the law's class in the controller's file.
+    """
+
+    def __init__(self, scenario: str, seed: int, law: str) -> None:
+        self.simulation: Simulation = prepare(Request(scenario, seed))
+        self.seed = seed
+        file = self.simulation.scenario
+        found = library.find("robots", file.ROBOT)
+        self.robot = library.load_robot(found)
+        # The scenario and its controller once more, beside the robot just loaded: one set of classes for all.
+        file = library.load_scenario(library.find("scenarios", scenario))
+        controller = library.load_controller(found, file.CONTROLLER)
+        self.simulation = Simulation(self.simulation.request, file, self.robot, controller, [])
+        self.law = getattr(controller, law)
+        self.parameters = file.parameters(seed)
+
+    def rig(self, plant: Plant) -> Rig:
+        """Returns what the robot's table of devices needs to open one on this plant."""
+        name = self.simulation.scenario_name
+        robot = Robot(self.simulation.scenario.ROBOT, "lander", name, "", self.parameters, {})
+        return Rig(robot, "sim", self.seed, plant)
+
+    def bare(self, tick_of: Callable[..., tuple[Tick, Callable[[], None]]]) -> Callable[[], Any]:
+        """Returns what flies it without a node, and then returns the plant."""
+        plant: Any = self.simulation.plant()
+        tick, end = tick_of(self.robot, self.law(self.parameters), self.rig(plant))
+        rate_hz, step_s = self.parameters.engine_hz, plant.step_s
+        steps = 1 if step_s is None else round(1.0 / (rate_hz * step_s))
+        every = round(rate_hz / self.parameters.radar.rate_hz)  # the engine may be looked after more often
+
+        def fly() -> Any:
+            ticks, time_s = 0, 0.0
+            step = plant.step
+            while True:
+                if ticks % every == 0:
+                    tick(time_s)
+                ticks += 1
+                time_s = ticks / rate_hz
+                for _ in range(steps):
+                    step(step_s or time_s - plant.time_s)
+                if plant.outcome is not None:
+                    end()
+                    return plant
+
+        return fly
+
+    def in_node(self, folder: Path | None = None, finish: Callable[[Path], None] | None = None) -> Callable[[], Any]:
+        """Returns what flies it with a node, and then returns the plant.
+
+        Args:
+            folder: the trace goes into a new file in it; None is no trace.
+            finish: called with the trace's path at the end of the flight, within its time.
+        """
+        plant = self.simulation.plant()
+        config = self.simulation.config(plant)
+        if folder is None:
+            return lambda: (self.simulation.run(plant, config), plant)[1]
+        path = Path(tempfile.mkdtemp(dir=folder)) / FILE_NAME
+        header = self.simulation.header(plant, config)
+
+        def fly() -> Any:
+            recorder = TraceWriter(path, header)
+            self.simulation.run(plant, config, recorder)
+            recorder.close()
+            if finish is not None:
+                finish(path)
+            path.unlink()
+            return plant
+
+        return fly
+
+
+def check_same(flight: Flight, tick_of: Callable[..., Any], folder: Path) -> None:
+    """Stops the benchmark if bare flight, node and recorded node do not end in the same state, bit by bit."""
+    ends = [fly().snapshot() for fly in (flight.bare(tick_of), flight.in_node(), flight.in_node(folder))]
+    assert ends[0] == ends[1] == ends[2], f"the flights differ: {ends}"
+
+
+def write_view_of(path: Path) -> None:
+    """Writes view.rrd as `snr run` does."""
+    from snr_sim.recording.view import write_view
+
+    trace = read_trace(path)
+    view = path.parent / "view.rrd"
+    write_view(trace.header, trace.records, view)
+    view.unlink()
+
+
+def measure(is_quick: bool) -> Iterator[Row]:
+    """Yields the rows."""
+    rounds = 3 if is_quick else 15
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        yield from measure_pad(folder, rounds)
+        yield from measure_vertical(folder, rounds)
+
+
+def measure_pad(folder: Path, rounds: int) -> Iterator[Row]:
+    """Yields the rows of lander_pad: CPU time per simulated second, beside the bare flight's."""
+    flight = Flight("lander_pad", SEED, "PadLaw")
+    check_same(flight, pad_tick, folder)
+    sim_s = flight.bare(pad_tick)().time_s
+    bare: Trial = lambda: flight.bare(pad_tick)  # noqa: E731
+    subjects: list[tuple[str, float, Trial, str]] = [
+        ("lander_pad in lock step", 1.5, lambda: flight.in_node(), ""),
+        ("lander_pad with trace", 2.0, lambda: flight.in_node(folder), ""),
+    ]
+    note = "the import of rerun is not counted"
+    try:
+        flight.in_node(folder, write_view_of)()  # opens rerun, before anything is timed
+        subjects.append(
+            ("lander_pad with trace and view.rrd", 3.0, lambda: flight.in_node(folder, write_view_of), note)
+        )
+    except MissingExtra:
+        pass
+    found = compare(bare, *(trial for _, _, trial, _ in subjects), rounds=rounds)
+    for i, (name, limit, _, note) in enumerate(subjects, start=1):
+        yield Row(
+            name,
+            1e3 * found.shortest_s[i] / sim_s,
+            "ms/sim s",
+            baseline=1e3 * found.shortest_s[0] / sim_s,
+            compared_to="plant, devices, law",
+            ratio=found.ratios[i],
+            ratio_limit=limit,
+            note=note,
+        )
+    truly_s = flight.bare(pad_tick_without_devices)().time_s
+    true: Trial = lambda: flight.bare(pad_tick_without_devices)  # noqa: E731
+    found = compare(true, *(trial for _, _, trial, _ in subjects[:2]), rounds=rounds)
+    for i, (name, _, _, _) in enumerate(subjects[:2], start=1):
+        yield Row(
+            f"{name}, sensors counted as ours",
+            1e3 * found.shortest_s[i] / sim_s,
+            "ms/sim s",
+            baseline=1e3 * found.shortest_s[0] / truly_s,
+            compared_to="plant and law alone",
+            ratio=found.ratios[i] * truly_s / sim_s,
+            note="per simulated second: without noise it is not the same flight",
+        )
+
+
+def measure_vertical(folder: Path, rounds: int) -> Iterator[Row]:
+    """Yields the rows of lander_vertical: simulated time per CPU time."""
+    flight = Flight("lander_vertical", PACE_SEED, "OptimalLaw")
+    check_same(flight, vertical_tick, folder)
+    sim_s = flight.bare(vertical_tick)().time_s
+    found = compare(
+        lambda: flight.bare(vertical_tick), lambda: flight.in_node(), lambda: flight.in_node(folder), rounds=3 * rounds
+    )
+    for i, name, limit in ((1, "lander_vertical in lock step", None), (2, "lander_vertical with trace", 2000.0)):
+        yield Row(
+            name,
+            sim_s / found.shortest_s[i],
+            "x real time",
+            limit=limit,
+            more_is_better=True,
+            baseline=sim_s / found.shortest_s[0],
+            compared_to="plant, devices, law",
+            ratio=found.ratios[i],
+        )
+
+
+if __name__ == "__main__":
+    report(measure)
