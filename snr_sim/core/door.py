@@ -35,7 +35,7 @@ class Door:
         self.put(Task(TaskType.terminate, "failure"), "failure")  # so that a busy node looks up from its queue
 
     def wait(self, timeout_s: float | None = None) -> None:
-        """Returns when something is at the door, or after the timeout."""
+        """Returns when something is at the door, or after the timeout; now and then also before."""
         self._asleep = True  # before the last look, so that what comes after the look wakes us
         try:
             if not self.waiting:

@@ -2,7 +2,8 @@
 
 A signal handler here never raises into the machine. It puts a terminate task at the door, as any other input. Only
 if a student's own code is still running a moment later (a `while True`, a `sleep(60)`), it is interrupted where it
-is. A second signal interrupts at once.
+is. A second signal interrupts it at once. What interrupts never reaches the kit's own steps at the end of a run: an
+impatient person pressing Ctrl-C again and again must not keep the motors from being stopped.
 """
 
 from __future__ import annotations
@@ -18,10 +19,11 @@ from snr_sim.core.node import Node
 from snr_sim.prelude import tasks
 
 PATIENCE_S = 0.3
+LAST_RING = 3  # so long after the signal no component runs, yet nobody looks at the door: something else hangs
 
 
 class Interrupted(KeyboardInterrupt):
-    """Raised inside a component that does not return although the run is to end."""
+    """Raised inside what does not return although the run is to end."""
 
 
 @contextmanager
@@ -31,6 +33,7 @@ def orderly(nodes: Sequence[Node]) -> Iterator[list[str]]:
     Signals reach only the main thread of a program; elsewhere this does nothing.
     """
     caught: list[str] = []
+    rings: list[int] = []
     if threading.current_thread() is not threading.main_thread():
         yield caught
         return
@@ -38,13 +41,20 @@ def orderly(nodes: Sequence[Node]) -> Iterator[list[str]]:
     def on_signal(number: int, frame: FrameType | None) -> None:
         caught.append(signal.Signals(number).name)
         if len(caught) > 1:
-            raise Interrupted(f"second signal: {caught[-1]}")
+            interrupt_component()
+            return
         for node in nodes:
             node.enter(tasks.terminate(caught[0]), "signal")
         if hasattr(signal, "setitimer"):
             signal.setitimer(signal.ITIMER_REAL, PATIENCE_S, PATIENCE_S)
 
     def on_impatience(number: int, frame: FrameType | None) -> None:
+        interrupt_component()
+        rings.append(number)
+        if len(rings) == LAST_RING and not any(node.is_over for node in nodes):
+            raise Interrupted("the run did not come to an end: the plant, or what else is stepped, did not return")
+
+    def interrupt_component() -> None:
         for node in nodes:
             if node.machine.running is not None:
                 raise Interrupted(f"component '{node.machine.running.name}' did not return")

@@ -229,9 +229,15 @@ class Node:
         try:
             function()
         except BaseException as error:  # also an interrupt: the others must still be halted
+            self.machine.running = None  # first of all, so that a second one does not come in between
             failures.append(self.failure_of(component, error, step))
         finally:
             self.machine.running = None
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the end of the run has begun: components are being halted, or have been."""
+        return self._is_over
 
     @property
     def is_terminated(self) -> bool:

@@ -71,8 +71,9 @@ class RecordingMachine(EventMachine):
         except (ComponentFailed, HandlerFailed):
             raise
         except BaseException as error:
+            culprit, self.running = self.running, None  # nobody interrupts the recorder
             self._queue_tickets(self._recorder.task(self.now_s, ticket, handled))
-            raise HandlerFailed(self.running, task) from error
+            raise HandlerFailed(culprit, task) from error
         finally:
             self.running = None
             scheduled.clear()
