@@ -1,0 +1,147 @@
+"""Ctrl-C and SIGTERM at any moment: an orderly halt, soon, and no node that hangs."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim import Config, SimClock, SimRunner, SynchronousRunner, TaskType, TestRunner, tasks
+from snr_sim.core.interrupts import Interrupted, orderly
+from snr_sim.testing.parts import PartFactory, TickerFactory
+
+COUNT = 210
+HERE = Path(__file__).parent
+
+
+def test_nodes_interrupted_at_random_moments_all_halt_in_order_and_soon() -> None:
+    command = [sys.executable, str(HERE / "interrupted.py"), str(COUNT), "20261"]
+    environment = {**os.environ, "PYTHONPATH": str(HERE.parents[1])}
+    children = json.loads(subprocess.check_output(command, env=environment, timeout=120))
+    assert len(children) == COUNT
+    assert [child for child in children if child["status"] is None] == []  # had to be killed
+    # b: begun, h: halted, t: terminated.
+    assert [child for child in children if not child["wrote"].startswith("bht")] == []
+    slow = [child for child in children if child["took_s"] > 1.0]
+    assert len(slow) <= COUNT // 50, slow  # a busy computer may hold one up; a hang holds up all of its kind
+
+
+def sends(*numbers: int) -> TickerFactory:
+    def send(loop: Any) -> None:
+        for number in numbers:
+            signal.raise_signal(number)
+
+    return TickerFactory(send, "sender", 1.0)
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_a_signal_is_a_terminate_task_whose_reason_is_its_name(name: str) -> None:
+    log: list[str] = []
+    motor = PartFactory(
+        {TaskType.terminate: lambda task, task_id: log.append(task.name)}, halt=lambda part: log.append("halt")
+    )
+    runner = TestRunner(Config(factories={"test": [motor, sends(getattr(signal, name))]}))
+    runner.run()
+    assert runner.node.exit_reason == name
+    assert log == [name, "halt"]
+
+
+def test_a_signal_ends_all_nodes_of_a_simulated_run() -> None:
+    config = Config(factories={"a": [sends(signal.SIGINT)], "b": [TickerFactory()], "c": []})
+    runner = SimRunner(config, until_s=100.0)
+    runner.run()
+    assert runner.signals == ["SIGINT"]
+    assert [node.exit_reason for node in runner.nodes.values()] == ["SIGINT"] * 3
+
+
+def test_what_is_queued_at_a_signal_is_still_finished() -> None:
+    handled: list[str] = []
+    listener = PartFactory({TaskType.event: lambda task, task_id: handled.append(task.name)})
+
+    def bring(loop: Any) -> None:
+        loop.schedule([tasks.event(name) for name in "abc"])
+        signal.raise_signal(signal.SIGTERM)
+
+    TestRunner(Config(factories={"test": [listener, TickerFactory(bring)]})).run()
+    assert handled == ["a", "b", "c"]
+
+
+def test_a_second_signal_interrupts_a_component_at_once_but_never_the_halting_of_others() -> None:
+    halted: list[str] = []
+
+    def fight_back(part: Any) -> None:
+        halted.append(part.name)
+        signal.raise_signal(signal.SIGINT)
+        halted.append("not reached")
+
+    parts = [PartFactory(name=name, halt=fight_back) for name in "abc"]
+    with pytest.raises(Exception, match="did not return"):
+        TestRunner(Config(factories={"test": [*parts, sends(signal.SIGINT)]})).run()
+    assert halted == ["a", "b", "c"]
+
+
+def test_a_component_that_never_returns_is_interrupted_where_it_is_and_named() -> None:
+    halted: list[str] = []
+
+    def spin(task: Any, task_id: Any) -> None:
+        signal.raise_signal(signal.SIGINT)
+        while True:
+            pass
+
+    spinner = PartFactory(
+        {TaskType.event: spin},
+        "spinner",
+        begin=lambda part: part.schedule(tasks.event("go")),
+        halt=lambda part: halted.append("spinner"),
+    )
+    with pytest.raises(Interrupted, match="component 'spinner' did not return"):
+        TestRunner(Config(factories={"test": [spinner]})).run()
+    assert halted == ["spinner"]
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="this system has no interval timer")
+def test_a_plant_that_never_returns_is_interrupted_too() -> None:
+    halted: list[str] = []
+    clock = SimClock()
+
+    def hang(time_s: float) -> None:
+        if time_s >= 0.01:
+            signal.raise_signal(signal.SIGINT)
+            while True:
+                pass
+
+    clock.follow(hang)
+    config = Config(factories={"a": [TickerFactory(), PartFactory(halt=lambda part: halted.append("part"))]})
+    with pytest.raises(Interrupted, match="the plant"):
+        SimRunner(config, clock=clock).run()
+    assert halted == ["part"]
+
+
+def test_afterwards_signals_mean_what_they_meant_before() -> None:
+    watched = [signal.SIGINT, signal.SIGTERM, signal.SIGALRM]
+    before = [signal.getsignal(number) for number in watched]
+    TestRunner(Config(factories={"test": [sends(signal.SIGINT)]})).run()
+    assert [signal.getsignal(number) for number in watched] == before
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+
+
+def test_in_another_thread_than_the_main_one_a_run_works_without_signals() -> None:
+    results: list[Any] = []
+
+    def run() -> None:
+        with orderly([]) as caught:
+            runner = SynchronousRunner(
+                "r", Config(factories={"r": [PartFactory(begin=lambda part: part.schedule(tasks.terminate("x")))]})
+            )
+            runner.run()
+            results.extend([caught, runner.node.exit_reason])
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    thread.join(5.0)
+    assert results == [[], "x"]
