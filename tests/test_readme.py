@@ -1,0 +1,42 @@
+"""The README's programs do what it says."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+README = Path(__file__).parents[1] / "README.md"
+
+
+def blocks() -> list[str]:
+    return re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
+
+
+def test_the_controller_of_the_readme_lands_with_about_twice_the_fuel(tmp_path: Path) -> None:
+    (tmp_path / "gentle.py").write_text(blocks()[0])
+    command = [sys.executable, "-m", "snr_sim", "run", "lander_vertical", "--controller", "./gentle.py", "--no-rrd"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    ratio = float(re.search(r"fuel_ratio +([0-9.]+)", done.stdout)[1])  # type: ignore[index]
+    assert 1.8 < ratio < 2.2
+
+
+def test_the_test_of_the_readme_passes_and_fails_with_another_controller(tmp_path: Path) -> None:
+    (tmp_path / "gentle.py").write_text(blocks()[0])
+    (tmp_path / "test_gentle.py").write_text(blocks()[1])
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_gentle.py"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+    (tmp_path / "gentle.py").write_text(blocks()[0].replace("0.28 + 0.1", "0.28 - 0.1"))
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 1, done.stdout
+
+
+def test_every_command_the_readme_names_exists() -> None:
+    from snr_sim.cli.main import app
+
+    known = {command.name for command in app.registered_commands}
+    named = set(re.findall(r"\bsnr ([a-z]+)\b", README.read_text()))
+    assert named - {"view"} <= known
