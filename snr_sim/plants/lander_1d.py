@@ -15,7 +15,8 @@ from typing import Any, NamedTuple
 from snr_sim.plants.descent import Engine, Motion, after, find_root
 from snr_sim.plants.gear import APOLLO_GEAR, GearLimits, Touchdown
 from snr_sim.plants.module_shapes import NOZZLE_BELOW_M, PADS_BELOW_M, module_shapes
-from snr_sim.plants.terrain import FLAT, terrain_shapes
+from snr_sim.plants.terrain import FLAT
+from snr_sim.plants.terrain_shapes import terrain_shapes
 from snr_sim.prelude.errors import PlantError, UnknownName, nearest
 from snr_sim.prelude.signals import EngineCommand, RadarReading
 

@@ -28,7 +28,8 @@ from snr_sim.plants.gear import Touchdown
 from snr_sim.plants.legs import NO_KICK, REACH_M, Grip, Kick, Legs, Pose
 from snr_sim.plants.module import TIPPED_RAD, LunarModule, PlaneStart
 from snr_sim.plants.module_shapes import HULL_M, JETS_OUT_M, NOZZLE_BELOW_M, PADS_BELOW_M, module_shapes
-from snr_sim.plants.terrain import HALF_WIDTH_M, ROOF_REACH_M, Terrain, terrain_shapes
+from snr_sim.plants.terrain import HALF_WIDTH_M, ROOF_REACH_M, Terrain
+from snr_sim.plants.terrain_shapes import terrain_shapes
 from snr_sim.prelude.errors import MissingExtra, ParameterError, PlantError, UnknownName, nearest
 from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
 
