@@ -23,7 +23,7 @@ class Path:
     >>> path = Path(points_max=4)
     >>> path.extend(np.arange(30.0).reshape(10, 3))
     >>> path.points()[:, 0].tolist()
-    [0.0, 9.0, 18.0, 27.0]
+    [0.0, 12.0, 24.0, 27.0]
     """
 
     def __init__(self, points_max: int = PATH_POINTS_MAX) -> None:

@@ -16,7 +16,8 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
@@ -31,10 +32,11 @@ POLICY = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval'; style-src 'self' 'unsafe-inline'; "
     f"img-src 'self' data: blob:; worker-src 'self' blob:; connect-src 'self' data: blob: http://{LOOPBACK}:*"
 )
+FILE_NAME = "view.rrd"
 HANDED_ON = ("Content-Type", "rerun-final-length")
 
 
-def open_view(path: str | Path, web: bool = False, say: Callable[[str], None] = print) -> None:
+def open_view(path: str | Path, web: bool = False, say: Callable[[str], None] = partial(print, flush=True)) -> None:
     """Shows a view, and returns when its window is closed or on Ctrl-C.
 
     Args:
@@ -50,11 +52,14 @@ def open_view(path: str | Path, web: bool = False, say: Callable[[str], None] = 
     if not path.is_file():
         raise TraceError(f"There is no view at {path}.", fix="a run writes one unless it is started with --no-rrd.")
     if not web:
-        _wait_for(subprocess.Popen([*_viewer(), "--bind", LOOPBACK, "--port", "auto", str(path)], env=_environment()))
+        _wait_for(
+            subprocess.Popen([*_viewer(), "--bind", LOOPBACK, "--port", "auto", str(path)], env=viewer_environment())
+        )
         return
-    with serve_web(path) as url:
+    with suppress(KeyboardInterrupt), serve_web(path) as url:
         say(f"Open {url}\nOnly this computer can reach it. Ctrl-C ends it.")
-        _until_interrupted()
+        while True:
+            time.sleep(3600)
 
 
 def open_live(url: str) -> subprocess.Popen[bytes]:
@@ -63,7 +68,9 @@ def open_live(url: str) -> subprocess.Popen[bytes]:
     Args:
         url: of the live view.
     """
-    return subprocess.Popen([*_viewer(), "--bind", LOOPBACK, "--port", "auto", "--connect", url], env=_environment())
+    return subprocess.Popen(
+        [*_viewer(), "--bind", LOOPBACK, "--port", "auto", "--connect", url], env=viewer_environment()
+    )
 
 
 @contextmanager
@@ -80,7 +87,7 @@ def serve_web(source: str | Path) -> Iterator[str]:
         thread = Thread(target=server.serve_forever, daemon=True)
         thread.start()
         page = f"http://{LOOPBACK}:{server.server_address[1]}"
-        data = source if isinstance(source, str) and "://" in source else f"{page}/{_PageHandler.FILE}"
+        data = source if isinstance(source, str) and "://" in source else f"{page}/{FILE_NAME}"
         try:
             yield f"{page}/?url={quote(str(data), safe='')}&hide_welcome_screen=1"
         finally:
@@ -92,14 +99,13 @@ def serve_web(source: str | Path) -> Iterator[str]:
 class _PageHandler(BaseHTTPRequestHandler):
     """Serves the view, and hands on the rest of the page from rerun's own server, with the policy in front."""
 
-    FILE = "view.rrd"
     viewer_port = 0
     source: str | Path = ""
 
     def do_GET(self) -> None:
         """Answers one request."""
         try:
-            if urlsplit(self.path).path == f"/{self.FILE}":
+            if urlsplit(self.path).path == f"/{FILE_NAME}":
                 self._serve_file()
             else:
                 self._hand_on()
@@ -159,7 +165,7 @@ def _web_viewer() -> Iterator[int]:
         "--port",
         str(free_port()),
     ]
-    process = subprocess.Popen(command, env=_environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(command, env=viewer_environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         _wait_until_it_answers(process, port)
         yield port
@@ -205,7 +211,7 @@ def _viewer() -> list[str]:
     return [str(program)] if program.is_file() else [sys.executable, "-m", "rerun_cli"]
 
 
-def _environment() -> dict[str, str]:
+def viewer_environment() -> dict[str, str]:
     """Returns the environment in which rerun neither sends statistics nor writes an identity for them (0.41).
 
     It treats a machine that says CI as one that must not be counted. `rerun analytics disable` would do it too, but
@@ -220,11 +226,3 @@ def _wait_for(process: subprocess.Popen[bytes]) -> None:
     except KeyboardInterrupt:
         process.terminate()
         process.wait()
-
-
-def _until_interrupted() -> None:
-    try:
-        while True:
-            time.sleep(3600)
-    except KeyboardInterrupt:
-        return
