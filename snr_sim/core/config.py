@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -34,7 +34,7 @@ class Config:
         factories: for each role the factories of its components, in the order they begin and handle tasks.
 
     Raises:
-        ConfigError: there is no role.
+        ConfigError: there is no role, or a role is no list.
     """
 
     def __init__(self, mode: Mode = Mode.DEPLOYED, factories: ComponentsByRole | None = None) -> None:
@@ -42,6 +42,12 @@ class Config:
             raise ConfigError(
                 "This Config has no roles.", fix="Config(factories={'my_robot': [MyEndpointFactory(), ...]})."
             )
+        for role, components in factories.items():
+            if isinstance(components, str) or not isinstance(components, Iterable):
+                raise ConfigError(
+                    f"The role '{role}' has {components!r} where its factories belong.",
+                    fix=f"a list: Config(factories={{'{role}': [MyFactory()]}}).",
+                )
         self.mode = mode
         self.factories = {role: list(components) for role, components in factories.items()}
 

@@ -49,7 +49,10 @@ class Datastore:
         """Returns the newest page of the key, or None if nothing has stored it (yet)."""
         page = self.pages.get(key)
         if page is None and isinstance(key, str) and key.endswith(PREVIOUS):
-            return self.previous.get(key.removesuffix(PREVIOUS))
+            key = key.removesuffix(PREVIOUS)
+            page = self.previous.get(key)
+            if page is None and key in self.pages:
+                return None  # there is only one of it so far, which is no mistake
         if page is None:
             self.missed[key] = None
         return page

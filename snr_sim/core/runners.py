@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 from collections.abc import Sequence
 from typing import Protocol
@@ -80,7 +81,8 @@ class CliRunner:
         roles = [word for word in words if word != "-d"]
         config = self._components if isinstance(self._components, Config) else Config(mode, self._components)
         if mode is Mode.DEBUG:
-            config.mode = mode
+            config = Config(mode, config.factories)
+            _log_everything()
         if len(roles) != 1 or roles[0] not in config.factories:
             self._explain(roles, list(config.factories))
             raise SystemExit(2)
@@ -98,6 +100,16 @@ class CliRunner:
             print(f"There is no role '{given[0]}': {nearest(given[0], known)}", file=sys.stderr)
         print(f"usage: {self._argv[0] if self._argv else 'robot.py'} [-d] ROLE", file=sys.stderr)
         print("roles: " + ", ".join(known), file=sys.stderr)
+
+
+def _log_everything() -> None:
+    """Shows what components log, from debug up; without this Python shows warnings and errors only."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s"))
+    logger = logging.getLogger("snr")
+    logger.handlers[:] = [handler]
+    logger.setLevel(logging.DEBUG)
+    logger.propagate = False
 
 
 class TestRunner:
