@@ -1,0 +1,49 @@
+"""A config is checked when it is made."""
+
+from typing import Any
+
+import pytest
+
+from snr_sim import Config, Mode
+from snr_sim.prelude.errors import ConfigError, UnknownName
+from snr_sim.testing.parts import PartFactory
+
+
+@pytest.mark.parametrize("factories", [None, {}])
+def test_a_config_without_roles_is_refused(factories: Any) -> None:
+    with pytest.raises(ConfigError, match=r"no roles(.|\n)*Config\(factories="):
+        Config(factories=factories)
+
+
+def test_factories_given_where_the_mode_belongs_are_noticed() -> None:
+    with pytest.raises(ConfigError, match="factories="):
+        Config({"robot": [PartFactory()]})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("components", [PartFactory(), "abc", None])
+def test_a_role_is_a_list_of_factories(components: Any) -> None:
+    with pytest.raises(ConfigError, match=r"role 'robot'(.|\n)*a list"):
+        Config(factories={"robot": components})
+
+
+def test_a_config_keeps_its_own_lists() -> None:
+    mine = [PartFactory()]
+    config = Config(factories={"robot": mine})
+    mine.clear()
+    assert len(config.get("robot")) == 1
+    assert Config(factories={"other": []}).get("other") == []
+
+
+def test_an_unknown_role_names_the_nearest() -> None:
+    with pytest.raises(UnknownName, match="did you mean 'robot'"):
+        Config(factories={"robot": []}).get("robto")
+
+
+def test_only_debug_mode_profiles() -> None:
+    assert Config(Mode.DEBUG, {"r": []}).get_profiler() is not None
+    assert Config(Mode.DEPLOYED, {"r": []}).get_profiler() is None
+
+
+def test_a_factory_keeps_its_own_reload_targets() -> None:
+    PartFactory().reload_targets.append(pytest)
+    assert PartFactory().reload_targets == []

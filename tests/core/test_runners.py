@@ -1,0 +1,175 @@
+"""The ways to start a config, and what they say when it cannot be started."""
+
+import logging
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from snr_sim import (
+    CliRunner,
+    Config,
+    MemoryLink,
+    Mode,
+    Node,
+    SimClock,
+    SimRunner,
+    SynchronousRunner,
+    TaskType,
+    TestRunner,
+    TimeoutLoopFactory,
+    tasks,
+)
+from snr_sim.prelude.errors import ComponentFailed, ConfigError, UnknownName
+from snr_sim.testing.parts import PartFactory, TickerFactory
+
+
+def quits(name: str = "quitter") -> PartFactory:
+    return PartFactory(name=name, begin=lambda part: part.schedule(tasks.terminate("done")))
+
+
+ROLES = {"topside": [quits()], "robot": [quits()]}
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([], "Which role? None was given."),
+        (["robt"], "There is no role 'robt': did you mean 'robot'?"),
+        (["robot", "topside"], "One role at a time, not 2: robot topside."),
+        (["-d"], "Which role? None was given."),
+    ],
+)
+def test_without_a_known_role_the_command_line_lists_the_roles_and_exits_with_2(
+    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as caught:
+        CliRunner(ROLES, ["robot.py", *words]).run()
+    assert caught.value.code == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert said in err
+    assert "usage: robot.py [-d] ROLE" in err
+    assert "roles: topside, robot" in err
+
+
+@pytest.mark.parametrize("components", [ROLES, Config(factories=ROLES)])
+def test_the_command_line_runs_the_role_it_names(components: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    CliRunner(components, ["robot.py", "robot"]).run()
+    assert capsys.readouterr().err == ""
+
+
+def test_the_command_line_is_that_of_the_program_if_none_is_given(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "argv", ["robot.py"])
+    with pytest.raises(SystemExit):
+        CliRunner(ROLES).run()
+
+
+def talks(part: Any) -> None:
+    part.log.warning("battery low")
+    part.log.debug("cell 3 at 3.1 V")
+
+
+@pytest.fixture
+def _logging_as_before() -> Iterator[None]:
+    logger = logging.getLogger("snr")
+    level, handlers, propagate = logger.level, list(logger.handlers), logger.propagate
+    yield
+    logger.setLevel(level)
+    logger.handlers[:] = handlers
+    logger.propagate = propagate
+
+
+@pytest.mark.usefixtures("_logging_as_before")
+def test_with_d_the_command_line_shows_all_that_is_logged_and_the_profile(capsys: pytest.CaptureFixture[str]) -> None:
+    go = tasks.event("x")
+    handler = PartFactory({go.id(): lambda task, task_id: None}, "worker", begin=lambda part: part.schedule(go))
+    CliRunner({"robot": [PartFactory(name="power", begin=talks), handler, quits()]}, ["robot.py", "-d", "robot"]).run()
+    err = capsys.readouterr().err
+    assert "WARNING snr.robot_node.power: battery low" in err
+    assert "DEBUG snr.robot_node.power: cell 3 at 3.1 V" in err
+    assert "worker.<lambda>" in err
+
+
+@pytest.mark.usefixtures("_logging_as_before")
+def test_debug_on_the_command_line_leaves_the_config_as_it_was() -> None:
+    config = Config(factories=ROLES)
+    CliRunner(config, ["robot.py", "-d", "robot"]).run()
+    assert config.mode is Mode.DEPLOYED
+
+
+def test_what_hung_loose_is_said_after_the_run(capsys: pytest.CaptureFixture[str]) -> None:
+    sender = PartFactory(begin=lambda part: part.schedule(tasks.event("landed")))
+    SynchronousRunner("r", Config(factories={"r": [sender, quits()]})).run()
+    assert capsys.readouterr().err == "note: Nobody handled event 'landed': nothing of that kind is known.\n"
+
+
+def test_a_test_runner_runs_the_role_test_in_virtual_time() -> None:
+    runner = TestRunner(Config(factories={"test": [TimeoutLoopFactory(seconds=1000)]}))
+    runner.run()
+    assert runner.node.exit_reason == "timeout"
+    assert runner.clock.now_s() == 1000.0
+    with pytest.raises(UnknownName, match="no role 'test'"):
+        TestRunner(Config(factories={"robot": []}))
+
+
+def sensor(loop: Any) -> None:
+    loop.store_data("depth", loop.get_time_s())
+
+
+def echo_of(key: str, into: list[tuple[float, Any]]) -> PartFactory:
+    class Listening(PartFactory):
+        def get(self, parent: Node) -> Any:
+            part = super().get(parent)
+            part.task_handlers = {
+                (TaskType.process_data, key): lambda task, task_id: into.append((part.get_time_s(), part.get_data(key)))
+            }
+            return part
+
+    return Listening(name="listener")
+
+
+def test_two_roles_exchange_pages_over_a_link_and_both_end() -> None:
+    heard: list[tuple[float, Any]] = []
+    config = Config(
+        factories={
+            "robot": [TickerFactory(sensor, rate_hz=10), TimeoutLoopFactory(seconds=0.45)],
+            "topside": [echo_of("depth", heard), TimeoutLoopFactory(seconds=1.0)],
+        }
+    )
+    runner = SimRunner(config, links=[MemoryLink(["depth"], "robot", "topside", latency_s=0.25)])
+    runner.run()
+    assert [sent_s for _, sent_s in heard] == [0.0, 0.1, 0.2, 0.3, 0.4]
+    assert all(abs(came_s - sent_s - 0.25) < 1e-12 for came_s, sent_s in heard)
+    assert {role: node.exit_reason for role, node in runner.nodes.items()} == {"robot": "timeout", "topside": "timeout"}
+
+
+def test_a_run_of_several_roles_is_the_same_each_time() -> None:
+    def run() -> list[tuple[float, Any]]:
+        heard: list[tuple[float, Any]] = []
+        noisy = TickerFactory(lambda loop: loop.store_data("depth", loop.rng.random()), rate_hz=50)
+        config = Config(factories={"robot": [noisy], "topside": [echo_of("depth", heard)]})
+        link = MemoryLink(["depth"], "robot", "topside", 0.01, jitter_s=0.02, loss=0.3)
+        SimRunner(config, links=[link], seed=5, until_s=2.0).run()
+        return heard
+
+    first = run()
+    assert first == run()
+    assert 40 < len(first) < 90
+
+
+def test_a_role_named_twice_or_unknown_is_refused() -> None:
+    config = Config(factories=ROLES)
+    with pytest.raises(ConfigError, match="named twice: robot, robot"):
+        SimRunner(config, ["robot", "robot"])
+    with pytest.raises(UnknownName, match="did you mean 'robot'"):
+        SimRunner(config, ["robt"])
+
+
+def test_a_failure_in_one_role_leaves_the_runner_with_the_students_line() -> None:
+    def fail(loop: Any) -> None:
+        raise ValueError("no echo")
+
+    with pytest.raises(ComponentFailed, match=r'raise ValueError\("no echo"\)'):
+        SimRunner(Config(factories={"a": [], "b": [TickerFactory(fail)]}), clock=SimClock()).run()
