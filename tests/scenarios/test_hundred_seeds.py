@@ -1,0 +1,77 @@
+"""Each controller does what it is for, over a hundred starts, flown by the node with noisy sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from functools import cache
+from multiprocessing import get_context
+from typing import Any
+
+import pytest
+
+SEEDS = range(100)
+
+
+def fly(job: tuple[str, str, int]) -> dict[str, Any]:
+    """Runs one start without recording; in a process of its own, so everything is named, nothing passed."""
+    from snr_sim.simulation import Request, prepare
+
+    scenario, controller, seed = job
+    simulation = prepare(Request(scenario, seed=seed, controller=controller))
+    plant = simulation.plant()
+    result = simulation.run(plant, simulation.config(plant))
+    assert not result.error
+    return {"outcome": result.outcome, "success": result.success, **result.metrics}
+
+
+Outcomes = Callable[[str, str], list[dict[str, Any]]]
+
+
+@pytest.fixture(scope="module")
+def outcomes() -> Iterator[Outcomes]:
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
+
+        @cache
+        def fly_all(scenario: str, controller: str) -> list[dict[str, Any]]:
+            return list(executor.map(fly, [(scenario, controller, seed) for seed in SEEDS], chunksize=10))
+
+        yield fly_all
+
+
+@pytest.mark.parametrize(
+    ("scenario", "controller", "least"),
+    [
+        ("lander_pad", "pad", 98),
+        ("lander_rough", "pad", 90),
+        ("lander_vertical", "optimal", 98),
+        ("lander_vertical", "quadratic", 98),
+        ("lander_vertical", "hover_and_drop", 98),
+        ("lander_low_gate", "optimal", 98),
+    ],
+)
+def test_so_many_of_a_hundred_seeds_land(outcomes: Outcomes, scenario: str, controller: str, least: int) -> None:
+    landed = [result["success"] for result in outcomes(scenario, controller)]
+    assert sum(landed) >= least
+
+
+@pytest.mark.parametrize("scenario", ["lander_vertical", "lander_low_gate", "lander_pad", "lander_rough"])
+def test_coasting_never_lands(outcomes: Outcomes, scenario: str) -> None:
+    assert {result["outcome"] for result in outcomes(scenario, "coast")} == {"crashed"}
+
+
+def test_the_optimal_controller_needs_within_two_percent_of_the_optimum_fuel_on_average(outcomes: Outcomes) -> None:
+    ratios = [result["fuel_ratio"] for result in outcomes("lander_vertical", "optimal")]
+    assert abs(ratios[0] - 1.0) < 0.02  # seed 0, the published case
+    assert abs(sum(ratios) / len(ratios) - 1.0) < 0.02
+
+
+def test_hover_and_drop_wastes_fuel_that_the_optimal_controller_saves(outcomes: Outcomes) -> None:
+    ratios = [result["fuel_ratio"] for result in outcomes("lander_vertical", "hover_and_drop")]
+    assert min(ratios) > 1.2
+
+
+def test_every_seed_is_another_start(outcomes: Outcomes) -> None:
+    for scenario in ("lander_vertical", "lander_low_gate", "lander_pad", "lander_rough"):
+        optima = {result["fuel_optimum_kg"] for result in outcomes(scenario, "coast")}
+        assert len(optima) == len(SEEDS)
