@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from snr_sim.core.profiler import Profiler
 from snr_sim.prelude.component import RoleName
@@ -42,6 +42,7 @@ class Config:
             raise ConfigError(
                 "This Config has no roles.", fix="Config(factories={'my_robot': [MyEndpointFactory(), ...]})."
             )
+        components: Any
         for role, components in factories.items():
             if isinstance(components, str) or not isinstance(components, Iterable):
                 raise ConfigError(
