@@ -213,11 +213,11 @@ def test_student_code_gives_the_same_pages_in_lock_step_and_on_threads() -> None
                 part = super().get(parent)
 
                 def double(task: Task, task_id: Any) -> SomeTasks:
-                    value = part.get_data("x")
+                    value = task.val_list[0].data
                     stored.append((value, part.get_data("x_prev")))
                     return tasks.terminate("done") if value == 9 else part.store_data_task("y", 2 * value)
 
-                part.task_handlers = {(TaskType.process_data, "x"): double}
+                part.task_handlers = {(TaskType.store_page, "x"): double}
                 return part
 
         left = iter(range(10))

@@ -1,0 +1,164 @@
+"""Expectors: satisfied or not, and what they say when not."""
+
+import unittest
+from typing import Any
+
+import pytest
+
+from snr_sim import (
+    Expector,
+    ExpectorEndpointFactory,
+    ListReplayerFactory,
+    OrderedExpector,
+    SNRTestCase,
+    Task,
+    TaskId,
+    TaskType,
+    TimeoutLoopFactory,
+    tasks,
+)
+from snr_sim.prelude.errors import ComponentFailed, ConfigError, ParameterError
+from snr_sim.testing.parts import PartFactory
+
+A, B, C = ((TaskType.event, name) for name in "abc")
+
+
+def hears(expector: Any, *names: str) -> Any:
+    for name in names:
+        expector.hear(tasks.event(name))
+    return expector
+
+
+def test_counts_that_are_met_satisfy() -> None:
+    with Expector({A: 2, B: 0, TaskType.event: 3}) as expector:
+        hears(expector, "a", "a", "c")
+
+
+def test_a_list_counts_how_often_an_id_stands_in_it() -> None:
+    assert hears(Expector([A, B, A]), "a", "a", "b").is_satisfied()
+    assert not hears(Expector([A, B, A]), "a", "b").is_satisfied()
+
+
+@pytest.mark.parametrize("came", [(), ("a",), ("a", "a", "a"), ("a", "a", "b")])
+def test_counts_that_are_not_met_fail_at_the_end_of_the_with(came: tuple[str, ...]) -> None:
+    with pytest.raises(AssertionError, match="expected"), Expector({A: 2, B: 0}) as expector:
+        hears(expector, *came)
+
+
+def test_the_failure_says_what_was_expected_and_what_came() -> None:
+    with pytest.raises(AssertionError) as caught, Expector({A: 2, B: 0}) as expector:
+        hears(expector, "a", "b")
+    assert str(caught.value).split("\n") == [
+        "The expected tasks did not come:",
+        "  event 'a': expected 2, came 1",
+        "  event 'b': expected 0, came 1",
+    ]
+
+
+def test_an_exception_in_the_with_surfaces_as_itself() -> None:
+    with pytest.raises(ZeroDivisionError), Expector({A: 1}):
+        _ = 1 / 0
+    with pytest.raises(ZeroDivisionError), OrderedExpector([A]):
+        _ = 1 / 0
+
+
+def test_order_is_checked_and_other_tasks_may_come_between() -> None:
+    with OrderedExpector([A, B, A]) as expector:
+        hears(expector, "a", "x", "b", "a")
+    with OrderedExpector([A, TaskType.process_data]) as expector:
+        hears(expector, "a").hear(Task(TaskType.process_data, "depth"))
+
+
+@pytest.mark.parametrize(
+    ("came", "complaint"),
+    [
+        ("ba", "number 1: expected event 'a', came event 'b'"),
+        ("a", "number 2: expected event 'b', came nothing more"),
+        ("", "number 1: expected event 'a', came nothing more"),
+        ("aba", "number 3: expected nothing more, came event 'a'"),
+        ("abab", "number 3: expected nothing more, came event 'a'"),
+    ],
+)
+def test_the_first_place_where_the_order_differs_is_named(came: str, complaint: str) -> None:
+    with pytest.raises(AssertionError, match=complaint), OrderedExpector([A, B]) as expector:
+        hears(expector, *came)
+
+
+def test_an_order_that_differs_shows_both() -> None:
+    (_, expected, came) = hears(OrderedExpector([A, B]), "b", "a").complaints()
+    assert expected == "expected order: event 'a', event 'b'"
+    assert came == "order that came: event 'b', event 'a'"
+
+
+@pytest.mark.parametrize("expected", [{("a", TaskType.event): 1}, ["a"], {5: 1}])
+def test_what_no_task_can_have_as_its_id_is_refused(expected: Any) -> None:
+    with pytest.raises(ConfigError, match="expector"):
+        Expector(expected)
+
+
+@pytest.mark.parametrize("count", [-1, 1.5, None])
+def test_a_count_is_a_whole_number(count: Any) -> None:
+    with pytest.raises(ParameterError, match="as the count of"):
+        Expector({A: count})
+
+
+class InANode(SNRTestCase):
+    """The way students use it."""
+
+    def begins(self, *names: str) -> PartFactory:
+        return PartFactory(name="starter", begin=lambda part: part.schedule([tasks.event(name) for name in names]))
+
+    def test_tasks_of_a_node_are_counted(self) -> None:
+        with self.expector({(TaskType.process_data, "x"): 3, TaskType.store_page: 3, B: 0}) as expector:
+            self.run_test_node([ListReplayerFactory([1, 2, 3], "x"), ExpectorEndpointFactory(expector)])
+
+    def test_the_order_in_a_node_is_checked(self) -> None:
+        with self.ordered_expector([A, B, C]) as expector:
+            self.run_test_node([self.begins("a", "b", "c"), ExpectorEndpointFactory(expector)])
+
+    def test_the_nearest_name_that_came_is_offered(self) -> None:
+        expected = {(TaskType.process_data, "motor_sped"): 1}
+        with pytest.raises(AssertionError) as caught, self.expector(expected) as expector:
+            self.run_test_node([ListReplayerFactory([1], "motor_speed"), ExpectorEndpointFactory(expector)])
+        assert "came 0; did you mean 'motor_speed'? Every process_data that came: motor_speed." in str(caught.value)
+
+    def test_the_failure_is_one_of_the_test_case(self) -> None:
+        class Failure(AssertionError):
+            pass
+
+        self.failureException = Failure
+        with pytest.raises(Failure), self.expector({A: 1}):
+            pass
+
+    def test_a_satisfied_expector_can_end_the_run(self) -> None:
+        with self.expector({A: 2}) as expector:
+            node = self.run_test_node(
+                [
+                    self.begins("a", "a", "a", "a"),
+                    TimeoutLoopFactory(seconds=100),
+                    ExpectorEndpointFactory(expector, exit_when_satisfied=True),
+                ]
+            )
+        assert node.exit_reason == "expector satisfied"
+        assert node.get_time_s() == 0.0
+
+    def test_a_run_that_fails_is_not_masked_by_what_is_missing_in_consequence(self) -> None:
+        def fail(task: Task, task_id: TaskId) -> None:
+            raise ValueError("mine")
+
+        with pytest.raises(ComponentFailed, match="mine"), self.expector({B: 1}) as expector:
+            self.run_test_node([PartFactory({A: fail}), self.begins("a"), ExpectorEndpointFactory(expector)])
+
+    def test_two_expectors_in_one_node_need_two_names(self) -> None:
+        with self.expector({A: 1}) as one, self.expector({B: 1}) as other:
+            self.run_test_node(
+                [self.begins("a", "b"), ExpectorEndpointFactory(one), ExpectorEndpointFactory(other, "second")]
+            )
+
+
+def test_the_case_also_runs_under_unittest() -> None:
+    suite = unittest.defaultTestLoader.loadTestsFromTestCase(InANode)
+    result = unittest.TestResult()
+    suite.run(result)
+    assert result.testsRun == 7
+    assert result.wasSuccessful()
