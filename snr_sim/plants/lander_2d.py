@@ -1,6 +1,6 @@
 """A lunar module in the x-z plane, under pymunk: it steers, touches down on two sprung legs, and stands or tips over.
 
-pymunk moves the hull and finds out whether it meets the ground; the feet are those of `legs.py`.
+pymunk moves the hull and finds out whether it meets the ground (`hull.py`); the feet are ours (`legs.py`).
 
 How a step goes, and why in this order:
 
@@ -9,28 +9,24 @@ How a step goes, and why in this order:
 
 This is the leapfrog scheme if the velocity is that of half a step earlier or later. So `reset` gives pymunk the
 velocity half a step ahead, and `read` takes the half step off again. It costs nothing, a flight under constant force is
-exact (pymunk alone ends g t dt / 2 too high), errors shrink with dt squared, and a bouncing leg gains no energy: with
-forces from the old position, as pymunk's callbacks give them, it does.
-
-The body in pymunk weighs 1 kg and has the square of the radius of gyration as its moment: kicks are per kilogram of the
-mass that is left. That is the same motion, without telling pymunk a new mass 200 times a second at 2 us each.
+exact (pymunk alone ends g t dt / 2 too high), errors of smooth flight shrink with dt squared, and a bouncing leg gains
+no energy: with forces from the position before the step it does. A command that jumps acts half a step late.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from itertools import pairwise
-from types import ModuleType
 from typing import Any, NamedTuple
 
 from snr_sim.plants.gear import Touchdown
+from snr_sim.plants.hull import Hull, pymunk_module
 from snr_sim.plants.legs import NO_KICK, REACH_M, Grip, Kick, Legs, Pose
 from snr_sim.plants.module import TIPPED_RAD, LunarModule, PlaneStart
-from snr_sim.plants.module_shapes import HULL_M, JETS_OUT_M, NOZZLE_BELOW_M, PADS_BELOW_M, module_shapes
+from snr_sim.plants.module_shapes import JETS_OUT_M, NOZZLE_BELOW_M, PADS_BELOW_M, module_shapes
 from snr_sim.plants.terrain import HALF_WIDTH_M, ROOF_REACH_M, Terrain
 from snr_sim.plants.terrain_shapes import terrain_shapes
-from snr_sim.prelude.errors import MissingExtra, ParameterError, PlantError, UnknownName, nearest
+from snr_sim.prelude.errors import ParameterError, PlantError, UnknownName, nearest
 from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
 
 # Halving it moves a touchdown by less than 1 cm/s and, after it, the module by a few millimetres (measured in
@@ -41,27 +37,26 @@ FAR_STEPS_MAX = 20  # the ground is looked for at least this often
 STILL_MPS, STILL_RADPS, SETTLE_S = 0.05, 0.01, 0.5  # slower than this for so long, on both feet: it stands
 CEILING_M = 20_000.0
 EDGE_M = HALF_WIDTH_M - ROOF_REACH_M
-HULL, GROUND = 1, 2  # pymunk's collision types
 
 
 class State(NamedTuple):
-    """All of the plant: what pymunk holds (velocities half a step ahead), and what is ours."""
+    """All of the plant: what pymunk holds (velocities half a step ahead), and what is ours. Defaults: a start."""
 
     body: Pose
-    steps: int
     mass_kg: float
     fuel_kg: float
-    throttle: float
-    gimbal_rad: float
-    command: tuple[float, float, float]
-    kick: Kick
-    leg_kick: Kick
-    grips_m: tuple[Grip, Grip]
-    far_steps: int
-    still_steps: int
     terrain: Terrain
-    touchdown: Touchdown | None
-    outcome: str | None
+    steps: int = 0
+    throttle: float = 0.0
+    gimbal_rad: float = 0.0
+    command: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    kick: Kick = NO_KICK
+    leg_kick: Kick = NO_KICK
+    grips_m: tuple[Grip, Grip] = (None, None)
+    far_steps: int = 0
+    still_steps: int = 0
+    touchdown: Touchdown | None = None
+    outcome: str | None = None
 
 
 class Lander2D:
@@ -89,8 +84,7 @@ class Lander2D:
         seed: int = 0,
         step_s: float = STEP_S,
     ) -> None:
-        self.pymunk = _pymunk()
-        self.engine = f"pymunk {self.pymunk.version}"
+        self.engine = f"pymunk {pymunk_module().version}"
         self.module = module
         self.start_of = start_of
         self.step_s: float = step_s
@@ -98,8 +92,7 @@ class Lander2D:
         self._gimbal_step = module.gimbal_rate_radps * step_s
         self._flow_step = module.thrust_n / module.exhaust_mps * step_s  # propellant of one step at full throttle
         self._legs = Legs(module.leg, module.gyration_m, step_s)
-        self._world_terrain: Terrain | None = None
-        self._hull_touched = False
+        self._hull = Hull(module.gyration_m, module.gravity_mps2, start_of(seed)[1])
         self.reset(seed)
 
     @property
@@ -115,30 +108,12 @@ class Lander2D:
         half_fall = 0.5 * self.module.gravity_mps2 * self.step_s
         (x, z), (vx, vz) = start.position_m, start.velocity_mps
         body = Pose(x, z, start.attitude_rad, vx, vz - half_fall, start.rate_radps)
-        self.restore(
-            State(
-                body=body,
-                steps=0,
-                mass_kg=start.mass_kg,
-                fuel_kg=start.fuel_kg,
-                throttle=0.0,
-                gimbal_rad=0.0,
-                command=(0.0, 0.0, 0.0),
-                kick=NO_KICK,
-                leg_kick=NO_KICK,
-                grips_m=(None, None),
-                far_steps=0,
-                still_steps=0,
-                terrain=terrain,
-                touchdown=None,
-                outcome=None,
-            )
-        )
+        self.restore(State(body, start.mass_kg, start.fuel_kg, terrain))
 
     def snapshot(self) -> State:
         """Returns all of the state; it never changes afterwards."""
         return State(
-            body=self._body_state(),
+            body=self._hull.pose(),
             steps=self._steps,
             mass_kg=self.mass_kg,
             fuel_kg=self.fuel_kg,
@@ -157,15 +132,12 @@ class Lander2D:
 
     def restore(self, snapshot: State) -> None:
         """Puts back what `snapshot` returned."""
-        # A world in which the hull has met the ground remembers it, and would not say so again.
-        if self._world_terrain is not snapshot.terrain or self._hull_touched:
-            self._build_world(snapshot.terrain)
+        module, hull = self.module, self._hull
+        if hull.has_touched or hull.terrain is not snapshot.terrain:
+            hull = Hull(module.gyration_m, module.gravity_mps2, snapshot.terrain)
+        hull.put(snapshot.body)
+        self._hull, self._move, self._push = hull, hull.move, hull.push
         self.terrain = snapshot.terrain
-        pose = snapshot.body
-        self._body.position = pose.x_m, pose.z_m
-        self._body.angle = pose.attitude_rad
-        self._body.velocity = pose.vx_mps, pose.vz_mps
-        self._body.angular_velocity = pose.rate_radps
         self._steps = snapshot.steps
         self.mass_kg, self.fuel_kg = snapshot.mass_kg, snapshot.fuel_kg
         self.throttle, self.gimbal_rad = snapshot.throttle, snapshot.gimbal_rad
@@ -175,30 +147,6 @@ class Lander2D:
         self._far_steps, self._still_steps = snapshot.far_steps, snapshot.still_steps
         self.touchdown, self.outcome = snapshot.touchdown, snapshot.outcome
         self._pose: Pose | None = None
-        self._hull_touched = False
-
-    def _build_world(self, terrain: Terrain) -> None:
-        pymunk = self.pymunk
-        space = pymunk.Space()
-        space.gravity = 0.0, -self.module.gravity_mps2
-        body = pymunk.Body(1.0, self.module.gyration_m**2)
-        hull = pymunk.Poly(body, HULL_M)
-        hull.collision_type = HULL
-        line = terrain.points_m()
-        ground = [pymunk.Segment(space.static_body, a, b, 0.0) for a, b in pairwise(line)]
-        for segment in ground:
-            segment.collision_type = GROUND
-        space.add(body, hull, *ground)
-        space.on_collision(HULL, GROUND, begin=self._on_hull_contact)
-        self._world_terrain = terrain
-        self._body = body
-        self._move: Callable[[float], None] = space.step
-        self._push: Callable[..., None] = body.apply_impulse_at_local_point
-        self._push_foot: Callable[..., None] = body.apply_impulse_at_world_point
-
-    def _on_hull_contact(self, arbiter: Any, space: Any, data: Any) -> None:
-        self._hull_touched = True
-        arbiter.process_collision = False  # the flight is over; a bounce would only spoil the last velocity
 
     # -- moving -------------------------------------------------------------------------------------------------------
 
@@ -225,10 +173,7 @@ class Lander2D:
             return
         self._pose = None
         self._move(self.step_s)
-        if self.throttle or self._throttle_goal or self._jets:
-            self._fire()
-        elif self._kick[1] or self._kick[2]:
-            self._kick = NO_KICK
+        self._fire()
         self._far_steps -= 1
         if self._far_steps <= 0:
             self._meet_ground()
@@ -262,29 +207,30 @@ class Lander2D:
             self._push((side, up), (twist / up, 0.0))
             self._kick = (side, up, twist)
         else:
-            self._body.angular_velocity += twist / self.module.gyration_m**2
+            if twist:
+                self._hull.turn(twist / self.module.gyration_m**2)
             self._kick = (0.0, 0.0, twist)
 
     def _meet_ground(self) -> None:
         """Lets the feet push against the ground, ends the flight when it is over, and says when to look again."""
-        x, z, attitude, vx, vz, rate = body = self._body_state()
+        x, z, attitude, vx, vz, rate = body = self._hull.pose()
         if not math.isfinite(x + z + attitude + vx + vz + rate):
             raise PlantError(
                 f"At {self.time_s:g} s the state is no longer finite: {body}.",
                 fix="look at the last commands and at the module's numbers: a mass or an inertia of 0?",
             )
         clearance = z - REACH_M - self.terrain.roof_m(x)
-        if clearance > 0.0 and not self._hull_touched:
+        if clearance > 0.0 and not self._hull.has_touched:
             self._leg_kick = NO_KICK
             nearing_mps = abs(vz) + abs(vx) + 1.0
             self._far_steps = min(FAR_STEPS_MAX, int(clearance / (nearing_mps * self.step_s)))
             if abs(x) > EDGE_M or z > CEILING_M:
                 self._end("lost")
             return
-        touching, self._leg_kick = self._legs.stand(body, self.mass_kg, self.terrain, self._push_foot)
-        if (touching or self._hull_touched) and self.touchdown is None:
+        touching, self._leg_kick = self._legs.stand(body, self.mass_kg, self.terrain, self._hull.push_in_world)
+        if (touching or self._hull.has_touched) and self.touchdown is None:
             self._judge_contact(body)
-        if self.outcome is None and (self._hull_touched or (touching and abs(attitude) > TIPPED_RAD)):
+        if self.outcome is None and (self._hull.has_touched or (touching and abs(attitude) > TIPPED_RAD)):
             self._end("crashed")
         # Half a step ahead is near enough to tell whether it stands.
         still = touching == 2 and abs(vx) + abs(vz) < STILL_MPS and abs(rate) < STILL_RADPS
@@ -307,26 +253,19 @@ class Lander2D:
     def _end(self, outcome: str) -> None:
         """Stops everything where it is."""
         self.outcome = outcome
-        pose = self._read_pose()
-        self._pose = pose._replace(vx_mps=0.0, vz_mps=0.0, rate_radps=0.0)
-        self._body.velocity = 0.0, 0.0
-        self._body.angular_velocity = 0.0
+        # Half a step ahead of standing still: `read` takes the half step off.
+        half_fall = 0.5 * self.module.gravity_mps2 * self.step_s
+        self._hull.put(self._hull.pose()._replace(vx_mps=0.0, vz_mps=-half_fall, rate_radps=0.0))
+        self._pose = None
         self._kick = self._leg_kick = NO_KICK
         self.throttle = self._throttle_goal = self._jets = 0.0
 
     # -- being measured -----------------------------------------------------------------------------------------------
 
-    def _body_state(self) -> Pose:
-        """Returns what pymunk holds."""
-        body = self._body
-        x, z = body.position
-        vx, vz = body.velocity
-        return Pose(x, z, body.angle, vx, vz, body.angular_velocity)
-
     def _read_pose(self) -> Pose:
         """Returns position and velocity at the same moment; looked up once a step, however many ask."""
         if self._pose is None:
-            self._pose = self._at_one_moment(self._body_state(), self._leg_kick)
+            self._pose = self._at_one_moment(self._hull.pose(), self._leg_kick)
         return self._pose
 
     def _at_one_moment(self, body: Pose, leg_kick: Kick) -> Pose:
@@ -395,13 +334,3 @@ class Lander2D:
             "jet_right": [x + out_x - sin, 0.0, z + out_z + cos, up_x, 0.0, up_z],
             "jet_left": [x - out_x - sin, 0.0, z - out_z + cos, -up_x, 0.0, -up_z],
         }
-
-
-def _pymunk() -> ModuleType:
-    """Returns pymunk, imported when the first lander is built: the one door to it."""
-    try:
-        import pymunk
-    except ImportError as error:
-        raise MissingExtra("pymunk", "sim") from error
-    module: ModuleType = pymunk
-    return module

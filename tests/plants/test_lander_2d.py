@@ -148,6 +148,13 @@ def test_thrust_lags_and_the_nozzle_turns_at_its_rate(apollo: LunarModule) -> No
     assert plant.gimbal_rad == apollo.gimbal_rad
 
 
+def test_the_nozzle_turns_also_while_the_engine_is_off(apollo: LunarModule) -> None:
+    plant = Lander2D(apollo, start())
+    end = run(plant, 2.0, EngineCommand(0.0, -0.05))
+    assert plant.gimbal_rad == -0.05
+    assert end.rate_radps == 0.0
+
+
 def test_a_module_that_flies_away_is_lost(apollo: LunarModule) -> None:
     plant = Lander2D(apollo, start(vx=100.0))
     run(plant, 5.0)
@@ -282,6 +289,17 @@ def test_a_snapshot_before_a_crash_crashes_again_after_it(apollo: LunarModule) -
     run(plant, 5.0)
     assert plant.outcome == "crashed"
     assert plant.snapshot() == first
+
+
+def test_an_ended_run_put_back_stands_as_still_as_before(apollo: LunarModule) -> None:
+    plant = drop(apollo)
+    run(plant, 8.0)
+    ended, stands = plant.snapshot(), pose(plant)
+    assert stands[3:] == (0.0, 0.0, 0.0)
+    plant.reset(0)
+    plant.restore(ended)
+    assert pose(plant) == stands
+    assert plant.outcome == "landed"
 
 
 def test_after_a_reset_the_same_run_follows(apollo: LunarModule) -> None:
