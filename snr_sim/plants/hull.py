@@ -1,8 +1,8 @@
 """The hull of a lander as a rigid body: moved, pushed, and told when it meets the ground. The door to pymunk.
 
 The body in pymunk weighs 1 kg and has the square of the radius of gyration as its moment: kicks are changes of
-velocity, per kilogram of whatever mass is left. That is the same motion, without telling pymunk a new mass at every step,
-at 2 us each.
+velocity, per kilogram of whatever mass is left. That is the same motion, without telling pymunk a new mass at every
+step, at 2 us each.
 """
 
 from __future__ import annotations
