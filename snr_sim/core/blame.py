@@ -9,6 +9,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple
 
+from snr_sim.prelude.errors import SnrError
+
 _KIT = Path(__file__).resolve().parents[1]
 _SHIPPED = _KIT / "shipped"  # robots and scenarios in the wheel: content, not kit
 _STDLIB = Path(sysconfig.get_paths()["stdlib"]).resolve()
@@ -63,5 +65,11 @@ def describe_error(error: BaseException, while_doing: str) -> str:
         while_doing: what the component was doing, in its own names.
     """
     place = student_place(error.__traceback__)
-    what = str(error) if type(error).__module__.startswith("snr_sim.") else f"{type(error).__name__}: {error}"
-    return f"{place}\n  {what}\n  {while_doing}" if place else f"{what}\n  {while_doing}"
+    if isinstance(error, SnrError):
+        what, fix = error.message, error.fix
+    else:
+        what, fix = f"{type(error).__name__}: {error}", ""
+    if isinstance(error, SystemExit):
+        fix = "a component ends the run with tasks.terminate('why'), so that everything is halted and recorded."
+    lines = [*([str(place)] if place else []), what, while_doing, *([f"Try: {fix}"] if fix else [])]
+    return "\n  ".join(lines)

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from snr_sim.core.blame import describe_error
+from snr_sim.core.blame import describe_error, student_place
 from snr_sim.core.clocks import SimClock, WallClock
 from snr_sim.core.config import AnyFactory, Config
 from snr_sim.core.datastore import Datastore
@@ -20,7 +20,7 @@ from snr_sim.core.node_core import NodeCore
 from snr_sim.core.recording_machine import RecordingMachine
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import Component, RoleName
-from snr_sim.prelude.errors import ComponentFailed, ConfigError, TaskError
+from snr_sim.prelude.errors import ComponentFailed, ConfigError, SnrError, TaskError, TraceError
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.recorder import Recorder
 from snr_sim.prelude.rng import rng_for
@@ -95,7 +95,16 @@ class Node:
                 f"Role '{self.role}' lists {factory!r} where a factory belongs.",
                 fix="list instances: [MyFactory()], not the class and not the endpoint itself.",
             )
-        component = factory.get(self)
+        try:
+            component = factory.get(self)
+        except SnrError as error:
+            place = student_place(error.__traceback__)
+            if place is not None and not error.message.startswith(str(place)):
+                error.message = f"{place}\n  {error.message}"
+            raise
+        except (Exception, SystemExit) as error:
+            what = f"while {name}.get() made a component of role '{self.role}'"
+            raise ConfigError(describe_error(error, what)) from error
         wanted = Endpoint if isinstance(factory, EndpointFactory) else Loop
         if not isinstance(component, wanted):
             raise ConfigError(
@@ -149,9 +158,9 @@ class Node:
             self._begun.append(component)
             try:
                 self.machine.begin_component(component)
-            except ComponentFailed:
+            except (ComponentFailed, TraceError):
                 raise
-            except Exception as error:
+            except (Exception, SystemExit) as error:
                 raise self.failure_of(component, error, "begin") from error
 
     def run_ready(self) -> None:
@@ -164,7 +173,7 @@ class Node:
             self.machine.run_ready()
         except HandlerFailed as failed:
             cause = failed.__cause__
-            if not isinstance(cause, Exception):
+            if not isinstance(cause, (Exception, SystemExit)):
                 assert cause is not None
                 raise cause from None  # an interrupt, not a failure
             raise self._handler_failure(failed, cause) from cause
@@ -213,7 +222,7 @@ class Node:
         try:
             cut_off = self.machine.drain()
         except HandlerFailed as failed:
-            if not isinstance(failed.__cause__, Exception):
+            if not isinstance(failed.__cause__, (Exception, SystemExit)):
                 return
             failures.append(self._handler_failure(failed, failed.__cause__))
         except ComponentFailed as failure:
@@ -364,7 +373,7 @@ class Node:
                 self.profiler.time(f"{loop.name}.{step}", function)
             else:
                 function()
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise self.failure_of(loop, error, step) from error
         finally:
             if is_ours:
@@ -377,7 +386,7 @@ class Node:
         where = f"in {step}() of component '{component.name}' at t = {self.clock.now_s():.3f} s"
         return ComponentFailed(describe_error(error, where), self.name, component.name)
 
-    def _handler_failure(self, failed: HandlerFailed, error: Exception) -> ComponentFailed:
+    def _handler_failure(self, failed: HandlerFailed, error: BaseException) -> ComponentFailed:
         task = failed.task
         what, when = f"{task.type} '{task.name}'", f"at t = {self.machine.now_s:.3f} s"
         if failed.component is None:

@@ -90,7 +90,7 @@ def test_a_factory_without_get_says_so() -> None:
     class Unfinished(LoopFactory):
         pass
 
-    with pytest.raises(NotImplementedError, match=r"Unfinished needs a method get\(self, parent\)"):
+    with pytest.raises(ConfigError, match=r"Unfinished needs a method get\(self, parent\)"):
         node_of(Unfinished())
 
 
