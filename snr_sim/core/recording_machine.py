@@ -97,6 +97,12 @@ class RecordingMachine(EventMachine):
         waiting = self._urgent_tickets or self._tickets
         return waiting[0] if waiting else None
 
+    def forget_queued(self) -> None:
+        """Drops what waits, at the door or inside: a replay does not finish what the recorded run left."""
+        self.door.waiting.clear()
+        self._tickets.clear()
+        self._urgent_tickets.clear()
+
     def admit(self, task: Task, source: str) -> None:
         """Queues an input without a door, as a replay does."""
         self._enter(task, source)

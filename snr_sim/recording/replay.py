@@ -8,18 +8,21 @@ difference the rest is still compared with what it belongs to.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 from msgspec import Raw
 
+from snr_sim.core.blame import describe_error
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.config import Config
+from snr_sim.core.handlers import handler_name
 from snr_sim.core.machine import HandlerFailed
 from snr_sim.core.node import Node
 from snr_sim.core.recording_machine import RecordingMachine
-from snr_sim.prelude.errors import TraceError, ValueEncodingError
+from snr_sim.prelude.errors import ComponentFailed, SnrError, TraceError, ValueEncodingError
 from snr_sim.prelude.page import KINDS
 from snr_sim.prelude.recorder import Handled, Ticket
 from snr_sim.prelude.task import Task, TaskType
@@ -39,6 +42,10 @@ from snr_sim.recording.trace import Trace, encode_values
 
 Executed: TypeAlias = TaskRecord | PageRecord
 MAX_DIVERGENCES = 1000
+# A task that the recording does not have may have this many after it. One that asks for itself for ever is cut off.
+MAX_FOLLOWERS = 100
+
+HANDLER = "the handler itself"  # the field of a difference: it was called then and is not now, or the other way round
 
 
 @dataclass(frozen=True)
@@ -135,22 +142,34 @@ class _Driver:
 
     def run(self, records: Sequence[Record]) -> None:
         self._show(next((record.t for record in records if isinstance(record, BeginRecord)), 0.0))
-        self._node.begin()
+        try:
+            self._node.begin()
+        except ComponentFailed as failure:
+            self._checker.failed_outside_a_task(failure, "begin")
+            self._end()
+            return
         self._checker.all_begun()
         before: Record | None = None
         for record in records:
             if isinstance(record, InputRecord):
                 # In lock step an input comes when nothing is left to do, or together with another one.
                 if self._is_lock_step and not isinstance(before, InputRecord):
-                    self._finish()
+                    self._finish(record.seq)
                 self._show(record.t)
                 self._checker.entering = record
                 self._machine.admit(_input_task(record), record.source)
             elif isinstance(record, (TaskRecord, PageRecord)):
                 self._execute(record)
             before = record
-        self._finish()
-        self._node.end("replayed")
+        self._finish(math.inf)
+        self._end()
+
+    def _end(self) -> None:
+        self._machine.forget_queued()
+        try:
+            self._node.end("replayed")
+        except ComponentFailed as failure:
+            self._checker.failed_outside_a_task(failure, "halt")
 
     def _show(self, time_s: float) -> None:
         self._clock.show(time_s)
@@ -168,10 +187,11 @@ class _Driver:
             if expected is record:
                 return
 
-    def _finish(self) -> None:
-        """Executes what is left; that is nothing, unless the code has changed. What asks for itself is cut off."""
-        for _ in range(10_000):
-            if self._machine.next_ticket is None:
+    def _finish(self, seq: float) -> None:
+        """Executes what the recording has before this seq, and what it does not have at all."""
+        while (ticket := self._machine.next_ticket) is not None:
+            expected = self._checker.record_of(ticket)
+            if self._checker.was_left_queued(ticket) or (expected is not None and expected.seq > seq):
                 return
             self._execute_next()
 
@@ -180,9 +200,11 @@ class _Driver:
             self._machine.execute_next()
         except HandlerFailed as failed:
             error = failed.__cause__
-            if not isinstance(error, Exception):
+            if not isinstance(error, (Exception, SystemExit)):
                 raise
             self._checker.raised(failed, error)
+        else:
+            self._checker.returned()
 
 
 class _Checker:
@@ -196,11 +218,16 @@ class _Checker:
             (record.cause, record.nth): record for record in records if isinstance(record, (TaskRecord, PageRecord))
         }
         self._begins = {record.by: record for record in records if isinstance(record, BeginRecord)}
-        self._errors = {record.cause: record for record in records if isinstance(record, ErrorRecord)}
+        self._failed: dict[int, dict[str, str]] = {}  # by seq of the task: what each component raised
+        for record in records:
+            if isinstance(record, ErrorRecord):
+                self._failed.setdefault(record.cause, {})[record.component] = record.message
         self._commands = set(commands)
         self._tolerances = tolerances
         self._extra = 0  # tasks the recording does not have get causes below zero
+        self._followers: dict[int, list[int]] = {}  # of such a cause: how many followed its first one; shared by all
         self._current: Executed | None = None
+        self._gone: list[By] = []  # components that handled the current task in the recording and have not yet
 
     def for_node(self, name: str) -> _Checker:
         """Returns itself: a replay has one node."""
@@ -209,6 +236,10 @@ class _Checker:
     def record_of(self, ticket: Ticket) -> Executed | None:
         """Returns the recorded task that a replayed one answers to, or None if the recording has none."""
         return self._by_cause.get((ticket[1], ticket[2]))
+
+    def was_left_queued(self, ticket: Ticket) -> bool:
+        """Returns whether the recording has this task as asked for, but ended before it was executed."""
+        return ticket[1] > 0 and self.record_of(ticket) is None
 
     # The NodeRecorder promise
 
@@ -239,18 +270,18 @@ class _Checker:
         record = self._current = self.record_of(ticket)
         tickets: list[Ticket] = []
         by: list[By] = []
-        recorded_by = {(one.by, one.handler): one.returned for one in record.handled} if record is not None else {}
+        then = {one.by: one for one in record.handled} if record is not None else {}
         offsets = _offsets(record)
+        seq = record.seq if record is not None else cause
         for label, outputs in handled:
-            seq = record.seq if record is not None else 0
-            more, returned = self._answer(
-                seq, outputs, recorded_by.pop(label, []), offsets.get(label, 0), label, record
-            )
+            before = then.pop(label[0], None)
+            if before is None and record is not None:
+                self._newly_called(record, label, outputs)
+            recorded = before.returned if before is not None else []
+            more, returned = self._answer(seq, outputs, recorded, offsets.get(label[0], 0), label, record)
             tickets.extend(more)
             by.append(By(label[0], label[1], returned))
-        if record is not None and record.seq not in self._errors:
-            for label, gone in recorded_by.items():
-                self._compare_order(record, label, gone, [])
+        self._gone = list(then.values())
         kind = PageRecord if task.type is TaskType.store_page else TaskRecord
         seq = record.seq if record is not None else 0
         self.result.records.append(
@@ -264,15 +295,52 @@ class _Checker:
     def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:
         """Nothing to compare: counts follow from the tasks."""
 
-    def raised(self, failed: HandlerFailed, error: Exception) -> None:
+    # Failures, and handlers that are gone
+
+    def raised(self, failed: HandlerFailed, error: BaseException) -> None:
         """Compares a failure of a handler with the recorded one."""
         record = self._current
-        if record is None or record.seq in self._errors:
-            return  # failed then, too
+        if record is None:
+            return  # in a task that the recording does not have, which was said
         component = failed.component.name if failed.component is not None else self.result.node
-        self._diverge(
-            record, (component, ""), "raised", "exception", "no exception", f"{type(error).__name__}: {error}"
-        )
+        then = self._failed.get(record.seq, {}).get(component)
+        if then is None or (type(error).__name__ not in then and not isinstance(error, SnrError)):
+            self._diverge(
+                record, (component, self._handler_of(failed)), "raised", "exception",
+                _first_lines(then) if then else "no exception", _first_lines(describe_error(error, "")),
+            )  # fmt: skip
+
+    def returned(self) -> None:
+        """Compares with the handlers that were called for this task then, and are not now."""
+        for one in self._gone:
+            assert self._current is not None
+            if one.returned:
+                self._compare_order(self._current, (one.by, one.handler), one.returned, [])
+            else:
+                self._diverge(self._current, (one.by, one.handler), "missing", HANDLER, "called", "not called")
+
+    def failed_outside_a_task(self, failure: ComponentFailed, step: str) -> None:
+        """Compares a failure in `begin`, or in `halt` and `terminate`, with the recorded one."""
+        if any(failure.component in failed for failed in self._failed.values()):
+            return
+        record = self._current or next((one for one in self._by_seq.values() if isinstance(one, BeginRecord)), None)
+        if record is not None:
+            label = (failure.component, step)
+            self._diverge(record, label, "raised", "exception", "no exception", _first_lines(failure.message))
+
+    def _newly_called(self, record: Executed, label: tuple[str, str], outputs: Sequence[Task]) -> None:
+        """A handler is called that the recording has no return of: it is new, or it raised then."""
+        failure = self._failed.get(record.seq, {}).get(label[0])
+        if failure is not None:
+            self._diverge(record, label, "raised", "exception", _first_lines(failure), "no exception")
+        elif not outputs:
+            self._diverge(record, label, "extra", HANDLER, "not called", "called")
+
+    @staticmethod
+    def _handler_of(failed: HandlerFailed) -> str:
+        handlers = failed.component.task_handlers if failed.component is not None else {}
+        handler = handlers.get(failed.task.id()) or handlers.get(failed.task.type)
+        return handler_name(handler) if handler is not None else ""
 
     # Comparison
 
@@ -292,14 +360,23 @@ class _Checker:
         tickets: list[Ticket] = []
         for (task, values), place in zip(encoded, pairs, strict=True):
             if place is None or record is None:
-                self._extra -= 1
-                tickets.append((task, self._extra, 0, values))
+                tickets.extend(self._extra_ticket(task, values, seq))
                 continue
             tickets.append((task, seq, offset + place, values))
             self._compare_values(record, label, recorded[place], values)
         if record is not None:
             self._compare_order(record, label, recorded, returned)
         return tickets, returned
+
+    def _extra_ticket(self, task: Task, values: bytes, cause: int) -> list[Ticket]:
+        """Returns the ticket of a task that the recording does not have; none if too many came from one such task."""
+        followers = self._followers.get(cause) or [0]
+        followers[0] += 1
+        if followers[0] > MAX_FOLLOWERS:
+            return []
+        self._extra -= 1
+        self._followers[self._extra] = followers
+        return [(task, self._extra, 0, values)]
 
     def _compare_values(
         self, record: Executed | BeginRecord, label: tuple[str, str], recorded: Returned, values: bytes
@@ -382,14 +459,19 @@ def _paired(recorded: Sequence[Returned], returned: Sequence[Returned]) -> list[
     return [found.pop(0) if (found := places.get(_id(one))) else None for one in returned]
 
 
-def _offsets(record: Executed | None) -> dict[tuple[str, str], int]:
-    """Returns at which place among all tasks of a record each handler's tasks begin."""
-    offsets: dict[tuple[str, str], int] = {}
+def _offsets(record: Executed | None) -> dict[str, int]:
+    """Returns at which place among all tasks of a record each component's tasks begin."""
+    offsets: dict[str, int] = {}
     place = 0
     for one in record.handled if record is not None else []:
-        offsets[(one.by, one.handler)] = place
+        offsets[one.by] = place
         place += len(one.returned)
     return offsets
+
+
+def _first_lines(message: str) -> str:
+    """Returns the line and the exception of a failure, without when it was."""
+    return " | ".join(line.strip() for line in message.splitlines()[:2] if line.strip())
 
 
 def _input_task(record: InputRecord) -> Task:

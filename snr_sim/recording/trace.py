@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import hashlib
 import os
+import sys
 import threading
 from collections import deque
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -150,13 +152,19 @@ class TraceWriter:
             ready = [lines.popleft() for _ in range(len(lines))]
             if not ready or self._failure is not None:
                 return
-            if self._follower is not None:
-                for line in ready:
-                    self._follower.add(_decode_record(line))
-                self._follower.flush()
-            ready.append(b"")  # so that the last line gets its newline, too
-            data = b"\n".join(ready)
-            self._write(data)
+            self._write(b"\n".join([*ready, b""]))  # so that the last line gets its newline, too
+            self._show(ready)
+
+    def _show(self, lines: Sequence[bytes]) -> None:
+        if self._follower is None:
+            return
+        try:
+            for line in lines:
+                self._follower.add(_decode_record(line))
+            self._follower.flush()
+        except Exception as error:  # a view that fails must not cost the recording
+            self._follower = None
+            print(f"The live view has stopped: {error}. The run goes on and is recorded.", file=sys.stderr)
 
     def _write(self, data: bytes) -> None:
         """Writes all of it, or cuts the file back to its last whole line and remembers the failure."""
@@ -165,14 +173,13 @@ class TraceWriter:
             while view:
                 view = view[os.write(self._file, view) :]
         except OSError as error:
-            written = data[: len(data) - len(view)]
-            whole = written.rfind(b"\n") + 1
-            os.ftruncate(self._file, self._whole_bytes + whole)
             self._failure = error
-            return
-        self._whole_bytes += len(data)
-        if self._whole_bytes > len(data):  # the header is in the digest without its wall-clock part
+            data = data[: data.rfind(b"\n", 0, len(data) - len(view)) + 1]
+            with suppress(OSError):  # some disks refuse even that; a reader leaves out a last line that is cut
+                os.ftruncate(self._file, self._whole_bytes + len(data))
+        if self._whole_bytes:  # the header is in the digest without its wall-clock part
             self._digest.update(data)
+        self._whole_bytes += len(data)
 
 
 def encode_values(task: Task) -> bytes:
@@ -196,6 +203,7 @@ class NodeTrace:
     def __init__(self, writer: TraceWriter, node: str) -> None:
         self._writer = writer
         self._node = node
+        self._newest = 0  # seq of this node's newest record
 
     def begun(self, now_s: float, component: str, scheduled: Sequence[Task]) -> list[Ticket]:
         """Takes down what a component scheduled in `begin`."""
@@ -216,7 +224,7 @@ class NodeTrace:
     def task(self, now_s: float, ticket: Ticket, handled: Sequence[Handled]) -> list[Ticket]:
         """Takes down an executed task; returns a ticket for each task its handlers returned, in order."""
         writer = self._writer
-        writer.seq = seq = writer.seq + 1
+        self._newest = writer.seq = seq = writer.seq + 1
         task, cause, nth, values = ticket
         tickets: list[Ticket] = []
         by = [By(label[0], label[1], _returned(outputs, seq, tickets)) for label, outputs in handled]
@@ -226,7 +234,7 @@ class NodeTrace:
 
     def error(self, now_s: float, component: str, message: str) -> None:
         """Takes down what went wrong in a component, just now."""
-        cause = self._writer.seq
+        cause = self._newest
         self._writer.put(_encode(ErrorRecord(self._next_seq(), now_s, self._node, cause, component, message)))
 
     def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:
@@ -234,8 +242,8 @@ class NodeTrace:
         self._writer.put(_encode(EndRecord(self._next_seq(), now_s, self._node, reason, summary)))
 
     def _next_seq(self) -> int:
-        self._writer.seq += 1
-        return self._writer.seq
+        self._newest = self._writer.seq = self._writer.seq + 1
+        return self._newest
 
 
 def _returned(tasks: Sequence[Task], seq: int, tickets: list[Ticket]) -> list[Returned]:
