@@ -72,7 +72,11 @@ class LockStep:
     def _run(self) -> str:
         clock, only = self._clock, self._nodes[0] if len(self._nodes) == 1 else None
         self._settle()
-        while any(not node.is_terminated for node in self._nodes):
+        running = [node.machine for node in self._nodes]
+        while running:
+            if running[0].is_ended:
+                del running[0]
+                continue
             next_s = clock.next_s
             if next_s is None:
                 return NOTHING_LEFT
@@ -82,11 +86,11 @@ class LockStep:
                 self._settle()  # somebody knocked while we waited
                 continue
             clock.run_next()
-            if only is not None:
-                only.machine.now_s = clock.now_s()
-                only.run_ready()
-            else:
+            if only is None:
                 self._settle()
+            elif only.door.waiting:  # whatever there is to do has come in through the door
+                only.machine.now_s = next_s
+                only.run_ready()
         return ""
 
     def _settle(self) -> None:
