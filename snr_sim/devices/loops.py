@@ -97,11 +97,11 @@ class ActuatorLoop(Loop):
         page = self.parent.datastore.pages.get(self.factory.key)
         if page is None:
             return
-        if page is not self._written:
+        if self.get_time_s() - page.created_at_s > self.factory.timeout_s:
+            self.actuator.neutral()  # also if it is new here: it was held up on its way
+        elif page is not self._written:
             self._written = page
             self._write(page)
-        elif self.get_time_s() - page.created_at_s > self.factory.timeout_s:
-            self.actuator.neutral()
 
     def _write(self, page: Page) -> None:
         try:
@@ -134,8 +134,8 @@ class ActuatorLoop(Loop):
             if wanted != got and field not in self._clamped:
                 self._clamped.add(field)
                 self.parent.note(
-                    f"Command '{self.factory.key}.{field}' = {wanted:g} is outside {self.actuator.limits[field]} "
-                    f"and was clamped to {got:g} (said once; t = {self.get_time_s():.2f} s)."
+                    f"Command '{self.factory.key}.{field}' = {_shown(wanted)} is outside {self.actuator.limits[field]} "
+                    f"and was clamped to {_shown(got)} (said once; t = {self.get_time_s():.2f} s)."
                 )
 
     def halt(self) -> None:
@@ -147,3 +147,8 @@ class ActuatorLoop(Loop):
         """Closes the actuator."""
         if "actuator" in self.__dict__:
             self.actuator.close()
+
+
+def _shown(value: Any) -> str:
+    """A number, or a list of numbers, as short as can be."""
+    return f"[{', '.join(map(_shown, value))}]" if isinstance(value, (list, tuple)) else f"{value:g}"
