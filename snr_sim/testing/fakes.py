@@ -50,7 +50,7 @@ class FakeActuator(Generic[CommandT]):
 
     Args:
         command_type: a frozen msgspec Struct.
-        limits: lowest and highest value of each of its fields that is a number.
+        limits: lowest and highest value of each of its fields that is a number, or of each number in a list.
     """
 
     def __init__(self, command_type: type[CommandT], limits: Mapping[str, tuple[float, float]]) -> None:
@@ -95,13 +95,17 @@ class FakeActuator(Generic[CommandT]):
 
     def _clamped(self, command: CommandT) -> CommandT:
         values: dict[str, Any] = msgspec.structs.asdict(command)  # type: ignore[arg-type]
-        for name, (lowest, highest) in self._limits.items():
-            if not math.isfinite(values[name]):
-                raise CommandError(
-                    f"Command '{name}' is {values[name]}.", fix=f"a number in {lowest:g} .. {highest:g}."
-                )
-            values[name] = min(max(values[name], lowest), highest)
+        for name in self._limits:
+            value = values[name]
+            is_list = isinstance(value, (list, tuple))
+            values[name] = [self._inside(name, one) for one in value] if is_list else self._inside(name, value)
         return self._command_type(**values)
+
+    def _inside(self, name: str, value: float) -> float:
+        lowest, highest = self._limits[name]
+        if not math.isfinite(value):
+            raise CommandError(f"Command '{name}' is {value}.", fix=f"a number from {lowest:g} to {highest:g}.")
+        return min(max(value, lowest), highest)
 
     def neutral(self) -> None:
         """Counts that it was put at neutral."""

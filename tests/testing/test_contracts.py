@@ -22,6 +22,10 @@ class Push(msgspec.Struct, frozen=True):
     gimbal_rad: float = 0.0
 
 
+class Pulses(msgspec.Struct, frozen=True):
+    pulses_us: list[float]
+
+
 class Thawed(msgspec.Struct):
     depth_m: float = 0.0
 
@@ -32,6 +36,7 @@ LIMITS = {"thrust_n": (-5.0, 40.0), "gimbal_rad": (-0.1, 0.1)}
 def test_the_fakes_keep_their_promises() -> None:
     check_sensor(lambda: FakeSensor([Depth(1.0, 0.0), Depth(2.0, 0.1)]))
     check_actuator(lambda: FakeActuator(Push, LIMITS), Push(10.0, 0.05))
+    check_actuator(lambda: FakeActuator(Pulses, {"pulses_us": (1100.0, 1900.0)}), Pulses([1500.0, 1600.0]))
 
 
 def test_a_fake_sensor_gives_its_readings_then_the_last_one_again() -> None:

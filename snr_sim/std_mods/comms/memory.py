@@ -154,6 +154,7 @@ class OneWay:
             return
         self.sent += 1
         raw = page.serialize()
+        copy = Page.deserialize(raw)  # here and not on arrival: what no wire can carry is the sender's mistake
         left_s = self._time_of_leaving(len(raw))
         is_lost, jitter_s = self._chance()
         if is_lost:
@@ -161,7 +162,7 @@ class OneWay:
             return
         arrival_s = max(self._last_arrival_s, left_s + self._quality.latency_s + jitter_s)
         self._last_arrival_s = arrival_s
-        self._clock.call_at(arrival_s, partial(self._deliver, raw), BEFORE_LOOPS)
+        self._clock.call_at(arrival_s, partial(self._deliver, copy), BEFORE_LOOPS)
 
     def has_brought(self, page: Page) -> bool:
         """Returns whether this very page came by this way; asked once, when it is stored."""
@@ -180,11 +181,10 @@ class OneWay:
         for_loss, for_jitter = self._rng.random(2)
         return bool(for_loss < self._quality.loss), float(for_jitter) * self._quality.jitter_s
 
-    def _deliver(self, raw: bytes) -> None:
+    def _deliver(self, page: Page) -> None:
         if self.receiver.is_terminated:
             return
         self.delivered += 1
-        page = Page.deserialize(raw)
         if self.back is not None:
             self._brought[id(page)] = page
         self.receiver.enter(Task.store_page(page), f"link_{self.sender.role}")

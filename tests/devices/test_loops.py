@@ -1,0 +1,232 @@
+"""Between devices and pages: readings in, commands out, neutral whenever in doubt. On both clocks."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+import pytest
+
+from snr_sim import (
+    Config,
+    FakeActuator,
+    FakeSensor,
+    Node,
+    Page,
+    SimClock,
+    Task,
+    TaskType,
+    TimeoutLoopFactory,
+    WallClock,
+    tasks,
+)
+from snr_sim.core.lockstep import LockStep
+from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
+from snr_sim.prelude.errors import ComponentFailed, DeviceError, SensorLost
+from snr_sim.testing.parts import PartFactory, TickerFactory
+
+
+class Depth(msgspec.Struct, frozen=True):
+    depth_m: float
+    stamp_s: float
+
+
+class Push(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    thrust_n: float = 0.0
+    gimbal_rad: float = 0.0
+
+
+LIMITS = {"thrust_n": (0.0, 40.0), "gimbal_rad": (-0.1, 0.1)}
+
+
+class Pwm(msgspec.Struct, frozen=True):
+    pulses_us: list[float]
+
+
+CLOCKS = pytest.mark.parametrize("clock", [SimClock, WallClock])
+
+
+def run(*factories: Any, clock: Callable[[], Any] = SimClock, end_s: float = 0.1, is_replay: bool = False) -> Node:
+    config = Config(factories={"r": [*factories, TimeoutLoopFactory(seconds=end_s)]})
+    node = Node("r", config, clock=clock(), is_replay=is_replay)
+    node.loop()
+    return node
+
+
+def commands(*commands: Any, rate_hz: float = 100.0) -> TickerFactory:
+    """Stores these command pages, one at each tick, and then no more."""
+    left = iter(commands)
+
+    def send(loop: Any) -> None:
+        for command in left:
+            loop.store_data("engine", command)
+            return
+        loop.stop()
+
+    return TickerFactory(send, "pilot", rate_hz)
+
+
+def engine(actuator: FakeActuator[Push], rate_hz: float = 100.0, timeout_s: float = 0.5) -> ActuatorLoopFactory:
+    return ActuatorLoopFactory("engine", lambda: actuator, rate_hz, timeout_s)
+
+
+@CLOCKS
+def test_each_reading_becomes_a_page_and_the_sensor_is_closed_at_the_end(clock: Callable[[], Any]) -> None:
+    sensor = FakeSensor([Depth(1.0, 0.0), Depth(2.0, 0.01)])
+    node = run(SensorLoopFactory("depth", lambda: sensor, 100), clock=clock)
+    assert node.get_data("depth") == {"depth_m": 2.0, "stamp_s": 0.01}
+    assert node.datastore.stored >= 5
+    assert sensor.is_closed
+
+
+def test_a_sensor_that_is_lost_ends_the_run_in_its_own_words_and_is_closed() -> None:
+    sensor: FakeSensor[Depth] = FakeSensor([Depth(1.0, 0.0), SensorLost("The depth sensor has not answered for 2 s.")])
+    with pytest.raises(ComponentFailed, match=r"has not answered for 2 s(.|\n)*'depth_sensor'"):
+        run(SensorLoopFactory("depth", lambda: sensor, 100))
+    assert sensor.is_closed
+
+
+@CLOCKS
+def test_commands_are_written_once_each_and_neutral_comes_first_and_last(clock: Callable[[], Any]) -> None:
+    actuator = FakeActuator(Push, LIMITS)
+    run(
+        commands({"thrust_n": 5.0}, {"thrust_n": 6.0, "gimbal_rad": 0.05}, rate_hz=20),
+        engine(actuator),
+        clock=clock,
+        end_s=0.2,
+    )
+    assert actuator.written == [Push(5.0, 0.0), Push(6.0, 0.05)]
+    assert actuator.is_neutral
+    assert actuator.is_closed
+    assert actuator.neutral_count >= 3  # when opened, when halted, when closed
+
+
+def test_a_command_is_written_in_the_moment_it_was_made() -> None:
+    actuator = FakeActuator(Push, LIMITS)
+    clock = SimClock()
+    node = Node("r", Config(factories={"r": [commands({"thrust_n": 5.0}), engine(actuator)]}), clock=clock)
+    LockStep([node], clock, until_s=0.0).run()
+    assert actuator.written == [Push(5.0, 0.0)]
+
+
+def test_a_command_may_be_the_struct_itself() -> None:
+    actuator = FakeActuator(Push, LIMITS)
+    run(commands(Push(5.0, 0.0)), engine(actuator))
+    assert actuator.written == [Push(5.0, 0.0)]
+
+
+def test_a_command_that_is_too_old_no_longer_counts() -> None:
+    actuator = FakeActuator(Push, LIMITS)
+    neutral_at: list[float] = []
+
+    def watch(loop: Any) -> None:
+        if actuator.written and actuator.is_neutral:
+            neutral_at.append(loop.get_time_s())
+
+    run(commands({"thrust_n": 5.0}), engine(actuator, timeout_s=0.2), TickerFactory(watch, "watch"), end_s=1.0)
+    assert 0.2 < neutral_at[0] <= 0.2 + 0.011
+
+
+def test_a_command_that_was_already_old_when_it_came_is_not_written() -> None:
+    actuator = FakeActuator(Push, LIMITS)
+    old = Page("engine", {"thrust_n": 5.0}, "topside_node", 0.0)  # held up on a link
+    late = TimeoutLoopFactory(seconds=0.9, task=tasks.store_page(old), name="late")
+    run(late, engine(actuator, timeout_s=0.5), end_s=1.5)
+    assert actuator.written == []
+    assert actuator.is_neutral
+
+
+def test_a_command_outside_the_limits_is_clamped_and_that_is_said_once() -> None:
+    actuator = FakeActuator(Push, LIMITS)
+    node = run(commands({"thrust_n": 99.0}, {"thrust_n": 98.0}, {"gimbal_rad": -1.0}), engine(actuator))
+    assert actuator.written == [Push(40.0, 0.0), Push(40.0, 0.0), Push(0.0, -0.1)]
+    assert [note.split(" (said")[0] for note in node.notes] == [
+        "Command 'engine.thrust_n' = 99 is outside (0.0, 40.0) and was clamped to 40",
+        "Command 'engine.gimbal_rad' = -1 is outside (-0.1, 0.1) and was clamped to -0.1",
+    ]
+
+
+def test_a_command_of_a_list_is_clamped_number_by_number() -> None:
+    actuator = FakeActuator(Pwm, {"pulses_us": (1100.0, 1900.0)})
+    node = run(commands({"pulses_us": [1500.0, 2000, 0]}), ActuatorLoopFactory("engine", lambda: actuator, 100))
+    assert actuator.written == [Pwm([1500.0, 1900.0, 1100.0])]
+    assert "= [1500, 2000, 0] is outside (1100.0, 1900.0) and was clamped to [1500, 1900, 1100]" in node.notes[0]
+
+
+@CLOCKS
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        ({"thrust_n": math.nan}, "thrust_n"),
+        ({"thrust_n": math.inf}, "thrust_n"),
+        ({"thrst_n": 1.0}, "did you mean 'thrust_n'"),
+        ({"thrust_n": "full"}, "Expected `float`, got `str`"),
+        (5.0, "its fields are thrust_n, gimbal_rad"),
+        (None, "It holds None"),
+    ],
+)
+def test_a_command_that_is_none_leaves_the_actuator_neutral_and_stops_the_run(
+    command: Any, said: str, clock: Callable[[], Any]
+) -> None:
+    actuator = FakeActuator(Push, LIMITS)
+    with pytest.raises(ComponentFailed) as caught:
+        run(commands({"thrust_n": 5.0}, command, rate_hz=50), engine(actuator), clock=clock, end_s=2.0)
+    assert said in str(caught.value)
+    assert "'engine_actuator'" in str(caught.value)
+    assert actuator.written == [Push(5.0, 0.0)]
+    assert actuator.is_neutral
+    assert actuator.is_closed
+
+
+def fail(task: Task, task_id: Any) -> None:
+    raise ValueError("the controller's own mistake")
+
+
+@CLOCKS
+def test_whatever_fails_the_actuator_goes_to_neutral(clock: Callable[[], Any]) -> None:
+    actuator = FakeActuator(Push, LIMITS)
+    with pytest.raises(ComponentFailed, match="the controller's own mistake"):
+        run(
+            commands({"thrust_n": 5.0}, {"thrust_n": 6.0}, rate_hz=50),
+            engine(actuator),
+            PartFactory({TaskType.event: fail}),
+            TimeoutLoopFactory(ms=30, task=tasks.event("go"), name="trigger"),
+            clock=clock,
+        )
+    assert actuator.is_neutral
+    assert actuator.is_closed
+
+
+class Unplugged(FakeActuator[Push]):
+    def write(self, command: Push) -> Push:
+        raise DeviceError("The port /dev/ttyUSB0 is gone.", fix="check the plug.")
+
+
+def test_an_actuator_that_breaks_is_closed_and_its_error_is_told() -> None:
+    actuator = Unplugged(Push, LIMITS)
+    with pytest.raises(ComponentFailed, match=r"/dev/ttyUSB0 is gone.(.|\n)*check the plug"):
+        run(commands({"thrust_n": 5.0}), engine(actuator))
+    assert actuator.is_closed
+
+
+@CLOCKS
+def test_a_device_that_cannot_be_opened_is_told_and_everything_else_is_halted(clock: Callable[[], Any]) -> None:
+    actuator = FakeActuator(Push, LIMITS)
+
+    def open_nothing() -> Any:
+        raise DeviceError("There is no device at /dev/ttyUSB7.", fix="ls /dev/tty*")
+
+    with pytest.raises(ComponentFailed, match="no device at /dev/ttyUSB7"):
+        run(engine(actuator), SensorLoopFactory("depth", open_nothing, 10), clock=clock, end_s=2.0)
+    assert actuator.is_neutral
+    # In lock step the actuator is opened before the sensor fails; on threads either may come first.
+    assert actuator.is_closed or clock is WallClock
+
+
+def test_in_a_replay_no_device_is_opened() -> None:
+    def refuse() -> Any:
+        raise AssertionError("opened")
+
+    node = run(SensorLoopFactory("depth", refuse, 10), ActuatorLoopFactory("engine", refuse, 10), is_replay=True)
+    assert list(node.components) == ["node_core"]
+    assert node.exit_reason == "nothing left to do"

@@ -1,0 +1,30 @@
+"""One line for each task: when, what, and what it is about."""
+
+import io
+
+import pytest
+
+from snr_sim import ListReplayerFactory, PrinterEndpointFactory, SNRTestCase, TaskType, tasks
+from snr_sim.testing.parts import PartFactory
+
+
+class Printing(SNRTestCase):
+    def test_a_line_says_node_time_task_and_data(self) -> None:
+        stream = io.StringIO()
+        self.run_test_node(
+            [
+                PartFactory(begin=lambda part: part.schedule(tasks.event("contact", ["left", 0.5]))),
+                ListReplayerFactory([1.5], "depth"),
+                PrinterEndpointFactory([TaskType.event, TaskType.store_page, (TaskType.process_data, "depth")], stream),
+            ]
+        )
+        assert stream.getvalue().splitlines() == [
+            "test_node     0.0000 s  event 'contact'  'left', 0.5",
+            "test_node     0.0000 s  store_page 'depth'  1.5",
+            "test_node     0.0000 s  process_data 'depth'  1.5",
+        ]
+
+
+def test_it_prints_to_standard_output_if_nothing_else_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    SNRTestCase().run_test_node([ListReplayerFactory([1], "x"), PrinterEndpointFactory([(TaskType.process_data, "x")])])
+    assert capsys.readouterr().out == "test_node     0.0000 s  process_data 'x'  1\n"

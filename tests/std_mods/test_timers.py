@@ -1,0 +1,77 @@
+"""Timeout and stopwatch: exact in virtual time, prompt on threads."""
+
+import time
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from snr_sim import (
+    Config,
+    Node,
+    SNRTestCase,
+    StopwatchEndpointFactory,
+    SynchronousRunner,
+    TaskType,
+    TimeoutLoopFactory,
+    WallClock,
+    tasks,
+)
+from snr_sim.prelude.errors import ParameterError
+from snr_sim.testing.parts import TickerFactory
+
+case = SNRTestCase()
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.floats(0.0, 1e5))
+def test_a_timeout_comes_to_the_digit_in_virtual_time(seconds: float) -> None:
+    node = case.run_test_node([TimeoutLoopFactory(seconds=seconds)], until_s=1e6)
+    assert (node.exit_reason, node.get_time_s()) == ("timeout", seconds)
+
+
+def test_seconds_and_milliseconds_add_up() -> None:
+    assert case.run_test_node([TimeoutLoopFactory(seconds=1, ms=500)]).get_time_s() == 1.5
+    assert case.run_test_node([TimeoutLoopFactory(ms=250)]).get_time_s() == 0.25
+
+
+def test_any_task_may_follow_and_it_follows_once() -> None:
+    times: list[float] = []
+    node = case.run_test_node(
+        [
+            TimeoutLoopFactory(seconds=0.5, task=tasks.event("half"), name="half"),
+            TimeoutLoopFactory(seconds=2.0),
+            StopwatchEndpointFactory(times, [(TaskType.event, "half")]),
+        ]
+    )
+    assert times == [0.5]
+    assert node.notes == []
+
+
+@pytest.mark.parametrize("seconds", [-1.0, float("nan"), float("inf")])
+def test_a_time_that_is_none_is_refused(seconds: float) -> None:
+    with pytest.raises(ParameterError, match="A timeout of"):
+        TimeoutLoopFactory(seconds=seconds)
+
+
+def test_on_the_wall_clock_a_timeout_comes_soon_after_its_time() -> None:
+    runner = SynchronousRunner("r", Config(factories={"r": [TimeoutLoopFactory(ms=80)]}))
+    start_s = time.monotonic()
+    runner.run()
+    assert 0.08 <= time.monotonic() - start_s < 0.3
+
+
+def test_a_stopwatch_takes_the_time_of_each_matching_task() -> None:
+    times: list[float] = []
+    ticker = TickerFactory(lambda loop: loop.schedule([tasks.event("lap"), tasks.event("other")]), rate_hz=4)
+    case.run_test_node([ticker, StopwatchEndpointFactory(times, [(TaskType.event, "lap")])], until_s=0.5)
+    assert times == [0.0, 0.25, 0.5]
+
+
+def test_a_stopwatch_on_the_wall_clock_reads_the_nodes_time() -> None:
+    times: list[float] = []
+    watch = StopwatchEndpointFactory(times, [TaskType.terminate])
+    node = Node("r", Config(factories={"r": [watch, TimeoutLoopFactory(ms=30)]}), clock=WallClock())
+    node.loop()
+    assert len(times) == 1
+    assert 0.03 <= times[0] < 0.3
