@@ -51,11 +51,9 @@ def draw_run(header: Header, records: Iterable[Record], path: str | Path, outcom
         MissingExtra: Pillow is not installed.
         TraceError: the trace has no true states, as one from a real robot.
     """
-    batch, reason = Batch(), ""
-    for record in records:
-        if isinstance(record, EndRecord):
-            reason = record.reason
-        batch.add(record)
+    batch, kept = Batch(), list(records)
+    batch.extend(kept)
+    reason = next((record.reason for record in reversed(kept) if isinstance(record, EndRecord)), "")
     flight = _flight(header, batch)
     canvas = Canvas(WIDTH, HEIGHT, BACKGROUND)
     _draw_scene(canvas, header, flight)

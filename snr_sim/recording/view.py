@@ -93,7 +93,7 @@ class LiveView:
 
     def add(self, record: Record) -> None:
         """Takes a record; nothing is sent before `flush`."""
-        self._writer.batch.add(record)
+        self._writer.batch.extend((record,))
 
     def flush(self) -> None:
         """Sends what has been added. Ten times a second is plenty."""

@@ -6,7 +6,7 @@ done a column at a time, and a lot if it is done a row at a time, so nothing her
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from operator import itemgetter
@@ -21,6 +21,7 @@ from snr_sim.prelude.page import KINDS, Page
 from snr_sim.prelude.values import decode_value
 from snr_sim.recording.records import (
     BeginRecord,
+    By,
     EndRecord,
     ErrorRecord,
     InputRecord,
@@ -66,6 +67,11 @@ class When:
     def __len__(self) -> int:
         return len(self.seq)
 
+    @staticmethod
+    def of(records: Sequence[Record]) -> When:
+        """Returns where records stand."""
+        return When(np.array([record.seq for record in records], np.int64), np.array([record.t for record in records]))
+
 
 @dataclass(frozen=True)
 class Series:
@@ -85,27 +91,12 @@ class LogRows:
     levels: list[str]
 
 
-class _Rows:
-    """Columns that are still growing: where each row stands, and what it holds."""
-
-    def __init__(self) -> None:
-        self.seqs: list[int] = []
-        self.times: list[float] = []
-        self.held: list[Any] = []
-        self.levels: list[str] = []
-
-    def when(self) -> When:
-        return When(np.array(self.seqs, np.int64), np.array(self.times, np.float64))
-
-
 class Batch:
     """Some records of a run, in the order they were made, sorted by what shows them.
 
-    Each record is looked at once, and what is needed of it put into columns there and then.
-
     Example:
         >>> batch = Batch()
-        >>> batch.add(TruthRecord(seq=1, t=0.0, poses={}, arrows={}, values={"altitude_m": 4.5}))
+        >>> batch.extend([TruthRecord(seq=1, t=0.0, poses={}, arrows={}, values={"altitude_m": 4.5})])
         >>> [(series.path, series.values.tolist()) for series in batch.truth_values()]
         [(('altitude_m',), [4.5])]
     """
@@ -113,44 +104,47 @@ class Batch:
     def __init__(self) -> None:
         self._sources: dict[int, str] = {}
         self._arrow_names: dict[str, None] = {}
-        self._takers: dict[type, Callable[[Any], None]] = {
-            InputRecord: self._add_input,
-            PageRecord: self._add_page,
-            TaskRecord: self._add_executed,
-            TruthRecord: self._add_truth,
-        }
+        self._phrases: dict[tuple[str, ...], str] = {}
         self.clear()
 
-    def add(self, record: Record) -> None:
-        """Takes one record."""
-        self._takers.get(type(record), self._add_event)(record)
-
     def extend(self, records: Iterable[Record]) -> None:
-        """Takes several records."""
+        """Takes records. One loop without a call in it: at this place a call would cost as much as all the rest."""
+        pages, executed = self._pages, self._executed
         for record in records:
-            self._takers.get(type(record), self._add_event)(record)
+            kind = type(record)
+            if kind is PageRecord or kind is TaskRecord:
+                done: Any = record
+                if done.node not in executed:
+                    executed[done.node] = []
+                executed[done.node].append(done)
+                if kind is PageRecord:
+                    key = (done.node, done.name)
+                    if key not in pages:
+                        pages[key] = []
+                    pages[key].append(done)
+            elif isinstance(record, InputRecord):
+                self._sources[record.seq] = record.source
+            elif isinstance(record, TruthRecord):
+                self.truths.append(record)
+            elif isinstance(record, (BeginRecord, EndRecord, ErrorRecord)):
+                self._events.setdefault(record.node, []).append(record)
 
     def clear(self) -> None:
         """Forgets the records, but not which inputs are still to be executed."""
-        self._truths = _Rows()
-        self._pages: dict[tuple[str, str], _Rows] = {}
-        self._executed: dict[str, _Rows] = {}
-        self._events: dict[str, _Rows] = {}
+        self.truths: list[TruthRecord] = []
+        self._pages: dict[tuple[str, str], list[PageRecord]] = {}
+        self._executed: dict[str, list[Executed]] = {}
+        self._events: dict[str, list[BeginRecord | EndRecord | ErrorRecord]] = {}
         for seq in list(self._sources)[:-INPUTS_REMEMBERED]:
             del self._sources[seq]
 
-    @property
-    def truths(self) -> list[TruthRecord]:
-        """The true states themselves, in order."""
-        return self._truths.held
-
     def truth_values(self) -> Iterator[Series]:
         """Returns every number of the plant's true state."""
-        yield from _columns((), self._truths.when(), [truth.values for truth in self._truths.held])
+        yield from _columns((), When.of(self.truths), [truth.values for truth in self.truths])
 
     def poses(self) -> Iterator[tuple[str, When, Floats]]:
         """Returns the pose of each body: name, when, array of shape (n, 7)."""
-        when, rows = self._truths.when(), [truth.poses for truth in self._truths.held]
+        when, rows = When.of(self.truths), [truth.poses for truth in self.truths]
         for body, picked, poses in _by_name(rows):
             flat = _floats(list(chain.from_iterable(poses)))
             if len(flat) == 7 * len(poses):
@@ -158,7 +152,7 @@ class Batch:
 
     def arrows(self) -> Iterator[tuple[str, When, Floats]]:
         """Returns each arrow: name, when, array of shape (n, 6). Where a truth does not name it, it has no length."""
-        when, rows = self._truths.when(), [truth.arrows for truth in self._truths.held]
+        when, rows = When.of(self.truths), [truth.arrows for truth in self.truths]
         self._arrow_names |= dict.fromkeys(chain.from_iterable(rows))
         for name in self._arrow_names if rows else ():
             flat = _floats(list(chain.from_iterable([row.get(name, _NO_ARROW) for row in rows])))
@@ -172,57 +166,43 @@ class Batch:
 
     def page_values(self) -> Iterator[tuple[str, Series]]:
         """Returns every number that pages carried: node and series, whose path begins with the page's key."""
-        for (node, key), rows in self._pages.items():
-            for series in _columns((key,), rows.when(), _page_data(rows.held)):
+        for (node, key), records in self._pages.items():
+            data = _page_data([record.values for record in records])
+            for series in _columns((key,), When.of(records), data):
                 yield node, series
 
     def executed(self) -> Iterator[tuple[str, LogRows]]:
         """Returns for each node one line of text per executed task."""
-        return ((node, LogRows(rows.when(), rows.held, rows.levels)) for node, rows in self._executed.items())
+        for node, records in self._executed.items():
+            sources = [self._sources.get(record.cause) for record in records]
+            levels = ["INFO" if source else "DEBUG" for source in sources]
+            yield node, LogRows(When.of(records), self._lines(records, sources), levels)
 
     def events(self) -> Iterator[tuple[str, LogRows]]:
         """Returns for each node how it began and ended, and what went wrong."""
-        return ((node, LogRows(rows.when(), rows.held, rows.levels)) for node, rows in self._events.items())
+        for node, records in self._events.items():
+            texts, levels = zip(*map(_event, records), strict=True)
+            yield node, LogRows(When.of(records), list(texts), list(levels))
 
-    def _add_input(self, record: InputRecord) -> None:
-        self._sources[record.seq] = record.source
+    def _lines(self, records: Iterable[Executed], sources: Iterable[str | None]) -> list[str]:
+        """Returns for example '147  process_data  inertial       <- 146                  pad: store_page engine'."""
+        lines = []
+        # The words are few and come again and again: each phrase is put together once, and so are the blanks beside it.
+        known = self._phrases
+        for record, source in zip(records, sources, strict=True):
+            what, whence = (record.type, record.name), (source or "",)
+            task = known.get(what) or known.setdefault(what, f"{record.type:<13} {record.name:<14}")
+            place = known.get(whence) or known.setdefault(whence, f" {source or '':<16} ")
+            made = self._made(record.handled) if record.handled else ""
+            lines.append(f"{record.seq}  {task} <- {record.cause or 'begin'}{place}{made}")
+        return lines
 
-    def _add_truth(self, record: TruthRecord) -> None:
-        rows = self._truths
-        rows.seqs.append(record.seq)
-        rows.times.append(record.t)
-        rows.held.append(record)
-
-    def _add_page(self, record: PageRecord) -> None:
-        key = (record.node, record.name)
-        rows = self._pages.get(key) or self._pages.setdefault(key, _Rows())
-        rows.seqs.append(record.seq)
-        rows.times.append(record.t)
-        rows.held.append(record.values)
-        self._add_executed(record)
-
-    def _add_executed(self, record: Executed) -> None:
-        rows = self._executed.get(record.node) or self._executed.setdefault(record.node, _Rows())
-        source = self._sources.get(record.cause)
-        rows.seqs.append(record.seq)
-        rows.times.append(record.t)
-        rows.held.append(_line(record, source))
-        rows.levels.append("INFO" if source else "DEBUG")
-
-    def _add_event(self, record: BeginRecord | EndRecord | ErrorRecord) -> None:
-        rows = self._events.setdefault(record.node, _Rows())
-        text, level = _event(record)
-        rows.seqs.append(record.seq)
-        rows.times.append(record.t)
-        rows.held.append(text)
-        rows.levels.append(level)
-
-
-def _line(record: Executed, source: str | None) -> str:
-    """Returns for example '   147  process_data  inertial        <- 146             guidance: store_page engine'."""
-    cause = f"<- {record.cause or 'begin'}" if source is None else f"<- {record.cause} {source}"
-    made = [f"{part.by}: {_tasks(part.returned)}" for part in record.handled if part.returned]
-    return f"{record.seq:6}  {record.type:<13} {record.name:<14} {cause:<18} {'; '.join(made)}"
+    def _made(self, handled: Sequence[By]) -> str:
+        if len(handled) == 1 and len(handled[0].returned) == 1:
+            by, task = handled[0].by, handled[0].returned[0]
+            who = (by, task.type, task.name)
+            return self._phrases.get(who) or self._phrases.setdefault(who, f"{by}: {task.type} {task.name}")
+        return "; ".join([f"{part.by}: {_tasks(part.returned)}" for part in handled if part.returned])
 
 
 def _tasks(returned: Sequence[Returned]) -> str:

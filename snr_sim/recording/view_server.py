@@ -36,13 +36,13 @@ FILE_NAME = "view.rrd"
 HANDED_ON = ("Content-Type", "rerun-final-length")
 
 
-def open_view(path: str | Path, web: bool = False, say: Callable[[str], None] = partial(print, flush=True)) -> None:
+def open_view(path: str | Path, web: bool = False, say: Callable[[str], None] | None = None) -> None:
     """Shows a view, and returns when its window is closed or on Ctrl-C.
 
     Args:
         path: of a view.rrd.
         web: whether to show it in the browser instead of in a window.
-        say: is told what to do, and at which address.
+        say: is told what to do, and at which address; without it, that is printed.
 
     Raises:
         MissingExtra: rerun is not installed.
@@ -57,7 +57,8 @@ def open_view(path: str | Path, web: bool = False, say: Callable[[str], None] = 
         )
         return
     with suppress(KeyboardInterrupt), serve_web(path) as url:
-        say(f"Open {url}\nOnly this computer can reach it. Ctrl-C ends it.")
+        tell = say or partial(print, flush=True)
+        tell(f"Open {url}\nOnly this computer can reach it. Ctrl-C ends it.")
         while True:
             time.sleep(3600)
 

@@ -5,8 +5,10 @@ Nothing goes in a row at a time: through rerun's own classes, one page costs as 
 
 from __future__ import annotations
 
+import gc
 import importlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from itertools import islice
 from typing import Any, TypeAlias
 
@@ -100,8 +102,9 @@ class Writer:
         """Sends all of a run, some records at a time."""
         remaining = iter(records)
         while some := list(islice(remaining, BATCH_RECORDS)):
-            self.batch.extend(some)
-            self.flush()
+            with _no_garbage_collection():
+                self.batch.extend(some)
+                self.flush()
 
     def flush(self) -> None:
         """Sends the records in the batch, and empties it."""
@@ -290,3 +293,17 @@ class Writer:
         if self._main_body:
             line = self._rr.LineStrips3D([self._path.points()], radii=self._rr.Radius.ui_points(1.0), colors=PATH_RGB)
             self._stream.log(self._entity("world", "path", self._main_body), line, static=True)
+
+
+@contextmanager
+def _no_garbage_collection() -> Iterator[None]:
+    """Columns are made of a hundred thousand small objects that refer to nothing: looking for circles among them, and
+    among all the records of the run, costs a tenth of the time and finds none.
+    """
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
