@@ -1,0 +1,65 @@
+"""Every plant, sensor and actuator of every scenario and robot keeps its promise: nobody can tell one from another."""
+
+from collections.abc import Iterator
+from types import ModuleType
+
+import pytest
+
+from snr_sim import library
+from snr_sim.core.config import AnyFactory
+from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
+from snr_sim.prelude.scenario import Rig, Robot
+from snr_sim.prelude.signals import EngineCommand
+from snr_sim.testing.contracts import check_actuator, check_plant, check_sensor
+
+# A valid command for each input that any plant has, so that plants are checked under way and not only at rest.
+COMMANDS = {"engine": EngineCommand(throttle=0.3, gimbal_rad=0.01, attitude=0.2)}
+
+
+def load(found: library.Found) -> tuple[ModuleType, ModuleType]:
+    """The scenario and its robot."""
+    robot = library.load_robot(library.find("robots", library.robot_of_scenario(found)))
+    return library.load_scenario(found), robot
+
+
+every_scenario = pytest.mark.parametrize(
+    ("found", "engine"),
+    [
+        pytest.param(found, engine, id=f"{found.name}-{engine}")
+        for found in library.known("scenarios")
+        for engine in load(found)[0].ENGINES
+    ],
+)
+
+
+def devices(found: library.Found, engine: str) -> Iterator[AnyFactory]:
+    """The loops around every device of the robot, as it is simulated."""
+    scenario, robot = load(found)
+    about = Robot(scenario.ROBOT, robot.ROLES[0], found.name, engine, scenario.parameters(1), {})
+    rig = Rig(about, "sim", 1, scenario.plant(1, engine))
+    for factories in robot.roles(rig, []).values():
+        yield from factories
+
+
+@every_scenario
+def test_plants_keep_their_promise(found: library.Found, engine: str) -> None:
+    scenario, _ = load(found)
+    names = scenario.plant(1, engine).inputs
+    assert set(names) <= set(COMMANDS), "an input without a command here: add one"
+    check_plant(lambda: scenario.plant(1, engine), {name: COMMANDS[name] for name in names})
+
+
+@every_scenario
+def test_sensors_keep_their_promise(found: library.Found, engine: str) -> None:
+    sensors = [factory for factory in devices(found, engine) if isinstance(factory, SensorLoopFactory)]
+    assert sensors
+    for sensor in sensors:
+        check_sensor(sensor.open_device)
+
+
+@every_scenario
+def test_actuators_keep_their_promise(found: library.Found, engine: str) -> None:
+    actuators = [factory for factory in devices(found, engine) if isinstance(factory, ActuatorLoopFactory)]
+    assert actuators
+    for actuator in actuators:
+        check_actuator(actuator.open_device, COMMANDS[actuator.key])

@@ -1,0 +1,168 @@
+"""The rooms of the house: who may meet whom, which door each heavy package has, and what an import costs."""
+
+import ast
+import json
+import subprocess
+import sys
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+
+import snr_sim
+
+KIT = Path(snr_sim.__file__).parent
+
+# ARCHITECTURE section 3: a room imports from rooms with a lower number, and from itself. Modules that stand in
+# snr_sim itself are rooms too. `snr_sim/__init__.py` may name everything: it only says where things are.
+FLOOR = {
+    "prelude": 0,
+    "core": 1,
+    "std_mods": 2,
+    "devices": 2,
+    "plants": 2,
+    "recording": 2,
+    "behaviors": 2,
+    "library": 3,
+    "supervision": 3,
+    "testing": 3,
+    "learning": 3,
+    "simulation": 4,
+    "grading": 5,
+    "web": 5,
+    "cli": 6,
+    "__main__": 7,
+}
+HEAVY = {"mujoco", "pymunk", "gymnasium", "rerun", "rerun_cli", "serial", "PIL", "pyarrow", "scipy", "matplotlib"}
+
+
+def modules() -> dict[str, ast.Module]:
+    """All modules of the kit by dotted name, without the content that a wheel ships."""
+    found = {}
+    for path in sorted(KIT.rglob("*.py")):
+        parts = path.relative_to(KIT).with_suffix("").parts
+        if parts[0] != "shipped" and parts != ("__init__",):
+            found[".".join(parts)] = ast.parse(path.read_text(encoding="utf-8"))
+    return found
+
+
+def imports(tree: ast.Module) -> set[str]:
+    """Every module an import names, also inside functions and under TYPE_CHECKING."""
+    names: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"line {node.lineno}: the kit imports by full name"
+            names.add(node.module or "")
+            names.update(f"{node.module}.{alias.name}" for alias in node.names)
+    return names
+
+
+def rooms_of(names: set[str]) -> set[str]:
+    return {name.split(".")[1] for name in names if name.startswith("snr_sim.")} & set(FLOOR)
+
+
+def test_every_module_stands_in_a_room() -> None:
+    assert {name.split(".")[0] for name in modules()} <= set(FLOOR)
+
+
+def test_rooms_import_from_rooms_below_only_and_never_sideways() -> None:
+    wrong = []
+    for name, tree in modules().items():
+        own = name.split(".")[0]
+        wrong += [
+            f"{name} imports {room}" for room in rooms_of(imports(tree)) if room != own and FLOOR[room] >= FLOOR[own]
+        ]
+    assert wrong == []
+
+
+def test_rooms_name_each_other_and_do_not_go_through_the_front_door() -> None:
+    allowed = {f"snr_sim.{room}" for room in FLOOR} | {"snr_sim.__version__"}
+    wrong = [
+        f"{name} imports {part}"
+        for name, tree in modules().items()
+        for part in imports(tree)
+        if part.startswith("snr_sim.") and ".".join(part.split(".")[:2]) not in allowed
+    ]
+    assert wrong == []
+
+
+def test_the_kit_imports_no_robot_no_scenario_and_no_test() -> None:
+    content = {"robots", "scenarios", "assignments", "tests"}
+    wrong = {name for name, tree in modules().items() if {part.split(".")[0] for part in imports(tree)} & content}
+    assert wrong == set()
+
+
+def test_no_module_takes_all_names_of_another() -> None:
+    for name, tree in modules().items():
+        stars = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.names[0].name == "*"]
+        assert stars == [], name
+
+
+def test_each_heavy_package_has_one_door() -> None:
+    doors = defaultdict(set)
+    for name, tree in modules().items():
+        for package in {imported.split(".")[0] for imported in imports(tree)} & HEAVY:
+            doors[package].add(name)
+    assert {package: names for package, names in doors.items() if len(names) > 1} == {}
+
+
+def loaded_by(statement: str) -> set[str]:
+    code = f"{statement}\nimport json, sys\nprint(json.dumps(sorted(sys.modules)))"
+    printed = subprocess.check_output([sys.executable, "-c", code], text=True, cwd=KIT.parent)
+    return set(json.loads(printed))
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "import snr_sim",
+        "import snr_sim as snr; snr.Node; snr.Endpoint; snr.Loop; snr.SimRunner; snr.tasks",
+        "from snr_sim import *",
+        "import snr_sim.devices.loops, snr_sim.recording.trace, snr_sim.library",
+    ],
+)
+def test_importing_the_kit_loads_neither_numpy_nor_anything_heavy(statement: str) -> None:
+    loaded = {name.split(".")[0] for name in loaded_by(statement)}
+    assert loaded & (HEAVY | {"numpy", "typer", "rich", "hypothesis", "pytest"}) == set()
+
+
+def test_importing_the_kit_alone_loads_none_of_its_rooms() -> None:
+    assert {name for name in loaded_by("import snr_sim") if name.startswith("snr_sim.")} == set()
+
+
+def test_a_star_import_gives_exactly_the_public_names() -> None:
+    names: dict[str, object] = {}
+    exec("from snr_sim import *", names)
+    assert set(names) - {"__builtins__"} == set(snr_sim.__all__)
+    assert len(snr_sim.__all__) == len(set(snr_sim.__all__))
+    assert set(snr_sim.__all__) <= set(dir(snr_sim))
+
+
+def test_what_type_checkers_see_is_what_is_there() -> None:
+    tree = ast.parse((KIT / "__init__.py").read_text(encoding="utf-8"))
+    (block,) = [node for node in tree.body if isinstance(node, ast.If)]
+    seen = {alias.name: node.module for node in block.body if isinstance(node, ast.ImportFrom) for alias in node.names}
+    places = {name: module for module, names in snr_sim._PLACES.items() for name in names}
+    assert seen == {**places, "tasks": "snr_sim.prelude"}
+
+
+def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="'snr_sim' has no attribute 'Nod'"):
+        _ = snr_sim.Nod
+    with pytest.raises(ImportError):
+        exec("from snr_sim import Nod")
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        "Task TaskType TaskId SomeTasks TaskHandlerMap Page tasks Config Mode Node Endpoint EndpointFactory",
+        "Loop ThreadLoop LoopFactory SynchronousRunner CliRunner TestRunner SimRunner",
+        "SNRTestCase Expector OrderedExpector ExpectorEndpointFactory ListReplayerFactory",
+        "MovingAvgFilter MovingAvgFilterFactory PrinterEndpointFactory TimeoutLoopFactory StopwatchEndpointFactory",
+    ],
+)
+def test_the_names_of_the_thesis_are_there(names: str) -> None:
+    assert set(names.split()) <= set(snr_sim.__all__)
