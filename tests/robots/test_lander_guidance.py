@@ -94,8 +94,7 @@ def test_the_pad_controller_lands_from_every_start(scenario: str) -> None:
 @pytest.mark.parametrize("scenario", ["lander_vertical", "lander_low_gate"])
 def test_optimal_is_within_2_percent_of_the_optimum_in_spite_of_noise(scenario: str) -> None:
     assert fly(scenario, 0, "optimal")["fuel_ratio"] == pytest.approx(1.0, abs=0.02)
-    ratios = [fly(scenario, seed, "optimal")["fuel_ratio"] for seed in range(1, 20)]
-    assert sum(ratios) / len(ratios) == pytest.approx(1.0, abs=0.03)
+    assert max(fly(scenario, seed, "optimal")["fuel_ratio"] for seed in range(1, 30)) < 1.02
 
 
 def test_hovering_costs_twice_the_optimum_and_the_parabola_a_third_more() -> None:
