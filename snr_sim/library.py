@@ -59,7 +59,7 @@ def find(kind: Kind, name: str) -> Found:
         path = _path_in(kind, folder, name)
         if name and _is_one(kind, path):
             return Found(kind, name, path, place)
-    looked = ", ".join(short_path(str(folder)) for _, folder in _places(kind))
+    looked = ", ".join(dict.fromkeys(short_path(str(folder)) for _, folder in _places(kind)))
     raise UnknownName(
         f"There is no {kind[:-1]} '{name}'. Looked in: {looked}.",
         fix=nearest(name, [found.name for found in known(kind)]),

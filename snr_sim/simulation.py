@@ -17,16 +17,17 @@ from types import ModuleType
 from typing import Any
 
 from snr_sim import __version__, library
-from snr_sim.core.blame import describe_error, short_path
+from snr_sim.core.blame import describe_error, put_place_first, short_path, student_place
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.config import AnyFactory, Config, Mode
 from snr_sim.core.endpoint import EndpointFactory
 from snr_sim.core.loop import LoopFactory
+from snr_sim.core.node import Node
 from snr_sim.core.runners import SimRunner
 from snr_sim.devices.loops import ActuatorLoopFactory
 from snr_sim.plants.stepping import Stepper
 from snr_sim.prelude import tasks
-from snr_sim.prelude.errors import ComponentFailed, ConfigError, PlantError, SnrError, TraceError, UnknownName, nearest
+from snr_sim.prelude.errors import ConfigError, SnrError, UnknownName, nearest
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import Rig, Robot, Verdict
@@ -119,6 +120,13 @@ class Simulation:
         controller = self._factories()
         rig = Rig(self._robot, self.request.io, self.request.seed, plant)
         roles = call_student(self.robot_file.roles, "roles()", rig, controller)
+        missing = [role for role in self.roles if not isinstance(roles, dict) or role not in roles]
+        if missing:
+            raise ConfigError(
+                f"{short_path(str(self.robot_file.__file__))}: roles(rig, controller) returned {roles!r}, "
+                f"which has no components for the role '{missing[0]}'.",
+                fix=f'return {{"{missing[0]}": [...]}} with a list of factories for each of ROLES.',
+            )
         return Config(Mode.TEST, roles)
 
     def _factories(self) -> list[AnyFactory]:
@@ -139,7 +147,13 @@ class Simulation:
 
     def plant(self) -> Plant:
         """Returns the plant at the start that belongs to the seed."""
-        plant: Plant = call_student(self.scenario.plant, "plant()", self.request.seed, self.request.engine)
+        plant = call_student(self.scenario.plant, "plant()", self.request.seed, self.request.engine)
+        if not isinstance(plant, Plant):
+            raise ConfigError(
+                f"{short_path(str(self.scenario.__file__))}: plant(seed, engine) returned {plant!r}, "
+                "which is not a plant.",
+                fix="end it with: return Lander1D(...), or another class that keeps the promise of prelude/plant.py.",
+            )
         return plant
 
     def header(self, plant: Plant, config: Config, clock: str = "sim") -> Header:
@@ -179,7 +193,18 @@ class Simulation:
         pace: float | None = None,
         on_advance: Callable[[float], None] | None = None,
     ) -> Result:
-        """Runs until the scenario's verdict, its time limit, an error or a signal.
+        """Runs until the scenario's verdict, its time limit, an error or a signal; arguments as of `start`."""
+        return self.start(plant, config, recorder, pace, on_advance).run()
+
+    def start(
+        self,
+        plant: Plant,
+        config: Config,
+        recorder: TraceWriter | None = None,
+        pace: float | None = None,
+        on_advance: Callable[[float], None] | None = None,
+    ) -> Flight:
+        """Makes the nodes and all around them; nothing moves yet and nothing is recorded.
 
         Args:
             plant: from `plant()`, fresh.
@@ -187,57 +212,110 @@ class Simulation:
             recorder: writes the trace, if given; the caller closes it.
             pace: virtual seconds per wall second; None is as fast as it goes.
             on_advance: called with the virtual time at each new moment.
+
+        Raises:
+            ConfigError: the components cannot be made.
         """
-        clock = SimClock()
-        limit_s = float(self.scenario.TIME_LIMIT_S)
-        runner = SimRunner(
+        return Flight(self, plant, config, recorder, pace, on_advance)
+
+
+class Flight:
+    """One run of a simulation, from its first moment to its result; arguments as of `Simulation.start`."""
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        plant: Plant,
+        config: Config,
+        recorder: TraceWriter | None,
+        pace: float | None,
+        on_advance: Callable[[float], None] | None,
+    ) -> None:
+        self._simulation = simulation
+        self._plant = plant
+        self._clock = clock = SimClock()
+        self._runner = SimRunner(
             config,
-            self.roles,
+            simulation.roles,
             clock=clock,
             recorder=recorder,
-            seed=self.request.seed,
+            seed=simulation.request.seed,
             pace=pace,
-            until_s=limit_s,
+            until_s=float(simulation.scenario.TIME_LIMIT_S),
         )
-        referee = _Referee(self.scenario, plant, runner)
+        self._referee = _Referee(simulation.scenario, plant, self._runner)
+        self._truth = _Truth(plant, recorder) if recorder is not None else None
         clock.follow(Stepper(plant).advance_to)
-        clock.follow(referee.look)
+        clock.follow(self._referee.look)
         if on_advance is not None:
             clock.follow(on_advance)
-        truth = _Truth(plant, recorder) if recorder is not None else None
-        if truth is not None:
-            truth.look(0.0)
-            clock.follow(truth.look)
-        error = ""
+        if self._truth is not None:
+            clock.follow(self._truth.look)
+
+    @property
+    def nodes(self) -> list[Node]:
+        """The nodes that run."""
+        return list(self._runner.nodes.values())
+
+    def run(self, signals: Sequence[str] = ()) -> Result:
+        """Runs until the scenario's verdict, its time limit, an error or a signal.
+
+        Args:
+            signals: names of those that came before there was a run; it ends at once.
+        """
+        error, notes = "", []
         start_s = time.perf_counter()
         try:
-            runner.run()
-            if truth is not None:
-                truth.record(clock.now_s())
-        except (ComponentFailed, PlantError, TraceError) as failure:
+            if self._truth is not None:
+                self._truth.look(0.0)
+            self._runner.run()
+            if self._truth is not None:
+                self._truth.record(self._clock.now_s())
+        except SnrError as failure:
             error = str(failure)
-        except KeyboardInterrupt:
-            runner.signals.append("SIGINT")
+        except KeyboardInterrupt as stop:
+            self._runner.signals.append("SIGINT")
+            notes.append(describe_error(stop, "when the run was to end").removeprefix("Interrupted: "))
+        except Exception as failure:
+            if student_place(failure.__traceback__) is None:
+                raise
+            error = describe_error(failure, "while the scenario was run")
         wall_time_s = time.perf_counter() - start_s
-        if error:
-            verdict = Verdict("error", False)
-        elif runner.signals and referee.verdict is None:
-            verdict = Verdict("interrupted", False)
-        else:
-            verdict = referee.verdict or Verdict("timeout", False)
-        nodes = list(runner.nodes.values())
+        metrics, metrics_error = self._metrics()
+        error = error or metrics_error
+        signals = [*signals, *self._runner.signals]
+        verdict = self._verdict(error, bool(signals))
         return Result(
             outcome=verdict.outcome,
             success=verdict.success,
-            metrics=self.scenario.metrics(plant, self.request.seed),
-            sim_time_s=plant.time_s,
+            metrics=metrics,
+            sim_time_s=self._plant.time_s,
             wall_time_s=wall_time_s,
-            tasks=sum(node.machine.executed for node in nodes),
-            pages=sum(node.datastore.stored for node in nodes),
-            notes=[note for node in nodes for note in node.notes],
+            tasks=sum(node.machine.executed for node in self.nodes),
+            pages=sum(node.datastore.stored for node in self.nodes),
+            notes=[*notes, *(note for node in self.nodes for note in node.notes)],
             error=error,
-            signal=runner.signals[0] if runner.signals else "",
+            signal=signals[0] if signals else "",
         )
+
+    def _verdict(self, error: str, is_interrupted: bool) -> Verdict:
+        if error:
+            return Verdict("error", False)
+        if is_interrupted and self._referee.verdict is None:
+            return Verdict("interrupted", False)
+        return self._referee.verdict or Verdict("timeout", False)
+
+    def _metrics(self) -> tuple[dict[str, Any], str]:
+        simulation = self._simulation
+        seed = simulation.request.seed
+        try:
+            metrics = call_student(simulation.scenario.metrics, "metrics(plant, seed)", self._plant, seed)
+        except SnrError as failure:
+            return {}, str(failure)
+        if isinstance(metrics, dict):
+            return metrics, ""
+        place = short_path(str(simulation.scenario.__file__))
+        return {}, f"{place}: metrics(plant, seed) returned {metrics!r}, which is not a dict."
 
 
 def prepare(request: Request) -> Simulation:
@@ -329,9 +407,10 @@ def call_student(function: Callable[..., Any], name: str, *args: Any) -> Any:
     """
     try:
         return function(*args)
-    except SnrError:
+    except SnrError as error:
+        put_place_first(error)
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise ConfigError(describe_error(error, f"while {name} was called")) from error
 
 
@@ -347,8 +426,14 @@ class _Referee:
     def look(self, time_s: float) -> None:
         """Asks the scenario for its verdict."""
         if self.verdict is None:
-            self.verdict = self._judge(self._plant)
-            if self.verdict is not None:
+            verdict = call_student(self._judge, "verdict(plant)", self._plant)
+            if verdict is not None:
+                if not isinstance(verdict, Verdict):
+                    raise ConfigError(
+                        f"verdict(plant) of the scenario returned {verdict!r}, which is not a Verdict.",
+                        fix="return Verdict('landed', True), or None while it goes on.",
+                    )
+                self.verdict = verdict
                 for node in self._runner.nodes.values():
                     node.enter(tasks.terminate(self.verdict.outcome), "referee")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -47,27 +47,37 @@ app.command("bench")(bench.bench)
 
 def main() -> None:
     """Runs the command line; an error of ours is a sentence, not a traceback."""
+    import signal
+
+    signal.signal(signal.SIGTERM, _stop)  # as Ctrl-C: every verb puts in order what it has begun
     try:
-        app(prog_name="snr")
-    except KeyboardInterrupt:
-        print("Stopped.", file=sys.stderr)
-        sys.exit(130)
+        status = app(prog_name="snr", standalone_mode=False)
+    except KeyboardInterrupt as stop:
+        fail("Stopped.", 128 + (stop.args[0] if stop.args and isinstance(stop.args[0], int) else signal.SIGINT))
     except BrokenPipeError:  # `snr trace RUN | head`
         sys.stderr.close()
         sys.exit(0)
     except Exception as error:
         from snr_sim.prelude.errors import SnrError  # after the fact: `snr --help` does not need it
 
-        if not isinstance(error, SnrError):
+        if isinstance(error, SnrError):
+            fail(str(error))
+        if not hasattr(error, "format_message"):  # typer's words about the command line have it
             raise
-        fail(str(error))
+        said = error.format_message()
+        fail(said if said.startswith("Usage:") else f"{said}\n  Try: snr --help says what there is.")
+    sys.exit(status if isinstance(status, int) else 0)
 
 
-def fail(message: str) -> None:
-    """Says what was wrong with the request and exits with status 2; with --json also as JSON."""
+def _stop(number: int, frame: object) -> None:
+    raise KeyboardInterrupt(number)
+
+
+def fail(message: str, status: int = 2) -> NoReturn:
+    """Says what was wrong with the request and ends with an exit status; with --json also as JSON."""
     import json
 
     print(message, file=sys.stderr)
     if "--json" in sys.argv:
         print(json.dumps({"error": message}))
-    sys.exit(2)
+    sys.exit(status)

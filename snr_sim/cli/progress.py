@@ -6,16 +6,12 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from snr_sim.simulation import Simulation
 
 _PERIOD_S = 0.1
 
 
 @contextmanager
-def progress(simulation: Simulation, is_shown: bool) -> Iterator[Callable[[float], None] | None]:
+def progress(name: str, is_shown: bool) -> Iterator[Callable[[float], None] | None]:
     """Yields what is to be called with the virtual time at each new moment, or None if nothing is shown."""
     if not (is_shown and sys.stderr.isatty()):
         yield None
@@ -31,6 +27,6 @@ def progress(simulation: Simulation, is_shown: bool) -> Iterator[Callable[[float
             now_s = time.monotonic()
             if now_s - shown_at_s > _PERIOD_S:
                 shown_at_s = now_s
-                status.update(f"{simulation.scenario_name}: t = {time_s:.1f} s (Ctrl-C ends the run in order)")
+                status.update(f"{name}: t = {time_s:.1f} s (Ctrl-C ends the run in order)")
 
         yield tick

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -36,24 +37,23 @@ def replay(
 
     Exit status: 0 identical, 1 diverged (the first divergence is printed), 2 the trace cannot be used.
     """
-    from contextlib import redirect_stdout
-
+    from snr_sim.cli.answer import guarded
     from snr_sim.recording.compare import Tolerance
     from snr_sim.recording.folder import trace_path
     from snr_sim.recording.trace import read_trace
 
     tolerances = [Tolerance.parse(text) for text in tolerance]
     trace = read_trace(trace_path(run))
-    with redirect_stdout(sys.stderr):  # what handlers print is not our answer
+    folder = trace.path.parent.resolve()
+    with guarded(is_json=True):  # what handlers print is not our answer
         replays, calls, notes = _replay(trace, with_file, tolerances, check)
-    folder = trace.path.parent
     if with_file:
         notes.extend(_write_comparison(trace, replays, folder))
     divergences = sorted((one for replay in replays for one in replay.divergences), key=lambda one: one.seq)
     if as_json:
-        import json
+        from snr_sim.recording.folder import as_json as json_of
 
-        print(json.dumps(_fields(trace, replays, divergences, calls, notes)))
+        print(json_of(_fields(trace, replays, divergences, calls, notes)))
     else:
         _say(trace, replays, divergences, calls, notes)
     sys.exit(1 if divergences else 0)
@@ -67,16 +67,26 @@ def _replay(
     from snr_sim.recording.outside import watching
     from snr_sim.recording.replay import replay_node
 
-    config, notes = _config(trace, with_file)
+    roles = [node.removesuffix("_node") for node in trace.header.nodes]
+    with ExitStack() as stack:
+        found = stack.enter_context(watching()) if is_checking else {}
+        config, notes = _config(trace, with_file)
+        replays = [replay_node(trace, role, config, tolerances) for role in roles]
+    if _was_changed(trace):
+        notes.append("The trace was changed after the run: its digest is not the one in result.json.")
     if trace.is_cut:
         notes.append("The trace was cut short; it is replayed up to its last whole record.")
     elif not trace.is_ended:
         notes.append("The run did not end by itself; it is replayed up to its last record.")
-    roles = [node.removesuffix("_node") for node in trace.header.nodes]
-    with ExitStack() as stack:
-        found = stack.enter_context(watching()) if is_checking else {}
-        replays = [replay_node(trace, role, config, tolerances) for role in roles]
     return replays, list(found.values()), notes
+
+
+def _was_changed(trace: Trace) -> bool:
+    """Returns whether the run's result tells of another digest; a run that was cut off has no result."""
+    from snr_sim.recording.folder import read_result
+
+    digest = read_result(trace.path.parent).get("trace_digest")
+    return not trace.is_cut and digest is not None and digest != trace.digest
 
 
 def _config(trace: Trace, with_file: str) -> tuple[Any, list[str]]:
@@ -97,7 +107,7 @@ def _changed(then: dict[str, str], now: dict[str, str]) -> list[str]:
 
 
 def _write_comparison(trace: Trace, replays: list[NodeReplay], folder: Path) -> list[str]:
-    from snr_sim.prelude.errors import MissingExtra
+    from snr_sim.prelude.errors import MissingExtra, SnrError
 
     marks = [(one.seq, one.t, _sentence(one)) for replay in replays for one in replay.divergences]
     records = [record for replay in replays for record in replay.records]
@@ -108,13 +118,17 @@ def _write_comparison(trace: Trace, replays: list[NodeReplay], folder: Path) -> 
         write_comparison(trace.header, trace.records, records, marks, path)
     except MissingExtra as error:
         return [f"Both runs side by side: {error.message} {error.fix}"]
-    except OSError as error:
-        return [f"Both runs side by side could not be written: {error.strerror}."]
+    except (OSError, SnrError) as error:
+        return [f"Both runs side by side could not be written: {error}"]
     return [f"Both runs on one timeline: snr view {path}"]
 
 
 def _sentence(one: Divergence) -> str:
+    from snr_sim.recording.replay import HANDLER
+
     who = f"{one.component}.{one.handler}" if one.handler else one.component
+    if one.field == HANDLER:
+        return f"{who} was {one.recorded} then, and is {one.replayed} now"
     if one.kind == "missing":
         return f"{who} returned {one.field} then, and does not now"
     if one.kind == "extra":
@@ -153,6 +167,17 @@ def _say(
         print(f"  the closed loop again: snr resim {trace.path.parent}")
 
 
+def _writable(one: Divergence) -> Divergence:
+    """Returns a divergence whose values JSON can show: null would not tell NaN from infinity."""
+    from dataclasses import replace
+
+    shown = [
+        repr(value) if isinstance(value, float) and not math.isfinite(value) else value
+        for value in (one.recorded, one.replayed)
+    ]
+    return replace(one, recorded=shown[0], replayed=shown[1])
+
+
 def _fields(
     trace: Trace,
     replays: list[NodeReplay],
@@ -173,7 +198,7 @@ def _fields(
             for one in replays
         ],
         "divergences": len(divergences),
-        "first_divergence": asdict(divergences[0]) if divergences else None,
+        "first_divergence": asdict(_writable(divergences[0])) if divergences else None,
         "commands_differ_from_seq": command.seq if command is not None else None,
         "warning": f"seq {command.seq}: {OPEN_LOOP}" if command is not None else None,
         "outside_calls": [asdict(call) for call in calls],

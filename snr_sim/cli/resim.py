@@ -34,9 +34,9 @@ def resim(
     fields["resim_of"] = str(trace.path.parent)
     fields["identical"] = fields["trace_digest"] == trace.digest
     if as_json:
-        import json
+        from snr_sim.recording.folder import as_json as json_of
 
-        print(json.dumps(fields))
+        print(json_of(fields))
     else:
         same = "the same digest as" if fields["identical"] else "another digest than"
         print(f"  {same} {trace.path.parent}")

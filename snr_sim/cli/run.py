@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,6 +11,7 @@ import typer
 
 if TYPE_CHECKING:
     from snr_sim.recording.records import Header
+    from snr_sim.recording.trace import TraceWriter
     from snr_sim.simulation import Request, Result
 
 
@@ -36,9 +38,9 @@ def run(
     request = Request(scenario, seed, engine or None, controller or None, role or None, io, _options(option))
     fields, status = record_run(request, out, pace_of(speed), is_viewed=not no_rrd, is_live=show, is_quiet=as_json)
     if as_json:
-        import json
+        from snr_sim.recording.folder import as_json as json_of
 
-        print(json.dumps(fields))
+        print(json_of(fields))
     sys.exit(status)
 
 
@@ -50,36 +52,51 @@ def record_run(
     Raises:
         SnrError: the request is wrong; nothing has been written.
     """
+    from snr_sim.cli.answer import guarded
     from snr_sim.cli.progress import progress
-    from snr_sim.recording.folder import new_run_folder, write_result
+    from snr_sim.core.interrupts import orderly
+    from snr_sim.prelude.errors import TraceError
+    from snr_sim.recording.folder import discard, new_run_folder, write_result
     from snr_sim.recording.trace import FILE_NAME, TraceWriter
     from snr_sim.simulation import prepare
 
-    simulation = prepare(request)
-    plant = simulation.plant()
-    config = simulation.config(plant)
-    header = simulation.header(plant, config)
-    folder = new_run_folder(out, simulation.scenario_name, request.seed)
-    recorder = TraceWriter(folder / FILE_NAME, header)
-    live = _live_view(header, recorder) if is_live else None
-    try:
-        with progress(simulation, is_shown=pace is not None) as tick:
-            result = simulation.run(plant, config, recorder, pace, on_advance=tick)
-    finally:
-        recorder_error = _close(recorder)
-        if live is not None:
-            live.close()
-    if recorder_error and not result.error:
-        result.error, result.outcome, result.success = recorder_error, "error", False
-    fields = result_fields(simulation.request, result, recorder.digest, folder)
-    write_result(folder, fields)
+    place, out = out, out.resolve()  # the student's code may change the current folder
+    with guarded(is_quiet), ExitStack() as stack:
+        simulation = prepare(request)
+        plant = simulation.plant()
+        config = simulation.config(plant)
+        header = simulation.header(plant, config)
+        folder = new_run_folder(out, simulation.scenario_name, request.seed)
+        try:
+            recorder = TraceWriter(folder / FILE_NAME, header)
+        except TraceError:
+            discard(folder)
+            raise
+        try:
+            if is_live:
+                stack.callback(_live_view(header, recorder).close)
+            tick = stack.enter_context(progress(simulation.scenario_name, is_shown=pace is not None))
+            flight = simulation.start(plant, config, recorder, pace, tick)
+        except BaseException:
+            _close(recorder)
+            discard(folder)  # the request was wrong, and nothing has begun
+            raise
+        with orderly(flight.nodes) as signals:  # the files are finished, also if a signal comes after the run
+            try:
+                result = flight.run(signals)
+            finally:
+                recorder_error = _close(recorder)
+            if recorder_error and not result.error:
+                result.error, result.outcome, result.success = recorder_error, "error", False
+            fields = result_fields(simulation.request, result, recorder.digest, place / folder.name)
+            write_result(folder, fields)
     if is_viewed:
         _write_view(folder, result)
     _say(fields, result, is_quiet)
     return fields, 0 if result.success else 1
 
 
-def _close(recorder: Any) -> str:
+def _close(recorder: TraceWriter) -> str:
     from snr_sim.prelude.errors import TraceError
 
     try:
@@ -116,18 +133,28 @@ def result_fields(request: Request, result: Result, digest: str, folder: Path) -
 
 def _write_view(folder: Path, result: Result) -> None:
     """Writes view.rrd from the trace; without the viewer's package, or with a full disk, the run still counts."""
+    if result.signal:
+        result.notes.append("No view.rrd was written, as the run was to end at once; snr view makes it.")
+        return
     from snr_sim.prelude.errors import MissingExtra, SnrError
+    from snr_sim.recording.folder import VIEW_NAME
     from snr_sim.recording.trace import FILE_NAME, read_trace
 
+    part = folder / f"part-{VIEW_NAME}"
     try:
         from snr_sim.recording.view import write_view
 
         trace = read_trace(folder / FILE_NAME)
-        write_view(trace.header, trace.records, folder / "view.rrd")
+        write_view(trace.header, trace.records, part)
+        part.replace(folder / VIEW_NAME)
     except MissingExtra as error:
         result.notes.append(f"No view.rrd was written. {error.message} {error.fix}")
     except (OSError, SnrError) as error:
         result.notes.append(f"No view.rrd was written: {error}")
+    except KeyboardInterrupt:
+        result.notes.append("No view.rrd was written, as it was interrupted; snr view makes it.")
+    finally:
+        part.unlink(missing_ok=True)
 
 
 def _live_view(header: Header, recorder: Any) -> Any:

@@ -57,6 +57,13 @@ def short_path(filename: str) -> str:
     return relative
 
 
+def put_place_first(error: SnrError) -> None:
+    """Begins an error of the kit, raised because of a student's line, with that line."""
+    place = student_place(error.__traceback__)
+    if place is not None and not error.message.startswith(str(place)):
+        error.message = f"{place}\n  {error.message}"
+
+
 def describe_error(error: BaseException, while_doing: str) -> str:
     """Returns what happened with the student's line first.
 

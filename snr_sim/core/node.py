@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from snr_sim.core.blame import describe_error, student_place
+from snr_sim.core.blame import describe_error, put_place_first
 from snr_sim.core.clocks import SimClock, WallClock
 from snr_sim.core.config import AnyFactory, Config
 from snr_sim.core.datastore import Datastore
@@ -98,9 +98,7 @@ class Node:
         try:
             component = factory.get(self)
         except SnrError as error:
-            place = student_place(error.__traceback__)
-            if place is not None and not error.message.startswith(str(place)):
-                error.message = f"{place}\n  {error.message}"
+            put_place_first(error)
             raise
         except (Exception, SystemExit) as error:
             what = f"while {name}.get() made a component of role '{self.role}'"

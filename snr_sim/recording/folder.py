@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -38,14 +40,48 @@ def new_run_folder(out: Path, scenario: str, seed: int) -> Path:
     raise TraceError(f"{out} holds a thousand runs of this second.", fix="name another folder with --out.")
 
 
+def discard(folder: Path) -> None:
+    """Takes away the folder of a run that never began."""
+    (folder / FILE_NAME).unlink(missing_ok=True)
+    for empty in (folder, folder.parent):
+        with suppress(OSError):  # other runs are in it
+            empty.rmdir()
+
+
 def write_result(folder: Path, fields: dict[str, Any]) -> None:
     """Writes result.json; it is whole or absent."""
     part = folder / (RESULT_NAME + ".part")
     try:
-        part.write_text(json.dumps(fields, indent=2) + "\n")
+        part.write_text(as_json(fields, indent=2) + "\n")
         os.replace(part, folder / RESULT_NAME)
     except OSError:
         part.unlink(missing_ok=True)  # a full disk: the trace says the same
+
+
+def read_result(folder: Path) -> dict[str, Any]:
+    """Returns what result.json holds, or nothing if there is none that is whole."""
+    try:
+        fields = json.loads((folder / RESULT_NAME).read_bytes())
+    except (OSError, ValueError):
+        return {}
+    return fields if isinstance(fields, dict) else {}
+
+
+def as_json(fields: dict[str, Any], indent: int | None = None) -> str:
+    """Returns strict JSON: a number that is none becomes null, and numpy's become plain ones."""
+    return json.dumps(_plain(fields), indent=indent, allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "tolist"):  # an array or a number of numpy's
+        value = value.tolist()
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, set)):
+        return [_plain(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if isinstance(value, (str, int, bool)) or value is None else str(value)
 
 
 def trace_path(run: Path) -> Path:
@@ -58,5 +94,5 @@ def trace_path(run: Path) -> Path:
     if path.is_file():
         return path
     near = sorted(run.glob(f"*/{FILE_NAME}")) if run.is_dir() else sorted(Path("runs").glob(f"*/{FILE_NAME}"))
-    fix = f"the newest run here is {near[-1].parent}." if near else "a run folder is what `snr run` made, under runs/."
+    fix = f"the newest run here is {near[-1].parent}." if near else "make one: snr run lander_vertical."
     raise TraceError(f"There is no run at {run}.", fix=fix)

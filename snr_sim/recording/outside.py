@@ -19,6 +19,8 @@ from types import FrameType
 from typing import Any
 
 from snr_sim.core.blame import is_student_file, short_path
+from snr_sim.core.machine import EventMachine
+from snr_sim.core.recording_machine import RecordingMachine
 
 _CLOCKS = (
     *(getattr(time, name) for name in ("time", "monotonic", "perf_counter", "process_time", "thread_time")),
@@ -43,6 +45,10 @@ _EVENTS = {
     "os.system": ("starting a process", "do it in a Loop, which brings the answer in as an input"),
     "socket.connect": ("opening a connection", "do it in a Loop, which brings the answer in as an input"),
 }
+# What these ask changes no answer of a handler: a log line's time, a traceback's source line.
+_HARMLESS = ("logging", "traceback", "linecache", "warnings", "tokenize")
+# Files may be read while a robot is put together; a handler (or `begin`) finds other things in them each time.
+_HANDLING = (RecordingMachine.execute_next.__code__, EventMachine.begin_component.__code__)
 _READ_HINT = "read it in the factory or in a Loop, so that it does not change between runs"
 
 
@@ -63,7 +69,7 @@ class _Watch:
     """Collects outside calls; each line once."""
 
     def __init__(self) -> None:
-        self.calls: dict[tuple[str, int, str], OutsideCall] = {}
+        self.calls: dict[tuple[str, int], OutsideCall] = {}
         self._is_student: dict[str, bool] = {}
 
     def on_profile(self, frame: FrameType, event: str, called: Any) -> None:
@@ -83,7 +89,7 @@ class _Watch:
         if event == "open":
             path, mode, flags = args
             is_reading = "r" in mode or "+" in mode if mode else not (flags or 0) & (os.O_WRONLY | os.O_RDWR)
-            if is_reading and not isinstance(path, int):
+            if is_reading and isinstance(path, (str, bytes)) and _is_handling(sys._getframe(2)):
                 self.report(sys._getframe(2), f"reading {short_path(os.fsdecode(path))}", _READ_HINT)
         elif event in _EVENTS:
             self.report(sys._getframe(2), *_EVENTS[event])
@@ -98,12 +104,21 @@ class _Watch:
             if self._is_student[file]:
                 shown = f"{through} ({what})" if through else what
                 call = OutsideCall(short_path(file), frame.f_lineno, shown, hint)
-                self.calls.setdefault((file, frame.f_lineno, what), call)
+                self.calls.setdefault((file, frame.f_lineno), call)  # one line may ask in several ways; the first tells
                 return
-            if "importlib" in file:
+            module = str(frame.f_globals.get("__name__", ""))
+            if "importlib" in file or module.partition(".")[0] in _HARMLESS:
                 return  # an import reads files and asks for chance, but always the same
-            through = f"{frame.f_globals.get('__name__', '')}.{frame.f_code.co_name}()"
+            through = f"{module}.{frame.f_code.co_name}()"
             frame = frame.f_back
+
+
+def _is_handling(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_code in _HANDLING:
+            return True
+        frame = frame.f_back
+    return False
 
 
 _RANDOM_SEED = random.Random.seed.__code__
@@ -125,7 +140,7 @@ def _name(called: Any) -> str:
 
 
 @contextmanager
-def watching() -> Iterator[dict[tuple[str, int, str], OutsideCall]]:
+def watching() -> Iterator[dict[tuple[str, int], OutsideCall]]:
     """Watches this thread while it is entered; yields what has been found so far."""
     global _current, _is_hooked
     if not _is_hooked:

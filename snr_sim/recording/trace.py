@@ -193,8 +193,9 @@ def encode_values(task: Task) -> bytes:
 
 
 def digest_of_header(header: Header) -> hashlib.blake2b:
-    """Returns a BLAKE2b-256 digest that has taken in the header without its wall-clock part."""
-    return hashlib.blake2b(_encode(msgspec.structs.replace(header, wall={})), digest_size=32)
+    """Returns a BLAKE2b-256 digest that has taken in the header, but for when and from which folders it was run."""
+    names = {"scenario": Path(header.scenario).stem, "controller": Path(header.controller).stem}
+    return hashlib.blake2b(_encode(msgspec.structs.replace(header, wall={}, **names)), digest_size=32)
 
 
 class NodeTrace:
