@@ -202,12 +202,16 @@ def _logs(rrb: Any, layout: Layout) -> Any:
     return rrb.Tabs(*views, rrb.TextDocumentView(name="run", contents=[f"+ {root}/run" for root in layout.roots]))
 
 
+def _marks(layout: Layout, lines: Sequence[Line]) -> list[str]:
+    """Marks stand at 0, so they belong where 0 is in the picture anyway: not in a plot of fuel."""
+    return ["+ /divergences/marks"] if layout.has_divergences and lines[0].unit != "kg" else []
+
+
 def _plots(rrb: Any, layout: Layout) -> Any:
     views = [
         rrb.TimeSeriesView(
             name=title,
-            contents=[f"+ {line.entity}" for line in lines]
-            + (["+ /divergences/marks"] if layout.has_divergences else []),
+            contents=[f"+ {line.entity}" for line in lines] + _marks(layout, lines),
             plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
             axis_x=rrb.TimeAxis(link="linkToGlobal"),
         )

@@ -269,11 +269,17 @@ class Writer:
         if parts not in self._known:
             self._known.add(parts)
             name, unit = name_and_unit(series.path)
-            line = Line(entity, " ".join([*self._root, "true" if is_truth else "", name]).strip(), unit, is_truth)
+            line = Line(entity, " ".join([*self._root, *(["true"] if is_truth else []), name]), unit, is_truth)
             color, width = color_and_width(line, self.layout.lines)
-            self.layout.lines.append(line)
+            if is_truth or self._is_plotted(parts):
+                self.layout.lines.append(line)
             self._send_style(entity, line.name, color, width)
         self._send(entity, series.when, [self._numbers(series.values)])
+
+    def _is_plotted(self, parts: tuple[str, ...]) -> bool:
+        """Of two runs side by side, only what drives the actuators: all lines of both would hide where they differ."""
+        commands = self._header.commands
+        return not self._root or not commands or parts[2] in commands.get(parts[0], ())
 
     def _send_style(self, entity: str, name: str, rgba: tuple[int, int, int, int], width: float) -> None:
         """Says how a line looks; as arrow arrays, because rr.SeriesLines costs more than the numbers themselves."""
