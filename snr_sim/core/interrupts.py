@@ -2,8 +2,8 @@
 
 A signal handler here never raises into the machine. It puts a terminate task at the door, as any other input. Only
 if a student's own code is still running a moment later (a `while True`, a `sleep(60)`), it is interrupted where it
-is. A second signal interrupts it at once. What interrupts never reaches the kit's own steps at the end of a run: an
-impatient person pressing Ctrl-C again and again must not keep the motors from being stopped.
+is. A second signal interrupts it at once. But nothing interrupts a `halt` that has only just begun, nor the kit's own
+steps at the end of a run: a person pressing Ctrl-C again and again must not keep the motors from being stopped.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from typing import Any
 
 from snr_sim.core.node import Node
 from snr_sim.prelude import tasks
+from snr_sim.prelude.component import Component
 
 PATIENCE_S = 0.3
 LAST_RING = 3  # so long after the signal no component runs, yet nobody looks at the door: something else hangs
@@ -34,6 +35,7 @@ def orderly(nodes: Sequence[Node]) -> Iterator[list[str]]:
     """
     caught: list[str] = []
     rings: list[int] = []
+    at_last_ring: dict[str, Component | None] = {}
     if threading.current_thread() is not threading.main_thread():
         yield caught
         return
@@ -41,7 +43,9 @@ def orderly(nodes: Sequence[Node]) -> Iterator[list[str]]:
     def on_signal(number: int, frame: FrameType | None) -> None:
         caught.append(signal.Signals(number).name)
         if len(caught) > 1:
-            interrupt_component()
+            for node in nodes:
+                if not node.is_over:
+                    interrupt(node)
             return
         for node in nodes:
             node.enter(tasks.terminate(caught[0]), "signal")
@@ -49,15 +53,19 @@ def orderly(nodes: Sequence[Node]) -> Iterator[list[str]]:
             signal.setitimer(signal.ITIMER_REAL, PATIENCE_S, PATIENCE_S)
 
     def on_impatience(number: int, frame: FrameType | None) -> None:
-        interrupt_component()
         rings.append(number)
+        for node in nodes:
+            before, running = at_last_ring.get(node.name), node.machine.running
+            at_last_ring[node.name] = running
+            # Until the end has begun, what runs now has run since the signal. At the end, each has its own time.
+            if not node.is_over or running is before:
+                interrupt(node)
         if len(rings) == LAST_RING and not any(node.is_over for node in nodes):
             raise Interrupted("the run did not come to an end: the plant, or what else is stepped, did not return")
 
-    def interrupt_component() -> None:
-        for node in nodes:
-            if node.machine.running is not None:
-                raise Interrupted(f"component '{node.machine.running.name}' did not return")
+    def interrupt(node: Node) -> None:
+        if node.machine.running is not None:
+            raise Interrupted(f"component '{node.machine.running.name}' did not return")
 
     handlers: dict[int, Any] = {signal.SIGINT: on_signal, signal.SIGTERM: on_signal}
     if hasattr(signal, "SIGALRM"):

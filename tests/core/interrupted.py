@@ -61,6 +61,7 @@ KINDS: dict[str, list[Any]] = {
     "slow to begin and end": [
         TickerFactory(name="slow", setup=lambda loop: time.sleep(0.1), halt=lambda loop: time.sleep(0.05))
     ],
+    "halt sleeps": [PartFactory(name="sleeper", halt=doze), *THREADS],
     "in lock step": [TickerFactory(lambda loop: loop.store_data("x", 1), "ticker", 1000)],
     "in lock step, paced": [TickerFactory(lambda loop: loop.store_data("x", 1), "ticker", 20)],
     "in lock step, loop spins": [TickerFactory(spin, "spinner")],

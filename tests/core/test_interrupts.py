@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,10 @@ import pytest
 
 from snr_sim import Config, SimClock, SimRunner, SynchronousRunner, TaskType, TestRunner, tasks
 from snr_sim.core.interrupts import Interrupted, orderly
+from snr_sim.prelude.errors import ComponentFailed
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
-COUNT = 210
+COUNT = 225
 HERE = Path(__file__).parent
 
 
@@ -71,18 +73,51 @@ def test_what_is_queued_at_a_signal_is_still_finished() -> None:
     assert handled == ["a", "b", "c"]
 
 
-def test_a_second_signal_interrupts_a_component_at_once_but_never_the_halting_of_others() -> None:
+def test_a_second_signal_interrupts_a_component_at_once() -> None:
     halted: list[str] = []
 
-    def fight_back(part: Any) -> None:
-        halted.append(part.name)
+    def spin(task: Any, task_id: Any) -> None:
         signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGTERM)
         halted.append("not reached")
 
-    parts = [PartFactory(name=name, halt=fight_back) for name in "abc"]
-    with pytest.raises(Exception, match="did not return"):
-        TestRunner(Config(factories={"test": [*parts, sends(signal.SIGINT)]})).run()
+    spinner = PartFactory(
+        {TaskType.event: spin},
+        begin=lambda part: part.schedule(tasks.event("go")),
+        halt=lambda part: halted.append("halt"),
+    )
+    with pytest.raises(Interrupted, match="component 'part' did not return"):
+        TestRunner(Config(factories={"test": [spinner]})).run()
+    assert halted == ["halt"]
+
+
+def test_no_number_of_signals_keeps_motors_from_being_stopped() -> None:
+    halted: list[str] = []
+
+    def stop_motor(part: Any) -> None:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGINT):
+            signal.raise_signal(number)
+        halted.append(part.name)
+
+    motors = [PartFactory(name=name, halt=stop_motor) for name in "abc"]
+    TestRunner(Config(factories={"test": [*motors, sends(signal.SIGINT)]})).run()
     assert halted == ["a", "b", "c"]
+
+
+def test_a_halt_that_never_returns_does_not_keep_others_from_being_halted() -> None:
+    halted: list[str] = []
+
+    def spin(part: Any) -> None:
+        halted.append("stuck")
+        while True:
+            pass
+
+    parts = [PartFactory(name="stuck", halt=spin), PartFactory(name="motor", halt=lambda part: halted.append("motor"))]
+    start_s = time.monotonic()
+    with pytest.raises(ComponentFailed, match="component 'stuck' did not return"):
+        TestRunner(Config(factories={"test": [*parts, sends(signal.SIGINT)]})).run()
+    assert halted == ["stuck", "motor"]
+    assert time.monotonic() - start_s < 1.0
 
 
 def test_a_component_that_never_returns_is_interrupted_where_it_is_and_named() -> None:
