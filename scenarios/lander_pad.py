@@ -45,7 +45,7 @@ def start(seed: int) -> tuple[PlaneStart, Terrain]:
 def parameters(seed: int) -> LanderParameters:
     """Returns what the controller may know."""
     begin, _ = start(seed)
-    return LanderParameters(begin.mass_kg, begin.fuel_kg, APOLLO, PLANE_RADAR, INERTIAL, engine_hz=20.0)
+    return LanderParameters(begin.mass_kg, begin.fuel_kg, APOLLO, PLANE_RADAR, INERTIAL, engine_hz=10.0)
 
 
 def plant(seed: int, engine: str) -> Lander2D:

@@ -47,7 +47,7 @@ def parameters(seed: int) -> LanderParameters:
     """Returns what the controller may know."""
     begin, _ = start(seed)
     return LanderParameters(
-        begin.mass_kg, begin.fuel_kg, APOLLO, worse(PLANE_RADAR, 2.5), worse(INERTIAL, 2.5), engine_hz=20.0
+        begin.mass_kg, begin.fuel_kg, APOLLO, worse(PLANE_RADAR, 2.5), worse(INERTIAL, 2.5), engine_hz=10.0
     )
 
 
