@@ -134,7 +134,7 @@ def blueprint(rrb: Any, layout: Layout, follow_time: bool = False) -> Any:
     """
     left: list[Any] = []
     if layout.bodies:
-        left.append(rrb.Horizontal(_follow(rrb, layout), _overview(rrb, layout), column_shares=[3, 2]))
+        left.append(rrb.Horizontal(_follow(rrb, layout), _overview(rrb, layout, follow_time), column_shares=[3, 2]))
     left.append(_logs(rrb, layout))
     parts: list[Any] = [rrb.Vertical(contents=left, row_shares=[7, 3] if len(left) == 2 else None)]
     beside = _plots(rrb, layout)
@@ -168,9 +168,11 @@ def _follow(rrb: Any, layout: Layout) -> Any:
     )
 
 
-def _overview(rrb: Any, layout: Layout) -> Any:
+def _overview(rrb: Any, layout: Layout, follow_time: bool) -> Any:
     """The whole way at once, seen from the south: x to the right, z up."""
     low, high = layout.low_m, layout.high_m
+    if follow_time:  # where it goes is not known yet: the world's origin is where things are on the ground
+        low, high = [min(0.0, a) for a in low], [max(0.0, b) for b in high]
     center = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
     reach = 1.25 * max(max(b - a for a, b in zip(low, high, strict=True)), 3 * layout.body_size_m)
     return rrb.Spatial3DView(
