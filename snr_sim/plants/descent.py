@@ -74,7 +74,7 @@ class Descent(NamedTuple):
 def after(start: Motion, thrust_n: float, exhaust_mps: float, gravity_mps2: float, time_s: float) -> Motion:
     """Returns where constant thrust leads; zero thrust is free fall. The ground is not noticed.
 
-    >>> after(Motion(100.0, 0.0, 1.0), 0.0, 3000.0, 1.62, 10.0).height_m
+    >>> round(after(Motion(100.0, 0.0, 1.0), 0.0, 3000.0, 1.62, 10.0).height_m, 9)
     19.0
     """
     height, velocity, mass = start
