@@ -1,5 +1,206 @@
-"""x."""
+"""`snr bench`: measures how fast the kit is here, and sets it beside what it is meant to be.
+
+The measuring is done by the files in `tests/bench`, each in a process of its own, so that none warms up or slows down
+the next. They print one row of JSON at a time; this puts the rows into a table.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+_PREFIX = "bench_"
+_REPORTED_PACKAGES = ("msgspec", "numpy", "pymunk", "rerun-sdk")
+_WIDTH_IN_A_PIPE = 150
+
+# A row as tests/bench/harness.py prints it.
+Row = dict[str, Any]
 
 
-def bench() -> None:
-    """X."""
+def bench(
+    names: Annotated[list[str] | None, typer.Argument(help="Which: dispatch, pages, loops, lander, start_up.")] = None,
+    is_quick: Annotated[bool, typer.Option("--quick", help="Measure briefly: to see that it works.")] = False,
+    with_install: Annotated[bool, typer.Option("--install", help="Measure the size of a fresh base install.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Measure speed on this machine, beside the targets.
+
+    Times are CPU time, ratios are to a bare version measured in turns within the same run. Needs a checkout of the
+    project, and some quiet: whatever else runs is measured, too.
+
+    Exit status: 0 it was measured, also if targets are missed; 2 there are no benchmarks, or one failed.
+    """
+    from rich.console import Console
+
+    folder = _folder()
+    files = _chosen(folder, names or [])
+    options = ["--json", *(["--quick"] if is_quick else []), *(["--install"] if with_install else [])]
+    rows: list[Row] = []
+    errors = Console(stderr=True)
+    for file in files:
+        subject = file.stem.removeprefix(_PREFIX)
+        for row in _measured(file, options, subject, errors):
+            rows.append({"subject": subject, **row})
+    if as_json:
+        print(json.dumps({"machine": machine(), "quick": is_quick, "rows": rows}))
+    else:
+        _show(rows)
+
+
+def _folder() -> Path:
+    """Returns the benchmarks' folder.
+
+    Raises:
+        UnknownName: this is no checkout.
+    """
+    from snr_sim.prelude.errors import UnknownName
+
+    project = Path(__file__).resolve().parents[2]
+    for folder in (Path.cwd() / "tests" / "bench", project / "tests" / "bench"):
+        if (folder / "harness.py").is_file():
+            return folder
+    raise UnknownName(
+        "The benchmarks are not part of an installed kit, and there is no tests/bench in the current folder.",
+        fix="get the project with git, and run `snr bench` in its folder.",
+    )
+
+
+def _chosen(folder: Path, names: list[str]) -> list[Path]:
+    """Returns the files to run: those named, or all.
+
+    Raises:
+        UnknownName: there is no benchmark of that name.
+    """
+    from snr_sim.prelude.errors import UnknownName, nearest
+
+    known = {path.stem.removeprefix(_PREFIX): path for path in sorted(folder.glob(f"{_PREFIX}*.py"))}
+    for name in names:
+        if name not in known:
+            raise UnknownName(f"There is no benchmark '{name}'.", fix=nearest(name, list(known)))
+    return [known[name] for name in names or known]
+
+
+def _measured(file: Path, options: list[str], subject: str, errors: Console) -> Iterator[Row]:
+    """Runs one file and yields its rows; on a terminal it says what is going on.
+
+    Raises:
+        SnrError: the file failed.
+    """
+    from contextlib import nullcontext
+
+    from snr_sim.prelude.errors import SnrError
+
+    shown = errors.status(f"measuring {subject}") if errors.is_terminal else nullcontext()
+    with shown, subprocess.Popen([sys.executable, str(file), *options], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        for line in process.stdout:
+            yield json.loads(line)
+    if process.returncode != 0:
+        raise SnrError(
+            f"The benchmark {file.name} stopped with status {process.returncode}; its own words are above.",
+            fix=f"run it by itself: python {file} --quick.",
+        )
+
+
+def machine() -> dict[str, Any]:
+    """Returns what was measured on: processor, cores, versions, and when."""
+    import importlib.metadata
+    import os
+    import platform
+    import time
+
+    versions = {}
+    for package in _REPORTED_PACKAGES:
+        try:
+            versions[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return {
+        "cpu": _cpu_model(),
+        "cores": os.cpu_count(),
+        "python": platform.python_version(),
+        "compiler": platform.python_compiler(),
+        "platform": platform.platform(),
+        "packages": versions,
+        "date": time.strftime("%Y-%m-%d"),
+    }
+
+
+def _cpu_model() -> str:
+    """Returns the processor's name; Linux tells it in a file, and elsewhere Python knows what there is to know."""
+    import platform
+
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        lines = []
+    for line in lines:
+        name, _, value = line.partition(":")
+        if name.strip() in ("model name", "Model"):
+            return value.strip()
+    return platform.processor() or platform.machine()
+
+
+def _show(rows: list[Row]) -> None:
+    from rich.console import Console
+
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=_WIDTH_IN_A_PIPE)
+    console.print(_table(rows))
+    for row in rows:
+        if row["note"]:
+            console.print(f"{row['name']}: {row['note']}.", highlight=False)
+    here = machine()
+    console.print(f"{here['cpu']}, {here['cores']} cores, Python {here['python']}, {here['date']}", highlight=False)
+    missed = sum(row["is_met"] is False for row in rows)
+    if missed:
+        console.print(
+            f"{missed} of {len(rows)} rows miss their target. On a busy machine look at the ratios, and measure again."
+        )
+
+
+def _table(rows: list[Row]) -> Table:
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD)
+    for title in ("", "value", "bare", "ratio", "target"):
+        table.add_column(title, justify="left" if title == "" else "right", overflow="fold")
+    table.add_column("")
+    for row in rows:
+        value = f"{row['value']:.3g} {row['unit']}" if row["value"] < 1000 else f"{row['value']:.0f} {row['unit']}"
+        baseline = "" if row["baseline"] is None else f"{row['baseline']:.3g}"
+        ratio = "" if row["ratio"] is None else f"{row['ratio']:.2f} x"
+        table.add_row(row["name"], value, baseline, ratio, _target(row), _in_a_word(row["is_met"]))
+    return table
+
+
+def _target(row: Row) -> str:
+    """Returns a row's targets in words.
+
+    >>> _target({"limit": 0.6, "unit": "us", "more_is_better": False, "ratio_limit": 5.0})
+    '<= 0.6 us, <= 5 x'
+    """
+    words = []
+    if row["limit"] is not None:
+        words.append(f"{'>=' if row['more_is_better'] else '<='} {row['limit']:g} {row['unit']}")
+    if row["ratio_limit"] is not None:
+        words.append(f"<= {row['ratio_limit']:g} x")
+    return ", ".join(words)
+
+
+def _in_a_word(is_met: bool | None) -> str:
+    if is_met is None:
+        return ""
+    return "[green]met[/green]" if is_met else "[red]missed[/red]"

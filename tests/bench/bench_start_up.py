@@ -1,0 +1,86 @@
+"""Start-up: how long until the kit is there, and how large what a Raspberry Pi gets is.
+
+Wall time of whole processes, bare Python in between. With --install, the base install goes into a fresh environment,
+which takes a minute and needs the package index.
+
+Run by `snr bench start_up`, or by itself: python tests/bench/bench_start_up.py [--quick] [--json] [--install]
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from statistics import median
+
+from harness import Row, report
+
+PROJECT = Path(__file__).resolve().parents[2]
+NOTHING = [sys.executable, "-c", "pass"]
+IMPORT = [sys.executable, "-c", "import snr_sim"]
+HELP = [sys.executable, "-m", "snr_sim", "--help"]
+# What every environment has before anything is installed into it.
+NOT_OURS = ("pip", "setuptools", "wheel", "_distutils_hack", "distutils-precedence", "pkg_resources")
+
+
+def wall_time_s(command: list[str]) -> float:
+    """Returns what one process takes from start to end."""
+    start_s = time.perf_counter()
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    return time.perf_counter() - start_s
+
+
+def base_install_mb() -> float:
+    """Returns the size of all packages of a base install, without bytecode [10^6 bytes]."""
+    with tempfile.TemporaryDirectory() as name:
+        subprocess.run([sys.executable, "-m", "venv", name], check=True)
+        pip = [str(Path(name) / "bin" / "python"), "-m", "pip", "install", "--quiet", "--no-compile", str(PROJECT)]
+        subprocess.run(pip, check=True, stdout=subprocess.DEVNULL)
+        packages = next(Path(name).glob("lib/python*/site-packages"))
+        files = [file for file in packages.rglob("*") if file.is_file() and "__pycache__" not in file.parts]
+        ours = [file for file in files if not file.relative_to(packages).parts[0].startswith(NOT_OURS)]
+        return sum(file.stat().st_size for file in ours) / 1e6
+
+
+def measure(is_quick: bool) -> Iterator[Row]:
+    """Yields the rows."""
+    rounds = 3 if is_quick else 15
+    for command in (NOTHING, IMPORT, HELP):
+        wall_time_s(command)  # so that bytecode is written and files are in memory
+    turns = [[wall_time_s(command) for command in (NOTHING, IMPORT, HELP)] for _ in range(rounds)]
+    yield Row(
+        "import snr_sim, beyond bare Python",
+        1e3 * median(imported - bare for bare, imported, _ in turns),
+        "ms",
+        limit=120.0,
+        baseline=1e3 * median(bare for bare, _, _ in turns),
+        compared_to="python -c pass",
+        note="wall time, median",
+    )
+    yield Row(
+        "import snr_sim",
+        1e3 * median(imported for _, imported, _ in turns),
+        "ms",
+        limit=250.0,
+        baseline=1e3 * median(bare for bare, _, _ in turns),
+        compared_to="python -c pass",
+        note="wall time, median",
+    )
+    yield Row(
+        "snr --help",
+        1e3 * median(helped for _, _, helped in turns),
+        "ms",
+        limit=250.0,
+        baseline=1e3 * median(bare for bare, _, _ in turns),
+        compared_to="python -c pass",
+        note="wall time, median",
+    )
+    if "--install" in sys.argv:
+        yield Row("base install", base_install_mb(), "MB", limit=60.0, note="without bytecode, pip and setuptools")
+
+
+if __name__ == "__main__":
+    report(measure)
