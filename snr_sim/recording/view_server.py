@@ -46,7 +46,7 @@ def open_view(path: str | Path, web: bool = False, say: Callable[[str], None] | 
 
     Raises:
         MissingExtra: rerun is not installed.
-        TraceError: there is no such file, or the viewer does not start.
+        TraceError: there is no such file, or the viewer does not start or fails.
     """
     path = Path(path)
     if not path.is_file():
@@ -223,7 +223,12 @@ def viewer_environment() -> dict[str, str]:
 
 def _wait_for(process: subprocess.Popen[bytes]) -> None:
     try:
-        process.wait()
+        status = process.wait()
     except KeyboardInterrupt:
         process.terminate()
-        process.wait()
+        status = process.wait() and 0
+    if status:
+        raise TraceError(
+            f"The viewer ended with status {status}; what it says is above.",
+            fix="without a screen or a graphics driver of its own, show it in a browser: snr view RUN --web",
+        )

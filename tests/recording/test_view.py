@@ -384,6 +384,13 @@ def test_a_view_that_is_not_there_is_named(tmp_path: Path) -> None:
 
 
 @only_linux
+def test_a_viewer_that_fails_points_to_the_browser(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(view_server, "_viewer", lambda: ["false"])
+    with pytest.raises(TraceError, match="--web"):
+        view_server.open_view(written(tmp_path, fall(1)))
+
+
+@only_linux
 def test_ctrl_c_ends_the_page_and_what_serves_it(tmp_path: Path) -> None:
     path = written(tmp_path, fall(3))
     code = f"from snr_sim.recording.view_server import open_view; open_view({str(path)!r}, web=True)"
