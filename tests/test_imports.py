@@ -28,6 +28,7 @@ FLOOR = {
     "testing": 3,
     "learning": 3,
     "simulation": 4,
+    "program": 5,
     "grading": 5,
     "web": 5,
     "cli": 6,

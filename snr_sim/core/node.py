@@ -114,6 +114,11 @@ class Node:
                 f"{type(component).__name__} of role '{self.role}' has not called its parent's __init__.",
                 fix="begin its __init__ with: super().__init__(factory, parent, name).",
             )
+        if isinstance(component, Loop) and component.task_handlers:
+            raise ConfigError(
+                f"Loop '{component.name}' of role '{self.role}' registers handlers, but a loop only brings tasks in.",
+                fix="put the handlers into an endpoint beside it: loops are not there in a replay, endpoints are.",
+            )
         return component
 
     def _add(self, component: Component) -> None:

@@ -125,6 +125,18 @@ def test_an_endpoint_that_forgot_super_init_is_told_so() -> None:
         node_of(WithoutSuperFactory())
 
 
+class HandlingLoopFactory(TickerFactory):
+    def get(self, parent: Node) -> Any:
+        loop = super().get(parent)
+        loop.task_handlers = {TaskType.event: lambda task, task_id: None}
+        return loop
+
+
+def test_a_loop_with_handlers_is_refused_because_a_replay_would_miss_them() -> None:
+    with pytest.raises(ConfigError, match=r"Loop 'ticker' of role 'r' registers handlers(.|\n)*an endpoint beside it"):
+        node_of(HandlingLoopFactory())
+
+
 # Failures
 
 
