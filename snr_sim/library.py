@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib
+import importlib.metadata
 import importlib.util
 import os
 import sys
@@ -31,6 +32,7 @@ ROBOT_MODULE = "snr_sim_robot_"
 _CONTROLLER_MODULE = "snr_sim_controller_"
 _PROGRAM_MODULE = "snr_sim_program_"
 _SCENARIO_MODULE = "snr_sim_scenario_"
+_REPORTED_PACKAGES = ("numpy", "msgspec", "pymunk", "mujoco-core")
 _KIT = Path(__file__).resolve().parent
 
 
@@ -142,7 +144,10 @@ def robot_of_scenario(found: Found) -> str:
         raise _load_failure(error, f"the scenario '{found.name}' was read") from error
     for node in tree.body:
         match node:
-            case ast.Assign(targets=[ast.Name(id="ROBOT")], value=ast.Constant(value=str(robot))):
+            case (
+                ast.Assign(targets=[ast.Name(id="ROBOT")], value=ast.Constant(value=str(robot)))
+                | ast.AnnAssign(target=ast.Name(id="ROBOT"), value=ast.Constant(value=str(robot)))
+            ):
                 return robot
     raise ConfigError(
         f"{short_path(str(found.path))} does not say which robot it is for.", fix="add: ROBOT = 'lander'."
@@ -212,6 +217,22 @@ def hashes(folders: Sequence[tuple[str, Path]]) -> dict[str, str]:
                 below = path.name if path == folder else path.relative_to(folder).as_posix()
                 found.setdefault(f"{label}/{below}", hashlib.sha256(path.read_bytes()).hexdigest())
     return dict(sorted(found.items()))
+
+
+def hashes_of_files(files: Sequence[tuple[str, Path]]) -> dict[str, str]:
+    """Returns the sha256 of these files, given as (label, path), by `<label>/<name>`."""
+    return {f"{label}/{path.name}": hashlib.sha256(path.read_bytes()).hexdigest() for label, path in files}
+
+
+def package_versions() -> dict[str, str]:
+    """Returns the versions of the packages that a run depends on, as far as they are installed."""
+    versions = {}
+    for package in _REPORTED_PACKAGES:
+        try:
+            versions[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return versions
 
 
 def _file_of(module: Any) -> str | None:

@@ -6,7 +6,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import platform
 import sys
 import time
@@ -35,7 +34,6 @@ from snr_sim.recording.records import SCHEMA, Header
 from snr_sim.recording.trace import TraceWriter
 
 _TRUTH_PERIOD_S = 0.0499  # 20 Hz, less what rounding takes
-_REPORTED_PACKAGES = ("numpy", "msgspec", "pymunk", "mujoco-core")
 
 
 @dataclass(frozen=True)
@@ -164,7 +162,7 @@ class Simulation:
             kit=__version__,
             python=platform.python_version(),
             platform=platform.platform(),
-            packages=_package_versions(),
+            packages=library.package_versions(),
             scenario=self.request.scenario,
             robot=self._robot.name,
             controller=self.request.controller or "",
@@ -380,7 +378,7 @@ def request_of(header: Header, controller: str = "") -> Request:
 
 
 def wiring_of_file(name: str) -> Config:
-    """Returns the `config` of a program that was recorded without a scenario (`recording/program.py`).
+    """Returns the `config` of a program that was recorded without a scenario (`snr_sim/program.py`).
 
     Raises:
         ConfigError: the file has no Config of that name.
@@ -459,13 +457,3 @@ class _Truth:
     def record(self, time_s: float) -> None:
         """Records."""
         self._recorder.truth(time_s, self._plant.truth())
-
-
-def _package_versions() -> dict[str, str]:
-    versions = {}
-    for package in _REPORTED_PACKAGES:
-        try:
-            versions[package] = importlib.metadata.version(package)
-        except importlib.metadata.PackageNotFoundError:
-            continue
-    return versions

@@ -91,14 +91,18 @@ def _was_changed(trace: Trace) -> bool:
 
 def _config(trace: Trace, with_file: str) -> tuple[Any, list[str]]:
     """Returns the wiring to replay with, and what is to be said about it."""
+    from snr_sim.library import hashes_of_files
     from snr_sim.simulation import prepare, request_of, wiring_of_file
 
     header = trace.header
     if not header.scenario:
-        return wiring_of_file(with_file or header.controller), []
-    simulation = prepare(request_of(header, with_file))
-    config = simulation.config(None)
-    changed = [] if with_file else _changed(header.sources, simulation.sources())
+        config = wiring_of_file(with_file or header.controller)
+        now = {} if with_file else hashes_of_files([("program", Path(header.controller))])
+    else:
+        simulation = prepare(request_of(header, with_file))
+        config = simulation.config(None)
+        now = simulation.sources()
+    changed = [] if with_file else _changed(header.sources, now)
     return config, [f"Changed since the run: {name}" for name in changed]
 
 

@@ -306,6 +306,7 @@ def read_trace(path: Path) -> Trace:
     if not lines:
         raise TraceError(f"The trace {path} has no whole line.", fix="the run was cut before it began; run it again.")
     header = _read_header(path, lines[0])
+    _check_text(path, lines)
     digest = digest_of_header(header)
     digest.update(data[len(lines[0]) + 1 : len(data) - len(tail)])
     records = []
@@ -326,7 +327,7 @@ def _read_header(path: Path, line: bytes) -> Header:
 
     try:
         fields = _decode_any(line)
-    except msgspec.DecodeError:
+    except (msgspec.DecodeError, UnicodeDecodeError):
         fields = None
     if not isinstance(fields, dict) or fields.get("kind") != "header":
         raise TraceError(f"{path} is not a trace: its first line is no header.", fix="name a run folder of `snr run`.")
@@ -342,6 +343,17 @@ def _read_header(path: Path, line: bytes) -> Header:
         raise TraceError(
             f"{path}: its header is damaged: {error}.", fix="use an untouched copy, or run again."
         ) from error
+
+
+def _check_text(path: Path, lines: Sequence[bytes]) -> None:
+    for number, line in enumerate(lines, start=1):
+        if not line.isascii():
+            try:
+                line.decode()
+            except UnicodeDecodeError as error:
+                raise TraceError(
+                    f"{path}, line {number} is not a record: {error}.", fix="use an untouched copy, or run again."
+                ) from error
 
 
 def _check_order(path: Path, records: Sequence[Record]) -> None:

@@ -1,0 +1,479 @@
+"""The trace on disk: whole lines or none, nothing lost but the last moments, and a clear word about what is damaged."""
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from snr_sim import Config, Node, SimClock, SimRunner, TaskType, tasks
+from snr_sim.prelude.errors import TraceError
+from snr_sim.prelude.page import KINDS
+from snr_sim.prelude.values import decode_value
+from snr_sim.program import program_header, record_program
+from snr_sim.recording.records import EndRecord, ErrorRecord, InputRecord, PageRecord, Record, TaskRecord
+from snr_sim.recording.replay import replay_node
+from snr_sim.recording.trace import FILE_NAME, Trace, TraceWriter, encode_record, read_trace
+from snr_sim.std_mods.comms.memory import MemoryLink
+from snr_sim.testing.parts import PartFactory, TickerFactory
+
+VALUES: list[Any] = [
+    0.1 + 0.2, -0.0, math.nan, math.inf, -math.inf, 2**70, "Grüße\n", None, True, b"\x00\xff", (1, 2.5), {1, 2},
+    {"a": [1.0, math.nan]}, {3: "three"}, np.array([0.1, math.nan]), np.eye(3, dtype=np.float32), np.zeros(300),
+    np.int16(-3),
+]  # fmt: skip
+ENDER = {(TaskType.process_data, "last"): lambda task, task_id: tasks.terminate("done")}
+
+
+def stores(values: list[Any]) -> PartFactory:
+    def begin(part: Any) -> None:
+        for i, value in enumerate(values):
+            part.store_data(f"value{i}", value)
+        part.store_data("last", True)
+
+    return PartFactory(ENDER, begin=begin)
+
+
+def record(tmp_path: Path, *factories: Any, roles: dict[str, list[Any]] | None = None, links: Any = ()) -> Trace:
+    config = Config(factories=roles or {"r": list(factories)})
+    clock = SimClock()
+    path = tmp_path / FILE_NAME
+    header = program_header(list(config.factories), config, __file__, clock)
+    writer = TraceWriter(path, header)
+    try:
+        SimRunner(config, clock=clock, recorder=writer, links=links, until_s=5.0).run()
+    finally:
+        writer.close()
+    trace = read_trace(path)
+    assert trace.digest == writer.digest
+    return trace
+
+
+def executed(trace: Trace) -> list[TaskRecord | PageRecord]:
+    return [one for one in trace.records if isinstance(one, (TaskRecord, PageRecord))]
+
+
+# What is written comes back
+
+
+def test_every_record_reads_back_to_the_line_it_was_written_as(fly: Callable[..., Trace]) -> None:
+    trace = fly("lander_pad")
+    lines = trace.path.read_bytes().splitlines()
+    assert [encode_record(record) for record in trace.records] == lines[1:]
+    assert msgspec.json.encode(trace.header) == lines[0]
+
+
+def test_nan_infinities_arrays_and_other_values_in_pages_survive_to_the_bit(tmp_path: Path) -> None:
+    trace = record(tmp_path, stores(VALUES))
+    pages = [decode_value(bytes(one.values), KINDS)[0] for one in trace.records if isinstance(one, PageRecord)]
+    for value, page in zip(VALUES, pages, strict=False):
+        assert type(page.data) is type(value)
+        np.testing.assert_equal(page.data, value)
+        assert getattr(page.data, "dtype", None) == getattr(value, "dtype", None)
+    assert replay_node(trace, "r", Config(factories={"r": [stores(VALUES)]})).is_identical
+
+
+@pytest.mark.parametrize(
+    ("scenario", "controller"),
+    [
+        *(("lander_vertical", name) for name in ("coast", "hover_and_drop", "quadratic", "optimal")),
+        ("lander_low_gate", "optimal"),
+        ("lander_pad", "pad"),
+        ("lander_rough", "pad"),
+    ],
+)
+def test_every_executed_task_is_in_the_trace(fly: Callable[..., Trace], scenario: str, controller: str) -> None:
+    trace = fly(scenario, controller)  # counts them, too
+    end = trace.records[-2] if not isinstance(trace.records[-1], EndRecord) else trace.records[-1]
+    assert isinstance(end, EndRecord)
+    assert end.summary["tasks"] == len(executed(trace))
+    assert end.summary["pages"] == sum(isinstance(one, PageRecord) for one in trace.records)
+    assert trace.is_ended
+    assert not trace.is_cut
+
+
+def test_each_task_names_a_record_before_it_that_brought_it(fly: Callable[..., Trace]) -> None:
+    by_seq = {one.seq: one for one in fly("lander_pad").records}
+    for one in executed(fly("lander_pad")):
+        cause: Any = by_seq[one.cause]
+        assert cause.seq < one.seq
+        if isinstance(cause, InputRecord):
+            assert (cause.type, cause.name, one.nth) == (one.type, one.name, 0)
+        else:
+            given = [task for by in getattr(cause, "handled", [cause]) for task in by.returned]
+            assert (given[one.nth].type, given[one.nth].name) == (one.type, one.name)
+
+
+# The digest
+
+
+def test_the_digest_leaves_out_when_and_from_which_folder_it_was_run(fly: Callable[..., Trace], tmp_path: Path) -> None:
+    trace = fly()
+    lines = trace.path.read_bytes().splitlines(keepends=True)
+    elsewhere = msgspec.structs.replace(trace.header, wall={"started": "never"}, scenario="/else/lander_vertical.py")
+    path = tmp_path / FILE_NAME
+    path.write_bytes(b"".join([msgspec.json.encode(elsewhere) + b"\n", *lines[1:]]))
+    assert read_trace(path).digest == trace.digest
+    path.write_bytes(b"".join([msgspec.json.encode(msgspec.structs.replace(trace.header, seed=1)), b"\n", *lines[1:]]))
+    assert read_trace(path).digest != trace.digest
+
+
+def test_any_other_byte_changes_the_digest(fly: Callable[..., Trace], tmp_path: Path) -> None:
+    trace = fly()
+    data = trace.path.read_bytes()
+    path = tmp_path / FILE_NAME
+    path.write_bytes(data.replace(b'"seq":9,"t":', b'"seq":9,"t":1', 1))
+    assert read_trace(path).digest != trace.digest
+
+
+# Damaged and foreign files
+
+
+def test_a_trace_cut_at_every_byte_of_its_last_three_records_reads_up_to_its_last_whole_one(tmp_path: Path) -> None:
+    whole = record(tmp_path, stores(VALUES))
+    data = whole.path.read_bytes()
+    path = tmp_path / "cut.jsonl"
+    start = len(b"".join(data.splitlines(keepends=True)[:-3]))
+    head = whole.records[:-3]
+    assert len(data) - start > 300
+    for length in range(start, len(data) + 1):
+        path.write_bytes(data[:length])
+        trace = read_trace(path)
+        assert len(trace.records) == len(head) + data[start:length].count(b"\n")
+        assert trace.is_cut == (data[:length][-1:] != b"\n")
+
+
+def test_a_header_cut_at_any_byte_is_no_trace(fly: Callable[..., Trace], tmp_path: Path) -> None:
+    header = fly().path.read_bytes().split(b"\n")[0]
+    path = tmp_path / FILE_NAME
+    for length in range(0, len(header), 97):
+        path.write_bytes(header[:length])
+        with pytest.raises(TraceError, match="no whole line"):
+            read_trace(path)
+
+
+def swap(lines: list[bytes]) -> None:
+    lines[5], lines[6] = lines[6], lines[5]
+
+
+def spoil(lines: list[bytes]) -> None:
+    lines[5] = lines[5].replace(b'"kind"', b'"kjnd"')
+
+
+def break_utf8(lines: list[bytes]) -> None:
+    lines[5] = lines[5].replace(b'"kind":"', b'"kind":"\xff')
+
+
+def retype(lines: list[bytes]) -> None:
+    lines[5] = lines[5].replace(b'"seq":5', b'"seq":"5"')
+
+
+def other_schema(lines: list[bytes]) -> None:
+    lines[0] = lines[0].replace(b'"schema":1', b'"schema":9')
+
+
+def damage_header(lines: list[bytes]) -> None:
+    lines[0] = lines[0].replace(b'"seed":0', b'"seed":"zero"')
+
+
+@pytest.mark.parametrize(
+    ("edit", "said"),
+    [
+        (swap, "record 5 has seq 6; a line was taken out, put in or moved"),
+        (lambda lines: lines.pop(5), "record 5 has seq 6"),
+        (lambda lines: lines.insert(5, lines[5]), "record 6 has seq 5"),
+        (lambda lines: lines.insert(5, b"\n"), "line 6 is not a record"),
+        (lambda lines: lines.insert(5, b"Hello\n"), "line 6 is not a record"),
+        (spoil, "line 6 is not a record"),
+        (break_utf8, "line 6 is not a record"),
+        (retype, "line 6 is not a record"),
+        (other_schema, "format 9.*this kit reads format 1"),
+        (damage_header, "its header is damaged"),
+        (lambda lines: lines.pop(0), "first line is no header"),
+        (lambda lines: lines.insert(0, b"[1]\n"), "first line is no header"),
+        (lambda lines: lines.insert(0, b"\x89PNG\n"), "first line is no header"),
+        (lambda lines: lines.clear(), "no whole line"),
+    ],
+)
+def test_a_changed_or_foreign_file_is_refused_with_the_place(
+    fly: Callable[..., Trace], tmp_path: Path, edit: Callable[[list[bytes]], Any], said: str
+) -> None:
+    lines = fly().path.read_bytes().splitlines(keepends=True)
+    edit(lines)
+    path = tmp_path / FILE_NAME
+    path.write_bytes(b"".join(lines))
+    with pytest.raises(TraceError, match=said) as caught:
+        read_trace(path)
+    assert caught.value.fix or "is not a record" in said
+
+
+def test_a_missing_trace_and_a_folder_are_told_from_a_trace(tmp_path: Path) -> None:
+    with pytest.raises(TraceError, match="No such file"):
+        read_trace(tmp_path / "gone.jsonl")
+    with pytest.raises(TraceError, match="directory"):
+        read_trace(tmp_path)
+
+
+def test_a_recording_is_never_overwritten(fly: Callable[..., Trace]) -> None:
+    before = fly().path.read_bytes()
+    with pytest.raises(TraceError, match="File exists"):
+        TraceWriter(fly().path, fly().header)
+    assert fly().path.read_bytes() == before
+
+
+# The disk
+
+
+def write_truths(writer: TraceWriter, count: int) -> None:
+    for i in range(count):
+        writer.truth(float(i), {"poses": {}, "arrows": {}, "values": {"x": float(i)}})
+
+
+def write_truths_slowly(writer: TraceWriter) -> None:
+    for _ in range(1000):
+        write_truths(writer, 10)
+        time.sleep(0.005)
+
+
+def test_what_was_put_stands_on_disk_a_moment_later(fly: Callable[..., Trace], tmp_path: Path) -> None:
+    writer = TraceWriter(tmp_path / FILE_NAME, fly().header)
+    write_truths(writer, 10)
+    deadline_s = time.monotonic() + 2.0
+    while len(read_trace(writer.path).records) < 10:
+        assert time.monotonic() < deadline_s
+        time.sleep(0.01)
+    writer.close()
+    writer.close()  # twice is fine
+
+
+def test_a_disk_that_takes_half_a_line_is_cut_back_to_the_last_whole_one(
+    fly: Callable[..., Trace], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    room = len(msgspec.json.encode(fly().header)) + 1000
+    real_write = os.write
+
+    def write(file: int, data: Any) -> int:
+        nonlocal room
+        if room == 0:
+            raise OSError(28, "No space left on device")
+        written = real_write(file, data[:room])
+        room -= written
+        return written
+
+    monkeypatch.setattr(os, "write", write)
+    writer = TraceWriter(tmp_path / FILE_NAME, fly().header)
+    with pytest.raises(TraceError, match=r"No space left on device\. It is whole up to there") as caught:
+        write_truths_slowly(writer)
+    assert "make room" in caught.value.fix
+    with pytest.raises(TraceError, match="No space left"):
+        writer.close()
+    trace = read_trace(writer.path)
+    assert trace.records
+    assert not trace.is_cut
+    assert trace.digest == writer.digest
+
+
+def test_a_live_view_that_fails_costs_nothing_of_the_recording(
+    fly: Callable[..., Trace], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Broken:
+        def add(self, record: Record) -> None:
+            raise ValueError("no window")
+
+        def flush(self) -> None:
+            pass
+
+    writer = TraceWriter(tmp_path / FILE_NAME, fly().header)
+    writer.follow(Broken())
+    write_truths(writer, 10)
+    writer.close()
+    assert len(read_trace(writer.path).records) == 10
+    assert "The live view has stopped: no window" in capsys.readouterr().err
+
+
+SLOW_PROGRAM = """
+import sys
+from snr_sim import Config, WallClock
+from snr_sim.program import record_program
+from snr_sim.testing.parts import PartFactory, TickerFactory
+
+config = Config(factories={"r": [TickerFactory(lambda loop: loop.store_data("x", loop.get_time_s()), rate_hz=500)]})
+if __name__ == "__main__":
+    clock = WallClock()
+    print(clock.now_s() - __import__("time").monotonic(), flush=True)
+    record_program("r", config, __file__, sys.argv[1], clock=clock)
+"""
+
+
+def test_kill_9_loses_at_most_the_last_tenth_of_a_second(tmp_path: Path) -> None:
+    program = tmp_path / "slow.py"
+    program.write_text(SLOW_PROGRAM)
+    child = subprocess.Popen([sys.executable, program, tmp_path / "runs"], stdout=subprocess.PIPE, text=True)
+    assert child.stdout is not None
+    offset_s = float(child.stdout.readline())
+    lost_s = []
+    time.sleep(0.7)
+    killed_s = time.monotonic() + offset_s
+    child.send_signal(signal.SIGKILL)
+    child.wait()
+    child.stdout.close()
+    (path,) = (tmp_path / "runs").glob(f"*/{FILE_NAME}")
+    trace = read_trace(path)
+    lost_s.append(killed_s - trace.records[-1].t)
+    assert not trace.is_ended
+    # 100 ms, and what a busy computer keeps a thread waiting.
+    assert lost_s[0] < 0.1 + 0.1
+    # And the flusher's own clock says so without any waiting: what was put is written 50 ms later.
+    assert [one.seq for one in trace.records] == list(range(1, len(trace.records) + 1))
+
+
+# Several nodes, and nodes on threads
+
+
+def echo(key: str, answer: str) -> PartFactory:
+    def on_page(task: Any, task_id: Any) -> Any:
+        part = made[-1]
+        return part.store_data_task(answer, {"was": part.get_data(key), "chance": part.rng.random()})
+
+    made: list[Any] = []
+    return PartFactory({(TaskType.process_data, key): on_page}, name=f"echo_{key}", begin=made.append)
+
+
+def test_two_nodes_with_a_link_in_one_trace_each_replay_identically(tmp_path: Path) -> None:
+    def roles() -> dict[str, list[Any]]:
+        top = TickerFactory(lambda loop: loop.store_data("joystick", loop.get_time_s()), "joystick", 20.0)
+        bottom = TickerFactory(lambda loop: loop.store_data("depth", loop.get_time_s()), "depth", 33.0)
+        return {"top": [top, echo("thrust", "shown")], "rov": [bottom, echo("joystick", "thrust")]}
+
+    links = [
+        MemoryLink(["joystick"], "top", "rov", latency_s=0.013, jitter_s=0.02, loss=0.1),
+        MemoryLink(["thrust", "depth"], "rov", "top", latency_s=0.0),
+    ]
+    trace = record(tmp_path, roles=roles(), links=links)
+    assert {getattr(one, "node", "") for one in executed(trace)} == {"top_node", "rov_node"}
+    assert {one.source for one in trace.records if isinstance(one, InputRecord)} >= {"link_top", "link_rov"}
+    for role in ("top", "rov"):
+        replay = replay_node(trace, role, Config(factories=roles()))
+        assert replay.is_identical, replay.divergences[0]
+        assert replay.executed == replay.recorded > 100
+    (tmp_path / "again").mkdir()
+    assert (
+        record(tmp_path / "again", roles=roles(), links=[replace_link(link) for link in links]).digest == trace.digest
+    )
+
+
+def replace_link(link: MemoryLink) -> MemoryLink:
+    quality = link.quality
+    return MemoryLink(
+        link.keys,
+        link.from_role,
+        link.to_role,
+        quality.latency_s,
+        quality.jitter_s,
+        quality.loss,
+        quality.bandwidth_bps,
+    )
+
+
+def test_a_failure_in_one_of_several_nodes_names_that_nodes_own_task(tmp_path: Path) -> None:
+    def fail(task: Any, task_id: Any) -> None:
+        raise ZeroDivisionError("depth is 0")
+
+    busy = TickerFactory(lambda loop: loop.store_data("x", 1), "busy", 100.0)
+    roles: dict[str, list[Any]] = {
+        "first": [busy],
+        "second": [TickerFactory(name="late", rate_hz=1.0, loop=lambda loop: loop.schedule(tasks.event("go"))),
+                   PartFactory({(TaskType.event, "go"): fail})],
+    }  # fmt: skip
+    with pytest.raises(Exception, match="depth is 0"):
+        record(tmp_path, roles=roles)
+    trace = read_trace(tmp_path / FILE_NAME)
+    (error,) = (one for one in trace.records if isinstance(one, ErrorRecord))
+    cause = trace.records[error.cause - 1]
+    assert isinstance(cause, TaskRecord)
+    assert (cause.node, cause.name) == ("second_node", "go")
+    assert replay_node(trace, "second", Config(factories=roles)).is_identical
+
+
+def threaded() -> Config:
+    """Loops on threads that get in each other's way, chance, time, and a task that goes on by itself."""
+
+    def count(task: Any, task_id: Any) -> Any:
+        part = made[-1]
+        part.counts = getattr(part, "counts", 0) + 1
+        if part.counts == 400:
+            return tasks.terminate("enough")
+        more = [tasks.event("spin", [task.val_list[0] - 1])] if task.name == "spin" and task.val_list[0] else []
+        seen = {"n": part.counts, "t": part.get_time_s(), "r": part.rng.random(), "a": part.get_data("a")}
+        return [part.store_data_task("seen", seen, process=False), *more]
+
+    made: list[Any] = []
+    part = PartFactory({TaskType.process_data: count, TaskType.event: count}, begin=made.append)
+    return Config(factories={"r": [
+        TickerFactory(lambda loop: loop.store_data("a", [loop.get_time_s(), loop.rng.random()]), "a", 500),
+        TickerFactory(lambda loop: loop.store_data("b", loop.get_time_s()), "b", 333),
+        TickerFactory(lambda loop: loop.schedule(tasks.event("spin", [3])), "c", 200),
+        part,
+    ]})  # fmt: skip
+
+
+def test_a_node_with_threads_on_the_wall_clock_replays_identically_time_and_again(tmp_path: Path) -> None:
+    stop = threading.Event()
+    load = threading.Thread(target=lambda: [sum(range(1000)) for _ in iter(stop.is_set, True)])
+    for attempt in range(3):
+        if attempt == 2:
+            load.start()
+        try:
+            folder = record_program("r", threaded(), __file__, tmp_path)
+        finally:
+            stop.set() if attempt == 2 else None
+        trace = read_trace(folder / FILE_NAME)
+        assert trace.header.clock == "wall"
+        for _ in range(3):
+            replay = replay_node(trace, "r", threaded())
+            assert replay.is_identical, replay.divergences[0]
+            assert replay.executed == replay.recorded >= 400
+    load.join()
+
+
+def test_a_component_that_cannot_be_made_leaves_no_run_folder(tmp_path: Path) -> None:
+    two = [PartFactory(name="same"), PartFactory(name="same")]
+    with pytest.raises(Exception, match="two components named 'same'"):
+        record_program("r", Config(factories={"r": two}), __file__, tmp_path / "runs")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_header_tells_what_ran_of_which_version_from_which_sources(fly: Callable[..., Trace]) -> None:
+    header = fly("lander_pad").header
+    fields = json.loads(fly("lander_pad").path.read_bytes().split(b"\n")[0])
+    assert fields["kind"] == "header"
+    assert (header.scenario, header.robot, header.controller, header.roles) == (
+        "lander_pad",
+        "lander",
+        "pad",
+        ["lander"],
+    )
+    assert {"scenario/lander_pad.py", "robot/robot.py", "robot/parameters.py", "controller/pad.py"} <= set(
+        header.sources
+    )
+    assert all(len(digest) == 64 for digest in header.sources.values())
+    assert {"numpy", "msgspec", "pymunk"} <= set(header.packages)
+    assert header.commands == {"lander_node": ["engine"]}
+    assert set(header.wall) == {"started", "argv"}
+
+
+def test_a_node_is_the_same_with_and_without_a_recorder(tmp_path: Path) -> None:
+    trace = record(tmp_path, stores([1.0, 2.0]))
+    node = Node("r", Config(factories={"r": [stores([1.0, 2.0])]}), clock=SimClock())
+    node.loop()
+    assert node.machine.executed == len(executed(trace))
