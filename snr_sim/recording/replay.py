@@ -217,6 +217,7 @@ class _Checker:
         self._by_cause: dict[tuple[int, int], Executed] = {
             (record.cause, record.nth): record for record in records if isinstance(record, (TaskRecord, PageRecord))
         }
+        self._began: BeginRecord | None = None  # the node's own
         self._begins = {record.by: record for record in records if isinstance(record, BeginRecord)}
         self._failed: dict[int, dict[str, str]] = {}  # by seq of the task: what each component raised
         for record in records:
@@ -245,8 +246,11 @@ class _Checker:
 
     def begun(self, now_s: float, component: str, scheduled: Sequence[Task]) -> list[Ticket]:
         """Compares what a component schedules in `begin`."""
-        record = self._begins.pop(component, None)
-        recorded = record.returned if record is not None else []
+        found = self._begins.pop(component, None)
+        if component == self.result.node:
+            self._began = found
+        record = found or self._began  # a component that scheduled nothing then has no record of its own
+        recorded = found.returned if found is not None else []
         seq = record.seq if record is not None else 0
         tickets, returned = self._answer(seq, scheduled, recorded, 0, (component, "begin"), record)
         self.result.records.append(BeginRecord(seq, now_s, self.result.node, component, returned))

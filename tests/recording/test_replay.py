@@ -1,0 +1,501 @@
+"""Replay: the same code does the same, and every change of it is found where it first shows."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from snr_sim import Config, SimClock, SimRunner, TaskType, tasks
+from snr_sim.devices.loops import ActuatorLoopFactory
+from snr_sim.prelude.errors import ComponentFailed
+from snr_sim.program import program_header
+from snr_sim.recording.compare import Tolerance
+from snr_sim.recording.records import EndRecord, ErrorRecord, TaskRecord
+from snr_sim.recording.replay import MAX_FOLLOWERS, Divergence, NodeReplay, replay_node
+from snr_sim.recording.trace import FILE_NAME, Trace, TraceWriter, encode_record, read_trace
+from snr_sim.simulation import prepare, request_of
+from snr_sim.testing.parts import PartFactory, TickerFactory
+
+AT = 7  # the tick at which the mutants of this file begin to differ
+
+
+def on(kind: str, name: str) -> tuple[TaskType, str]:
+    return (TaskType(kind), name)
+
+
+class Robot:
+    """A small robot: a sensor, a filter, a pilot with an actuator, and a logger; mutants override one thing."""
+
+    has_logger = True
+
+    def factories(self) -> list[Any]:
+        self.parts: dict[str, Any] = {}
+        parts = {
+            "filter": {on("process_data", "depth"): self.on_depth},
+            "pilot": {on("process_data", "smooth"): self.on_smooth, on("event", "thought"): self.on_thought},
+            "logger": {on("process_data", "thrust"): self.on_thrust},
+        }
+        if not self.has_logger:
+            del parts["logger"]
+        made = [self.part(name, handlers) for name, handlers in parts.items()]
+        sensor = TickerFactory(lambda loop: loop.store_data("depth", math.sin(loop.get_time_s())), "depth_sensor", 10.0)
+        return [sensor, *made, ActuatorLoopFactory("thrust", lambda: NoThruster(), 10.0)]
+
+    def part(self, name: str, handlers: dict[Any, Any]) -> PartFactory:
+        def begin(part: Any) -> None:
+            self.parts[name] = part
+            getattr(self, f"begin_{name}", lambda part: None)(part)
+
+        return PartFactory(handlers, name, begin=begin)
+
+    def begin_pilot(self, part: Any) -> None:
+        part.schedule(tasks.event("thought", [0]))
+
+    def on_depth(self, task: Any, task_id: Any) -> Any:
+        part = self.parts["filter"]
+        part.ticks = getattr(part, "ticks", -1) + 1
+        noisy = part.get_data("depth") + 0.1 * part.rng.standard_normal()
+        return part.store_data_task("smooth", {"depth_m": self.smooth(part, noisy), "tick": part.ticks})
+
+    def smooth(self, part: Any, noisy: float) -> Any:
+        return noisy
+
+    def on_smooth(self, task: Any, task_id: Any) -> Any:
+        part = self.parts["pilot"]
+        smooth = part.get_data("smooth")
+        thrust = part.store_data_task("thrust", {"thrust_n": -5.0 * smooth["depth_m"]})
+        return self.answer(part, smooth["tick"], [thrust, tasks.event("thought", [smooth["tick"]])])
+
+    def answer(self, part: Any, tick: int, usual: list[Any]) -> Any:
+        return usual
+
+    def on_thought(self, task: Any, task_id: Any) -> Any:
+        return None
+
+    def on_thrust(self, task: Any, task_id: Any) -> Any:
+        return None
+
+
+class NoThruster:
+    """Takes no commands: these tests never look at what it does."""
+
+    def neutral(self) -> None: ...
+    def close(self) -> None: ...
+
+
+def record(robot: Robot, path: Path, until_s: float = 2.0) -> Trace:
+    factories = [one for one in robot.factories() if not isinstance(one, ActuatorLoopFactory)]
+    config = Config(factories={"r": factories})
+    clock = SimClock()
+    header = program_header(["r"], Config(factories={"r": robot.factories()}), __file__, clock)
+    writer = TraceWriter(path / FILE_NAME, header)
+    try:
+        SimRunner(config, clock=clock, recorder=writer, until_s=until_s).run()
+    finally:
+        writer.close()
+    return read_trace(path / FILE_NAME)
+
+
+def replay(trace: Trace, robot: Robot, *tolerances: str) -> NodeReplay:
+    return replay_node(trace, "r", Config(factories={"r": robot.factories()}), [Tolerance.parse(t) for t in tolerances])
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Trace:
+    return record(Robot(), tmp_path_factory.mktemp("robot"))
+
+
+def seq_of(trace: Trace, name: str, nth: int = AT) -> int:
+    """Returns the seq of the nth processing of a page."""
+    found = [one for one in trace.records if isinstance(one, TaskRecord) and one.name == name]
+    return found[nth].seq
+
+
+# The same code does the same
+
+
+@pytest.mark.parametrize(
+    ("scenario", "controller"),
+    [
+        *(("lander_vertical", name) for name in ("coast", "hover_and_drop", "quadratic", "optimal")),
+        ("lander_low_gate", "optimal"),
+        ("lander_pad", "pad"),
+        ("lander_rough", "pad"),
+    ],
+)
+def test_every_controller_replays_identically(fly: Callable[..., Trace], scenario: str, controller: str) -> None:
+    for seed in (0, 1, 12) if scenario in ("lander_vertical", "lander_low_gate") else (0, 5):
+        trace = fly(scenario, controller, seed)
+        config = prepare(request_of(trace.header)).config(None)
+        replayed = replay_node(trace, "lander", config)
+        assert replayed.is_identical, (seed, replayed.divergences[0])
+        assert replayed.executed == replayed.recorded > 200
+
+
+def test_a_replay_repeats_to_the_record(recorded: Trace) -> None:
+    wanted = [encode_record(one) for one in recorded.records if not isinstance(one, EndRecord)]
+    for _ in range(5):
+        replayed = replay(recorded, Robot())
+        assert replayed.is_identical
+        assert [encode_record(one) for one in replayed.records] == wanted
+
+
+def test_a_trace_that_was_cut_replays_up_to_there(recorded: Trace, tmp_path: Path) -> None:
+    data = recorded.path.read_bytes()
+    for length in range(len(data) // 2, len(data) // 2 + 2000, 61):
+        path = tmp_path / f"{length}.jsonl"
+        path.write_bytes(data[:length])
+        replayed = replay(read_trace(path), Robot())
+        assert replayed.is_identical, replayed.divergences[0]
+        assert replayed.executed == replayed.recorded
+
+
+def test_a_run_that_ended_with_tasks_queued_replays_identically(tmp_path: Path) -> None:
+    class Restless(Robot):
+        def on_thought(self, task: Any, task_id: Any) -> Any:
+            ticks = self.parts["pilot"].get_data("smooth")
+            done = [tasks.terminate("done")] if ticks and ticks["tick"] == 5 and task.val_list[0] != -1 else []
+            return [*done, *([tasks.event("thought", [-1])] if done or task.val_list[0] == -1 else [])]
+
+    trace = record(Restless(), tmp_path)
+    assert any(
+        "still queued" in note for one in trace.records if hasattr(one, "summary") for note in one.summary["notes"]
+    )
+    replayed = replay(trace, Restless())
+    assert replayed.is_identical, replayed.divergences[0]
+    assert replayed.executed == replayed.recorded
+
+
+# Mutants: a changed robot, and what is to be said about it
+
+
+class OtherConstant(Robot):
+    def smooth(self, part: Any, noisy: float) -> Any:
+        return noisy * 1.0000001 if part.ticks >= AT else noisy
+
+
+class AddsNan(Robot):
+    def smooth(self, part: Any, noisy: float) -> Any:
+        return math.nan if part.ticks >= AT else noisy
+
+
+class AnswersText(Robot):
+    def smooth(self, part: Any, noisy: float) -> Any:
+        return str(noisy) if part.ticks >= AT else noisy
+
+    def on_smooth(self, task: Any, task_id: Any) -> Any:
+        return None if self.parts["filter"].ticks >= AT else super().on_smooth(task, task_id)
+
+
+class AnswersArray(Robot):
+    def smooth(self, part: Any, noisy: float) -> Any:
+        return np.float64(noisy) if part.ticks >= AT else noisy
+
+
+class DrawsTwice(Robot):
+    def smooth(self, part: Any, noisy: float) -> Any:
+        if part.ticks == AT - 1:
+            part.rng.random()
+        return noisy
+
+
+class OtherThrust(Robot):
+    def answer(self, part: Any, tick: int, usual: list[Any]) -> Any:
+        return [part.store_data_task("thrust", {"thrust_n": 0.0}), usual[1]] if tick >= AT else usual
+
+
+class OtherField(Robot):
+    def answer(self, part: Any, tick: int, usual: list[Any]) -> Any:
+        return [part.store_data_task("thrust", {"thrust_N": 0.0}), usual[1]] if tick >= AT else usual
+
+
+class SaysNoThrust(Robot):
+    def answer(self, part: Any, tick: int, usual: list[Any]) -> Any:
+        return usual[1] if tick >= AT else usual
+
+
+class SaysNothing(Robot):
+    def answer(self, part: Any, tick: int, usual: list[Any]) -> Any:
+        return None if tick >= AT else usual
+
+
+class SaysMore(Robot):
+    def answer(self, part: Any, tick: int, usual: list[Any]) -> Any:
+        return [*usual, tasks.event("surprise")] if tick >= AT else usual
+
+
+class SaysTwice(Robot):
+    def answer(self, part: Any, tick: int, usual: list[Any]) -> Any:
+        return [usual[0], *usual] if tick >= AT else usual
+
+
+class OtherOrder(Robot):
+    def answer(self, part: Any, tick: int, usual: list[Any]) -> Any:
+        return usual[::-1] if tick >= AT else usual
+
+
+class OtherName(Robot):
+    def answer(self, part: Any, tick: int, usual: list[Any]) -> Any:
+        return [usual[0], tasks.event("idea", usual[1].val_list)] if tick >= AT else usual
+
+
+class Raises(Robot):
+    def answer(self, part: Any, tick: int, usual: list[Any]) -> Any:
+        return usual if tick < AT else [usual[0], 1 / 0]
+
+
+class Exits(Robot):
+    def answer(self, part: Any, tick: int, usual: list[Any]) -> Any:
+        return usual if tick < AT else exit(3)
+
+
+class ReturnsText(Robot):
+    def answer(self, part: Any, tick: int, usual: list[Any]) -> Any:
+        return usual if tick < AT else "thought"
+
+
+class ForEver(Robot):
+    """One more task that asks for itself again and again, and takes the place of what was there."""
+
+    def answer(self, part: Any, tick: int, usual: list[Any]) -> Any:
+        return [tasks.event("spin")] if tick >= AT else usual
+
+    def part(self, name: str, handlers: dict[Any, Any]) -> PartFactory:
+        if name == "logger":
+            handlers = {on("event", "spin"): lambda task, task_id: [task, task], **handlers}
+        return super().part(name, handlers)
+
+
+class LosesHandler(Robot):
+    def answer(self, part: Any, tick: int, usual: list[Any]) -> Any:
+        if tick == AT - 1:
+            self.parts["logger"].task_handlers.clear()
+        return usual
+
+
+class LosesPilot(Robot):
+    def smooth(self, part: Any, noisy: float) -> Any:
+        if part.ticks == AT:
+            self.parts["pilot"].task_handlers.clear()
+        return noisy
+
+
+class GainsHandler(Robot):
+    def smooth(self, part: Any, noisy: float) -> Any:
+        if part.ticks == AT:
+            self.parts["logger"].task_handlers[on("process_data", "smooth")] = lambda task, task_id: None
+        return noisy
+
+
+# (mutant, class, page whose processing differs, component, handler, field, recorded, replayed; ... is not looked at)
+MUTANTS: list[tuple[type[Robot], str, str, str, str, str, Any, Any, bool]] = [
+    (OtherConstant, "value", "depth", "filter", "on_depth", "smooth.depth_m", ..., ..., False),
+    (AddsNan, "value", "depth", "filter", "on_depth", "smooth.depth_m", ..., math.nan, False),
+    (AnswersText, "value", "depth", "filter", "on_depth", "smooth.depth_m", ..., ..., False),
+    (AnswersArray, "value", "depth", "filter", "on_depth", "smooth.depth_m", ..., ..., False),
+    (DrawsTwice, "value", "depth", "filter", "on_depth", "smooth.depth_m", ..., ..., False),
+    (OtherThrust, "value", "smooth", "pilot", "on_smooth", "thrust.thrust_n", ..., 0.0, True),
+    (OtherField, "value", "smooth", "pilot", "on_smooth", "thrust.thrust_n", ..., "(absent)", True),
+    (SaysNoThrust, "missing", "smooth", "pilot", "on_smooth", "store_page thrust", "store_page thrust", None, True),
+    (SaysNothing, "missing", "smooth", "pilot", "on_smooth", "store_page thrust", "store_page thrust", None, True),
+    (SaysMore, "extra", "smooth", "pilot", "on_smooth", "event surprise", None, "event surprise", False),
+    (SaysTwice, "extra", "smooth", "pilot", "on_smooth", "store_page thrust", None, "store_page thrust", True),
+    (OtherOrder, "reordered", "smooth", "pilot", "on_smooth", "order",
+     ["store_page thrust", "event thought"], ["event thought", "store_page thrust"], False),
+    (OtherName, "missing", "smooth", "pilot", "on_smooth", "event thought", "event thought", None, False),
+    (Raises, "raised", "smooth", "pilot", "on_smooth", "exception", "no exception", ..., False),
+    (Exits, "raised", "smooth", "pilot", "on_smooth", "exception", "no exception", ..., False),
+    (ReturnsText, "raised", "smooth", "pilot", "on_smooth", "exception", "no exception", ..., False),
+    (ForEver, "missing", "smooth", "pilot", "on_smooth", "store_page thrust", "store_page thrust", None, True),
+    (LosesHandler, "missing", "thrust", "logger", "on_thrust", "the handler itself", "called", "not called", False),
+    (LosesPilot, "missing", "smooth", "pilot", "on_smooth", "store_page thrust", "store_page thrust", None, True),
+    (GainsHandler, "extra", "smooth", "logger", "<lambda>", "the handler itself", "not called", "called", False),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("case", MUTANTS, ids=lambda case: case[0].__name__)
+def test_a_mutant_is_found_at_the_record_where_it_first_differs(recorded: Trace, case: Any) -> None:
+    mutant, kind, page, component, handler, field, then, now, is_command = case
+    replayed = replay(recorded, mutant())
+    assert not replayed.is_identical
+    first = replayed.divergences[0]
+    assert (first.kind, first.component, first.handler, first.field) == (kind, component, handler, field)
+    nth = AT - 1 if mutant is LosesHandler else AT
+    assert first.seq == seq_of(recorded, page, nth)
+    assert first.t == pytest.approx(nth / 10.0)
+    assert first.node == "r_node"
+    assert first.task == f"process_data '{page}'"
+    assert first.is_command == is_command
+    for wanted, found in ((then, first.recorded), (now, first.replayed)):
+        assert wanted is ... or repr(wanted) == repr(found)
+
+
+@pytest.mark.parametrize("mutant", [Raises, Exits, ReturnsText])
+def test_an_exception_that_is_new_is_told_with_the_students_line(recorded: Trace, mutant: type[Robot]) -> None:
+    first = replay(recorded, mutant()).divergences[0]
+    if mutant is Raises:
+        assert "test_replay.py, line" in first.replayed
+        assert "ZeroDivisionError: division by zero" in first.replayed
+    else:
+        assert ("SystemExit: 3" if mutant is Exits else "'pilot.on_smooth' returned 'thought'") in first.replayed
+
+
+def test_the_causes_lead_from_the_input_to_the_task(recorded: Trace) -> None:
+    first = replay(recorded, OtherThrust()).divergences[0]
+    input_line, *steps = first.causes
+    assert "depth_sensor brought store_page 'depth'" in input_line
+    assert [step.split(": ", 1)[1] for step in steps] == [
+        "store_page 'depth' went to node_core.store",
+        "process_data 'depth' went to filter.on_depth",
+        "store_page 'smooth' went to node_core.store",
+        "process_data 'smooth' went to pilot.on_smooth",
+    ]
+    assert steps[-1].startswith(f"seq {first.seq}:")
+
+
+def test_a_task_that_asks_for_itself_for_ever_is_cut_off(recorded: Trace) -> None:
+    replayed = replay(recorded, ForEver())
+    roots = len({one.seq for one in replayed.divergences if one.field == "event spin"})
+    assert roots == 21 - AT
+    assert replayed.executed < replayed.recorded + (roots + 1) * (MAX_FOLLOWERS + 1)
+
+
+def test_a_component_that_is_gone_or_new_is_found(recorded: Trace) -> None:
+    class NoLogger(Robot):
+        has_logger = False
+
+    class Greeter(Robot):
+        def part(self, name: str, handlers: dict[Any, Any]) -> PartFactory:
+            name = "greeter" if name == "logger" else name
+            return super().part(name, handlers)
+
+    first = replay(recorded, NoLogger()).divergences[0]
+    assert (first.kind, first.component, first.seq) == ("missing", "logger", seq_of(recorded, "thrust", 0))
+    kinds = {(one.kind, one.component) for one in replay(recorded, Greeter()).divergences}
+    assert kinds == {("missing", "logger"), ("extra", "greeter")}
+
+
+def test_a_handler_may_be_renamed(recorded: Trace) -> None:
+    class Renamed(Robot):
+        def part(self, name: str, handlers: dict[Any, Any]) -> PartFactory:
+            def other_name(task: Any, task_id: Any) -> Any:
+                return self.on_depth(task, task_id)
+
+            return super().part(name, {on("process_data", "depth"): other_name} if name == "filter" else handlers)
+
+    assert replay(recorded, Renamed()).is_identical
+
+
+@pytest.mark.parametrize("where", ["begin", "halt"])
+def test_a_component_that_now_fails_at_the_edges_diverges_there(recorded: Trace, where: str) -> None:
+    class FailsThere(Robot):
+        def part(self, name: str, handlers: dict[Any, Any]) -> PartFactory:
+            factory = super().part(name, handlers)
+            if name == "filter":
+                setattr(factory, f"on_{where}", lambda part: 1 / 0)
+            return factory
+
+    first = replay(recorded, FailsThere()).divergences[0]
+    assert (first.kind, first.component, first.handler) == ("raised", "filter", where)
+    assert "ZeroDivisionError" in first.replayed
+
+
+def test_what_begin_schedules_is_compared(recorded: Trace) -> None:
+    class BeginsOtherwise(Robot):
+        def begin_pilot(self, part: Any) -> None:
+            part.schedule(tasks.event("thought", [1]))
+
+    class BeginsSilently(Robot):
+        def begin_pilot(self, part: Any) -> None:
+            pass
+
+    class BeginsLouder(Robot):
+        def begin_filter(self, part: Any) -> None:
+            part.schedule(tasks.event("thought", [0]))
+
+    for mutant, kind, component, field in (
+        (BeginsOtherwise, "value", "pilot", "thought[0]"),
+        (BeginsSilently, "missing", "pilot", "event thought"),
+    ):
+        first = replay(recorded, mutant()).divergences[0]
+        assert (first.kind, first.component, first.handler, first.field) == (kind, component, "begin", field)
+        assert first.task == "begin"
+    louder = replay(recorded, BeginsLouder()).divergences
+    assert [(one.kind, one.component, one.field) for one in louder] == [("extra", "filter", "event thought")]
+
+
+# Failures that were recorded
+
+
+class FailsThen(Robot):
+    def on_thrust(self, task: Any, task_id: Any) -> Any:
+        if self.parts["pilot"].get_data("smooth")["tick"] == AT:
+            raise KeyError("thrust_n")
+
+
+def test_a_recorded_failure_of_a_handler_replays_as_identical(tmp_path: Path) -> None:
+    with pytest.raises(ComponentFailed, match="KeyError"):
+        record(FailsThen(), tmp_path)
+    trace = read_trace(tmp_path / FILE_NAME)
+    assert isinstance(trace.records[-2], ErrorRecord)
+    replayed = replay(trace, FailsThen())
+    assert replayed.is_identical, replayed.divergences[0]
+
+
+def test_a_failure_that_was_mended_or_replaced_is_a_difference(tmp_path: Path) -> None:
+    class FailsElse(Robot):
+        def on_thrust(self, task: Any, task_id: Any) -> Any:
+            if self.parts["pilot"].get_data("smooth")["tick"] == AT:
+                raise ValueError("thrust_n")
+
+    with pytest.raises(ComponentFailed, match="KeyError"):
+        record(FailsThen(), tmp_path)
+    trace = read_trace(tmp_path / FILE_NAME)
+    for other, now in ((Robot, "no exception"), (FailsElse, "ValueError")):
+        (first,) = replay(trace, other()).divergences
+        assert (first.kind, first.component) == ("raised", "logger")
+        assert first.seq == seq_of(trace, "thrust")
+        assert "KeyError" in first.recorded
+        assert now in first.replayed
+
+
+def test_a_loop_that_failed_hides_no_difference_in_the_task_before(tmp_path: Path) -> None:
+    class LoopFails(Robot):
+        def factories(self) -> list[Any]:
+            def fail(loop: Any) -> None:
+                if loop.get_time_s() > 0.95:
+                    raise OSError("cable")
+
+            return [*super().factories(), TickerFactory(fail, "cable", 10.0)]
+
+    class Silent(LoopFails):
+        def on_thought(self, task: Any, task_id: Any) -> Any:
+            return tasks.event("more") if task.val_list == [10] else None
+
+    with pytest.raises(ComponentFailed, match="cable"):
+        record(LoopFails(), tmp_path)
+    trace = read_trace(tmp_path / FILE_NAME)
+    assert replay(trace, LoopFails()).is_identical
+    assert [one.kind for one in replay(trace, Silent()).divergences] == ["extra"]
+
+
+# Tolerances and the open loop
+
+
+def test_differences_within_a_tolerance_are_none(recorded: Trace) -> None:
+    assert replay(recorded, OtherConstant(), "smooth.depth_m=1e-3", "thrust.*=1%").is_identical
+    left = replay(recorded, OtherConstant(), "smooth.depth_m=1e-3")
+    assert {one.field for one in left.divergences} == {"thrust.thrust_n"}
+    assert not replay(recorded, SaysNoThrust(), "*=ignore").is_identical  # a missing page is no difference of values
+
+
+def test_the_first_command_that_differs_is_known_to_the_seq(recorded: Trace) -> None:
+    replayed = replay(recorded, OtherConstant())
+    command = replayed.first_command
+    assert isinstance(command, Divergence)
+    assert command.seq == seq_of(recorded, "smooth")
+    assert replayed.divergences[0].seq < command.seq
+    assert replay(recorded, SaysMore()).first_command is None
