@@ -148,10 +148,12 @@ class EventMachine:
         """
         if self.door.failure is not None:
             raise self.door.failure
-        waiting = self.door.waiting
+        waiting, enter = self.door.waiting, self._enter
         while waiting:
-            self._enter(*waiting.popleft())
-        self.longest_queue = max(self.longest_queue, self.inside)
+            enter(*waiting.popleft())
+        inside = self.inside
+        if inside > self.longest_queue:
+            self.longest_queue = inside
 
     def begin_component(self, component: Component) -> None:
         """Calls a component's `begin`; what it schedules is queued as its own doing, not as an input."""

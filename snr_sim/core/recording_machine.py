@@ -76,8 +76,11 @@ class RecordingMachine(EventMachine):
             raise HandlerFailed(culprit, task) from error
         finally:
             self.running = None
-            scheduled.clear()
-        self._queue_tickets(self._recorder.task(self.now_s, ticket, handled))
+            if scheduled:
+                scheduled.clear()
+        tickets = self._recorder.task(self.now_s, ticket, handled)
+        if tickets:
+            self._queue_tickets(tickets)
 
     def begin_component(self, component: Component) -> None:
         """Calls a component's `begin` and takes down what it schedules."""
@@ -110,8 +113,12 @@ class RecordingMachine(EventMachine):
     def _enter(self, task: Task, source: str) -> None:
         if self._latch is not None:
             self.now_s = self._latch()
-        self._queue_tickets([self._recorder.input(self.now_s, source, task)])
+        ticket = self._recorder.input(self.now_s, source, task)
+        (self._urgent_tickets if task.type is _TERMINATE else self._tickets).append(ticket)
 
     def _queue_tickets(self, tickets: list[Ticket]) -> None:
         for ticket in tickets:
-            (self._urgent_tickets if ticket[0].type is TaskType.terminate else self._tickets).append(ticket)
+            (self._urgent_tickets if ticket[0].type is _TERMINATE else self._tickets).append(ticket)
+
+
+_TERMINATE = TaskType.terminate
