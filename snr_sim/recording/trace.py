@@ -75,6 +75,8 @@ class TraceWriter:
         self.path = path
         self.seq = 0  # of the newest record
         self._lines: deque[bytes] = deque()
+        # The scene is nearly all of the header, and the header is encoded twice: for the digest and for the file.
+        header = msgspec.structs.replace(header, scene=Raw(_encode(header.scene)))
         self._digest = digest_of_header(header)
         self._failure: OSError | None = None
         self._follower: Follower | None = None
