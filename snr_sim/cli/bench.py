@@ -6,8 +6,6 @@ the next. They print one row of JSON at a time; this puts the rows into a table.
 
 from __future__ import annotations
 
-import json
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -40,6 +38,8 @@ def bench(
 
     Exit status: 0 it was measured, also if targets are missed; 2 there are no benchmarks, or one failed.
     """
+    import json
+
     from rich.console import Console
 
     folder = _folder()
@@ -96,6 +96,8 @@ def _measured(file: Path, options: list[str], subject: str, errors: Console) -> 
     Raises:
         SnrError: the file failed.
     """
+    import json
+    import subprocess
     from contextlib import nullcontext
 
     from snr_sim.prelude.errors import SnrError
