@@ -7,6 +7,7 @@ between, such as `uuid.uuid4`, is seen through.
 
 from __future__ import annotations
 
+import _thread
 import datetime
 import os
 import random
@@ -15,7 +16,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from types import FrameType
+from types import FrameType, FunctionType
 from typing import Any
 
 from snr_sim.core.blame import is_student_file, short_path
@@ -30,10 +31,19 @@ _CLOCKS = (
     datetime.date.today,
 )
 _CHANCE = (os.urandom, random.random, random.getrandbits, *filter(None, [getattr(os, "getrandom", None)]))
+_CHANCE_HINT = "self.rng is the component's own chance, and repeats"
 _HINTS = {
     **dict.fromkeys(_CLOCKS, "self.get_time_s() is the node's time, and repeats"),
-    **dict.fromkeys(_CHANCE, "self.rng is the component's own chance, and repeats"),
+    **dict.fromkeys(_CHANCE, _CHANCE_HINT),
 }
+_STARTS_THREAD = tuple(filter(None, (getattr(_thread, f"start_{kind}_thread", None) for kind in ("new", "joinable"))))
+# The functions of the module `random` share one generator; some keep a number back, and ask for none every other time.
+_RANDOM = {
+    function.__code__: f"random.{name}()"
+    for name, function in vars(random.Random).items()
+    if isinstance(function, FunctionType) and not name.startswith("_") and name not in ("seed", "getstate", "setstate")
+}
+_SHARED = random.random.__self__  # type: ignore[attr-defined]
 _NUMPY_LEGACY = (
     *("rand", "randn", "randint", "random", "random_sample", "choice", "normal", "uniform", "standard_normal"),
     *("shuffle", "permutation", "seed", "exponential", "poisson", "binomial", "beta", "gamma"),
@@ -81,8 +91,14 @@ class _Watch:
                 return  # cannot be hashed, so it is none of them
             if hint is not None:
                 self.report(frame, _name(called), hint)
-        elif event == "call" and frame.f_code is _RANDOM_SEED and frame.f_locals.get("a") is None:
-            self.report(frame.f_back, "random.Random()", "self.rng is the component's own chance, and repeats")
+            elif called in _STARTS_THREAD:  # Python 3.11 has no audit event for it
+                self.report(frame, *_EVENTS["_thread.start_new_thread"])
+        elif event == "call":
+            if frame.f_code is _RANDOM_SEED:
+                if frame.f_locals.get("a") is None:
+                    self.report(frame.f_back, "random.Random()", _CHANCE_HINT)
+            elif frame.f_code in _RANDOM and frame.f_locals.get("self") is _SHARED:
+                self.report(frame.f_back, _RANDOM[frame.f_code], _CHANCE_HINT)
 
     def on_audit(self, event: str, args: tuple[Any, ...]) -> None:
         """Looks at what Python's audit hooks tell."""
@@ -173,7 +189,7 @@ def _wrap_numpy(watch: _Watch) -> dict[str, Any]:
 
 def _looked_at(watch: _Watch, name: str, function: Any) -> Any:
     def call(*args: Any, **kwargs: Any) -> Any:
-        watch.report(sys._getframe(1), f"numpy.random.{name}()", "self.rng is the component's own chance, and repeats")
+        watch.report(sys._getframe(1), f"numpy.random.{name}()", _CHANCE_HINT)
         return function(*args, **kwargs)
 
     return call

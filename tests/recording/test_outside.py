@@ -1,0 +1,169 @@
+"""What asks the outside is named with the student's line, and what repeats is left alone."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from snr_sim import Config, SimClock, SimRunner
+from snr_sim.library import load_program
+from snr_sim.program import program_header
+from snr_sim.recording.outside import OutsideCall, watching
+from snr_sim.recording.replay import replay_node
+from snr_sim.recording.trace import FILE_NAME, TraceWriter, read_trace
+
+ROBOT = """
+import datetime, logging, os, random, secrets, socket, subprocess, tempfile, threading, time, traceback, uuid
+import numpy as np
+from datetime import datetime as moment
+from pathlib import Path
+from random import gauss as bell
+from time import perf_counter as stopwatch
+from snr_sim import Config, Endpoint, EndpointFactory, TaskType, tasks
+from snr_sim.testing.parts import TickerFactory
+
+HERE = Path(__file__)
+OLD_GENERATOR = random.Random(5)
+SEEDED = np.random.default_rng(5)
+{at_load}
+
+class Asker(Endpoint):
+    def __init__(self, factory, parent, name):
+        super().__init__(factory, parent, name)
+        self.task_handlers = {{(TaskType.process_data, "depth"): self.on_depth}}
+        self.text = HERE.read_text()  # put together before the run: this repeats
+
+    def on_depth(self, task, task_id):
+        {line}  # the line
+
+class AskerFactory(EndpointFactory):
+    def get(self, parent):
+        return Asker(self, parent, "asker")
+
+def once(loop):
+    loop.store_data("depth", 1.0)
+    loop.stop()
+
+config = Config(factories={{"r": [TickerFactory(once), AskerFactory()]}})
+"""
+
+
+def asked(tmp_path: Path, line: str, at_load: str = "") -> list[OutsideCall]:
+    file = tmp_path / "asker.py"
+    file.write_text(ROBOT.format(line=line, at_load=at_load))
+    config: Config = load_program(str(file)).config
+    clock = SimClock()
+    writer = TraceWriter(tmp_path / FILE_NAME, program_header(["r"], config, file, clock))
+    SimRunner(config, clock=clock, recorder=writer).run()
+    writer.close()
+    trace = read_trace(writer.path)
+    with watching() as calls:
+        replay_node(trace, "r", load_program(str(file)).config)
+    return list(calls.values())
+
+
+ASKS = [
+    ("time.time()", "time.time()"),
+    ("time.monotonic_ns()", "time.monotonic_ns()"),
+    ("stopwatch()", "time.perf_counter()"),
+    ("time.strftime('%H')", "time.strftime()"),
+    ("time.sleep(0)", "time.sleep()"),
+    ("moment.now()", "datetime.now()"),
+    ("datetime.date.today()", "date.today()"),
+    ("random.random()", "random.random()"),
+    ("random.gauss(0, 1)", "random.gauss()"),
+    ("bell(0, 1)", "random.gauss()"),
+    ("random.choice([1, 2])", "random.choice()"),
+    ("random.shuffle([1, 2])", "random.shuffle()"),
+    ("random.Random()", "random.Random()"),
+    ("random.SystemRandom().random()", "urandom"),
+    ("os.urandom(4)", "os.urandom()"),
+    ("uuid.uuid4()", "uuid.uuid4()"),
+    ("secrets.token_hex()", "urandom"),
+    ("np.random.normal()", "numpy.random.normal()"),
+    ("np.random.rand(3)", "numpy.random.rand()"),
+    ("np.random.default_rng()", "urandom"),
+    ("open(__file__).close()", "reading"),
+    ("open(__file__, 'r+').close()", "reading"),
+    ("HERE.read_text()", "reading"),
+    ("HERE.read_bytes()", "reading"),
+    ("os.close(os.open(__file__, os.O_RDONLY))", "reading"),
+    ("np.fromfile(HERE, dtype='u1')", "reading"),
+    ("threading.Thread(target=print, args=('',)).start()", "starting a thread"),
+    ("threading.Timer(0, int).start()", "starting a thread"),
+    ("subprocess.run(['true'])", "starting a process"),
+    ("os.system('true')", "starting a process"),
+    ("with socket.socket() as link: link.connect_ex(('127.0.0.1', 9))", "opening a connection"),
+]
+
+LEGITIMATE = [
+    "self.rng.normal()",
+    "self.rng.random(300)",
+    "SEEDED.normal()",
+    "np.random.default_rng(5).normal()",
+    "np.random.Generator(np.random.PCG64(5)).normal()",
+    "random.Random(5).random()",
+    "OLD_GENERATOR.gauss(0, 1)",
+    "self.get_time_s()",
+    "import colorsys, email.mime.audio",
+    "open(tempfile.gettempdir() + '/snr_sim_test_outside', 'w').close()",
+    "open(tempfile.gettempdir() + '/snr_sim_test_outside', 'ab').close()",
+    "self.log.warning('deep')",
+    "logging.getLogger('x').error('deep')",
+    "traceback.format_stack()",
+    "return self.store_data_task('x', [1.0])",
+    "return tasks.terminate('done')",
+    "datetime.datetime(2021, 1, 1) + datetime.timedelta(days=1)",
+    "sorted({3, 1, 2}), hash((1, 2)), sum(np.linspace(0, 1, 9))",
+    "print('hello')",
+]
+
+
+@pytest.mark.parametrize(("line", "what"), ASKS)
+def test_a_handler_that_asks_the_outside_is_named_with_file_and_line(tmp_path: Path, line: str, what: str) -> None:
+    calls = asked(tmp_path, line)
+    number = ROBOT.format(line=line, at_load="").splitlines().index(f"        {line}  # the line") + 1
+    assert [(Path(one.file).name, one.line) for one in calls] == [("asker.py", number)]
+    assert what in calls[0].what
+    assert "does not repeat; " in str(calls[0])
+
+
+@pytest.mark.parametrize("line", LEGITIMATE)
+def test_what_repeats_is_not_named(tmp_path: Path, line: str) -> None:
+    assert asked(tmp_path, line) == []
+
+
+def test_chance_at_the_top_of_a_file_is_named_and_reading_there_is_not(tmp_path: Path) -> None:
+    calls = asked(tmp_path, "pass", "MODEL = HERE.read_text()\nCHANCE = np.random.default_rng()\nBEGUN = time.time()")
+    lines = (tmp_path / "asker.py").read_text().splitlines()
+    assert [lines[one.line - 1].split()[0] for one in calls] == ["CHANCE", "BEGUN"]
+
+
+def test_after_watching_everything_is_as_before() -> None:
+    before = np.random.normal
+    profile = sys.getprofile()
+    with watching():
+        assert np.random.normal is not before
+    assert np.random.normal is before
+    assert sys.getprofile() is profile
+
+
+def test_a_line_that_asks_a_thousand_times_is_named_once(tmp_path: Path) -> None:
+    assert len(asked(tmp_path, "[random.random() for _ in range(1000)] and time.time()")) == 1
+
+
+def test_the_hint_says_what_to_use_instead(tmp_path: Path) -> None:
+    def hint(line: str) -> Any:
+        (tmp_path / FILE_NAME).unlink(missing_ok=True)
+        return asked(tmp_path, line)[0].hint
+
+    assert "self.get_time_s()" in hint("time.time()")
+    assert "self.rng" in hint("random.random()")
+    assert "self.rng" in hint("np.random.default_rng()")
+    assert "Loop" in hint("open(__file__).close()")
+
+
+def test_a_file_name_that_is_no_text_is_no_trouble(tmp_path: Path) -> None:
+    assert len(asked(tmp_path, "open(os.fsencode(__file__)).close()")) == 1
