@@ -70,7 +70,10 @@ class OfTheClass(Endpoint):
 
     def on_x(self, task: Task, task_id: Any) -> SomeTasks:
         self.count += 1
-        return tasks.terminate("done") if self.count == 2 else [Task(*X)]
+        if self.count == 1:
+            return [Task(*Y), Task(*X)]  # nobody handles y yet, and that is remembered
+        self.task_handlers[Y] = new
+        return Task(*Y)
 
     task_handlers: ClassVar[TaskHandlerMap] = {X: on_x}  # type: ignore[assignment, misc]
     count = 0
@@ -90,7 +93,7 @@ def test_handlers_of_the_class_are_methods_and_belong_to_each_object() -> None:
     first.task_handlers[Y] = new
     assert Y not in second.task_handlers
     nodes[1].loop()
-    assert nodes[1].exit_reason == "done"
+    assert nodes[1].exit_reason == "new"
     assert isinstance(second, OfTheClass)
     assert second.count == 2
 

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, SimClock, SimRunner, SynchronousRunner, TaskType, TestRunner, tasks
-from snr_sim.core.interrupts import Interrupted, orderly
+from snr_sim.core.interrupts import PATIENCE_S, Interrupted, orderly
 from snr_sim.prelude.errors import ComponentFailed
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
@@ -102,6 +102,18 @@ def test_no_number_of_signals_keeps_motors_from_being_stopped() -> None:
     motors = [PartFactory(name=name, halt=stop_motor) for name in "abc"]
     TestRunner(Config(factories={"test": [*motors, sends(signal.SIGINT)]})).run()
     assert halted == ["a", "b", "c"]
+
+
+def test_a_halt_has_its_own_time_however_long_others_took() -> None:
+    halted: list[str] = []
+
+    def stop_slowly(part: Any) -> None:
+        time.sleep(0.6 * PATIENCE_S)
+        halted.append(part.name)
+
+    motors = [PartFactory(name=name, halt=stop_slowly) for name in "ab"]
+    TestRunner(Config(factories={"test": [*motors, sends(signal.SIGINT)]})).run()
+    assert halted == ["a", "b"]
 
 
 def test_a_halt_that_never_returns_does_not_keep_others_from_being_halted() -> None:

@@ -212,6 +212,18 @@ def test_pages_stored_just_before_the_end_are_still_processed(make: Make, count:
     assert len(processed) == count
 
 
+def test_what_follows_from_what_was_queued_at_the_end_is_finished_too(make: Make) -> None:
+    heard: list[str] = []
+
+    def next_one(task: Task, task_id: Any) -> SomeTasks:
+        return tasks.event(f"e{int(task.name[1:]) + 1}") if task.name != "e8" else None
+
+    chain = PartFactory({TaskType.event: next_one}, "chain")
+    node = run(make([chain, listener(heard), starts_with(tasks.event("e1"), tasks.terminate("done"))]))
+    assert heard == [f"e{i}" for i in range(1, 9)]
+    assert node.notes == []
+
+
 def test_at_the_end_a_task_that_asks_for_itself_is_cut_off_and_the_run_says_so(make: Make) -> None:
     again = PartFactory({TaskType.event: lambda task, task_id: task})
     node = run(make([again, starts_with(tasks.event("again"), tasks.terminate("done"))]))

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
@@ -24,35 +25,57 @@ def run_s(node: Node) -> float:
     return time.monotonic() - start_s
 
 
+def holds_once(attempt: Callable[[], bool]) -> bool:
+    """Whether a measurement of this computer comes out at least once of four: it may be busy, but not always."""
+    return any(attempt() for _ in range(4))
+
+
 def test_an_idle_node_costs_nothing() -> None:
-    node = node_of(PartFactory({TaskType.event: lambda task, task_id: None}))
-    threading.Timer(0.5, lambda: node.schedule(tasks.terminate("enough"))).start()
-    before_s = time.process_time()
-    took_s = run_s(node)
-    assert time.process_time() - before_s < 0.01 * took_s + 0.003  # 3 ms to begin and end
-    assert node.exit_reason == "enough"
-    assert took_s < 0.7  # it did not wait to be woken
+    def is_cheap() -> bool:
+        node = node_of(PartFactory({TaskType.event: lambda task, task_id: None}))
+        threading.Timer(0.4, lambda: node.schedule(tasks.terminate("enough"))).start()
+        before_s = time.process_time()
+        took_s = run_s(node)
+        assert node.exit_reason == "enough"
+        return time.process_time() - before_s < 0.01 * took_s
+
+    assert holds_once(is_cheap)
 
 
 def test_a_node_whose_loops_wait_costs_nothing_either() -> None:
-    node = node_of(TimeoutLoopFactory(seconds=0.4), TickerFactory(rate_hz=5))
-    before_s = time.process_time()
-    took_s = run_s(node)
-    assert time.process_time() - before_s < 0.01 * took_s + 0.005  # 5 ms to start and end threads
-    assert node.exit_reason == "timeout"
+    def is_cheap() -> bool:
+        node = node_of(TimeoutLoopFactory(seconds=0.4), TickerFactory(rate_hz=5))
+        before_s = time.process_time()
+        took_s = run_s(node)
+        assert node.exit_reason == "timeout"
+        return time.process_time() - before_s < 0.01 * took_s
+
+    assert holds_once(is_cheap)
+
+
+def test_a_node_that_sleeps_is_woken_at_once() -> None:
+    def is_prompt() -> bool:
+        node = node_of(PartFactory())
+        threading.Timer(0.05, lambda: node.schedule(tasks.terminate("enough"))).start()
+        return run_s(node) < 0.08
+
+    assert holds_once(is_prompt)
 
 
 @pytest.mark.parametrize("rate_hz", [50, 100, 500])
 def test_a_loop_on_a_thread_keeps_its_mean_rate_although_it_works(rate_hz: int) -> None:
-    ticks: list[float] = []
+    def keeps_rate() -> bool:
+        ticks: list[float] = []
 
-    def work(loop: Any) -> None:
-        ticks.append(time.monotonic())
-        time.sleep(0.5 / rate_hz)  # half of the period goes into the work itself
+        def work(loop: Any) -> None:
+            ticks.append(time.monotonic())
+            time.sleep(0.5 / rate_hz)  # half of the period goes into the work itself
 
-    run_s(node_of(TickerFactory(work, rate_hz=rate_hz), TimeoutLoopFactory(seconds=0.5)))
-    mean_hz = (len(ticks) - 1) / (ticks[-1] - ticks[0])
-    assert mean_hz == pytest.approx(rate_hz, rel=0.05)  # a wait of one period after the work: 33 % off
+        run_s(node_of(TickerFactory(work, rate_hz=rate_hz), TimeoutLoopFactory(seconds=0.4)))
+        mean_hz = (len(ticks) - 1) / (ticks[-1] - ticks[0])
+        return abs(mean_hz / rate_hz - 1.0) < 0.02  # a wait of one period after the work: 33 % off
+
+    assert holds_once(keeps_rate)
 
 
 def test_a_loop_that_cannot_keep_up_leaves_ticks_out_and_does_not_hurry_after_them() -> None:

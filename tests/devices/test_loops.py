@@ -178,6 +178,15 @@ def test_a_command_that_is_none_leaves_the_actuator_neutral_and_stops_the_run(
     assert actuator.is_closed
 
 
+def test_after_a_wrong_command_the_actuator_does_not_wait_for_its_turn_to_be_halted() -> None:
+    actuator = FakeActuator(Push, LIMITS)
+    neutral_when_others_are_halted: list[bool] = []
+    first = PartFactory(halt=lambda part: neutral_when_others_are_halted.append(actuator.is_neutral))
+    with pytest.raises(ComponentFailed):
+        run(first, commands({"thrust_n": 5.0}, {"thrust_n": math.nan}), engine(actuator))
+    assert neutral_when_others_are_halted == [True]
+
+
 def fail(task: Task, task_id: Any) -> None:
     raise ValueError("the controller's own mistake")
 
