@@ -40,8 +40,8 @@ class Page(msgspec.Struct, frozen=True, tag_field=MARK, tag="page"):
         """
         try:
             raw = _encode(self)
-            # One "$" is the page's own; and what C cannot carry (NaN, a tuple, ...) comes back unequal.
-            if raw.count(b'"$":') == 1 and _decode_data(raw).data == self.data:
+            # What C cannot carry (NaN, a tuple, ...) comes back unequal.
+            if _has_one_mark(raw) and _decode_data(raw).data == self.data:
                 return raw
         except (TypeError, ValueError, OverflowError, RecursionError):
             pass  # not plain: numpy, an unknown object, nested too deeply
@@ -57,12 +57,17 @@ class Page(msgspec.Struct, frozen=True, tag_field=MARK, tag="page"):
         data = raw.encode() if isinstance(raw, str) else raw
         try:
             page = _decode_page(data)
-            # More than one "$": the page's own, and those of marked values inside its data.
-            return page if data.count(b'"$":') == 1 else msgspec.structs.replace(page, data=_data_of(data))
+            # More than one mark: the page's own, and those of marked values inside its data.
+            return page if _has_one_mark(data) else msgspec.structs.replace(page, data=_data_of(data))
         except (msgspec.DecodeError, RecursionError) as error:
             raise ValueEncodingError(
                 f"This is not a page ({error}): {data[:80]!r}", fix="pages are written by Page.serialize()."
             ) from error
+
+
+def _has_one_mark(raw: bytes) -> bool:
+    """Whether the page's own mark is the only one: nearly always its "$" is even the only one of the whole text."""
+    return raw.rfind(b"$") == 2 or raw.count(b'"$":') == 1
 
 
 class _DataOfPage(msgspec.Struct):
