@@ -19,11 +19,12 @@ from statistics import median
 from harness import Row, report
 
 PROJECT = Path(__file__).resolve().parents[2]
+sys.path.append(str(PROJECT / "tests"))
+from install_size import size_mb  # noqa: E402
+
 NOTHING = [sys.executable, "-c", "pass"]
 IMPORT = [sys.executable, "-c", "import snr_sim"]
 HELP = [sys.executable, "-m", "snr_sim", "--help"]
-# What every environment has before anything is installed into it.
-NOT_OURS = ("pip", "setuptools", "wheel", "_distutils_hack", "distutils-precedence", "pkg_resources")
 
 
 def wall_time_s(command: list[str]) -> float:
@@ -39,10 +40,7 @@ def base_install_mb() -> float:
         subprocess.run([sys.executable, "-m", "venv", name], check=True)
         pip = [str(Path(name) / "bin" / "python"), "-m", "pip", "install", "--quiet", "--no-compile", str(PROJECT)]
         subprocess.run(pip, check=True, stdout=subprocess.DEVNULL)
-        packages = next(Path(name).glob("lib/python*/site-packages"))
-        files = [file for file in packages.rglob("*") if file.is_file() and "__pycache__" not in file.parts]
-        ours = [file for file in files if not file.relative_to(packages).parts[0].startswith(NOT_OURS)]
-        return sum(file.stat().st_size for file in ours) / 1e6
+        return size_mb(Path(name))
 
 
 def measure(is_quick: bool) -> Iterator[Row]:
