@@ -19,6 +19,8 @@ from snr_sim.prelude.task import SomeTasks, Task, TaskType
 # A run that is over finishes what is queued, and what follows from that, this many times over: the last page is
 # stored, processed, answered and the answer stored. A task that asks for itself for ever is cut off here.
 DRAIN_GENERATIONS = 10
+# On the wall clock it also takes no longer than this: who ends a robot with a long queue does not want to wait for it.
+DRAIN_MAX_S = 0.3
 
 
 class HandlerFailed(Exception):
@@ -133,8 +135,11 @@ class EventMachine:
     def drain(self) -> int:
         """Finishes what is queued when the machine has ended; returns how many tasks were cut off."""
         self.let_in()
+        give_up_s = None if self._latch is None else self._latch() + DRAIN_MAX_S
         for _ in range(DRAIN_GENERATIONS):
             for _ in range(self.inside):
+                if give_up_s is not None and self.now_s > give_up_s:
+                    return self.inside
                 self.execute_next()
             if not self.inside:
                 return 0

@@ -29,6 +29,8 @@ from snr_sim.prelude.task import SomeTasks, Task, TaskType
 if TYPE_CHECKING:
     import numpy as np
 
+INTERRUPTED = "interrupted"  # so begins the message of an error record that is none: a handler did not return
+
 # From this many waiting tasks on a run is told that it cannot keep up. A burst of a few hundred is nothing unusual.
 OVERLOAD_TASKS = 1000
 
@@ -178,6 +180,7 @@ class Node:
             cause = failed.__cause__
             if not isinstance(cause, (Exception, SystemExit)):
                 assert cause is not None
+                self._record_interrupt(failed, cause)
                 raise cause from None  # an interrupt, not a failure
             raise self._handler_failure(failed, cause) from cause
 
@@ -226,13 +229,15 @@ class Node:
             cut_off = self.machine.drain()
         except HandlerFailed as failed:
             if not isinstance(failed.__cause__, (Exception, SystemExit)):
+                assert failed.__cause__ is not None
+                self._record_interrupt(failed, failed.__cause__)
                 return
             failures.append(self._handler_failure(failed, failed.__cause__))
         except ComponentFailed as failure:
             failures.append(failure)
         else:
             if cut_off:
-                self.note(f"The node ended with {cut_off} tasks still queued; something keeps scheduling.")
+                self.note(f"The node ended with {cut_off} tasks undone: there was no end to them, or they would have taken too long.")
 
     def _call_last(
         self, component: Component, step: str, function: Callable[[], None], failures: list[ComponentFailed]
@@ -408,6 +413,12 @@ class Node:
         self._failures.append(failure)
         if self._recorder is not None:
             self._recorder.error(self.machine.now_s, failure.component, failure.message)
+
+    def _record_interrupt(self, failed: HandlerFailed, cause: BaseException) -> None:
+        """Writes into the trace which handler was interrupted: a replay must not wait for it again."""
+        if self._recorder is not None:
+            interrupt = self._handler_failure(failed, cause)
+            self._recorder.error(self.machine.now_s, interrupt.component, f"{INTERRUPTED}: {interrupt.message}")
 
     def note(self, text: str) -> None:
         """Keeps a remark for the end of the run."""
