@@ -122,11 +122,15 @@ class LockStep:
 def _end_all(nodes: Sequence[Node], why: str | BaseException) -> None:
     """Ends every node; raises the first failure to do so, unless another one is already on its way."""
     failure: Exception | None = None
+    if isinstance(why, str):
+        reason = why
+    else:
+        reason = "interrupted" if isinstance(why, KeyboardInterrupt) else f"error: {type(why).__name__}"
     for node in nodes:
         try:
             if isinstance(why, ComponentFailed):
                 node.record_failure(why)
-            node.end(why if isinstance(why, str) else f"error: {type(why).__name__}")
+            node.end(reason)
         except Exception as error:
             failure = failure or error
     if failure is not None and isinstance(why, str):

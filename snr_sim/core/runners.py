@@ -9,7 +9,7 @@ from typing import Protocol
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.config import ComponentsByRole, Config, Mode
-from snr_sim.core.interrupts import orderly
+from snr_sim.core.interrupts import Interrupted, orderly
 from snr_sim.core.lockstep import LockStep
 from snr_sim.core.node import Node
 from snr_sim.prelude.clock import Clock
@@ -56,10 +56,20 @@ class SynchronousRunner:
         Raises:
             ComponentFailed: a handler or a loop raised.
         """
-        with orderly([self.node]):
+        try:
+            with orderly([self.node]) as signals:
+                self._loop(signals)
+        finally:
+            for note in self.node.notes:
+                print(f"note: {note}", file=sys.stderr)
+
+    def _loop(self, signals: Sequence[str]) -> None:
+        try:
             self.node.loop()
-        for note in self.node.notes:
-            print(f"note: {note}", file=sys.stderr)
+        except Interrupted as interrupted:
+            if not signals:
+                raise
+            self.node.note(f"{signals[0]}: {interrupted}, and was interrupted.")
 
 
 class CliRunner:

@@ -162,7 +162,7 @@ def test_a_run_that_ended_with_tasks_queued_replays_identically(tmp_path: Path) 
 
     trace = record(Restless(), tmp_path)
     assert any(
-        "still queued" in note for one in trace.records if hasattr(one, "summary") for note in one.summary["notes"]
+        "tasks undone" in note for one in trace.records if hasattr(one, "summary") for note in one.summary["notes"]
     )
     replayed = replay(trace, Restless())
     assert replayed.is_identical, replayed.divergences[0]
