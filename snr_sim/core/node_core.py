@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from snr_sim.core.node import Node
 
 CORE_NAME = "node_core"
+_PROCESS_DATA = TaskType.process_data  # looked up once: in Python 3.11 a member of an Enum takes 0.1 us to find
 
 
 class NodeCore(Endpoint):
@@ -37,7 +38,7 @@ class NodeCore(Endpoint):
         if self.taps:
             for tap in self.taps.get(page.key, ()):
                 tap(page)
-        return Task(TaskType.process_data, page.key) if page.process else None
+        return Task(_PROCESS_DATA, page.key) if page.process else None
 
     def end_node(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Ends the node; the task's name is the reason."""
