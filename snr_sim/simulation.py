@@ -231,7 +231,7 @@ class Flight:
     ) -> None:
         self._simulation = simulation
         self._plant = plant
-        self._clock = clock = SimClock()
+        clock = SimClock()
         self._runner = SimRunner(
             config,
             simulation.roles,
@@ -241,8 +241,8 @@ class Flight:
             pace=pace,
             until_s=float(simulation.scenario.TIME_LIMIT_S),
         )
-        self._referee = _Referee(simulation.scenario, plant, self._runner)
         self._truth = _Truth(plant, recorder) if recorder is not None else None
+        self._referee = _Referee(simulation.scenario, plant, self._runner, self._truth)
         clock.follow(Stepper(plant).advance_to)
         clock.follow(self._referee.look)
         if on_advance is not None:
@@ -267,8 +267,6 @@ class Flight:
             if self._truth is not None:
                 self._truth.look(0.0)
             self._runner.run()
-            if self._truth is not None:
-                self._truth.record(self._clock.now_s())
         except SnrError as failure:
             error = str(failure)
         except KeyboardInterrupt as stop:
@@ -415,10 +413,11 @@ def call_student(function: Callable[..., Any], name: str, *args: Any) -> Any:
 class _Referee:
     """Looks at the plant at each new moment; once there is a verdict, every node is told to end."""
 
-    def __init__(self, scenario: ModuleType, plant: Plant, runner: SimRunner) -> None:
+    def __init__(self, scenario: ModuleType, plant: Plant, runner: SimRunner, truth: _Truth | None) -> None:
         self._judge = scenario.verdict
         self._plant = plant
         self._runner = runner
+        self._truth = truth
         self.verdict: Verdict | None = None
 
     def look(self, time_s: float) -> None:
@@ -432,6 +431,8 @@ class _Referee:
                         fix="return Verdict('landed', True), or None while it goes on.",
                     )
                 self.verdict = verdict
+                if self._truth is not None:
+                    self._truth.record(time_s)  # the state that was judged, before the nodes' last records
                 for node in self._runner.nodes.values():
                     node.enter(tasks.terminate(self.verdict.outcome), "referee")
 
@@ -451,9 +452,9 @@ class _Truth:
     def look(self, time_s: float) -> None:
         """Records, if it is time."""
         if time_s >= self._due_s:
-            self._due_s = time_s + _TRUTH_PERIOD_S
             self.record(time_s)
 
     def record(self, time_s: float) -> None:
         """Records."""
+        self._due_s = time_s + _TRUTH_PERIOD_S
         self._recorder.truth(time_s, self._plant.truth())

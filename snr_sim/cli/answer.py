@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
+_STDOUT, _STDERR = 1, 2  # what libraries written in C, and other programs, print to
+
 
 @contextmanager
 def guarded(is_json: bool) -> Iterator[None]:
@@ -20,24 +22,23 @@ def guarded(is_json: bool) -> Iterator[None]:
     before = sys.stdout
     before.flush()
     target = sys.stderr if is_json else before
-    kept = _duplicate(before)
+    kept = _duplicate(_STDOUT)
     try:
-        if is_json and kept is not None:
-            os.dup2(sys.stderr.fileno(), before.fileno())
+        if is_json:
+            with suppress(OSError):  # there is none, or no stderr
+                os.dup2(_STDERR, _STDOUT)
         sys.stdout = _Lent(target)
         yield
     finally:
         sys.stdout = before
         if kept is not None:
-            os.dup2(kept, before.fileno())
+            os.dup2(kept, _STDOUT)
             os.close(kept)
 
 
-def _duplicate(stream: Any) -> int | None:
-    """Returns a second descriptor of a real stdout, or None where a test has put something else in its place."""
-    with suppress(OSError, ValueError, AttributeError):
-        sys.stderr.fileno()
-        return os.dup(stream.fileno())
+def _duplicate(descriptor: int) -> int | None:
+    with suppress(OSError):
+        return os.dup(descriptor)
     return None
 
 

@@ -90,8 +90,11 @@ def record_run(
                 result.error, result.outcome, result.success = recorder_error, "error", False
             fields = result_fields(simulation.request, result, recorder.digest, place / folder.name)
             write_result(folder, fields)
+            noted = list(result.notes)
     if is_viewed:
         _write_view(folder, result)
+        if fields["notes"] != noted:
+            write_result(folder, fields)
     _say(fields, result, is_quiet)
     return fields, 0 if result.success else 1
 

@@ -20,11 +20,11 @@ from typing import Any, Protocol
 import msgspec
 from msgspec import Raw
 
-from snr_sim.prelude.errors import TraceError
+from snr_sim.prelude.errors import SnrError, TraceError
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.recorder import Handled, Ticket
 from snr_sim.prelude.task import Task, TaskType
-from snr_sim.prelude.values import encode_value
+from snr_sim.prelude.values import MARK, encode_value
 from snr_sim.recording.records import (
     BeginRecord,
     By,
@@ -90,6 +90,10 @@ class TraceWriter:
                 f"The trace {path} cannot be made: {error.strerror}.", fix="choose another folder with --out."
             ) from error
         self._write(_encode(header) + b"\n")
+        if not self._whole_bytes:
+            os.close(self._file)
+            path.unlink()
+            self._check()
         self._flusher = threading.Thread(target=self._flush_until_closed, name="trace-flusher", daemon=True)
         self._flusher.start()
 
@@ -189,9 +193,22 @@ def encode_values(task: Task) -> bytes:
     values = task.val_list
     if not values:
         return _NO_VALUES
-    if len(values) == 1 and type(values[0]) is Page:
-        return b"[" + values[0].serialize() + b"]"
-    return encode_value(list(values))
+    try:
+        if len(values) == 1 and type(values[0]) is Page:
+            return b"[" + values[0].serialize() + b"]"
+        return encode_value(list(values))
+    except Exception as error:  # it contains itself, or cannot be looked into; a run goes on, recorded or not
+        reason = error.message if isinstance(error, SnrError) else f"{type(error).__name__}: {error}"
+        return encode_value([{MARK: "object", "type": "not recorded", "fields": {"because": reason}}])
+
+
+def id_in_words(task: Task) -> tuple[str, str]:
+    """Returns a task's type and name; as text also where they are none, which the node is about to complain about."""
+    kind: Any = task.type
+    name: Any = task.name
+    if isinstance(kind, str) and isinstance(name, str):
+        return kind, name
+    return str(kind), str(name)
 
 
 def digest_of_header(header: Header) -> hashlib.blake2b:
@@ -220,7 +237,7 @@ class NodeTrace:
         """Takes down a task that entered through the door."""
         seq = self._next_seq()
         values = encode_values(task)
-        record = InputRecord(seq, now_s, self._node, source, task.type, task.name, Raw(values))
+        record = InputRecord(seq, now_s, self._node, source, *id_in_words(task), Raw(values))
         self._writer.put(_encode(record))
         return (task, seq, 0, values)
 
@@ -232,7 +249,7 @@ class NodeTrace:
         tickets: list[Ticket] = []
         by = [By(label[0], label[1], _returned(outputs, seq, tickets)) for label, outputs in handled]
         kind = PageRecord if task.type is TaskType.store_page else TaskRecord
-        writer.put(_encode(kind(seq, now_s, self._node, task.type, task.name, Raw(values), cause, nth, by)))
+        writer.put(_encode(kind(seq, now_s, self._node, *id_in_words(task), Raw(values), cause, nth, by)))
         return tickets
 
     def error(self, now_s: float, component: str, message: str) -> None:
@@ -255,7 +272,7 @@ def _returned(tasks: Sequence[Task], seq: int, tickets: list[Ticket]) -> list[Re
     for task in tasks:
         values = encode_values(task)
         tickets.append((task, seq, len(tickets), values))
-        returned.append(Returned(task.type, task.name, Raw(values)))
+        returned.append(Returned(*id_in_words(task), Raw(values)))
     return returned
 
 

@@ -1,0 +1,371 @@
+"""`snr run`: what it says and leaves behind, for good requests and for every kind of bad one."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim.cli.run import pace_of
+from snr_sim.recording.folder import RESULT_NAME
+from snr_sim.recording.trace import FILE_NAME, read_trace
+
+Snr = Callable[..., Any]
+Mine = Callable[..., Path]
+
+WIRED = '        return self.store_data_task("engine", {"throttle": 0.3})'
+RUN = ("run", "lander_vertical", "--no-rrd")
+
+
+def run_folder(here: Path) -> Path:
+    (folder,) = (here / "runs").iterdir()
+    return folder
+
+
+def assert_nothing_written(here: Path) -> None:
+    assert not (here / "runs").exists()
+
+
+# A good run
+
+
+def test_a_run_prints_one_json_object_which_is_its_result(snr: Snr, here: Path) -> None:
+    answer = snr(*RUN, "--json")
+    assert answer.status == 0
+    fields = answer.json
+    assert {
+        "scenario", "seed", "engine", "success", "outcome", "touchdown", "fuel_kg", "fuel_optimum_kg", "fuel_ratio",
+        "sim_time_s", "wall_time_s", "tasks", "pages", "trace_digest", "run_dir",
+    } <= fields.keys()  # fmt: skip
+    assert fields["touchdown"].keys() == {"vertical_mps", "lateral_mps", "attitude_deg"}
+    assert (fields["outcome"], fields["success"], fields["seed"]) == ("landed", True, 0)
+    folder = run_folder(here)
+    assert Path(fields["run_dir"]) == folder.relative_to(here)
+    assert json.loads((folder / RESULT_NAME).read_bytes()) == fields
+    assert read_trace(folder / FILE_NAME).digest == fields["trace_digest"]
+    assert sorted(path.name for path in folder.iterdir()) == [RESULT_NAME, FILE_NAME]
+    assert answer.err == ""
+
+
+def test_a_run_in_words_says_how_it_ended_and_where_it_is(snr: Snr, here: Path) -> None:
+    answer = snr(*RUN)
+    assert answer.status == 0
+    assert "lander_vertical, seed 0, controller optimal: landed" in answer.out
+    assert f"run folder: {run_folder(here).relative_to(here)}" in answer.out
+
+
+def test_a_run_that_misses_its_criterion_ends_with_status_1(snr: Snr) -> None:
+    answer = snr(*RUN, "--controller", "coast", "--json")
+    assert (answer.status, answer.json["outcome"], answer.json["success"]) == (1, "crashed", False)
+
+
+def test_the_same_seed_gives_the_same_digest_and_another_one_another(snr: Snr) -> None:
+    digests = [
+        snr("run", "lander_pad", "--no-rrd", "--json", "--seed", seed).json["trace_digest"] for seed in (7, 7, 8)
+    ]
+    assert digests[0] == digests[1] != digests[2]
+
+
+def test_the_digest_is_the_same_in_another_process_with_another_hash_seed(snr: Snr, here: Path) -> None:
+    mine = snr("run", "lander_pad", "--no-rrd", "--json", "--seed", 7).json["trace_digest"]
+    for hash_seed in ("1", "2"):
+        command = [sys.executable, "-m", "snr_sim", "run", "lander_pad", "--no-rrd", "--json", "--seed", "7"]
+        environment = {**os.environ, "PYTHONHASHSEED": hash_seed}
+        done = subprocess.run(command, capture_output=True, check=True, env=environment)
+        assert json.loads(done.stdout)["trace_digest"] == mine
+
+
+def test_the_same_controller_in_another_folder_gives_the_same_digest(snr: Snr, here: Path, mine: Mine) -> None:
+    first = snr(*RUN, "--json", "--controller", mine()).json
+    (here / "elsewhere").mkdir()
+    second = snr(*RUN, "--json", "--controller", mine(name="elsewhere/mine.py")).json
+    assert first["trace_digest"] == second["trace_digest"]
+
+
+def test_a_view_neither_changes_a_run_nor_its_result(snr: Snr) -> None:
+    pytest.importorskip("rerun")
+    with_view = snr("run", "lander_vertical", "--json").json
+    without = snr(*RUN, "--json").json
+    assert (Path(with_view["run_dir"]) / "view.rrd").stat().st_size > 1000
+    for changing in ("wall_time_s", "run_dir"):
+        del with_view[changing], without[changing]
+    assert with_view == without
+
+
+@pytest.mark.parametrize("seed", [-1, -(2**40), 2**63, 10**30])
+def test_any_whole_number_is_a_seed(snr: Snr, seed: int) -> None:
+    answer = snr(*RUN, "--json", "--seed", seed)
+    assert answer.status in (0, 1)
+    assert answer.json["seed"] == seed
+
+
+@pytest.mark.parametrize("speed", ["0", "nan", "-1", "abc", "inf", ""])
+def test_a_speed_that_is_none_is_refused(snr: Snr, here: Path, speed: str) -> None:
+    answer = snr(*RUN, "--speed", speed)
+    assert answer.status == 2
+    assert f"--speed {speed} is no speed" in answer.err
+    assert_nothing_written(here)
+
+
+def test_speed_is_seconds_of_the_robot_per_second_of_ours(snr: Snr) -> None:
+    assert (pace_of("fast"), pace_of("real"), pace_of("2.5")) == (None, 1.0, 2.5)
+    fields = snr(*RUN, "--speed", "100", "--json").json
+    assert fields["wall_time_s"] > 0.9 * fields["sim_time_s"] / 100
+
+
+# Wrong requests: a sentence, status 2, and nothing written
+
+
+WRONG = [
+    (("run", "lander_verticl"), "no scenario 'lander_verticl'", "did you mean 'lander_vertical'?"),
+    (("run", "./no.py"), "no scenario './no.py'", "Known: "),
+    (("run", ""), "no scenario ''", "Known: "),
+    ((*RUN, "--controller", "optiml"), "no controller 'optiml'", "did you mean 'optimal'?"),
+    ((*RUN, "--controller", "./no.py"), "no controller './no.py'", "Or a file"),
+    ((*RUN, "--controller", "."), "no controller '.'", "Or a file"),
+    ((*RUN, "--role", "landr"), "no role 'landr'", "did you mean 'lander'?"),
+    ((*RUN, "--engine", "pymnk"), "does not run on engine 'pymnk'", "Known: closed_form"),
+    ((*RUN, "--io", "pi"), "no devices for --io pi", "Known: sim"),
+    ((*RUN, "--option", "t_go_s"), "--option t_go_s is not KEY=VALUE", "Try: --option"),
+    ((*RUN, "--seed", "seven"), "'--seed'", "--help"),
+    ((*RUN, "--bogus"), "No such option: --bogus", "--help"),
+    (("runn",), "No such command", "--help"),
+    (("run",), "Missing argument", "--help"),
+]
+
+
+@pytest.mark.parametrize(("words", "found", "fix"), WRONG)
+def test_a_wrong_request_gets_a_sentence_a_hint_and_status_2(
+    snr: Snr, here: Path, words: tuple[str, ...], found: str, fix: str
+) -> None:
+    answer = snr(*words)
+    assert answer.status == 2
+    assert found in answer.err
+    assert fix in answer.err
+    assert answer.out == ""
+    as_json = snr(*words, "--json")
+    assert as_json.status == 2
+    assert found in as_json.json["error"]
+    assert list(here.iterdir()) == []
+
+
+def test_an_out_that_is_a_file_or_cannot_be_written_is_refused(snr: Snr, here: Path) -> None:
+    (here / "file").write_text("mine")
+    for out in ("file", "file/below", "/proc/snr"):
+        answer = snr(*RUN, "--out", out, "--json")
+        assert answer.status == 2
+        assert "--out" in answer.json["error"]
+    assert (here / "file").read_text() == "mine"
+    assert [path.name for path in here.iterdir()] == ["file"]
+
+
+def test_runs_of_one_second_get_folders_of_their_own(snr: Snr, here: Path) -> None:
+    folders = {snr(*RUN, "--json", "--out", "here/and/there").json["run_dir"] for _ in range(3)}
+    assert len(folders) == 3
+    assert all((here / folder / RESULT_NAME).is_file() for folder in folders)
+
+
+# Controller files that cannot be used: found before anything is written
+
+MADE = "return [MineFactory()]"
+UNUSABLE = [
+    (("return [MineFactory()]", "return [MineFactory("), "mine.py, line 5: ", "SyntaxError"),
+    (("from snr_sim import", "import no_such_package\nfrom snr_sim import"), "mine.py, line 2: import no_such_package",
+     "ModuleNotFoundError"),
+    (("def factories(robot):", "1 / 0\ndef factories(robot):"), "mine.py, line 4: 1 / 0", "ZeroDivisionError"),
+    (("def factories(robot):", "exit(0)\ndef factories(robot):"), "mine.py, line 4: exit(0)", "SystemExit"),
+    (("def factories(robot):", "def factory(robot):"), "mine.py has no `factories`", "def factories(robot)"),
+    (("def factories(robot):\n    return [MineFactory()]", "factories = []"), "`factories` is [], not a function",
+     "def factories(robot)"),
+    (("def factories(robot):", "def factories():"), "factories() takes 0 positional arguments but 1 was given",
+     "while factories() was called"),
+    ((MADE, "return None"), "returned None, which is not a list", "return [MyEndpointFactory()]"),
+    ((MADE, "return 42"), "returned 42, which is not a list", "return [MyEndpointFactory()]"),
+    ((MADE, "return MineFactory()"), "which is not a list", "return [MyEndpointFactory()]"),
+    ((MADE, "return [MineFactory]"), "which is not a factory", "with the brackets"),
+    ((MADE, "return [Mine]"), "which is not a factory", "with the brackets"),
+    ((MADE, "return [None]"), "a list with None, which is not a factory", "with the brackets"),
+    ((MADE, "return [robot.parametrs]"), "mine.py, line 5: return [robot.parametrs]", "AttributeError"),
+    ((MADE, "return [MineFactory(), MineFactory()]"), "two components named 'mine'", "a name of its own"),
+    ((MADE, "exit(0)"), "mine.py, line 5: exit(0)", "SystemExit"),
+    (('return Mine(self, parent, "mine")', "return None"), "MineFactory.get() of role 'lander' returned None",
+     "return MyEndpoint"),
+    (('return Mine(self, parent, "mine")', "return Mine()"), "mine.py, line 9: return Mine()",
+     "missing 3 required positional arguments"),
+    (('return Mine(self, parent, "mine")', "pass"), "returned None, but should return a Endpoint", "return MyEndpoint"),
+    (("super().__init__(factory, parent, name)", "pass"), "mine.py, line 15: ", "super().__init__(factory, parent"),
+    (("self.ticks = 0", "self.ticks = 1 / 0"), "mine.py, line 14: self.ticks = 1 / 0", "ZeroDivisionError"),
+    (("def on_radar(self, task, task_id):", "def on_radar(self, task):"), "mine.py, line 15: self.task_handlers = ",
+     "Try: def on_radar(self, task, task_id)"),
+    (("self.on_radar}", "self.on_radar()}"), "mine.py, line 15: ", "missing 2 required positional arguments"),
+    (("self.on_radar}", "self.on_rader}"), "mine.py, line 15: ", "on_rader"),
+    (('(TaskType.process_data, "radar")', '"radar"'), "mine.py, line 15: ", "a key is TaskType.event"),
+    (('(TaskType.process_data, "radar")', '("radar", TaskType.process_data)'), "the two are swapped", "Try: (TaskType"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("change", "found", "fix"), UNUSABLE, ids=lambda value: value[1][:40] if len(value) == 2 else ""
+)
+def test_a_controller_that_cannot_be_used_is_explained_and_nothing_is_written(
+    snr: Snr, here: Path, mine: Mine, change: tuple[str, str], found: str, fix: str
+) -> None:
+    answer = snr(*RUN, "--controller", mine(change), "--json")
+    assert answer.status == 2
+    error = answer.json["error"]
+    assert found in error
+    assert fix in error
+    assert answer.err.strip() == error
+    if found.startswith("mine.py, line"):
+        assert error.startswith("mine.py, line")  # the student's line comes first
+    assert "snr_sim/" not in error
+    assert_nothing_written(here)
+
+
+@pytest.mark.parametrize("content", [b"\xff\xfe\x00", b"x = '\xe4'", b"x = 1\x00", b""])
+def test_a_controller_that_is_no_python_is_explained(snr: Snr, here: Path, content: bytes) -> None:
+    (here / "mine.py").write_bytes(content)
+    answer = snr(*RUN, "--controller", "mine.py", "--json")
+    assert answer.status == 2
+    assert "mine.py" in answer.json["error"]
+    assert_nothing_written(here)
+
+
+# Controllers that go wrong while they fly: the run is whole up to there
+
+LATE = "if now_s >= 30.0: "
+FAILING = [
+    ("raise ValueError('too low')", "ValueError: too low", "process_data 'radar' at t = 30.0"),
+    ("1 / 0", "ZeroDivisionError: division by zero", "in on_radar(), component 'mine'"),
+    ("exit(0)", "SystemExit: 0", "tasks.terminate('why')"),
+    ("import sys; sys.exit()", "SystemExit", "tasks.terminate('why')"),
+    ("return 42", "'mine.on_radar' returned 42, which is not a task", "a Task or a list of Tasks"),
+    ("return 'burn'", "'mine.on_radar' returned 'burn'", "did you mean tasks.event('burn')?"),
+    ("return [None]", "a list with None, which is not a task", "a Task or a list of Tasks"),
+    ("return TaskType.event", "which is not a task", "tasks.event('name')"),
+    ("return self.get_data('radarr')['altitude_m']", "TypeError: 'NoneType' object is not subscriptable", "line"),
+    ("return tasks.event(5)", "5", ""),
+    ("raise KeyboardInterrupt", "", ""),
+]
+
+
+@pytest.mark.parametrize(("line", "found", "fix"), FAILING)
+def test_a_controller_that_fails_at_second_30_leaves_a_run_that_is_whole_up_to_there(
+    snr: Snr, here: Path, mine: Mine, line: str, found: str, fix: str
+) -> None:
+    path = mine((WIRED, f"        {LATE}{line}\n{WIRED}"))
+    answer = snr(*RUN, "--controller", path, "--json")
+    assert answer.status == 1
+    fields = answer.json
+    assert fields["outcome"] == ("interrupted" if "Keyboard" in line else "error")
+    folder = run_folder(here)
+    assert json.loads((folder / RESULT_NAME).read_bytes()) == fields
+    trace = read_trace(folder / FILE_NAME)
+    assert trace.digest == fields["trace_digest"]
+    assert trace.is_ended
+    assert trace.records[-1].t == pytest.approx(30.0, abs=0.11)
+    if fields["outcome"] == "error":
+        number = path.read_text().splitlines().index(f"        {LATE}{line}") + 1
+        assert found in fields["error"]
+        assert fix in fields["error"]
+        if "which is not a task" not in found and "returned" not in found and "event(5)" not in line:
+            assert fields["error"].startswith(f"mine.py, line {number}: {LATE}{line}")
+    replayed = snr("replay", folder)
+    assert replayed.status == 0, replayed.out
+
+
+COMMANDS = [
+    ("float('nan')", "throttle = nan"),
+    ("float('inf')", "throttle = inf"),
+    ("'full'", "Expected `float`, got `str`"),
+    ("None", "Expected `float`, got `null`"),
+    ("[0.5]", "Expected `float`, got `array`"),
+    ("True", "Expected `float`, got `bool`"),
+]
+
+
+@pytest.mark.parametrize(("value", "found"), COMMANDS)
+def test_a_command_that_is_none_stops_the_run_with_the_value_found(
+    snr: Snr, mine: Mine, value: str, found: str
+) -> None:
+    answer = snr(*RUN, "--controller", mine(("0.3", value)), "--json")
+    assert (answer.status, answer.json["outcome"]) == (1, "error")
+    assert found in answer.json["error"]
+    assert "Try: " in answer.json["error"]
+
+
+def test_a_command_with_an_unknown_field_is_told_the_nearest_one(snr: Snr, mine: Mine) -> None:
+    answer = snr(*RUN, "--controller", mine(('"throttle"', '"throtle"')), "--json")
+    assert (answer.status, answer.json["outcome"]) == (1, "error")
+    assert "did you mean 'throttle'?" in answer.json["error"]
+
+
+def test_a_command_out_of_range_is_clamped_and_said_once(snr: Snr, mine: Mine) -> None:
+    for value in ("1.5", "-3"):
+        fields = snr(*RUN, "--controller", mine(("0.3", value)), "--json").json
+        assert len([note for note in fields["notes"] if "clamped" in note]) == 1
+        assert fields["outcome"] != "error"
+
+
+def test_what_hangs_loose_is_said_at_the_end_with_the_nearest_name(snr: Snr, mine: Mine) -> None:
+    handlers = '{(TaskType.process_data, "radr"): self.on_radar, (TaskType.event, "ignition"): self.on_radar}'
+    path = mine(('{(TaskType.process_data, "radar"): self.on_radar}', handlers))
+    answer = snr(*RUN, "--controller", path, "--json")
+    notes = "\n".join(answer.json["notes"])
+    assert "process_data 'radr'" in notes
+    assert "did you mean 'radar'?" in notes
+    assert "event 'ignition', which nobody sent" in notes
+    assert "note: " in answer.err
+    asks = mine((WIRED, "        self.get_data('motor')\n        return tasks.event('ignite')"))
+    notes = "\n".join(snr(*RUN, "--controller", asks, "--json").json["notes"])
+    assert "Page 'motor' was asked for" in notes
+    assert "Nobody handled event 'ignite'" in notes
+
+
+# Controllers that misbehave
+
+MISBEHAVING = [
+    "print('altitude')",
+    "import os; os.write(1, b'altitude')",
+    "import subprocess; subprocess.run(['echo', 'altitude'])",
+    "import sys; sys.stdout.close()",
+    "import sys; sys.stdout.write('x'); sys.stdout.flush(); sys.stdout = None",
+    "import os; os.close(1)",
+    "import os; os.chdir('/')",
+]
+
+
+@pytest.mark.parametrize("line", MISBEHAVING)
+@pytest.mark.parametrize("place", ["at load", "in a handler"])
+def test_a_controller_that_prints_closes_or_moves_away_costs_neither_json_nor_files(
+    snr: Snr, here: Path, mine: Mine, line: str, place: str
+) -> None:
+    at_load = ("def factories(robot):", f"{line}\ndef factories(robot):")
+    in_handler = (WIRED, f"        if self.ticks == 5:\n            {line}\n{WIRED}")
+    path = mine(at_load if place == "at load" else in_handler)
+    before = Path.cwd()
+    try:
+        answer = snr(*RUN, "--controller", path, "--json")
+    finally:
+        os.chdir(before)
+    assert answer.json["outcome"] == "out_of_fuel" or answer.json["outcome"] in ("crashed", "lost", "timeout")
+    folder = run_folder(here)
+    assert json.loads((folder / RESULT_NAME).read_bytes()) == answer.json
+    assert read_trace(folder / FILE_NAME).digest == answer.json["trace_digest"]
+
+
+def test_without_json_what_a_controller_prints_is_seen(snr: Snr, mine: Mine) -> None:
+    answer = snr(*RUN, "--controller", mine((WIRED, f"        print('altitude')\n        1 / 0\n{WIRED}")))
+    assert "altitude" in answer.out
+    assert "run folder: " in answer.out
+    assert "the trace is whole up to there" in answer.out
+    assert answer.err.startswith("mine.py, line 21: 1 / 0\n  ZeroDivisionError: division by zero\n")
+
+
+def test_a_controller_that_stores_what_json_has_no_number_for_gives_strict_json(snr: Snr, mine: Mine) -> None:
+    path = mine((WIRED, f"        self.store_data('x', float('nan'))\n{WIRED}"))
+    assert "NaN" not in snr(*RUN, "--controller", path, "--json").out

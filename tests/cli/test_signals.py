@@ -1,0 +1,127 @@
+"""Ctrl-C, SIGTERM and a full disk: whatever ends a run, its files are whole and its engine is off."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim.recording.folder import RESULT_NAME
+from snr_sim.recording.records import EndRecord, ErrorRecord
+from snr_sim.recording.trace import FILE_NAME, read_trace
+
+Mine = Callable[..., Path]
+WIRED = '        return self.store_data_task("engine", {"throttle": 0.3})'
+
+LIMITED = """
+import resource, sys
+from snr_sim.cli.main import main
+resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))
+sys.argv = ["snr", *{words}]
+main()
+"""
+
+
+def run_limited(limit: int, *words: str) -> subprocess.CompletedProcess[str]:
+    """Runs `snr` where no file may be longer than this: what a full disk looks like from a program."""
+    code = LIMITED.format(limit=limit, words=list(words))
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+
+
+def assert_whole(folder: Path, fields: dict[str, Any]) -> None:
+    assert json.loads((folder / RESULT_NAME).read_bytes()) == fields
+    trace = read_trace(folder / FILE_NAME)
+    assert isinstance(trace.records[-1], EndRecord)
+    assert not trace.is_cut
+    assert trace.digest == fields["trace_digest"]
+
+
+def test_a_run_ends_in_order_at_a_signal_at_any_moment(here: Path, mine: Mine) -> None:
+    spins = mine((WIRED, f"        while self.ticks == 2:\n            pass\n{WIRED}"), name="spins.py")
+    sleeps = mine((WIRED, f"        import time; time.sleep(30 if self.ticks == 3 else 0)\n{WIRED}"), name="sleeps.py")
+    command = [sys.executable, Path(__file__).with_name("signalled.py"), "12", "7", here / "runs"]
+    done = subprocess.run([*command, "optimal", spins, "optimal", sleeps], capture_output=True, text=True, timeout=100)
+    assert done.returncode == 0, done.stderr
+    reports = json.loads(done.stdout)
+    assert len(reports) == 12
+    for report in reports:
+        assert report["status"] not in (0, None), report
+        assert "Traceback" not in report["err"], report
+        folders = list((here / "runs").glob(f"{report['number']}/*"))
+        if not folders:  # the signal came before anything had begun
+            assert report["status"] in (130, 143)
+            continue
+        fields = json.loads(report["out"])
+        assert (fields["outcome"], fields["signal"]) == ("interrupted", report["signal"])
+        assert_whole(folders[0], fields)
+    took_s = sorted(report["took_s"] for report in reports)
+    assert took_s[len(took_s) // 2] < 1.0  # each does alone; four at a time on a busy computer have to wait
+    assert took_s[-1] < 3.0
+
+
+def test_a_handler_that_never_returns_is_named_with_its_line_and_its_run_replays(here: Path, mine: Mine) -> None:
+    spins = mine((WIRED, f"        while self.ticks == 5:\n            pass  # for ever\n{WIRED}"))
+    words = ["run", "lander_vertical", "--no-rrd", "--json", "--controller", str(spins)]
+    child = subprocess.Popen(
+        [sys.executable, "-m", "snr_sim", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    while not list(here.glob("runs/*/trace.jsonl")):
+        assert child.poll() is None
+    with pytest.raises(subprocess.TimeoutExpired):
+        child.wait(0.5)
+    child.terminate()
+    out, _ = child.communicate(timeout=10)
+    fields = json.loads(out)
+    assert (child.returncode, fields["signal"]) == (1, "SIGTERM")
+    assert "mine.py, line 2" in fields["notes"][0]
+    assert "component 'mine' did not return" in fields["notes"][0]
+    folder = here / fields["run_dir"]
+    assert_whole(folder, fields)
+    assert any(isinstance(one, ErrorRecord) and "mine" in one.message for one in read_trace(folder / FILE_NAME).records)
+    replayed = subprocess.run([sys.executable, "-m", "snr_sim", "replay", folder], capture_output=True, timeout=20)
+    assert replayed.returncode == 0, replayed.stdout
+
+
+@pytest.mark.parametrize("room", [2_000, 100_000])
+def test_a_full_disk_stops_the_run_with_a_sentence_and_a_whole_trace(here: Path, room: int) -> None:
+    run_limited(10**9, "run", "lander_pad", "--no-rrd", "--out", "first")
+    (first,) = (here / "first").iterdir()
+    limit = room + len((first / FILE_NAME).read_bytes().split(b"\n")[0])
+    done = run_limited(limit, "run", "lander_pad", "--json", "--no-rrd")
+    assert done.returncode == 1, done.stderr
+    assert "Traceback" not in done.stderr
+    fields = json.loads(done.stdout)
+    assert fields["outcome"] == "error"
+    assert "could not be written on: File too large. It is whole up to there." in fields["error"]
+    assert "Try: make room on the disk" in fields["error"]
+    (folder,) = (here / "runs").iterdir()
+    trace = read_trace(folder / FILE_NAME)
+    assert not trace.is_cut
+    assert trace.path.stat().st_size <= limit
+    assert trace.digest == fields["trace_digest"]
+    assert json.loads((folder / RESULT_NAME).read_bytes()) == fields
+    replayed = run_limited(10**9, "replay", str(folder))
+    assert replayed.returncode == 0, replayed.stdout
+
+
+def test_a_disk_that_is_full_from_the_first_line_is_told_too(here: Path) -> None:
+    done = run_limited(100, "run", "lander_vertical", "--json", "--no-rrd")
+    assert done.returncode == 2
+    assert not (here / "runs").exists()
+    assert "Traceback" not in done.stderr
+    assert "could not be written" in json.loads(done.stdout)["error"]
+
+
+def test_a_disk_without_room_for_the_view_costs_only_the_view(here: Path) -> None:
+    pytest.importorskip("rerun")
+    run_limited(10**9, "run", "lander_vertical", "--json", "--no-rrd", "--out", "first")
+    (first,) = (here / "first").iterdir()
+    room = (first / FILE_NAME).stat().st_size + 1000
+    done = run_limited(room, "run", "lander_vertical", "--json")
+    assert done.returncode == 0, done.stderr
+    (folder,) = (here / "runs").iterdir()
+    assert not (folder / "view.rrd").exists() or (folder / "view.rrd").stat().st_size < room
+    assert {path.name for path in folder.iterdir()} <= {FILE_NAME, RESULT_NAME, "view.rrd"}
