@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import os
 import platform
 import shutil
@@ -50,6 +49,8 @@ def doctor(as_json: Annotated[bool, typer.Option("--json", help="Print one JSON 
 
 
 def _look() -> Iterator[Finding]:
+    import importlib.metadata  # slow, and `snr --help` does not need it
+
     version = platform.python_version()
     yield Finding(sys.version_info >= _LOWEST_PYTHON, f"Python {version} on {platform.platform()}")
     for extra, packages in _EXTRAS.items():

@@ -159,9 +159,9 @@ class Batch:
             if len(flat) != 6 * len(rows):
                 continue
             arrows = flat.reshape(-1, 6)
-            pushes = arrows[:, 3:].any(axis=1)
+            pushes: NDArray[np.bool_] = np.any(arrows[:, 3:] != 0.0, axis=1)
             # Only where it is seen, and where it has just gone: a jet that fires now and then costs next to nothing.
-            told = pushes | np.concatenate(([True], pushes[:-1]))
+            told = pushes | np.concatenate((np.array([True]), pushes[:-1]))
             yield name, when[told], arrows[told]
 
     def page_values(self) -> Iterator[tuple[str, Series]]:
@@ -259,8 +259,8 @@ def _columns(path: tuple[str, ...], when: When, rows: Sequence[Any]) -> Iterator
         yield from _mixed(path, when, rows)
 
 
-def _by_name(rows: list[dict[Any, Any]]) -> Iterator[tuple[Any, list[int] | None, Sequence[Any]]]:
-    """Returns for each key: the rows that have it (None: all), and what they have there."""
+def _by_name(rows: Sequence[Any]) -> Iterator[tuple[Any, list[int] | None, Sequence[Any]]]:
+    """Returns for each key of rows of dicts: the rows that have it (None: all), and what they have there."""
     names = list(rows[0]) if rows else []
     if len(names) > 1 and sum(map(len, rows)) == len(rows) * len(names):
         try:
@@ -275,8 +275,8 @@ def _by_name(rows: list[dict[Any, Any]]) -> Iterator[tuple[Any, list[int] | None
         yield name, picked, [rows[i][name] for i in picked]
 
 
-def _by_place(rows: list[list[Any]]) -> Iterator[tuple[int, list[int] | None, Sequence[Any]]]:
-    """Returns for each index: the rows that are so long (None: all), and what they have there."""
+def _by_place(rows: Sequence[Any]) -> Iterator[tuple[int, list[int] | None, Sequence[Any]]]:
+    """Returns for each index of rows of lists: the rows that are so long (None: all), and what they have there."""
     lengths = set(map(len, rows))
     if max(lengths) > LIST_PLOTTED_MAX:
         return

@@ -56,7 +56,8 @@ def points_of(shape: dict[str, Any]) -> Points:
     if kind == "box":
         half, center = np.array(shape["half_size_m"], float), np.array(shape["center_m"], float)
         corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
-        return center + corners * half
+        around: Points = center + corners * half
+        return around
     points = shape.get("points_m" if kind == "polyline" else "vertices_m", [])
     return np.array(points, np.float64).reshape(-1, 3)
 
