@@ -9,6 +9,7 @@ from types import FunctionType, MethodType, ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from snr_sim.core.handlers import HandlerMap, check_handlers
+from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.task import SomeTasks, Task, TaskHandler, TaskHandlerMap, TaskId, TaskType
@@ -76,6 +77,11 @@ class Endpoint:
 
     @task_handlers.setter
     def task_handlers(self, handlers: TaskHandlerMap) -> None:
+        if "parent" not in self.__dict__:
+            raise ConfigError(
+                f"{type(self).__name__} sets task_handlers before it has called its parent's __init__.",
+                fix="begin its __init__ with: super().__init__(factory, parent, name).",
+            )
         check_handlers(self.name, handlers)
         self._handlers = HandlerMap(handlers, self._handlers_changed)
         self.parent.handlers_changed()

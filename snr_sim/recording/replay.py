@@ -20,7 +20,7 @@ from snr_sim.core.clocks import SimClock
 from snr_sim.core.config import Config
 from snr_sim.core.handlers import handler_name
 from snr_sim.core.machine import HandlerFailed
-from snr_sim.core.node import Node
+from snr_sim.core.node import INTERRUPTED, Node
 from snr_sim.core.recording_machine import RecordingMachine
 from snr_sim.prelude.errors import ComponentFailed, SnrError, TraceError, ValueEncodingError
 from snr_sim.prelude.page import KINDS
@@ -38,7 +38,7 @@ from snr_sim.recording.records import (
     Returned,
     TaskRecord,
 )
-from snr_sim.recording.trace import Trace, encode_values
+from snr_sim.recording.trace import Trace, encode_values, id_in_words
 
 Executed: TypeAlias = TaskRecord | PageRecord
 MAX_DIVERGENCES = 1000
@@ -159,9 +159,12 @@ class _Driver:
                 self._checker.entering = record
                 self._machine.admit(_input_task(record), record.source)
             elif isinstance(record, (TaskRecord, PageRecord)):
+                if self._checker.was_interrupted(record):
+                    break  # it did not return then, and would keep us waiting now
                 self._execute(record)
             before = record
-        self._finish(math.inf)
+        else:
+            self._finish(math.inf)
         self._end()
 
     def _end(self) -> None:
@@ -242,6 +245,10 @@ class _Checker:
         """Returns whether the recording has this task as asked for, but ended before it was executed."""
         return ticket[1] > 0 and self.record_of(ticket) is None
 
+    def was_interrupted(self, record: Executed) -> bool:
+        """Returns whether a handler of this task did not return until a signal ended the run."""
+        return any(message.startswith(INTERRUPTED) for message in self._failed.get(record.seq, {}).values())
+
     # The NodeRecorder promise
 
     def begun(self, now_s: float, component: str, scheduled: Sequence[Task]) -> list[Ticket]:
@@ -288,9 +295,7 @@ class _Checker:
         self._gone = list(then.values())
         kind = PageRecord if task.type is TaskType.store_page else TaskRecord
         seq = record.seq if record is not None else 0
-        self.result.records.append(
-            kind(seq, now_s, self.result.node, task.type, task.name, Raw(values), cause, nth, by)
-        )
+        self.result.records.append(kind(seq, now_s, self.result.node, *id_in_words(task), Raw(values), cause, nth, by))
         return tickets
 
     def error(self, now_s: float, component: str, message: str) -> None:
@@ -306,7 +311,7 @@ class _Checker:
         record = self._current
         if record is None:
             return  # in a task that the recording does not have, which was said
-        component = failed.component.name if failed.component is not None else self.result.node
+        component = failed.component.name if failed.component is not None else ""  # none: nobody could be found
         then = self._failed.get(record.seq, {}).get(component)
         if then is None or (type(error).__name__ not in then and not isinstance(error, SnrError)):
             self._diverge(
@@ -359,7 +364,7 @@ class _Checker:
     ) -> tuple[list[Ticket], list[Returned]]:
         """Pairs outputs with recorded ones and compares; returns their tickets, and them as they stand in a record."""
         encoded = [(task, encode_values(task)) for task in outputs]
-        returned = [Returned(task.type, task.name, Raw(values)) for task, values in encoded]
+        returned = [Returned(*id_in_words(task), Raw(values)) for task, values in encoded]
         pairs = _paired(recorded, returned)
         tickets: list[Ticket] = []
         for (task, values), place in zip(encoded, pairs, strict=True):
