@@ -16,6 +16,7 @@ import importlib.util
 import os
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, SourceFileLoader
@@ -52,15 +53,16 @@ def find(kind: Kind, name: str) -> Found:
     Raises:
         UnknownName: nowhere; says where it looked and what it knows.
     """
-    given = Path(name)
-    if given.suffix or given.exists() or os.sep in name:
-        path = given.resolve()
-        if _is_one(kind, path):
-            return Found(kind, path.stem if kind == "scenarios" else path.name, path, "the path given")
-    for place, folder in _places(kind):
-        path = _path_in(kind, folder, name)
-        if name and _is_one(kind, path):
-            return Found(kind, name, path, place)
+    with suppress(OSError, ValueError):  # no file can have such a name
+        given = Path(name)
+        if given.suffix or given.exists() or os.sep in name:
+            path = given.resolve()
+            if _is_one(kind, path):
+                return Found(kind, path.stem if kind == "scenarios" else path.name, path, "the path given")
+        for place, folder in _places(kind):
+            path = _path_in(kind, folder, name)
+            if name and _is_one(kind, path):
+                return Found(kind, name, path, place)
     looked = ", ".join(dict.fromkeys(short_path(str(folder)) for _, folder in _places(kind)))
     raise UnknownName(
         f"There is no {kind[:-1]} '{name}'. Looked in: {looked}.",
@@ -111,6 +113,7 @@ def load_robot(found: Found) -> ModuleType:
         del sys.modules[loaded]
     robot = _load(name, found.path / "robot.py", f"the robot '{found.name}'", package=found.path)
     _need(robot, found.path / "robot.py", ("ROLES", "IO", "roles"), "a robot")
+    _need_names(robot, found.path / "robot.py", ("ROLES", "IO"))
     return robot
 
 
@@ -127,6 +130,13 @@ def load_scenario(found: Found) -> ModuleType:
         ("ROBOT", "ENGINES", "CONTROLLER", "TIME_LIMIT_S", "parameters", "plant", "verdict", "metrics"),
         "a scenario",
     )
+    _need_names(scenario, found.path, ("ENGINES",))
+    limit_s = scenario.TIME_LIMIT_S
+    if isinstance(limit_s, bool) or not isinstance(limit_s, (int, float)) or not limit_s > 0:
+        raise ConfigError(
+            f"{short_path(str(found.path))}: TIME_LIMIT_S is {limit_s!r}, not a number of seconds.",
+            fix="TIME_LIMIT_S = 240.0.",
+        )
     return scenario
 
 
@@ -176,8 +186,7 @@ def load_controller(robot: Found, name: str) -> ModuleType:
                 f"There is no controller '{name}': robot '{robot.name}' has none, and there is no such file.",
                 fix=nearest(name, controllers(robot)) + " Or a file: --controller ./mine.py.",
             )
-        if str(path.parent) not in sys.path:
-            sys.path.append(str(path.parent))  # so that the file can import its neighbours, as a script could
+        _neighbours.look_in(path.parent)
         module = _load(_CONTROLLER_MODULE + path.stem.replace("-", "_"), path, f"the controller '{name}'")
     _need(module, path, ("factories",), "a controller", "def factories(robot): return [MyEndpointFactory()].")
     if not callable(module.factories):
@@ -198,8 +207,7 @@ def load_program(name: str) -> ModuleType:
     path = Path(name).resolve()
     if not name or not path.is_file():
         raise UnknownName(f"There is no file '{name}'.", fix="name the program that was recorded: --with robot.py.")
-    if str(path.parent) not in sys.path:
-        sys.path.append(str(path.parent))
+    _neighbours.look_in(path.parent)
     return _load(_PROGRAM_MODULE + path.stem.replace("-", "_"), path, f"the program '{name}'")
 
 
@@ -207,14 +215,16 @@ def hashes(folders: Sequence[tuple[str, Path]]) -> dict[str, str]:
     """Returns the sha256 of every source file that has been loaded from these folders or files.
 
     Args:
-        folders: (label, path); a file in it is called `<label>/<path below it>`.
+        folders: (label, path); a file in it is called `<label>/<path below it>`. Of a file: itself, and what it has
+            imported from beside it.
     """
     found: dict[str, str] = {}
     loaded = {Path(file).resolve() for module in list(sys.modules.values()) if (file := _file_of(module))}
     for label, folder in folders:
         for path in loaded:
-            if path == folder or path.is_relative_to(folder):
-                below = path.name if path == folder else path.relative_to(folder).as_posix()
+            base = folder if folder.is_dir() else folder.parent
+            if path.is_relative_to(base) and (base == folder or path == folder or path in _neighbours.loaded):
+                below = path.relative_to(base).as_posix()
                 found.setdefault(f"{label}/{below}", hashlib.sha256(path.read_bytes()).hexdigest())
     return dict(sorted(found.items()))
 
@@ -248,6 +258,16 @@ def _need(module: ModuleType, path: Path, names: Sequence[str], what: str, fix: 
             raise ConfigError(
                 f"{short_path(str(path))} has no `{name}`, which {what} needs.",
                 fix=fix or (close if close.startswith("did") else f"see prelude/scenario.py for what {what} defines."),
+            )
+
+
+def _need_names(module: ModuleType, path: Path, lists: Sequence[str]) -> None:
+    for name in lists:
+        names = getattr(module, name)
+        if not (isinstance(names, (tuple, list)) and names and all(isinstance(one, str) for one in names)):
+            raise ConfigError(
+                f"{short_path(str(path))}: {name} is {names!r}, not a tuple of names.",
+                fix=f'{name} = ("one",), with the comma, or {name} = ("one", "two").',
             )
 
 
@@ -303,6 +323,43 @@ class _RobotFinder(MetaPathFinder):
             spec.submodule_search_locations = [str(base)]
             return spec
         return None
+
+
+class _NeighbourFinder(MetaPathFinder):
+    """Finds what stands beside the file that was loaded last, as a script finds it; never instead of Python's own."""
+
+    def __init__(self) -> None:
+        self.loaded: set[Path] = set()
+        self._folder: Path | None = None
+
+    def look_in(self, folder: Path) -> None:
+        """Takes this folder from now on, and forgets what came from the one before, or stood in it before."""
+        for name, module in list(sys.modules.items()):
+            if Path(_file_of(module) or "") in self.loaded:
+                del sys.modules[name]
+        self.loaded.clear()
+        self._folder = folder
+        if self not in sys.meta_path:
+            sys.meta_path.insert(0, self)
+
+    def find_spec(self, fullname: str, path: Any, target: Any = None) -> ModuleSpec | None:
+        """Returns the spec of `<folder>/<name>.py`, or of a package with an `__init__.py`."""
+        top, _, below = fullname.partition(".")
+        if self._folder is None or top in sys.stdlib_module_names or top.startswith("snr_sim"):
+            return None
+        base = self._folder.joinpath(top, *below.split(".")) if below else self._folder / top
+        for file in (base / "__init__.py", base.with_name(base.name + ".py")):
+            if file.is_file():
+                self.loaded.add(file)
+                where = [str(base)] if file.name == "__init__.py" else None
+                loader = _FreshLoader(fullname, str(file))
+                return importlib.util.spec_from_file_location(
+                    fullname, file, loader=loader, submodule_search_locations=where
+                )
+        return None
+
+
+_neighbours = _NeighbourFinder()
 
 
 def _install_finder() -> None:

@@ -1,0 +1,314 @@
+"""The other verbs of `snr`: replay, resim, trace, list, new, doctor, and help."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim.recording.folder import RESULT_NAME
+from snr_sim.recording.records import TaskRecord
+from snr_sim.recording.trace import FILE_NAME, read_trace
+
+Snr = Callable[..., Any]
+Mine = Callable[..., Path]
+WIRED = '        return self.store_data_task("engine", {"throttle": 0.3})'
+VERBS = ("run", "replay", "resim", "trace", "view", "list", "new", "doctor", "bench")
+
+
+@pytest.fixture
+def flown(snr: Snr, here: Path) -> Path:
+    """A run of lander_vertical."""
+    return here / str(snr("run", "lander_vertical", "--no-rrd", "--json").json["run_dir"])
+
+
+@pytest.fixture
+def flown_mine(snr: Snr, here: Path, mine: Mine) -> Path:
+    """A run of mine.py."""
+    fields = snr("run", "lander_vertical", "--no-rrd", "--json", "--controller", mine()).json
+    return here / str(fields["run_dir"])
+
+
+# Help
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_explains_itself(snr: Snr, verb: str) -> None:
+    answer = snr(verb, "--help")
+    assert answer.status == 0
+    assert answer.out.startswith(f"Usage: snr {verb}")
+    assert snr(verb, "-h").out == answer.out
+
+
+def test_help_lists_every_verb_and_no_word_at_all_shows_it(snr: Snr) -> None:
+    answer = snr("--help")
+    assert answer.status == 0
+    assert all(f"  {verb} " in answer.out for verb in VERBS)
+    assert snr().err.strip() == answer.out.strip()
+    assert snr().status == 2
+
+
+def test_python_m_snr_sim_is_snr(here: Path) -> None:
+    for words in (["--help"], ["--version"], ["list", "--json"], ["run", "nothing"]):
+        results = [
+            subprocess.run([*way, *words], capture_output=True, text=True)
+            for way in ([sys.executable, "-m", "snr_sim"], [str(Path(sys.executable).with_name("snr"))])
+        ]
+        assert results[0].stdout == results[1].stdout
+        assert results[0].stderr == results[1].stderr
+        assert results[0].returncode == results[1].returncode
+
+
+# replay
+
+
+def test_a_replay_of_unchanged_code_says_identical(snr: Snr, flown: Path) -> None:
+    for words in ((flown,), (flown / FILE_NAME,), (flown, "--check")):
+        answer = snr("replay", *words)
+        assert answer.status == 0
+        assert answer.out.startswith("identical: ")
+        assert answer.err == ""
+    fields = snr("replay", flown, "--json", "--check").json
+    assert fields["identical"] is True
+    assert fields["first_divergence"] is None
+    assert fields["outside_calls"] == []
+    assert fields["trace_digest"] == json.loads((flown / RESULT_NAME).read_bytes())["trace_digest"]
+    assert fields["tasks"] == fields["nodes"][0]["recorded"] > 0
+
+
+def test_a_replay_after_one_constant_was_changed_names_the_record(snr: Snr, flown_mine: Path, mine: Mine) -> None:
+    mine((WIRED, '        return self.store_data_task("engine", {"throttle": 0.3 if now_s < 20.0 else 0.35})'))
+    answer = snr("replay", flown_mine, "--check")
+    assert answer.status == 1
+    records = read_trace(flown_mine / FILE_NAME).records
+    processed = (one for one in records if isinstance(one, TaskRecord) and one.name == "radar")
+    seq = next(one.seq for one in processed if one.t >= 20.0)
+    for part in (
+        f"seq {seq}, t = 20.000 s, node lander_node, while handling process_data 'radar'",
+        "component mine, handler on_radar (value)",
+        "engine.throttle: recorded 0.3, replayed 0.35",
+        "radar_sensor brought store_page 'radar'",
+        f"commands to actuators differ from seq {seq}, t = 20.000 s: after this the recorded sensors no longer answer",
+        "snr resim",
+    ):
+        assert part in answer.out
+    assert "Changed since the run: controller/mine.py" in answer.err
+    fields = snr("replay", flown_mine, "--json").json
+    first = fields["first_divergence"]
+    assert (first["seq"], first["component"], first["handler"], first["field"]) == (
+        seq,
+        "mine",
+        "on_radar",
+        "engine.throttle",
+    )
+    assert (first["recorded"], first["replayed"], first["kind"]) == (0.3, 0.35, "value")
+    assert fields["commands_differ_from_seq"] == seq
+    assert snr("replay", flown_mine, "--tolerance", "engine.throttle=0.06").status == 0
+    assert snr("replay", flown_mine, "--tolerance", "engine.throttle=20%").status == 0
+    assert snr("replay", flown_mine, "--tolerance", "engine.*=1e-3").status == 1
+
+
+def test_a_replay_with_another_file_warns_where_the_loop_opens(snr: Snr, flown_mine: Path, mine: Mine) -> None:
+    other = mine(("0.3", "0.5"), name="other.py")
+    answer = snr("replay", flown_mine, "--with", other, "--json")
+    assert answer.status == 1
+    assert "no longer answer your code" in answer.json["warning"]
+    nan = mine(("0.3", "float('nan')"), name="nan.py")
+    assert snr("replay", flown_mine, "--with", nan, "--json").json["first_divergence"]["replayed"] == "nan"
+    for wrong in ("no.py", "optiml"):
+        answer = snr("replay", flown_mine, "--with", wrong, "--json")
+        assert (answer.status, "There is no controller" in answer.json["error"]) == (2, True)
+
+
+def test_a_check_names_what_asks_the_outside_with_its_line(snr: Snr, here: Path, mine: Mine) -> None:
+    path = mine((WIRED, f"        import time; time.time()  # asks\n{WIRED}"))
+    flown = snr("run", "lander_vertical", "--no-rrd", "--json", "--controller", path).json["run_dir"]
+    number = path.read_text().splitlines().index("        import time; time.time()  # asks") + 1
+    answer = snr("replay", flown, "--check")
+    assert answer.status == 0  # it made no difference, this time
+    assert f"asks the outside: mine.py, line {number}: time.time() does not repeat; self.get_time_s()" in answer.out
+    (call,) = snr("replay", flown, "--check", "--json").json["outside_calls"]
+    assert (call["file"], call["line"]) == ("mine.py", number)
+
+
+def test_what_handlers_print_is_no_part_of_the_answer(snr: Snr, mine: Mine) -> None:
+    path = mine((WIRED, f"        print('altitude', flush=True)\n{WIRED}"))
+    flown = snr("run", "lander_vertical", "--no-rrd", "--json", "--controller", path).json["run_dir"]
+    assert snr("replay", flown, "--json").json["identical"]
+    assert "altitude" not in snr("replay", flown).out
+
+
+def test_a_trace_that_cannot_be_used_ends_with_status_2(snr: Snr, here: Path, flown: Path) -> None:
+    for verb in ("replay", "resim", "trace", "view"):
+        answer = snr(verb, here / "gone")
+        assert answer.status == 2
+        assert "There is no run at" in answer.err
+        assert "snr run" in answer.err or "newest run" in answer.err
+    (here / "cut.jsonl").write_bytes((flown / FILE_NAME).read_bytes()[:-3000])
+    answer = snr("replay", "cut.jsonl")
+    assert (answer.status, "cut short" in answer.err) == (0, True)
+    (here / "other.jsonl").write_bytes((flown / FILE_NAME).read_bytes().replace(b'"schema":1', b'"schema":2', 1))
+    for verb in ("replay", "resim", "trace"):
+        assert snr(verb, "other.jsonl", *(["--json"] if verb != "trace" else [])).status == 2
+
+
+def test_a_trace_that_was_edited_is_said_to_be(snr: Snr, flown: Path) -> None:
+    data = (flown / FILE_NAME).read_bytes()
+    (flown / FILE_NAME).write_bytes(data.replace(b'"altitude_m":9', b'"altitude_m":8', 1))
+    answer = snr("replay", flown)
+    assert "The trace was changed after the run" in answer.err
+    (flown / FILE_NAME).write_bytes(data)
+    assert snr("replay", flown).err == ""
+
+
+def test_a_program_without_a_scenario_replays_and_can_be_replayed_with_a_changed_file(snr: Snr, here: Path) -> None:
+    program = """
+import sys
+from snr_sim import Config, TaskType, tasks
+from snr_sim.program import record_program
+from snr_sim.testing.parts import PartFactory, TickerFactory
+
+ticks = []
+
+def answer(task, task_id):
+    ticks.append(task)
+    return tasks.terminate("done") if len(ticks) == 20 else tasks.event("tock", [GAIN * len(ticks)])
+
+config = Config(factories={"r": [
+    TickerFactory(lambda loop: loop.schedule(tasks.event("tick")), rate_hz=500),
+    PartFactory({(TaskType.event, "tick"): answer}),
+]})
+if __name__ == "__main__":
+    print(record_program("r", config, __file__))
+"""
+    (here / "robot.py").write_text(program.replace("GAIN", "2"))
+    done = subprocess.run([sys.executable, "robot.py"], capture_output=True, text=True, check=True)
+    folder = done.stdout.strip()
+    assert snr("replay", folder, "--check").status == 0
+    assert snr("replay", folder, "--with", "robot.py").status == 0
+    (here / "changed.py").write_text(program.replace("GAIN", "3"))
+    first = snr("replay", folder, "--with", "changed.py", "--json").json["first_divergence"]
+    assert (first["kind"], first["field"], first["recorded"], first["replayed"]) == ("value", "tock[0]", 2, 3)
+    (here / "empty.py").write_text("")
+    answer = snr("replay", folder, "--with", "empty.py")
+    assert (answer.status, "has no `config`" in answer.err) == (2, True)
+    (here / "robot.py").write_text(program.replace("GAIN", "3"))
+    answer = snr("replay", folder)
+    assert (answer.status, "Changed since the run: program/robot.py" in answer.err) == (1, True)
+
+
+# resim
+
+
+def test_a_resim_of_unchanged_code_has_the_same_digest(snr: Snr, flown: Path) -> None:
+    answer = snr("resim", flown, "--no-rrd", "--json")
+    assert answer.status == 0
+    assert answer.json["identical"] is True
+    assert answer.json["run_dir"] != str(flown)
+    words = snr("resim", flown, "--no-rrd")
+    assert f"the same digest as {flown}" in words.out
+    changed = snr("resim", flown, "--no-rrd", "--json", "--with", "coast").json
+    assert (changed["identical"], changed["outcome"]) == (False, "crashed")
+
+
+# trace
+
+
+def test_records_are_printed_and_picked_by_kind_name_and_node(snr: Snr, flown: Path) -> None:
+    lines = (flown / FILE_NAME).read_text().splitlines()[1:]
+    assert len(snr("trace", flown).out.splitlines()) == len(lines)
+    assert snr("trace", flown, "--json").out.splitlines() == lines
+    inputs = snr("trace", flown, "--kind", "input", "--json").out.splitlines()
+    assert {json.loads(line)["kind"] for line in inputs} == {"input"}
+    engine = snr("trace", flown, "--name", "eng*", "--kind", "page", "--json").out.splitlines()
+    assert {json.loads(line)["name"] for line in engine} == {"engine"}
+    for node in ("lander", "lander_node"):
+        of_node = snr("trace", flown, "--node", node, "--json").out.splitlines()
+        assert {json.loads(line)["node"] for line in of_node} == {"lander_node"}
+    assert "radar_sensor -> store_page radar" in snr("trace", flown, "--kind", "input").out
+    assert len(snr("trace", flown, "--kind", "end").out.splitlines()) == 1
+
+
+def test_an_unknown_kind_or_node_is_told_the_nearest(snr: Snr, flown: Path) -> None:
+    answer = snr("trace", flown, "--kind", "pages")
+    assert (answer.status, "did you mean 'page'?" in answer.err) == (2, True)
+    answer = snr("trace", flown, "--node", "landr")
+    assert (answer.status, "did you mean 'lander_node'?" in answer.err) == (2, True)
+
+
+def test_a_pipe_that_closes_early_is_no_trouble(here: Path, flown: Path) -> None:
+    command = f"{sys.executable} -m snr_sim trace {flown} | head -n 1"
+    done = subprocess.run(command, shell=True, capture_output=True, text=True)
+    assert done.stderr == ""
+    assert len(done.stdout.splitlines()) == 1
+
+
+# list, new, doctor
+
+
+def test_the_list_names_what_there_is_and_where(snr: Snr, here: Path) -> None:
+    rows = snr("list", "--json").json["found"]
+    by_name = {(row["kind"], row["name"]): row for row in rows}
+    assert "optimal" in by_name["robots", "lander"]["controllers"]
+    assert by_name["scenarios", "lander_vertical"]["about"]
+    assert {row["place"] for row in rows} == {"the kit"}
+    assert snr("list", "scenarios").out.startswith("scenarios:\n  lander_low_gate ")
+    answer = snr("list", "scenarois")
+    assert (answer.status, "did you mean 'scenarios'?" in answer.err) == (2, True)
+    (here / "scenarios").mkdir()
+    (here / "scenarios" / "broken.py").write_text("def (")
+    (here / "scenarios" / "odd.py").write_bytes(b"\xff\x00")
+    assert "(does not parse)" in snr("list", "scenarios").out
+
+
+def test_a_new_robot_and_a_new_scenario_are_copies_that_run(snr: Snr, here: Path) -> None:
+    assert snr("new", "robot", "moth").status == 0
+    assert snr("new", "scenario", "moth_first", "--from", "lander_pad").status == 0
+    scenario = here / "scenarios" / "moth_first.py"
+    scenario.write_text(scenario.read_text().replace('ROBOT = "lander"', 'ROBOT = "moth"'))
+    fields = snr("run", "moth_first", "--json", "--no-rrd").json
+    assert fields["scenario"] == "moth_first"
+    header = read_trace(Path(fields["run_dir"]) / FILE_NAME).header
+    assert header.robot == "moth"
+    assert fields["outcome"] == "landed"
+    assert {row["place"] for row in snr("list", "--json").json["found"] if "moth" in row["name"]} == {
+        "the current folder"
+    }
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        (("robt", "x"), "did you mean 'robot'?"),
+        (("robot", "My Robot"), "no name for a robot"),
+        (("robot", "../x"), "no name for a robot"),
+        (("robot", "x", "--from", "landr"), "did you mean 'lander'?"),
+        (("scenario", "x", "--from", "lander_verticl"), "did you mean 'lander_vertical'?"),
+    ],
+)
+def test_a_new_thing_that_cannot_be_made_leaves_nothing(
+    snr: Snr, here: Path, words: tuple[str, ...], found: str
+) -> None:
+    answer = snr("new", *words)
+    assert (answer.status, found in answer.err) == (2, True)
+    assert list(here.iterdir()) == []
+
+
+def test_a_copy_never_overwrites(snr: Snr, here: Path) -> None:
+    assert snr("new", "scenario", "first").status == 0
+    before = (here / "scenarios" / "first.py").read_bytes()
+    answer = snr("new", "scenario", "first", "--from", "lander_pad")
+    assert (answer.status, "is there already" in answer.err) == (2, True)
+    assert (here / "scenarios" / "first.py").read_bytes() == before
+
+
+def test_the_doctor_lands_a_module(snr: Snr) -> None:
+    answer = snr("doctor", "--json")
+    findings = answer.json["findings"]
+    assert any("lander_vertical, seed 0: landed" in finding["what"] for finding in findings)
+    assert answer.status == (0 if all(finding["is_well"] for finding in findings) else 1)
+    assert os.listdir() == []
