@@ -118,7 +118,8 @@ class Simulation:
         controller = self._factories()
         rig = Rig(self._robot, self.request.io, self.request.seed, plant)
         roles = call_student(self.robot_file.roles, "roles()", rig, controller)
-        missing = [role for role in self.roles if not isinstance(roles, dict) or role not in roles]
+        given = roles if isinstance(roles, dict) else {}
+        missing = [role for role in self.roles if not isinstance(given.get(role), (list, tuple))]
         if missing:
             raise ConfigError(
                 f"{short_path(str(self.robot_file.__file__))}: roles(rig, controller) returned {roles!r}, "
@@ -415,6 +416,7 @@ class _Referee:
 
     def __init__(self, scenario: ModuleType, plant: Plant, runner: SimRunner, truth: _Truth | None) -> None:
         self._judge = scenario.verdict
+        self._place = short_path(str(scenario.__file__))
         self._plant = plant
         self._runner = runner
         self._truth = truth
@@ -427,7 +429,7 @@ class _Referee:
             if verdict is not None:
                 if not isinstance(verdict, Verdict):
                     raise ConfigError(
-                        f"verdict(plant) of the scenario returned {verdict!r}, which is not a Verdict.",
+                        f"{self._place}: verdict(plant) returned {verdict!r}, which is not a Verdict.",
                         fix="return Verdict('landed', True), or None while it goes on.",
                     )
                 self.verdict = verdict

@@ -1,0 +1,253 @@
+"""A scenario made ready and run: what is wrong with its files is said, and every run comes to a result."""
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim.cli.run import record_run
+from snr_sim.library import find
+from snr_sim.prelude.errors import ConfigError, UnknownName
+from snr_sim.recording.folder import RESULT_NAME, as_json, new_run_folder, read_result, write_result
+from snr_sim.recording.trace import FILE_NAME, TraceWriter, read_trace
+from snr_sim.simulation import Request, Result, Simulation, prepare, request_of
+
+Scenario = Callable[..., Path]
+
+
+@pytest.fixture
+def scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Scenario:
+    """Returns a function that writes scenarios/own.py: lander_vertical, with some of its text replaced."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("SNR_SIM_PATH", raising=False)
+
+    def write(*changes: tuple[str, str]) -> Path:
+        text = find("scenarios", "lander_vertical").path.read_text()
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        path = tmp_path / "scenarios" / "own.py"
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def run(name: str = "own", **request: Any) -> tuple[Result, Any]:
+    simulation = prepare(Request(name, **request))
+    plant = simulation.plant()
+    return simulation.run(plant, simulation.config(plant)), plant
+
+
+def record(name: str = "own", **request: Any) -> dict[str, Any]:
+    fields, status = record_run(
+        Request(name, **request), Path("runs"), None, is_viewed=False, is_live=False, is_quiet=True
+    )
+    assert status == (0 if fields["success"] else 1)
+    return fields
+
+
+VERDICT = "    return judge(plant)"
+METRICS = "    return vertical_metrics(plant, start(seed), parameters(seed).engine)"
+PLANT = "    return Lander1D(start, parameters(seed).engine, seed, gear=APOLLO.gear)"
+
+
+def test_a_scenario_of_the_students_own_runs_like_ours(scenario: Scenario) -> None:
+    scenario()
+    own, _ = run()
+    ours, _ = run("lander_vertical")
+    assert (own.outcome, own.metrics, own.tasks) == (ours.outcome, ours.metrics, ours.tasks)
+    by_file, _ = run("./scenarios/own.py")
+    assert by_file.metrics == ours.metrics
+
+
+# What is wrong with its files is said before anything is written
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (PLANT, "    return None", "plant(seed, engine) returned None, which is not a plant"),
+        (PLANT, "    return 1 / 0", "own.py, line "),
+        (PLANT, "    return Lander1D", "which is not a plant"),
+        ("    begin = start(seed)", "    begin = strt(seed)", "NameError: name 'strt' is not defined"),
+        ('ROBOT = "lander"', 'ROBOT = "landr"', "no robot 'landr'"),
+        ('CONTROLLER = "optimal"', 'CONTROLLER = "optiml"', "did you mean 'optimal'?"),
+        ("def plant(seed: int, engine: str)", "def plant(seed: int)", "takes 1 positional argument but 2 were given"),
+    ],
+)
+def test_a_scenario_that_cannot_begin_is_explained(scenario: Scenario, old: str, new: str, said: str) -> None:
+    scenario((old, new))
+    with pytest.raises(ConfigError) as caught:
+        record()
+    assert said in str(caught.value)
+    assert not Path("runs").exists()
+
+
+@pytest.mark.parametrize(
+    ("returned", "said"),
+    [
+        ("None", "which has no components for the role 'lander'"),
+        ("[]", "which has no components for the role 'lander'"),
+        ('{"landr": []}', "which has no components for the role 'lander'"),
+        ('{"lander": 5}', "which has no components for the role 'lander'"),
+        ("1 / 0", "robot.py, line "),
+    ],
+)
+def test_a_robot_whose_roles_are_none_is_explained(scenario: Scenario, returned: str, said: str) -> None:
+    import shutil
+
+    shutil.copytree(find("robots", "lander").path, "robots/lander")
+    robot = Path("robots/lander/robot.py")
+    text = robot.read_text()
+    wired = '    return {"lander": [*sensors, *controller, engine]}'
+    assert wired in text
+    robot.write_text(text.replace(wired, f"    return {returned}"))
+    with pytest.raises(ConfigError) as caught:
+        record("lander_vertical")
+    assert said in str(caught.value)
+    assert not Path("runs").exists()
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"engine": "pymnk"}, {"io": "p"}, {"role": "x"}, {"controller": "x"}, {"scenario": "x"}]
+)
+def test_what_is_not_known_is_refused_by_prepare(wrong: dict[str, str]) -> None:
+    with pytest.raises(UnknownName):
+        prepare(Request(**{"scenario": "lander_vertical", **wrong}))
+
+
+# What goes wrong in flight comes to a result, and a trace that is whole
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (VERDICT, "    return None if plant.time_s < 5.0 else 1 / 0", "ZeroDivisionError"),
+        (VERDICT, '    return "landed" if plant.time_s > 5.0 else None', "returned 'landed', which is not a Verdict"),
+        (VERDICT, "    return plant.time_s > 5.0", "which is not a Verdict"),
+        (METRICS, "    return 1 / 0", "while metrics(plant, seed) was called"),
+        (METRICS, "    return None", "returned None, which is not a dict"),
+        (PLANT, PLANT.replace("return", "lander =") + "\n    lander.step = lambda dt_s: 1 / 0\n    return lander",
+         "ZeroDivisionError"),
+    ],
+)  # fmt: skip
+def test_a_scenario_that_fails_in_flight_comes_to_an_error_with_its_line(
+    scenario: Scenario, old: str, new: str, said: str
+) -> None:
+    scenario((old, new))
+    fields = record()
+    assert fields["outcome"] == "error"
+    assert said in fields["error"]
+    assert fields["error"].startswith("scenarios/own.py")
+    folder = Path(fields["run_dir"])
+    assert read_trace(folder / FILE_NAME).is_ended
+    assert read_result(folder) == json.loads(as_json(fields))
+
+
+def test_a_time_limit_ends_a_run(scenario: Scenario) -> None:
+    scenario(("TIME_LIMIT_S = 240.0", "TIME_LIMIT_S = 3"))
+    fields = record()
+    assert (fields["outcome"], fields["success"]) == ("timeout", False)
+    assert fields["sim_time_s"] == pytest.approx(3.0, abs=0.1)
+
+
+def test_numbers_that_json_does_not_have_become_null(scenario: Scenario, tmp_path: Path) -> None:
+    scenario(
+        (
+            METRICS,
+            "    import numpy as np\n    return {'a': float('nan'), 'b': np.int64(3), 'c': np.array([1.0, np.inf])}",
+        )
+    )
+    fields = record()
+    assert json.loads((Path(fields["run_dir"]) / RESULT_NAME).read_bytes())["c"] == [1.0, None]
+    assert json.loads(as_json(fields))["a"] is None
+    assert json.loads(as_json({"n": {1, 2}, "p": tmp_path, 3: math.inf})) == {
+        "n": [1, 2],
+        "p": str(tmp_path),
+        "3": None,
+    }
+
+
+@pytest.mark.parametrize("where", ["controller", "scenario"])
+def test_the_engine_is_off_after_a_run_that_failed(scenario: Scenario, tmp_path: Path, where: str) -> None:
+    mine = tmp_path / "mine.py"
+    coast = (find("robots", "lander").path / "controllers" / "coast.py").read_text()
+    fails = "        if self.get_time_s() > 5.0:\n            raise ValueError\n" if where == "controller" else ""
+    mine.write_text(coast.replace("0.0", "1.0").replace("        command:", f"{fails}        command:"))
+    scenario(*([(VERDICT, "    return None if plant.time_s < 5.0 else 1 / 0")] if where == "scenario" else []))
+    result, plant = run(controller=str(mine))
+    assert result.outcome == "error"
+    fuel_kg = plant.truth()["values"]["fuel_kg"]
+    plant.step(0.5)  # the engine's lag
+    plant.step(0.5)
+    low_kg = plant.truth()["values"]["fuel_kg"]
+    plant.step(0.5)
+    assert plant.truth()["values"]["fuel_kg"] == pytest.approx(low_kg, abs=0.5)
+    assert low_kg <= fuel_kg
+
+
+# A run is the same however it is looked at
+
+
+@pytest.mark.parametrize("name", ["lander_vertical", "lander_pad"])
+def test_recording_changes_nothing(name: str, tmp_path: Path) -> None:
+    bare, _ = run(name, seed=3)
+    simulation = prepare(Request(name, seed=3))
+    plant = simulation.plant()
+    config = simulation.config(plant)
+    recorder = TraceWriter(tmp_path / FILE_NAME, simulation.header(plant, config))
+    recorded = simulation.run(plant, config, recorder, pace=1e6, on_advance=lambda time_s: None)
+    recorder.close()
+    bare.wall_time_s = recorded.wall_time_s = 0.0
+    assert bare == recorded
+
+
+def test_a_header_leads_back_to_its_request(tmp_path: Path) -> None:
+    simulation = prepare(Request("lander_pad", seed=5, options={"a": "b"}))
+    plant = simulation.plant()
+    header = simulation.header(plant, simulation.config(plant))
+    again = prepare(request_of(header))
+    assert isinstance(again, Simulation)
+    assert again.request.scenario == "lander_pad"
+    assert (again.request.seed, again.request.engine, again.request.options) == (
+        5,
+        simulation.request.engine,
+        {"a": "b"},
+    )
+    assert again.sources() == header.sources
+    assert prepare(request_of(header, "coast")).request.controller == "coast"
+
+
+def test_a_controller_file_is_found_again_from_another_folder(
+    scenario: Scenario, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    coast = (find("robots", "lander").path / "controllers" / "coast.py").read_text()
+    Path("mine.py").write_text(coast)
+    fields = record("lander_vertical", controller="mine.py")
+    header = read_trace(Path(fields["run_dir"]) / FILE_NAME).header
+    monkeypatch.chdir("/")
+    assert prepare(request_of(header)).config(None)
+
+
+# Run folders
+
+
+def test_run_folders_are_never_shared(tmp_path: Path) -> None:
+    folders = {new_run_folder(tmp_path / "a" / "b", "own", -3) for _ in range(20)}
+    assert len(folders) == 20
+    assert all(folder.name.startswith("own--3-") for folder in folders)
+
+
+def test_a_result_is_whole_or_absent(tmp_path: Path) -> None:
+    assert read_result(tmp_path) == {}
+    write_result(tmp_path, {"a": 1})
+    assert read_result(tmp_path) == {"a": 1}
+    (tmp_path / RESULT_NAME).write_text('{"a": ')
+    assert read_result(tmp_path) == {}
+    write_result(tmp_path / "gone", {"a": 1})  # nowhere to put it: the trace says the same
+    assert [path.name for path in tmp_path.iterdir()] == [RESULT_NAME]
