@@ -13,7 +13,8 @@ def size_mb(venv: Path) -> float:
     """Returns the size of all packages but pip's own, without bytecode, in MB (10^6 bytes)."""
     packages = next(venv.glob("lib/python*/site-packages"))
     files = (path for path in packages.rglob("*") if path.is_file() and "__pycache__" not in path.parts)
-    return sum(path.stat().st_size for path in files if not path.relative_to(packages).parts[0].startswith(BEFORE)) / 1e6
+    ours = (path for path in files if not path.relative_to(packages).parts[0].startswith(BEFORE))
+    return sum(path.stat().st_size for path in ours) / 1e6
 
 
 if __name__ == "__main__":

@@ -227,7 +227,8 @@ def test_what_follows_from_what_was_queued_at_the_end_is_finished_too(make: Make
 def test_at_the_end_a_task_that_asks_for_itself_is_cut_off_and_the_run_says_so(make: Make) -> None:
     again = PartFactory({TaskType.event: lambda task, task_id: task})
     node = run(make([again, starts_with(tasks.event("again"), tasks.terminate("done"))]))
-    assert node.notes == ["The node ended with 1 tasks undone: there was no end to them, or they would have taken too long."]
+    assert len(node.notes) == 1
+    assert node.notes[0].startswith("The node ended with 1 tasks undone")
 
 
 def test_a_fast_loop_is_not_taken_for_tasks_that_keep_scheduling() -> None:
