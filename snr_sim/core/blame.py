@@ -6,7 +6,7 @@ import linecache
 import sysconfig
 import traceback
 from pathlib import Path
-from types import TracebackType
+from types import CodeType, TracebackType
 from typing import NamedTuple
 
 from snr_sim.prelude.errors import SnrError
@@ -38,6 +38,15 @@ def student_place(trace: TracebackType | None) -> Place | None:
     return found
 
 
+def place_of(function: object) -> Place | None:
+    """Returns where a function or method begins, or None if no student wrote it."""
+    code = getattr(function, "__code__", None)
+    if not isinstance(code, CodeType) or not is_student_file(code.co_filename):
+        return None
+    source = linecache.getline(code.co_filename, code.co_firstlineno).strip()
+    return Place(short_path(code.co_filename), code.co_firstlineno, code.co_name, source)
+
+
 def is_student_file(filename: str) -> bool:
     """Returns whether a file is neither the kit's, Python's, an installed package's, nor generated."""
     if filename.startswith("<"):
@@ -64,14 +73,15 @@ def put_place_first(error: SnrError) -> None:
         error.message = f"{place}\n  {error.message}"
 
 
-def describe_error(error: BaseException, while_doing: str) -> str:
+def describe_error(error: BaseException, while_doing: str, otherwise: Place | None = None) -> str:
     """Returns what happened with the student's line first.
 
     Args:
         error: what was raised.
         while_doing: what the component was doing, in its own names.
+        otherwise: the place to show if no line of a student's raised it.
     """
-    place = student_place(error.__traceback__)
+    place = student_place(error.__traceback__) or otherwise
     if isinstance(error, SnrError):
         what, fix = error.message, error.fix
     else:

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from snr_sim.core.blame import describe_error, put_place_first
+from snr_sim.core.blame import describe_error, place_of, put_place_first
 from snr_sim.core.clocks import SimClock, WallClock
 from snr_sim.core.config import AnyFactory, Config
 from snr_sim.core.datastore import Datastore
@@ -228,16 +228,19 @@ class Node:
         try:
             cut_off = self.machine.drain()
         except HandlerFailed as failed:
-            if not isinstance(failed.__cause__, (Exception, SystemExit)):
-                assert failed.__cause__ is not None
-                self._record_interrupt(failed, failed.__cause__)
-                return
-            failures.append(self._handler_failure(failed, failed.__cause__))
+            cause = failed.__cause__
+            if isinstance(cause, (Exception, SystemExit)):
+                failures.append(self._handler_failure(failed, cause))
+            elif cause is not None:
+                self._record_interrupt(failed, cause)
         except ComponentFailed as failure:
             failures.append(failure)
         else:
             if cut_off:
-                self.note(f"The node ended with {cut_off} tasks undone: there was no end to them, or they would have taken too long.")
+                self.note(
+                    f"The node ended with {cut_off} tasks undone: there was no end to them, "
+                    "or they would have taken too long."
+                )
 
     def _call_last(
         self, component: Component, step: str, function: Callable[[], None], failures: list[ComponentFailed]
@@ -402,9 +405,11 @@ class Node:
             return ComponentFailed(describe_error(error, where), self.name)
         name = failed.component.name
         entries = self.machine.lookup.find(task)
-        labels = [f"{label[1]}(), " for component, _, _, label in entries if component is failed.component]
+        called = [entry for entry in entries if entry[0] is failed.component]
+        labels = [f"{label[1]}(), " for _, _, _, label in called]
+        begins = place_of(called[0][1]) if called else None  # what it returned was wrong: then no line of its raised
         where = f"in {''.join(labels)}component '{name}', while it handled {what} {when}"
-        return ComponentFailed(describe_error(error, where), self.name, name)
+        return ComponentFailed(describe_error(error, where, begins), self.name, name)
 
     def record_failure(self, failure: ComponentFailed) -> None:
         """Writes a failure of this node into the trace, once."""

@@ -53,7 +53,7 @@ def test_help_lists_every_verb_and_no_word_at_all_shows_it(snr: Snr) -> None:
 
 
 def test_python_m_snr_sim_is_snr(here: Path) -> None:
-    for words in (["--help"], ["--version"], ["list", "--json"], ["run", "nothing"]):
+    for words in (["--help"], ["run", "nothing", "--json"]):
         results = [
             subprocess.run([*way, *words], capture_output=True, text=True)
             for way in ([sys.executable, "-m", "snr_sim"], [str(Path(sys.executable).with_name("snr"))])
