@@ -1,6 +1,7 @@
 """What asks the outside is named with the student's line, and what repeats is left alone."""
 
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -139,6 +140,12 @@ def test_chance_at_the_top_of_a_file_is_named_and_reading_there_is_not(tmp_path:
     calls = asked(tmp_path, "pass", "MODEL = HERE.read_text()\nCHANCE = np.random.default_rng()\nBEGUN = time.time()")
     lines = (tmp_path / "asker.py").read_text().splitlines()
     assert [lines[one.line - 1].split()[0] for one in calls] == ["CHANCE", "BEGUN"]
+
+
+def test_what_whoever_watches_asks_himself_is_none_of_the_robots() -> None:
+    with watching() as calls:
+        time.time()
+    assert calls == {}
 
 
 def test_after_watching_everything_is_as_before() -> None:
