@@ -81,10 +81,12 @@ class _Watch:
     def __init__(self) -> None:
         self.calls: dict[tuple[str, int], OutsideCall] = {}
         self._is_student: dict[str, bool] = {}
-        self._callers: set[int] = set()  # whoever asked for the watch: what leads only to them is not of a component
+        # Whoever asked for the watch: what leads only to them is not of a component. The frames themselves, as the
+        # id of one that is gone may be another's.
+        self._callers: set[FrameType] = set()
         frame: FrameType | None = sys._getframe()
         while frame is not None:
-            self._callers.add(id(frame))
+            self._callers.add(frame)
             frame = frame.f_back
 
     def on_profile(self, frame: FrameType, event: str, called: Any) -> None:
@@ -105,6 +107,10 @@ class _Watch:
             elif frame.f_code in _RANDOM and frame.f_locals.get("self") is _SHARED:
                 self.report(frame.f_back, _RANDOM[frame.f_code], _CHANCE_HINT)
 
+    def forget_callers(self) -> None:
+        """Lets go of frames, which hold all their variables."""
+        self._callers.clear()
+
     def on_audit(self, event: str, args: tuple[Any, ...]) -> None:
         """Looks at what Python's audit hooks tell."""
         if event == "open":
@@ -118,7 +124,7 @@ class _Watch:
     def report(self, frame: FrameType | None, what: str, hint: str) -> None:
         """Keeps the call, if a student's line set it off."""
         through = ""
-        while frame is not None and id(frame) not in self._callers:
+        while frame is not None and frame not in self._callers:
             file = frame.f_code.co_filename
             if file not in self._is_student:
                 self._is_student[file] = is_student_file(file)
@@ -176,6 +182,7 @@ def watching() -> Iterator[dict[tuple[str, int], OutsideCall]]:
         yield watch.calls
     finally:
         sys.setprofile(before)
+        watch.forget_callers()
         _current = None
         for name, function in numpy_before.items():
             setattr(sys.modules["numpy"].random, name, function)
