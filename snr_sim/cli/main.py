@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from typing import Annotated, NoReturn
 
@@ -51,11 +52,14 @@ def main() -> None:
 
     signal.signal(signal.SIGTERM, _stop)  # as Ctrl-C: every verb puts in order what it has begun
     try:
-        status = app(prog_name="snr", standalone_mode=False)
+        try:
+            status = app(prog_name="snr", standalone_mode=False)
+        finally:
+            sys.stdout.flush()  # here, where we can answer if nobody listens any more
     except KeyboardInterrupt as stop:
         fail("Stopped.", 128 + (stop.args[0] if stop.args and isinstance(stop.args[0], int) else signal.SIGINT))
     except BrokenPipeError:  # `snr trace RUN | head`
-        sys.stderr.close()
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
     except Exception as error:
         from snr_sim.prelude.errors import SnrError  # after the fact: `snr --help` does not need it
