@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import _thread
 import datetime
+import gc
 import os
 import random
 import sys
@@ -136,6 +137,8 @@ class _Watch:
             module = str(frame.f_globals.get("__name__", ""))
             if "importlib" in file or module.partition(".")[0] in _HARMLESS:
                 return  # an import reads files and asks for chance, but always the same
+            if any(frame.f_code is getattr(callback, "__code__", None) for callback in gc.callbacks):
+                return  # the garbage collector comes by at any line; some tools time it
             through = f"{module}.{frame.f_code.co_name}()"
             frame = frame.f_back
 

@@ -1,5 +1,6 @@
 """What asks the outside is named with the student's line, and what repeats is left alone."""
 
+import gc
 import sys
 import time
 from pathlib import Path
@@ -146,6 +147,14 @@ def test_what_whoever_watches_asks_himself_is_none_of_the_robots() -> None:
     with watching() as calls:
         time.time()
     assert calls == {}
+
+
+def test_whoever_times_the_garbage_collector_is_none_of_the_robots(tmp_path: Path) -> None:
+    gc.callbacks.append(lambda phase, info: time.perf_counter())
+    try:
+        assert asked(tmp_path, "import gc; gc.collect()") == []
+    finally:
+        gc.callbacks.pop()
 
 
 def test_after_watching_everything_is_as_before() -> None:
