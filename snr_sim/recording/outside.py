@@ -126,6 +126,8 @@ class _Watch:
         """Keeps the call, if a student's line set it off."""
         through = ""
         while frame is not None and frame not in self._callers:
+            if any(frame.f_code is getattr(callback, "__code__", None) for callback in gc.callbacks):
+                return  # the garbage collector comes by at any line; some tools time it
             file = frame.f_code.co_filename
             if file not in self._is_student:
                 self._is_student[file] = is_student_file(file)
@@ -137,8 +139,6 @@ class _Watch:
             module = str(frame.f_globals.get("__name__", ""))
             if "importlib" in file or module.partition(".")[0] in _HARMLESS:
                 return  # an import reads files and asks for chance, but always the same
-            if any(frame.f_code is getattr(callback, "__code__", None) for callback in gc.callbacks):
-                return  # the garbage collector comes by at any line; some tools time it
             through = f"{module}.{frame.f_code.co_name}()"
             frame = frame.f_back
 
