@@ -59,8 +59,11 @@ def main() -> None:
     except KeyboardInterrupt as stop:
         fail("Stopped.", 128 + (stop.args[0] if stop.args and isinstance(stop.args[0], int) else signal.SIGINT))
     except BrokenPipeError:  # `snr trace RUN | head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(0)
+        _nobody_listens()
+    except SystemExit as ending:
+        if isinstance(ending.__context__, BrokenPipeError):  # typer has seen it first
+            _nobody_listens()
+        raise
     except Exception as error:
         from snr_sim.prelude.errors import SnrError  # after the fact: `snr --help` does not need it
 
@@ -71,6 +74,11 @@ def main() -> None:
         said = error.format_message()
         fail(said if said.startswith("Usage:") else f"{said}\n  Try: snr --help says what there is.")
     sys.exit(status if isinstance(status, int) else 0)
+
+
+def _nobody_listens() -> NoReturn:
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    sys.exit(0)
 
 
 def _stop(number: int, frame: object) -> None:
