@@ -12,7 +12,8 @@ from snr_sim.cli.run import record_run
 from snr_sim.library import find
 from snr_sim.prelude.errors import ConfigError, UnknownName
 from snr_sim.recording.folder import RESULT_NAME, as_json, new_run_folder, read_result, write_result
-from snr_sim.recording.trace import FILE_NAME, TraceWriter, read_trace
+from snr_sim.recording.reader import read_trace
+from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.simulation import Request, Result, Simulation, prepare, request_of
 
 Scenario = Callable[..., Path]

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
+    from snr_sim.recording.checker import Divergence, NodeReplay
     from snr_sim.recording.outside import OutsideCall
-    from snr_sim.recording.replay import Divergence, NodeReplay
-    from snr_sim.recording.trace import Trace
+    from snr_sim.recording.reader import Trace
 
 OPEN_LOOP = "after this the recorded sensors no longer answer your code"
 
@@ -40,7 +40,7 @@ def replay(
     from snr_sim.cli.answer import guarded
     from snr_sim.recording.compare import Tolerance
     from snr_sim.recording.folder import trace_path
-    from snr_sim.recording.trace import read_trace
+    from snr_sim.recording.reader import read_trace
 
     tolerances = [Tolerance.parse(text) for text in tolerance]
     trace = read_trace(trace_path(run))
@@ -128,7 +128,7 @@ def _write_comparison(trace: Trace, replays: list[NodeReplay], folder: Path) -> 
 
 
 def _sentence(one: Divergence) -> str:
-    from snr_sim.recording.replay import HANDLER
+    from snr_sim.recording.checker import HANDLER
 
     who = f"{one.component}.{one.handler}" if one.handler else one.component
     if one.field == HANDLER:

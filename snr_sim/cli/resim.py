@@ -24,7 +24,7 @@ def resim(
     """
     from snr_sim.cli.run import record_run
     from snr_sim.recording.folder import trace_path
-    from snr_sim.recording.trace import read_trace
+    from snr_sim.recording.reader import read_trace
     from snr_sim.simulation import request_of
 
     trace = read_trace(trace_path(run))

@@ -141,7 +141,8 @@ def _write_view(folder: Path, result: Result) -> None:
         return
     from snr_sim.prelude.errors import MissingExtra, SnrError
     from snr_sim.recording.folder import VIEW_NAME
-    from snr_sim.recording.trace import FILE_NAME, read_trace
+    from snr_sim.recording.reader import read_trace
+    from snr_sim.recording.trace import FILE_NAME
 
     part = folder / f"part-{VIEW_NAME}"
     try:

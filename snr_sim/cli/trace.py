@@ -24,7 +24,8 @@ def trace(
     """Print the records of a run."""
     from snr_sim.prelude.errors import UnknownName, nearest
     from snr_sim.recording.folder import trace_path
-    from snr_sim.recording.trace import encode_record, read_trace
+    from snr_sim.recording.reader import read_trace
+    from snr_sim.recording.records import encode_record
 
     if kind and kind not in KINDS:
         raise UnknownName(f"There are no records of kind '{kind}':", fix=nearest(kind, KINDS))

@@ -29,7 +29,7 @@ def _draw(run: Path, png: Path) -> None:
     from snr_sim.prelude.errors import TraceError
     from snr_sim.recording.folder import trace_path
     from snr_sim.recording.picture import draw_run
-    from snr_sim.recording.trace import read_trace
+    from snr_sim.recording.reader import read_trace
 
     trace = read_trace(trace_path(run))
     try:
@@ -42,7 +42,7 @@ def _draw(run: Path, png: Path) -> None:
 def _rrd_of(run: Path) -> Path:
     """Returns the .rrd to show; it is derived from the trace again if it is not there."""
     from snr_sim.recording.folder import VIEW_NAME, trace_path
-    from snr_sim.recording.trace import read_trace
+    from snr_sim.recording.reader import read_trace
     from snr_sim.recording.view import write_view
 
     if run.suffix == ".rrd" and run.is_file():

@@ -6,6 +6,8 @@ carried, as `prelude/values.py` writes it, left encoded here because most reader
 
 from __future__ import annotations
 
+import hashlib
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import msgspec
@@ -152,3 +154,18 @@ class EndRecord(msgspec.Struct, frozen=True, tag_field="kind", tag="end"):
 
 
 Record: TypeAlias = InputRecord | TaskRecord | PageRecord | TruthRecord | BeginRecord | ErrorRecord | EndRecord
+
+_encode = msgspec.json.Encoder().encode
+decode_header = msgspec.json.Decoder(Header).decode
+decode_record = msgspec.json.Decoder(Record).decode
+
+
+def encode_record(record: Header | Record) -> bytes:
+    """Returns a header or record as it stands in the file, without the newline."""
+    return _encode(record)
+
+
+def digest_of_header(header: Header) -> hashlib.blake2b:
+    """Returns a BLAKE2b-256 digest that has taken in the header, but for when and from which folders it was run."""
+    names = {"scenario": Path(header.scenario).stem, "controller": Path(header.controller).stem}
+    return hashlib.blake2b(_encode(msgspec.structs.replace(header, wall={}, **names)), digest_size=32)

@@ -7,7 +7,6 @@ a reader drops a last line that the disk or the kill cut short.
 
 from __future__ import annotations
 
-import hashlib
 import os
 import sys
 import threading
@@ -20,23 +19,14 @@ from typing import Any, Protocol
 import msgspec
 from msgspec import Raw
 
-from snr_sim.prelude.errors import SnrError, TraceError
-from snr_sim.prelude.page import Page
-from snr_sim.prelude.recorder import Handled, Ticket
-from snr_sim.prelude.task import Task, TaskType
-from snr_sim.prelude.values import MARK, encode_value
+from snr_sim.prelude.errors import TraceError
+from snr_sim.recording.node_trace import NodeTrace
 from snr_sim.recording.records import (
-    BeginRecord,
-    By,
-    EndRecord,
-    ErrorRecord,
     Header,
-    InputRecord,
-    PageRecord,
     Record,
-    Returned,
-    TaskRecord,
     TruthRecord,
+    decode_record,
+    digest_of_header,
 )
 
 FILE_NAME = "trace.jsonl"
@@ -166,7 +156,7 @@ class TraceWriter:
             return
         try:
             for line in lines:
-                self._follower.add(_decode_record(line))
+                self._follower.add(decode_record(line))
             self._follower.flush()
         except Exception as error:  # a view that fails must not cost the recording
             self._follower = None
@@ -186,199 +176,3 @@ class TraceWriter:
         if self._whole_bytes:  # the header is in the digest without its wall-clock part
             self._digest.update(data)
         self._whole_bytes += len(data)
-
-
-def encode_values(task: Task) -> bytes:
-    """Returns the JSON of the list of values a task carries."""
-    values = task.val_list
-    if not values:
-        return _NO_VALUES
-    try:
-        if len(values) == 1 and type(values[0]) is Page:
-            return b"[" + values[0].serialize() + b"]"
-        return encode_value(list(values))
-    except Exception as error:  # it contains itself, or cannot be looked into; a run goes on, recorded or not
-        reason = error.message if isinstance(error, SnrError) else f"{type(error).__name__}: {error}"
-        return encode_value([{MARK: "object", "type": "not recorded", "fields": {"because": reason}}])
-
-
-def id_in_words(task: Task) -> tuple[str, str]:
-    """Returns a task's type and name; as text also where they are none, which the node is about to complain about."""
-    kind: Any = task.type
-    name: Any = task.name
-    if isinstance(kind, str) and isinstance(name, str):
-        return kind, name
-    return str(kind), str(name)
-
-
-def digest_of_header(header: Header) -> hashlib.blake2b:
-    """Returns a BLAKE2b-256 digest that has taken in the header, but for when and from which folders it was run."""
-    names = {"scenario": Path(header.scenario).stem, "controller": Path(header.controller).stem}
-    return hashlib.blake2b(_encode(msgspec.structs.replace(header, wall={}, **names)), digest_size=32)
-
-
-class NodeTrace:
-    """Writes one node's records. Keeps the `NodeRecorder` promise."""
-
-    def __init__(self, writer: TraceWriter, node: str) -> None:
-        self._writer = writer
-        self._node = node
-        self._newest = 0  # seq of this node's newest record
-
-    def begun(self, now_s: float, component: str, scheduled: Sequence[Task]) -> list[Ticket]:
-        """Takes down what a component scheduled in `begin`."""
-        seq = self._next_seq()
-        tickets: list[Ticket] = []
-        returned = _returned(scheduled, seq, tickets)
-        self._writer.put(_encode(BeginRecord(seq, now_s, self._node, component, returned)))
-        return tickets
-
-    def input(self, now_s: float, source: str, task: Task) -> Ticket:
-        """Takes down a task that entered through the door."""
-        seq = self._next_seq()
-        values = encode_values(task)
-        record = InputRecord(seq, now_s, self._node, source, *id_in_words(task), Raw(values))
-        self._writer.put(_encode(record))
-        return (task, seq, 0, values)
-
-    def task(self, now_s: float, ticket: Ticket, handled: Sequence[Handled]) -> list[Ticket]:
-        """Takes down an executed task; returns a ticket for each task its handlers returned, in order."""
-        writer = self._writer
-        self._newest = writer.seq = seq = writer.seq + 1
-        task, cause, nth, values = ticket
-        tickets: list[Ticket] = []
-        by = [By(label[0], label[1], _returned(outputs, seq, tickets)) for label, outputs in handled]
-        kind = PageRecord if task.type is TaskType.store_page else TaskRecord
-        writer.put(_encode(kind(seq, now_s, self._node, *id_in_words(task), Raw(values), cause, nth, by)))
-        return tickets
-
-    def error(self, now_s: float, component: str, message: str) -> None:
-        """Takes down what went wrong in a component, just now."""
-        cause = self._newest
-        self._writer.put(_encode(ErrorRecord(self._next_seq(), now_s, self._node, cause, component, message)))
-
-    def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:
-        """Takes down that the node has ended, and why."""
-        self._writer.put(_encode(EndRecord(self._next_seq(), now_s, self._node, reason, summary)))
-
-    def _next_seq(self) -> int:
-        self._newest = self._writer.seq = self._writer.seq + 1
-        return self._newest
-
-
-def _returned(tasks: Sequence[Task], seq: int, tickets: list[Ticket]) -> list[Returned]:
-    """Returns tasks as they stand in a record, and adds a ticket for each."""
-    returned = []
-    for task in tasks:
-        values = encode_values(task)
-        tickets.append((task, seq, len(tickets), values))
-        returned.append(Returned(*id_in_words(task), Raw(values)))
-    return returned
-
-
-class Trace:
-    """A recorded run, read back.
-
-    Args:
-        path: of the file.
-        header: its first line.
-        records: all others, in order.
-        digest: as the writer computed it.
-        is_cut: the file ends in a line that was cut short; it was left out.
-    """
-
-    def __init__(self, path: Path, header: Header, records: list[Record], digest: str, is_cut: bool) -> None:
-        self.path = path
-        self.header = header
-        self.records = records
-        self.digest = digest
-        self.is_cut = is_cut
-
-    @property
-    def is_ended(self) -> bool:
-        """Whether every node of the run has its end record."""
-        return {record.node for record in self.records if isinstance(record, EndRecord)} >= set(self.header.nodes)
-
-
-def encode_record(record: Record) -> bytes:
-    """Returns a record as it stands in the file, without the newline."""
-    return _encode(record)
-
-
-_decode_header = msgspec.json.Decoder(Header).decode
-_decode_record = msgspec.json.Decoder(Record).decode
-_decode_any = msgspec.json.Decoder().decode
-
-
-def read_trace(path: Path) -> Trace:
-    """Reads a trace, up to its last whole record.
-
-    Raises:
-        TraceError: there is none, it is of another version, or it is damaged before its last line.
-    """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise TraceError(f"The trace {path} cannot be read: {error.strerror}.", fix="name a run folder.") from error
-    lines = data.split(b"\n")
-    tail = lines.pop()  # what follows the last newline: nothing, unless the file was cut
-    if not lines:
-        raise TraceError(f"The trace {path} has no whole line.", fix="the run was cut before it began; run it again.")
-    header = _read_header(path, lines[0])
-    _check_text(path, lines)
-    digest = digest_of_header(header)
-    digest.update(data[len(lines[0]) + 1 : len(data) - len(tail)])
-    records = []
-    for number, line in enumerate(lines[1:], start=2):
-        try:
-            records.append(_decode_record(line))
-        except msgspec.DecodeError as error:
-            raise TraceError(
-                f"{path}, line {number} is not a record: {error}. It reads: {line[:100]!r}",
-                fix="the file was changed or damaged after the run; use an untouched copy, or run again.",
-            ) from error
-    _check_order(path, records)
-    return Trace(path, header, records, digest.hexdigest(), is_cut=bool(tail))
-
-
-def _read_header(path: Path, line: bytes) -> Header:
-    from snr_sim.recording.records import SCHEMA
-
-    try:
-        fields = _decode_any(line)
-    except (msgspec.DecodeError, UnicodeDecodeError):
-        fields = None
-    if not isinstance(fields, dict) or fields.get("kind") != "header":
-        raise TraceError(f"{path} is not a trace: its first line is no header.", fix="name a run folder of `snr run`.")
-    if fields.get("schema") != SCHEMA:
-        raise TraceError(
-            f"{path} has trace format {fields.get('schema')!r}, written by snr_sim {fields.get('kit')!r}; "
-            f"this kit reads format {SCHEMA}.",
-            fix="use the kit that wrote it, or run the scenario again.",
-        )
-    try:
-        return _decode_header(line)
-    except msgspec.DecodeError as error:
-        raise TraceError(
-            f"{path}: its header is damaged: {error}.", fix="use an untouched copy, or run again."
-        ) from error
-
-
-def _check_text(path: Path, lines: Sequence[bytes]) -> None:
-    for number, line in enumerate(lines, start=1):
-        if not line.isascii():
-            try:
-                line.decode()
-            except UnicodeDecodeError as error:
-                raise TraceError(
-                    f"{path}, line {number} is not a record: {error}.", fix="use an untouched copy, or run again."
-                ) from error
-
-
-def _check_order(path: Path, records: Sequence[Record]) -> None:
-    for place, record in enumerate(records, start=1):
-        if record.seq != place:
-            raise TraceError(
-                f"{path}: record {place} has seq {record.seq}; a line was taken out, put in or moved.",
-                fix="use an untouched copy, or run the scenario again.",
-            )

@@ -20,7 +20,8 @@ from snr_sim import library
 from snr_sim.prelude.errors import MissingExtra
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Rig, Robot
-from snr_sim.recording.trace import FILE_NAME, TraceWriter, read_trace
+from snr_sim.recording.reader import read_trace
+from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.simulation import Request, Simulation, prepare
 
 SEED = 7

@@ -12,7 +12,8 @@ import pytest
 
 from snr_sim.cli.run import pace_of
 from snr_sim.recording.folder import RESULT_NAME
-from snr_sim.recording.trace import FILE_NAME, read_trace
+from snr_sim.recording.reader import read_trace
+from snr_sim.recording.trace import FILE_NAME
 
 Snr = Callable[..., Any]
 Mine = Callable[..., Path]

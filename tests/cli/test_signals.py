@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 
 from snr_sim.recording.folder import RESULT_NAME
+from snr_sim.recording.reader import read_trace
 from snr_sim.recording.records import EndRecord, ErrorRecord
-from snr_sim.recording.trace import FILE_NAME, read_trace
+from snr_sim.recording.trace import FILE_NAME
 
 Mine = Callable[..., Path]
 WIRED = '        return self.store_data_task("engine", {"throttle": 0.3})'

@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 
 from snr_sim.recording.folder import RESULT_NAME
+from snr_sim.recording.reader import read_trace
 from snr_sim.recording.records import TaskRecord
-from snr_sim.recording.trace import FILE_NAME, read_trace
+from snr_sim.recording.trace import FILE_NAME
 
 Snr = Callable[..., Any]
 Mine = Callable[..., Path]

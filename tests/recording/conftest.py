@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.recording.trace import FILE_NAME, Trace, TraceWriter, read_trace
+from snr_sim.recording.reader import Trace, read_trace
+from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.simulation import Request, prepare
 
 Fly = Callable[..., Trace]

@@ -13,8 +13,9 @@ from snr_sim import Config, SimClock, SimRunner
 from snr_sim.library import load_program
 from snr_sim.program import program_header
 from snr_sim.recording.outside import OutsideCall, watching
+from snr_sim.recording.reader import read_trace
 from snr_sim.recording.replay import replay_node
-from snr_sim.recording.trace import FILE_NAME, TraceWriter, read_trace
+from snr_sim.recording.trace import FILE_NAME, TraceWriter
 
 ROBOT = """
 import datetime, logging, os, random, secrets, socket, subprocess, tempfile, threading, time, traceback, uuid

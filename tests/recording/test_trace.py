@@ -21,9 +21,10 @@ from snr_sim.prelude.errors import TraceError
 from snr_sim.prelude.page import KINDS
 from snr_sim.prelude.values import decode_value
 from snr_sim.program import program_header, record_program
-from snr_sim.recording.records import EndRecord, ErrorRecord, InputRecord, PageRecord, Record, TaskRecord
+from snr_sim.recording.reader import Trace, read_trace
+from snr_sim.recording.records import EndRecord, ErrorRecord, InputRecord, PageRecord, Record, TaskRecord, encode_record
 from snr_sim.recording.replay import replay_node
-from snr_sim.recording.trace import FILE_NAME, Trace, TraceWriter, encode_record, read_trace
+from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.std_mods.comms.memory import MemoryLink
 from snr_sim.testing.parts import PartFactory, TickerFactory
 

@@ -1,0 +1,359 @@
+"""The checker of a replay: hands out the tickets of the recorded tasks, and compares what handlers return with them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+from msgspec import Raw
+
+from snr_sim.core.blame import describe_error
+from snr_sim.core.handlers import handler_name
+from snr_sim.core.machine import HandlerFailed
+from snr_sim.core.node import INTERRUPTED
+from snr_sim.prelude.errors import ComponentFailed, SnrError
+from snr_sim.prelude.recorder import Handled, Ticket
+from snr_sim.prelude.task import Task, TaskType
+from snr_sim.recording.compare import Tolerance, first_difference
+from snr_sim.recording.node_trace import encode_values, id_in_words
+from snr_sim.recording.records import (
+    BeginRecord,
+    By,
+    ErrorRecord,
+    InputRecord,
+    PageRecord,
+    Record,
+    Returned,
+    TaskRecord,
+)
+
+Executed: TypeAlias = TaskRecord | PageRecord
+MAX_DIVERGENCES = 1000
+# A task that the recording does not have may have this many after it. One that asks for itself for ever is cut off.
+MAX_FOLLOWERS = 100
+
+HANDLER = "the handler itself"  # the field of a difference: it was called then and is not now, or the other way round
+
+
+@dataclass(frozen=True)
+class Divergence:
+    """One place where the replay did something else than the recording.
+
+    Args:
+        seq, t, node: of the recorded task whose handling differs.
+        task: that task, in words.
+        component, handler: whose answer differs.
+        kind: 'value', 'missing', 'extra', 'reordered' or 'raised'.
+        field: path to the value, or the task that is missing or extra.
+        recorded, replayed: what stood there.
+        causes: from the input to the task, one line each.
+        is_command: what differs drives an actuator.
+    """
+
+    seq: int
+    t: float
+    node: str
+    task: str
+    component: str
+    handler: str
+    kind: str
+    field: str
+    recorded: Any
+    replayed: Any
+    causes: list[str]
+    is_command: bool
+
+
+@dataclass
+class NodeReplay:
+    """What came out of replaying one node."""
+
+    node: str
+    executed: int = 0
+    recorded: int = 0
+    divergences: list[Divergence] = field(default_factory=list)
+    records: list[Record] = field(default_factory=list)  # what a trace of the replay would hold, with recorded seqs
+
+    @property
+    def is_identical(self) -> bool:
+        """Whether everything was as recorded."""
+        return not self.divergences
+
+    @property
+    def first_command(self) -> Divergence | None:
+        """The first difference that would have moved an actuator: after it, the recorded sensors answer other code."""
+        return next((divergence for divergence in self.divergences if divergence.is_command), None)
+
+
+class Checker:
+    """Takes the recorder's place: hands out tickets of the recorded tasks, and compares."""
+
+    def __init__(self, node: str, records: Sequence[Record], commands: Sequence[str], tolerances: Sequence[Tolerance]):
+        self.result = NodeReplay(node, recorded=sum(isinstance(record, (TaskRecord, PageRecord)) for record in records))
+        self.entering: InputRecord | None = None
+        self._by_seq: dict[int, Record] = {record.seq: record for record in records}
+        self._by_cause: dict[tuple[int, int], Executed] = {
+            (record.cause, record.nth): record for record in records if isinstance(record, (TaskRecord, PageRecord))
+        }
+        self._began: BeginRecord | None = None  # the node's own
+        self._begins = {record.by: record for record in records if isinstance(record, BeginRecord)}
+        self._failed: dict[int, dict[str, str]] = {}  # by seq of the task: what each component raised
+        for record in records:
+            if isinstance(record, ErrorRecord):
+                self._failed.setdefault(record.cause, {})[record.component] = record.message
+        self._commands = set(commands)
+        self._tolerances = tolerances
+        self._extra = 0  # tasks the recording does not have get causes below zero
+        self._followers: dict[int, list[int]] = {}  # of such a cause: how many followed its first one; shared by all
+        self._current: Executed | None = None
+        self._gone: list[By] = []  # components that handled the current task in the recording and have not yet
+
+    def for_node(self, name: str) -> Checker:
+        """Returns itself: a replay has one node."""
+        return self
+
+    def record_of(self, ticket: Ticket) -> Executed | None:
+        """Returns the recorded task that a replayed one answers to, or None if the recording has none."""
+        return self._by_cause.get((ticket[1], ticket[2]))
+
+    def was_left_queued(self, ticket: Ticket) -> bool:
+        """Returns whether the recording has this task as asked for, but ended before it was executed."""
+        return ticket[1] > 0 and self.record_of(ticket) is None
+
+    def was_interrupted(self, record: Executed) -> bool:
+        """Returns whether a handler of this task did not return until a signal ended the run."""
+        return any(message.startswith(INTERRUPTED) for message in self._failed.get(record.seq, {}).values())
+
+    # The NodeRecorder promise
+
+    def begun(self, now_s: float, component: str, scheduled: Sequence[Task]) -> list[Ticket]:
+        """Compares what a component schedules in `begin`."""
+        found = self._begins.pop(component, None)
+        if component == self.result.node:
+            self._began = found
+        record = found or self._began  # a component that scheduled nothing then has no record of its own
+        recorded = found.returned if found is not None else []
+        seq = record.seq if record is not None else 0
+        tickets, returned = self._answer(seq, scheduled, recorded, 0, (component, "begin"), record)
+        self.result.records.append(BeginRecord(seq, now_s, self.result.node, component, returned))
+        return tickets
+
+    def all_begun(self) -> None:
+        """Compares with the components that scheduled something in `begin` then, and nothing now."""
+        for record in self._begins.values():
+            self._compare_order(record, (record.by, "begin"), record.returned, [])
+
+    def input(self, now_s: float, source: str, task: Task) -> Ticket:
+        """Hands out the ticket of the recorded input."""
+        record = self.entering
+        assert record is not None
+        self.result.records.append(record)
+        return (task, record.seq, 0, bytes(record.values))
+
+    def task(self, now_s: float, ticket: Ticket, handled: Sequence[Handled]) -> list[Ticket]:
+        """Compares what the handlers of a task returned."""
+        task, cause, nth, values = ticket
+        record = self._current = self.record_of(ticket)
+        tickets: list[Ticket] = []
+        by: list[By] = []
+        then = {one.by: one for one in record.handled} if record is not None else {}
+        offsets = _offsets(record)
+        seq = record.seq if record is not None else cause
+        for label, outputs in handled:
+            before = then.pop(label[0], None)
+            if before is None and record is not None:
+                self._newly_called(record, label, outputs)
+            recorded = before.returned if before is not None else []
+            more, returned = self._answer(seq, outputs, recorded, offsets.get(label[0], 0), label, record)
+            tickets.extend(more)
+            by.append(By(label[0], label[1], returned))
+        self._gone = list(then.values())
+        kind = PageRecord if task.type is TaskType.store_page else TaskRecord
+        seq = record.seq if record is not None else 0
+        self.result.records.append(kind(seq, now_s, self.result.node, *id_in_words(task), Raw(values), cause, nth, by))
+        return tickets
+
+    def error(self, now_s: float, component: str, message: str) -> None:
+        """A replay reports failures through `raised`."""
+
+    def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:
+        """Nothing to compare: counts follow from the tasks."""
+
+    # Failures, and handlers that are gone
+
+    def raised(self, failed: HandlerFailed, error: BaseException) -> None:
+        """Compares a failure of a handler with the recorded one."""
+        record = self._current
+        if record is None:
+            return  # in a task that the recording does not have, which was said
+        component = failed.component.name if failed.component is not None else ""  # none: nobody could be found
+        then = self._failed.get(record.seq, {}).get(component)
+        if then is None or (type(error).__name__ not in then and not isinstance(error, SnrError)):
+            self._diverge(
+                record, (component, self._handler_of(failed)), "raised", "exception",
+                _first_lines(then) if then else "no exception", _first_lines(describe_error(error, "")),
+            )  # fmt: skip
+
+    def returned(self) -> None:
+        """Compares with the handlers that were called for this task then, and are not now."""
+        for one in self._gone:
+            assert self._current is not None
+            if one.returned:
+                self._compare_order(self._current, (one.by, one.handler), one.returned, [])
+            else:
+                self._diverge(self._current, (one.by, one.handler), "missing", HANDLER, "called", "not called")
+
+    def failed_outside_a_task(self, failure: ComponentFailed, step: str) -> None:
+        """Compares a failure in `begin`, or in `halt` and `terminate`, with the recorded one."""
+        if any(failure.component in failed for failed in self._failed.values()):
+            return
+        record = self._current or next((one for one in self._by_seq.values() if isinstance(one, BeginRecord)), None)
+        if record is not None:
+            label = (failure.component, step)
+            self._diverge(record, label, "raised", "exception", "no exception", _first_lines(failure.message))
+
+    def _newly_called(self, record: Executed, label: tuple[str, str], outputs: Sequence[Task]) -> None:
+        """A handler is called that the recording has no return of: it is new, or it raised then."""
+        failure = self._failed.get(record.seq, {}).get(label[0])
+        if failure is not None:
+            self._diverge(record, label, "raised", "exception", _first_lines(failure), "no exception")
+        elif not outputs:
+            self._diverge(record, label, "extra", HANDLER, "not called", "called")
+
+    @staticmethod
+    def _handler_of(failed: HandlerFailed) -> str:
+        handlers = failed.component.task_handlers if failed.component is not None else {}
+        handler = handlers.get(failed.task.id()) or handlers.get(failed.task.type)
+        return handler_name(handler) if handler is not None else ""
+
+    # Comparison
+
+    def _answer(
+        self,
+        seq: int,
+        outputs: Sequence[Task],
+        recorded: Sequence[Returned],
+        offset: int,
+        label: tuple[str, str],
+        record: Executed | BeginRecord | None,
+    ) -> tuple[list[Ticket], list[Returned]]:
+        """Pairs outputs with recorded ones and compares; returns their tickets, and them as they stand in a record."""
+        encoded = [(task, encode_values(task)) for task in outputs]
+        returned = [Returned(*id_in_words(task), Raw(values)) for task, values in encoded]
+        pairs = _paired(recorded, returned)
+        tickets: list[Ticket] = []
+        for (task, values), place in zip(encoded, pairs, strict=True):
+            if place is None or record is None:
+                tickets.extend(self._extra_ticket(task, values, seq))
+                continue
+            tickets.append((task, seq, offset + place, values))
+            self._compare_values(record, label, recorded[place], values)
+        if record is not None:
+            self._compare_order(record, label, recorded, returned)
+        return tickets, returned
+
+    def _extra_ticket(self, task: Task, values: bytes, cause: int) -> list[Ticket]:
+        """Returns the ticket of a task that the recording does not have; none if too many came from one such task."""
+        followers = self._followers.get(cause) or [0]
+        followers[0] += 1
+        if followers[0] > MAX_FOLLOWERS:
+            return []
+        self._extra -= 1
+        self._followers[self._extra] = followers
+        return [(task, self._extra, 0, values)]
+
+    def _compare_values(
+        self, record: Executed | BeginRecord, label: tuple[str, str], recorded: Returned, values: bytes
+    ) -> None:
+        difference = first_difference(recorded.name, recorded.type, bytes(recorded.values), values, self._tolerances)
+        if difference is not None:
+            is_command = recorded.type == TaskType.store_page and recorded.name in self._commands
+            self._diverge(
+                record, label, "value", difference.field, difference.recorded, difference.replayed, is_command
+            )
+
+    def _compare_order(
+        self,
+        record: Executed | BeginRecord,
+        label: tuple[str, str],
+        recorded: Sequence[Returned],
+        returned: Sequence[Returned],
+    ) -> None:
+        then, now = [_id(one) for one in recorded], [_id(one) for one in returned]
+        if then == now:
+            return
+        for kind, ours, theirs in (("missing", then, now), ("extra", now, then)):
+            left = list(theirs)
+            for one in ours:
+                if one in left:
+                    left.remove(one)
+                    continue
+                is_command = one[0] == TaskType.store_page and one[1] in self._commands
+                shown = " ".join(one)
+                recorded_one, replayed_one = (shown, None) if kind == "missing" else (None, shown)
+                self._diverge(record, label, kind, shown, recorded_one, replayed_one, is_command)
+        if sorted(then) == sorted(now):
+            orders = ([" ".join(one) for one in ids] for ids in (then, now))
+            self._diverge(record, label, "reordered", "order", next(orders), next(orders))
+
+    def _diverge(
+        self,
+        record: Executed | BeginRecord,
+        label: tuple[str, str],
+        kind: str,
+        where: str,
+        recorded: Any,
+        replayed: Any,
+        is_command: bool = False,
+    ) -> None:
+        if len(self.result.divergences) >= MAX_DIVERGENCES:
+            return
+        task = "begin" if isinstance(record, BeginRecord) else f"{record.type} '{record.name}'"
+        self.result.divergences.append(
+            Divergence(
+                record.seq, record.t, record.node, task, label[0], label[1], kind, where, recorded, replayed,
+                list(self._causes(record)), is_command,
+            )
+        )  # fmt: skip
+
+    def _causes(self, record: Record) -> Iterator[str]:
+        """Yields the way from the input to a record."""
+        chain: list[Record] = [record]
+        while isinstance(chain[-1], (TaskRecord, PageRecord)) and chain[-1].cause in self._by_seq:
+            chain.append(self._by_seq[chain[-1].cause])
+        for one in reversed(chain):
+            if isinstance(one, InputRecord):
+                yield f"seq {one.seq}: {one.source} brought {one.type} '{one.name}'"
+            elif isinstance(one, BeginRecord):
+                yield f"seq {one.seq}: {one.by} began"
+            elif isinstance(one, (TaskRecord, PageRecord)):
+                handlers = ", ".join(f"{by.by}.{by.handler}" for by in one.handled) or "nobody"
+                yield f"seq {one.seq}: {one.type} '{one.name}' went to {handlers}"
+
+
+def _id(returned: Returned) -> tuple[str, str]:
+    return (str(returned.type), returned.name)
+
+
+def _paired(recorded: Sequence[Returned], returned: Sequence[Returned]) -> list[int | None]:
+    """Returns for each returned task the place of the recorded one it answers to: the same id, the same time round."""
+    places: dict[tuple[str, str], list[int]] = {}
+    for place, one in enumerate(recorded):
+        places.setdefault(_id(one), []).append(place)
+    return [found.pop(0) if (found := places.get(_id(one))) else None for one in returned]
+
+
+def _offsets(record: Executed | None) -> dict[str, int]:
+    """Returns at which place among all tasks of a record each component's tasks begin."""
+    offsets: dict[str, int] = {}
+    place = 0
+    for one in record.handled if record is not None else []:
+        offsets[one.by] = place
+        place += len(one.returned)
+    return offsets
+
+
+def _first_lines(message: str) -> str:
+    """Returns the line and the exception of a failure, without when it was."""
+    return " | ".join(line.strip() for line in message.splitlines()[:2] if line.strip())
