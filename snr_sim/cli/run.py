@@ -26,7 +26,9 @@ def run(
     option: Annotated[list[str], typer.Option(help="KEY=VALUE for the controller; may be repeated.")] = [],  # noqa: B006
     out: Annotated[Path, typer.Option(help="Folder that run folders go into.")] = Path("runs"),
     no_rrd: Annotated[bool, typer.Option("--no-rrd", help="Leave out view.rrd.")] = False,
-    show: Annotated[bool, typer.Option("--view", help="Show the run in rerun while it goes on.")] = False,
+    show: Annotated[
+        bool, typer.Option("--view", help="Show it in rerun: live with --speed, else when it is over.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Run a scenario and record it.
@@ -36,11 +38,15 @@ def run(
     from snr_sim.simulation import Request
 
     request = Request(scenario, seed, engine or None, controller or None, role or None, io, _options(option))
-    fields, status = record_run(request, out, pace_of(speed), is_viewed=not no_rrd, is_live=show, is_quiet=as_json)
+    pace = pace_of(speed)
+    is_live = show and pace is not None  # a fast run is over before a window is open
+    fields, status = record_run(request, out, pace, is_viewed=not no_rrd, is_live=is_live, is_quiet=as_json)
     if as_json:
         from snr_sim.recording.folder import as_json as json_of
 
         print(json_of(fields))
+    if show and not is_live:
+        _show(Path(fields["run_dir"]))
     sys.exit(status)
 
 
@@ -169,6 +175,18 @@ def _live_view(header: Header, recorder: Any) -> Any:
     open_live(live.url)
     recorder.follow(live)
     return live
+
+
+def _show(folder: Path) -> None:
+    """Opens the finished run; if that fails, the run still counts."""
+    from snr_sim.cli.view import view
+    from snr_sim.prelude.errors import SnrError
+
+    sys.stdout.flush()
+    try:
+        view(folder)
+    except SnrError as error:
+        print(f"note: {error}", file=sys.stderr)
 
 
 def _say(fields: dict[str, Any], result: Result, is_quiet: bool) -> None:
