@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from snr_sim.testing.expector import Expector, OrderedExpector
     from snr_sim.testing.expector_endpoint import ExpectorEndpointFactory
     from snr_sim.testing.fakes import FakeActuator, FakeSensor
-    from snr_sim.testing.replayer import ListReplayerFactory
+    from snr_sim.testing.replayer import ListReplayer, ListReplayerFactory
 
 _PLACES = {
     "snr_sim.core.clocks": ("SimClock", "WallClock"),
@@ -70,7 +70,7 @@ _PLACES = {
     "snr_sim.testing.expector": ("Expector", "OrderedExpector"),
     "snr_sim.testing.expector_endpoint": ("ExpectorEndpointFactory",),
     "snr_sim.testing.fakes": ("FakeActuator", "FakeSensor"),
-    "snr_sim.testing.replayer": ("ListReplayerFactory",),
+    "snr_sim.testing.replayer": ("ListReplayer", "ListReplayerFactory"),
 }
 _HOME = {name: module for module, names in _PLACES.items() for name in names}
 

@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import inspect
 import platform
 import sys
 import time
@@ -16,7 +17,7 @@ from types import ModuleType
 from typing import Any
 
 from snr_sim import __version__, library
-from snr_sim.core.blame import describe_error, put_place_first, short_path, student_place
+from snr_sim.core.blame import describe_error, place_of, put_place_first, short_path, student_place
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.config import AnyFactory, Config, Mode
 from snr_sim.core.endpoint import EndpointFactory
@@ -92,7 +93,7 @@ class Simulation:
             role=robot.ROLES[0],
             scenario=request.scenario,
             engine=request.engine or "",
-            parameters=call_student(scenario.parameters, "parameters()", request.seed),
+            parameters=call_student(scenario.parameters, "parameters(seed)", request.seed),
             options=request.options,
         )
 
@@ -117,7 +118,7 @@ class Simulation:
         """
         controller = self._factories()
         rig = Rig(self._robot, self.request.io, self.request.seed, plant)
-        roles = call_student(self.robot_file.roles, "roles()", rig, controller)
+        roles = call_student(self.robot_file.roles, "roles(rig, controller)", rig, controller)
         given = roles if isinstance(roles, dict) else {}
         missing = [role for role in self.roles if not isinstance(given.get(role), (list, tuple))]
         if missing:
@@ -129,7 +130,7 @@ class Simulation:
         return Config(Mode.TEST, roles)
 
     def _factories(self) -> list[AnyFactory]:
-        made = call_student(self._controller.factories, "factories()", self._robot)
+        made = call_student(self._controller.factories, "factories(robot)", self._robot)
         place = short_path(str(self._controller.__file__))
         if not isinstance(made, (list, tuple)):
             raise ConfigError(
@@ -146,7 +147,7 @@ class Simulation:
 
     def plant(self) -> Plant:
         """Returns the plant at the start that belongs to the seed."""
-        plant = call_student(self.scenario.plant, "plant()", self.request.seed, self.request.engine)
+        plant = call_student(self.scenario.plant, "plant(seed, engine)", self.request.seed, self.request.engine)
         if not isinstance(plant, Plant):
             raise ConfigError(
                 f"{short_path(str(self.scenario.__file__))}: plant(seed, engine) returned {plant!r}, "
@@ -300,7 +301,10 @@ class Flight:
             return Verdict("error", False)
         if is_interrupted and self._referee.verdict is None:
             return Verdict("interrupted", False)
-        return self._referee.verdict or Verdict("timeout", False)
+        if self._referee.verdict is not None:
+            return self._referee.verdict
+        ended_by = [node.exit_reason for node in self.nodes if node.is_terminated]
+        return Verdict("ended", False) if ended_by else Verdict("timeout", False)
 
     def _metrics(self) -> tuple[dict[str, Any], str]:
         simulation = self._simulation
@@ -402,6 +406,18 @@ def call_student(function: Callable[..., Any], name: str, *args: Any) -> Any:
     Raises:
         ConfigError: it raised.
     """
+    try:
+        signature = inspect.signature(function)
+        signature.bind(*args)
+    except TypeError:
+        place = place_of(function)
+        where = f"{place}\n  " if place is not None else ""
+        raise ConfigError(
+            f"{where}{name.partition('(')[0]}() takes ({', '.join(signature.parameters)}), but is called with {len(args)} argument(s).",
+            fix=f"def {name}:",
+        ) from None
+    except ValueError:
+        pass  # some callables written in C do not tell
     try:
         return function(*args)
     except SnrError as error:

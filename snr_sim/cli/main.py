@@ -46,6 +46,9 @@ app.command("doctor")(doctor.doctor)
 app.command("bench")(bench.bench)
 
 
+_TYPER_STOPPED = 130  # what typer returns when it has caught a KeyboardInterrupt before us
+
+
 def main() -> None:
     """Runs the command line; an error of ours is a sentence, not a traceback."""
     import signal
@@ -58,8 +61,12 @@ def main() -> None:
             sys.stdout.flush()  # here, where we can answer if nobody listens any more
     except KeyboardInterrupt as stop:
         fail("Stopped.", 128 + (stop.args[0] if stop.args and isinstance(stop.args[0], int) else signal.SIGINT))
-    except BrokenPipeError:  # `snr trace RUN | head`
-        _nobody_listens()
+    except OSError as error:
+        if isinstance(error, BrokenPipeError):  # `snr trace RUN | head`
+            _nobody_listens()
+        if error.filename is not None:
+            raise
+        fail(f"The answer could not be written: {error.strerror}. A run that was made is in its folder.", 1)
     except SystemExit as ending:
         if isinstance(ending.__context__, BrokenPipeError):  # typer has seen it first
             _nobody_listens()
@@ -72,8 +79,15 @@ def main() -> None:
         if not hasattr(error, "format_message"):  # typer's words about the command line have it
             raise
         said = error.format_message()
-        fail(said if said.startswith("Usage:") else f"{said}\n  Try: snr --help says what there is.")
+        fail(said if said.startswith("Usage:") else f"{said}\n  Try: snr {_verb()}--help says what there is.")
+    if status == _TYPER_STOPPED:
+        fail("Stopped.", 128 + (_stopped_by[0] if _stopped_by else signal.SIGINT))
     sys.exit(status if isinstance(status, int) else 0)
+
+
+def _verb() -> str:
+    known = {command.name for command in app.registered_commands}
+    return next((f"{word} " for word in sys.argv[1:2] if word in known), "")
 
 
 def _nobody_listens() -> NoReturn:
@@ -81,7 +95,11 @@ def _nobody_listens() -> NoReturn:
     sys.exit(0)
 
 
+_stopped_by: list[int] = []
+
+
 def _stop(number: int, frame: object) -> None:
+    _stopped_by.append(number)
     raise KeyboardInterrupt(number)
 
 

@@ -64,6 +64,7 @@ def _replay(
 ) -> tuple[list[NodeReplay], list[OutsideCall], list[str]]:
     from contextlib import ExitStack
 
+    from snr_sim.recording.folder import remarks
     from snr_sim.recording.outside import watching
     from snr_sim.recording.replay import replay_node
 
@@ -72,21 +73,8 @@ def _replay(
         found = stack.enter_context(watching()) if is_checking else {}
         config, notes = _config(trace, with_file)
         replays = [replay_node(trace, role, config, tolerances) for role in roles]
-    if _was_changed(trace):
-        notes.append("The trace was changed after the run: its digest is not the one in result.json.")
-    if trace.is_cut:
-        notes.append("The trace was cut short; it is replayed up to its last whole record.")
-    elif not trace.is_ended:
-        notes.append("The run did not end by itself; it is replayed up to its last record.")
+    notes.extend(remarks(trace))
     return replays, list(found.values()), notes
-
-
-def _was_changed(trace: Trace) -> bool:
-    """Returns whether the run's result tells of another digest; a run that was cut off has no result."""
-    from snr_sim.recording.folder import read_result
-
-    digest = read_result(trace.path.parent).get("trace_digest")
-    return not trace.is_cut and digest is not None and digest != trace.digest
 
 
 def _config(trace: Trace, with_file: str) -> tuple[Any, list[str]]:

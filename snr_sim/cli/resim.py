@@ -23,11 +23,13 @@ def resim(
     Exit status: as of `snr run`.
     """
     from snr_sim.cli.run import record_run
-    from snr_sim.recording.folder import trace_path
+    from snr_sim.recording.folder import remarks, trace_path
     from snr_sim.recording.reader import read_trace
     from snr_sim.simulation import request_of
 
     trace = read_trace(trace_path(run))
+    for remark in remarks(trace):
+        print(f"note: {remark}", file=sys.stderr)
     fields, status = record_run(
         request_of(trace.header, with_file), out, None, is_viewed=not no_rrd, is_live=False, is_quiet=as_json
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -23,13 +24,15 @@ def trace(
 ) -> None:
     """Print the records of a run."""
     from snr_sim.prelude.errors import UnknownName, nearest
-    from snr_sim.recording.folder import trace_path
+    from snr_sim.recording.folder import remarks, trace_path
     from snr_sim.recording.reader import read_trace
     from snr_sim.recording.records import encode_record
 
     if kind and kind not in KINDS:
         raise UnknownName(f"There are no records of kind '{kind}':", fix=nearest(kind, KINDS))
     recorded = read_trace(trace_path(run))
+    for remark in remarks(recorded):
+        print(f"note: {remark}", file=sys.stderr)
     nodes = recorded.header.nodes
     if node and node not in nodes and f"{node}_node" not in nodes:
         raise UnknownName(f"This run has no node '{node}':", fix=nearest(node, nodes))

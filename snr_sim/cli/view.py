@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -27,13 +28,16 @@ def view(
 
 def _draw(run: Path, png: Path) -> None:
     from snr_sim.prelude.errors import TraceError
-    from snr_sim.recording.folder import trace_path
+    from snr_sim.recording.folder import read_result, remarks, trace_path
     from snr_sim.recording.picture import draw_run
     from snr_sim.recording.reader import read_trace
 
     trace = read_trace(trace_path(run))
+    for remark in remarks(trace):
+        print(f"note: {remark}", file=sys.stderr)
     try:
-        draw_run(trace.header, trace.records, png)
+        result = read_result(trace.path.parent)
+        draw_run(trace.header, trace.records, png, result.get("outcome", ""), result.get("touchdown"))
     except OSError as error:
         raise TraceError(f"The picture {png} cannot be written: {error.strerror}.", fix="name another file.") from error
     print(png)

@@ -178,8 +178,8 @@ class Node:
             self.machine.run_ready()
         except HandlerFailed as failed:
             cause = failed.__cause__
-            if not isinstance(cause, (Exception, SystemExit)):
-                assert cause is not None
+            assert cause is not None
+            if isinstance(cause, KeyboardInterrupt):
                 self._record_interrupt(failed, cause)
                 raise cause from None  # an interrupt, not a failure
             raise self._handler_failure(failed, cause) from cause
@@ -229,7 +229,7 @@ class Node:
             cut_off = self.machine.drain()
         except HandlerFailed as failed:
             cause = failed.__cause__
-            if isinstance(cause, (Exception, SystemExit)):
+            if cause is not None and not isinstance(cause, KeyboardInterrupt):
                 failures.append(self._handler_failure(failed, cause))
             elif cause is not None:
                 self._record_interrupt(failed, cause)

@@ -94,7 +94,7 @@ class ActuatorLoop(Loop):
 
     def loop(self) -> None:
         """Writes the newest command, if it is new; neutral if it is too old."""
-        page = self.parent.datastore.pages.get(self.factory.key)
+        page = self.parent.get_page(self.factory.key)  # asks aloud: a command nobody ever stores is reported
         if page is None:
             return
         if self.get_time_s() - page.created_at_s > self.factory.timeout_s:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from snr_sim.prelude.errors import TraceError
+from snr_sim.recording.reader import Trace
 from snr_sim.recording.trace import FILE_NAME
 
 RESULT_NAME = "result.json"
@@ -96,3 +97,13 @@ def trace_path(run: Path) -> Path:
     near = sorted(run.glob(f"*/{FILE_NAME}")) if run.is_dir() else sorted(Path("runs").glob(f"*/{FILE_NAME}"))
     fix = f"the newest run here is {near[-1].parent}." if near else "make one: snr run lander_vertical."
     raise TraceError(f"There is no run at {run}.", fix=fix)
+
+
+def remarks(trace: Trace) -> list[str]:
+    """Returns what whoever looks at a trace should know: that it was changed, cut, or did not end by itself."""
+    digest = read_result(trace.path.parent).get("trace_digest")
+    if trace.is_cut:
+        return ["The trace was cut short; what follows stops at its last whole record."]
+    if digest is not None and digest != trace.digest:
+        return ["The trace was changed after the run: its digest is not the one in result.json."]
+    return [] if trace.is_ended else ["The run did not end by itself; its trace stops at its last record."]

@@ -193,8 +193,9 @@ def watching() -> Iterator[dict[tuple[str, int], OutsideCall]]:
 
 def _wrap_numpy(watch: _Watch) -> dict[str, Any]:
     """Puts a look-out before numpy's global generator, whose functions the profiler does not see."""
-    numpy = sys.modules.get("numpy")
-    if numpy is None:
+    try:
+        import numpy  # before the student's file does, which is read only after this
+    except ImportError:
         return {}
     before = {name: getattr(numpy.random, name) for name in _NUMPY_LEGACY}
     for name, function in before.items():

@@ -6,7 +6,7 @@ Everything comes from the header's scene and the true states of the trace, so an
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -37,8 +37,12 @@ PLOTTED_UNITS = ("m", "m/s", "", "kg")  # what a newcomer understands; the view 
 
 Rows: TypeAlias = NDArray[np.float64]
 
+Touchdown: TypeAlias = Mapping[str, float] | None
 
-def draw_run(header: Header, records: Iterable[Record], path: str | Path, outcome: str = "") -> None:
+
+def draw_run(
+    header: Header, records: Iterable[Record], path: str | Path, outcome: str = "", touchdown: Touchdown = None
+) -> None:
     """Draws a run as a PNG of 1800 x 1000 pixels.
 
     Args:
@@ -46,6 +50,7 @@ def draw_run(header: Header, records: Iterable[Record], path: str | Path, outcom
         records: of the trace.
         path: of the file to write.
         outcome: how it ended, in a word; without it, the reason that the node gave.
+        touchdown: the judged one, number by name with unit, as in result.json; only that is told in words.
 
     Raises:
         MissingExtra: Pillow is not installed.
@@ -58,7 +63,7 @@ def draw_run(header: Header, records: Iterable[Record], path: str | Path, outcom
     canvas = Canvas(WIDTH, HEIGHT, BACKGROUND)
     _draw_scene(canvas, header, flight)
     draw_plots(canvas, PLOTS, _plots(batch), flight.touchdown_s)
-    _draw_title(canvas, header, flight, outcome or reason)
+    _draw_title(canvas, header, flight, outcome or reason, touchdown)
     canvas.save(path)
 
 
@@ -352,25 +357,23 @@ def _plots(batch: Batch) -> list[Plot]:
     ]
 
 
-def _draw_title(canvas: Canvas, header: Header, flight: _Flight, outcome: str) -> None:
+def _draw_title(canvas: Canvas, header: Header, flight: _Flight, outcome: str, touchdown: Touchdown) -> None:
     left, right = 14.0, PLOTS[2]
     canvas.text((left, 10), header.scenario, 19.0, INK)
     beside = left + canvas.text_width(header.scenario, 19.0) + 12
     canvas.text((beside, 16), f"seed {header.seed}, controller '{header.controller}'", 12.5, PALE)
     said = f"{outcome}, " if outcome else ""
     canvas.text((right, 12), f"{said}{flight.times_s[-1]:.1f} s", 15.0, INK, "ra")
-    canvas.text((right, 35), _told(flight), 11.5, PALE, "ra")
+    canvas.text((right, 35), _told(flight, touchdown), 11.5, PALE, "ra")
 
 
-def _told(flight: _Flight) -> str:
+def _told(flight: _Flight, touchdown: Touchdown) -> str:
     """Returns what is worth a line: how it touched down, and what it burned."""
     told = []
     first, last = flight.values[0], flight.values[-1]
-    if flight.touchdown_s is not None:
-        i = max(0, int(np.searchsorted(flight.times_s, flight.touchdown_s)) - 1)
-        numbers = [(*name_and_unit((key,)), value) for key, value in flight.values[i].items()]
-        told = [f"{name} {value:.1f} {unit}" for name, unit, value in numbers if unit in ("m/s", "°") and value]
-        told = [f"touchdown: {', '.join(told)}"] if told else []
+    numbers = [(*name_and_unit((key,)), value) for key, value in (touchdown or {}).items()]
+    if numbers:
+        told.append("touchdown: " + ", ".join(f"{name} {value:.1f} {unit}" for name, unit, value in numbers))
     for key in first.keys() & last.keys():
         name, unit = name_and_unit((key,))
         if unit == "kg" and last[key] < first[key]:

@@ -59,7 +59,7 @@ def read_trace(path: Path) -> Trace:
     for number, line in enumerate(lines[1:], start=2):
         try:
             records.append(decode_record(line))
-        except msgspec.DecodeError as error:
+        except (msgspec.DecodeError, RecursionError) as error:
             raise TraceError(
                 f"{path}, line {number} is not a record: {error}. It reads: {line[:100]!r}",
                 fix="the file was changed or damaged after the run; use an untouched copy, or run again.",
@@ -84,7 +84,7 @@ def _read_header(path: Path, line: bytes) -> Header:
         )
     try:
         return decode_header(line)
-    except msgspec.DecodeError as error:
+    except (msgspec.DecodeError, RecursionError) as error:
         raise TraceError(
             f"{path}: its header is damaged: {error}.", fix="use an untouched copy, or run again."
         ) from error

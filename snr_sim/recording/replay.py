@@ -137,7 +137,7 @@ class _Driver:
             self._machine.execute_next()
         except HandlerFailed as failed:
             error = failed.__cause__
-            if not isinstance(error, (Exception, SystemExit)):
+            if error is None or isinstance(error, KeyboardInterrupt):
                 raise
             self._checker.raised(failed, error)
         else:

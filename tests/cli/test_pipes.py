@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
+from pathlib import Path
 
 
 def test_a_reader_that_leaves_early_is_no_error() -> None:
@@ -14,3 +16,52 @@ def test_a_reader_that_leaves_early_is_no_error() -> None:
         process.stdout.close()  # before the first line comes
         assert process.stderr.read() == b""
     assert process.returncode == 0
+
+
+def test_a_full_stdout_is_said_in_a_sentence(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "snr_sim", "list"]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(command, cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith("The answer could not be written: No space left on device.")
+    assert "Traceback" not in done.stderr
+
+
+def test_numpys_global_generator_is_named_also_if_only_the_student_imports_numpy(tmp_path: Path) -> None:
+    (tmp_path / "dice.py").write_text(DICE)
+    snr = [sys.executable, "-m", "snr_sim"]
+    run = [*snr, "run", "lander_vertical", "--controller", "./dice.py", "--no-rrd", "--json"]
+    done = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, check=False)
+    folder = json.loads(done.stdout)["run_dir"]
+    check = [*snr, "replay", folder, "--check"]
+    checked = subprocess.run(check, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert "dice.py, line 10: numpy.random.rand()" in checked.stdout
+
+
+def test_a_command_stored_under_another_name_is_reported_with_the_nearest(tmp_path: Path) -> None:
+    (tmp_path / "dice.py").write_text(DICE)
+    command = [sys.executable, "-m", "snr_sim", "run", "lander_vertical", "--controller", "./dice.py", "--no-rrd"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert "Page 'engine' was asked for, but nobody stored it: did you mean 'engin'?" in done.stderr
+
+
+DICE = """\
+import numpy as np
+from snr_sim import Endpoint, EndpointFactory, TaskType
+
+class Dice(Endpoint):
+    def __init__(self, factory, parent, name):
+        super().__init__(factory, parent, name)
+        self.task_handlers = {(TaskType.process_data, "radar"): self.on_radar}
+
+    def on_radar(self, task, task_id):
+        np.random.rand()
+        return self.store_data_task("engin", {"throttle": 0.5})
+
+class DiceFactory(EndpointFactory):
+    def get(self, parent):
+        return Dice(self, parent, "dice")
+
+def factories(robot):
+    return [DiceFactory()]
+"""

@@ -11,10 +11,9 @@ import msgspec
 import pytest
 
 from snr_sim.prelude.errors import MissingExtra, TraceError
-from snr_sim.prelude.page import Page
 from snr_sim.recording import picture, picture_canvas
 from snr_sim.recording.picture_plots import ticks
-from snr_sim.recording.records import EndRecord, Header, PageRecord, Record, TruthRecord
+from snr_sim.recording.records import EndRecord, Header, Record, TruthRecord
 
 image_module = pytest.importorskip("PIL.Image")
 
@@ -97,11 +96,13 @@ def test_it_says_what_ran_how_it_ended_and_what_it_cost(tmp_path: Path, words: l
     assert any("100 kg of fuel" in text for text in words)
 
 
-def test_touchdown_is_when_a_page_says_contact(tmp_path: Path, words: list[str]) -> None:
-    raw = b"[" + Page("inertial", {"contact": [False, True]}, "lander", 18.0).serialize() + b"]"
-    contact = PageRecord(500, 18.0, "lander", "store_page", "inertial", msgspec.Raw(raw), 0, 0, [])
-    drawn(tmp_path, [*descent(4.0), contact])
-    assert any("touchdown: vertical -1.1 m/s" in text for text in words)
+def test_the_touchdown_told_is_the_judged_one_and_no_other(tmp_path: Path, words: list[str]) -> None:
+    judged = {"vertical_mps": 0.9, "lateral_mps": -0.33, "attitude_deg": -2.43}
+    picture.draw_run(header(), descent(4.0), tmp_path / "run.png", "landed", judged)
+    assert any("touchdown: vertical 0.9 m/s, lateral -0.3 m/s, attitude -2.4 °" in text for text in words)
+    words.clear()
+    drawn(tmp_path, descent(4.0))
+    assert not any("touchdown" in text for text in words)
 
 
 def test_a_body_that_only_falls_is_spread_out_along_time(tmp_path: Path, words: list[str]) -> None:
