@@ -410,11 +410,10 @@ def call_student(function: Callable[..., Any], name: str, *args: Any) -> Any:
         signature = inspect.signature(function)
         signature.bind(*args)
     except TypeError:
-        place = place_of(function)
+        place, takes = place_of(function), f"{name.partition('(')[0]}({', '.join(signature.parameters)})"
         where = f"{place}\n  " if place is not None else ""
         raise ConfigError(
-            f"{where}{name.partition('(')[0]}() takes ({', '.join(signature.parameters)}), but is called with {len(args)} argument(s).",
-            fix=f"def {name}:",
+            f"{where}{takes} is called with {len(args)} argument(s): {name}.", fix=f"def {name}:"
         ) from None
     except ValueError:
         pass  # some callables written in C do not tell

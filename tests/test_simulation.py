@@ -81,7 +81,7 @@ def test_a_scenario_of_the_students_own_runs_like_ours(scenario: Scenario) -> No
         (
             "def plant(seed: int, engine: str)",
             "def plant(seed: int)",
-            "plant() takes (seed), but is called with 2",
+            "plant(seed) is called with 2 argument(s): plant(seed, engine)",
         ),
     ],
 )

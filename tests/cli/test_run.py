@@ -182,7 +182,7 @@ UNUSABLE = [
     (("def factories(robot):", "def factory(robot):"), "mine.py has no `factories`", "def factories(robot)"),
     (("def factories(robot):\n    return [MineFactory()]", "factories = []"), "`factories` is [], not a function",
      "def factories(robot)"),
-    (("def factories(robot):", "def factories():"), "takes (), but is called with 1",
+    (("def factories(robot):", "def factories():"), "factories() is called with 1",
      "def factories():"),
     ((MADE, "return None"), "returned None, which is not a list", "return [MyEndpointFactory()]"),
     ((MADE, "return 42"), "returned 42, which is not a list", "return [MyEndpointFactory()]"),
