@@ -407,7 +407,23 @@ def call_student(function: Callable[..., Any], name: str, *args: Any) -> Any:
         ConfigError: it raised.
     """
     try:
+        return function(*args)
+    except SnrError as error:
+        put_place_first(error)
+        raise
+    except (Exception, SystemExit) as error:
+        if isinstance(error, TypeError):
+            _check_arity(function, name, args)
+        raise ConfigError(describe_error(error, f"while {name} was called")) from error
+
+
+def _check_arity(function: Callable[..., Any], name: str, args: Sequence[Any]) -> None:
+    """Says so, if a call failed because the function takes something else."""
+    try:
         signature = inspect.signature(function)
+    except (TypeError, ValueError):
+        return  # some callables written in C do not tell
+    try:
         signature.bind(*args)
     except TypeError:
         place, takes = place_of(function), f"{name.partition('(')[0]}({', '.join(signature.parameters)})"
@@ -415,15 +431,6 @@ def call_student(function: Callable[..., Any], name: str, *args: Any) -> Any:
         raise ConfigError(
             f"{where}{takes} is called with {len(args)} argument(s): {name}.", fix=f"def {name}:"
         ) from None
-    except ValueError:
-        pass  # some callables written in C do not tell
-    try:
-        return function(*args)
-    except SnrError as error:
-        put_place_first(error)
-        raise
-    except (Exception, SystemExit) as error:
-        raise ConfigError(describe_error(error, f"while {name} was called")) from error
 
 
 class _Referee:
