@@ -26,13 +26,14 @@ FLOOR = {
     "library": 3,
     "supervision": 3,
     "testing": 3,
-    "learning": 3,
     "simulation": 4,
+    "learning": 6,
+    "flight": 5,
     "program": 5,
-    "grading": 5,
-    "web": 5,
-    "cli": 6,
-    "__main__": 7,
+    "grading": 6,
+    "web": 6,
+    "cli": 7,
+    "__main__": 8,
 }
 HEAVY = {"mujoco", "pymunk", "gymnasium", "rerun", "rerun_cli", "serial", "PIL", "pyarrow", "scipy", "matplotlib"}
 

@@ -9,12 +9,13 @@ from typing import Any
 import pytest
 
 from snr_sim.cli.run import record_run
+from snr_sim.flight import Flight, Result
 from snr_sim.library import find
 from snr_sim.prelude.errors import ConfigError, UnknownName
 from snr_sim.recording.folder import RESULT_NAME, as_json, new_run_folder, read_result, write_result
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
-from snr_sim.simulation import Request, Result, Simulation, prepare, request_of
+from snr_sim.simulation import Request, Simulation, prepare, request_of
 
 Scenario = Callable[..., Path]
 
@@ -41,7 +42,7 @@ def scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Scenario:
 def run(name: str = "own", **request: Any) -> tuple[Result, Any]:
     simulation = prepare(Request(name, **request))
     plant = simulation.plant()
-    return simulation.run(plant, simulation.config(plant)), plant
+    return Flight(simulation, plant, simulation.config(plant)).run(), plant
 
 
 def record(name: str = "own", **request: Any) -> dict[str, Any]:
@@ -206,7 +207,7 @@ def test_recording_changes_nothing(name: str, tmp_path: Path) -> None:
     plant = simulation.plant()
     config = simulation.config(plant)
     recorder = TraceWriter(tmp_path / FILE_NAME, simulation.header(plant, config))
-    recorded = simulation.run(plant, config, recorder, pace=1e6, on_advance=lambda time_s: None)
+    recorded = Flight(simulation, plant, config, recorder, pace=1e6, on_advance=lambda time_s: None).run()
     recorder.close()
     bare.wall_time_s = recorded.wall_time_s = 0.0
     assert bare == recorded

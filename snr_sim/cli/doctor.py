@@ -69,13 +69,14 @@ def _look() -> Iterator[Finding]:
 
 
 def _landing() -> Finding:
+    from snr_sim.flight import Flight
     from snr_sim.prelude.errors import SnrError
     from snr_sim.simulation import Request, prepare
 
     try:
         simulation = prepare(Request("lander_vertical"))
         plant = simulation.plant()
-        result = simulation.run(plant, simulation.config(plant))
+        result = Flight(simulation, plant, simulation.config(plant)).run()
     except SnrError as error:
         return Finding(False, "lander_vertical does not run", str(error))
     return Finding(result.success, f"lander_vertical, seed 0: {result.outcome}, {result.tasks} tasks")

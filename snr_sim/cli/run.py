@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
+    from snr_sim.flight import Result
     from snr_sim.recording.records import Header
     from snr_sim.recording.trace import TraceWriter
-    from snr_sim.simulation import Request, Result
+    from snr_sim.simulation import Request
 
 
 def run(
@@ -61,6 +62,7 @@ def record_run(
     from snr_sim.cli.answer import guarded
     from snr_sim.cli.progress import progress
     from snr_sim.core.interrupts import orderly
+    from snr_sim.flight import Flight
     from snr_sim.prelude.errors import TraceError
     from snr_sim.recording.folder import discard, new_run_folder, write_result
     from snr_sim.recording.trace import FILE_NAME, TraceWriter
@@ -82,7 +84,7 @@ def record_run(
             if is_live:
                 stack.callback(_live_view(header, recorder).close)
             tick = stack.enter_context(progress(simulation.scenario_name, is_shown=pace is not None))
-            flight = simulation.start(plant, config, recorder, pace, tick)
+            flight = Flight(simulation, plant, config, recorder, pace, tick)
         except BaseException:
             _close(recorder)
             discard(folder)  # the request was wrong, and nothing has begun

@@ -2,41 +2,28 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Mapping, Sequence
-from functools import cached_property
-from types import FunctionType, MethodType, ModuleType
+from collections.abc import Mapping
+from types import FunctionType, MethodType
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from snr_sim.core.component import ComponentFactory, NodeComponent
 from snr_sim.core.handlers import HandlerMap, check_handlers
 from snr_sim.prelude.errors import ConfigError
-from snr_sim.prelude.page import DataKey, Page
-from snr_sim.prelude.rng import rng_for
-from snr_sim.prelude.task import SomeTasks, Task, TaskHandler, TaskHandlerMap, TaskId, TaskType
+from snr_sim.prelude.task import SomeTasks, TaskHandler, TaskHandlerMap, TaskId
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from snr_sim.core.node import Node
 
 
-class EndpointFactory:
-    """Makes an endpoint for a node. What it keeps itself survives when the endpoint is made anew.
-
-    Args:
-        reload_targets: modules whose code is read again when the endpoint is reloaded.
-    """
-
-    def __init__(self, reload_targets: ModuleType | Sequence[ModuleType] | None = None) -> None:
-        targets = [reload_targets] if isinstance(reload_targets, ModuleType) else reload_targets
-        self.reload_targets: list[ModuleType] = list(targets or [])
+class EndpointFactory(ComponentFactory):
+    """Makes an endpoint for a node."""
 
     def get(self, parent: Node) -> Endpoint:
         """Returns a new endpoint that belongs to the node `parent`."""
         raise NotImplementedError(f"{type(self).__name__} needs a method get(self, parent) that returns its endpoint")
 
 
-class Endpoint:
+class Endpoint(NodeComponent):
     """A component that handles tasks, all of them on the node's one thread.
 
     Set `self.task_handlers` in `__init__`; a handler is called with (task, task_id) and returns None, a task, or a
@@ -60,9 +47,7 @@ class Endpoint:
             del cls.task_handlers  # or it would hide the property below, and all objects would share one map
 
     def __init__(self, factory: EndpointFactory, parent: Node, name: str) -> None:
-        self.factory = factory
-        self.parent = parent
-        self.name = name
+        super().__init__(factory, parent, name)
         self._handlers = HandlerMap({}, self._handlers_changed)
         if self._of_class:
             self.task_handlers = {
@@ -93,12 +78,6 @@ class Endpoint:
     def begin(self) -> None:
         """Called once before the first task."""
 
-    def halt(self) -> None:
-        """Called once after the last task."""
-
-    def terminate(self) -> None:
-        """Called once at the very end, to let go of files and wires."""
-
     def join(self) -> None:
         """Ends the endpoint's work by calling `halt`."""
         self.halt()
@@ -106,37 +85,3 @@ class Endpoint:
     def schedule(self, tasks: SomeTasks) -> None:
         """Queues tasks, as returning them does."""
         self.parent.schedule(tasks, source=self.name)
-
-    def page(self, key: DataKey, data: Any, process: bool = True) -> Page:
-        """Returns a page made by this node, now."""
-        return self.parent.page(key, data, process)
-
-    def store_data(self, key: DataKey, data: Any, process: bool = True) -> None:
-        """Queues the task that stores data under a key."""
-        self.schedule(self.store_data_task(key, data, process))
-
-    def store_data_task(self, key: DataKey, data: Any, process: bool = True) -> Task:
-        """Returns the task that stores data under a key, for a handler to return."""
-        return Task(TaskType.store_page, key, [self.parent.page(key, data, process)])
-
-    def get_page(self, key: DataKey) -> Page | None:
-        """Returns the newest page of a key, or None if nothing has stored it (yet)."""
-        return self.parent.get_page(key)
-
-    def get_data(self, key: DataKey) -> Any:
-        """Returns the newest data of a key, or None if nothing has stored it (yet)."""
-        return self.parent.get_data(key)
-
-    def get_time_s(self) -> float:
-        """Returns the node's time: the same all through one task."""
-        return self.parent.get_time_s()
-
-    @cached_property
-    def rng(self) -> np.random.Generator:
-        """The component's own random generator, derived from the run's seed and its name."""
-        return rng_for(self.parent.seed, self.name)
-
-    @cached_property
-    def log(self) -> logging.Logger:
-        """A logger named after node and component."""
-        return logging.getLogger(f"snr.{self.parent.name}.{self.name}")

@@ -16,7 +16,7 @@ from typing import Any
 
 from harness import Row, Trial, compare, report
 
-from snr_sim import library
+from snr_sim import flight, library
 from snr_sim.prelude.errors import MissingExtra
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Rig, Robot
@@ -128,13 +128,13 @@ class Flight:
         plant = self.simulation.plant()
         config = self.simulation.config(plant)
         if folder is None:
-            return lambda: (self.simulation.run(plant, config), plant)[1]
+            return lambda: (flight.Flight(self.simulation, plant, config).run(), plant)[1]
         path = Path(tempfile.mkdtemp(dir=folder)) / FILE_NAME
         header = self.simulation.header(plant, config)
 
         def fly() -> Any:
             recorder = TraceWriter(path, header)
-            self.simulation.run(plant, config, recorder)
+            flight.Flight(self.simulation, plant, config, recorder).run()
             recorder.close()
             if finish is not None:
                 finish(path)

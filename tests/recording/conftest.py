@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from snr_sim.flight import Flight
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.simulation import Request, prepare
@@ -24,7 +25,7 @@ def fly(tmp_path_factory: pytest.TempPathFactory) -> Fly:
         plant = simulation.plant()
         config = simulation.config(plant)
         recorder = TraceWriter(folder / FILE_NAME, simulation.header(plant, config))
-        result = simulation.run(plant, config, recorder)
+        result = Flight(simulation, plant, config, recorder).run()
         recorder.close()
         trace = read_trace(folder / FILE_NAME)
         assert trace.digest == recorder.digest

@@ -15,12 +15,13 @@ SEEDS = range(100)
 
 def fly(job: tuple[str, str, int]) -> dict[str, Any]:
     """Runs one start without recording; in a process of its own, so everything is named, nothing passed."""
+    from snr_sim.flight import Flight
     from snr_sim.simulation import Request, prepare
 
     scenario, controller, seed = job
     simulation = prepare(Request(scenario, seed=seed, controller=controller))
     plant = simulation.plant()
-    result = simulation.run(plant, simulation.config(plant))
+    result = Flight(simulation, plant, simulation.config(plant)).run()
     assert not result.error
     return {"outcome": result.outcome, "success": result.success, **result.metrics}
 

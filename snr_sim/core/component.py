@@ -1,0 +1,95 @@
+"""What endpoints and loops have in common: a name in a node, its pages, its time and its chance."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from functools import cached_property
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from snr_sim.prelude.page import DataKey, Page
+from snr_sim.prelude.rng import rng_for
+from snr_sim.prelude.task import SomeTasks, Task, TaskType
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from snr_sim.core.node import Node
+
+_STORE_PAGE = TaskType.store_page  # looked up once: in Python 3.11 a member of an Enum takes 0.1 us to find
+
+
+class ComponentFactory:
+    """Makes one component for a node. What it keeps itself survives when the component is made anew.
+
+    Args:
+        reload_targets: modules whose code is read again when the component is reloaded.
+    """
+
+    def __init__(self, reload_targets: ModuleType | Sequence[ModuleType] | None = None) -> None:
+        targets = [reload_targets] if isinstance(reload_targets, ModuleType) else reload_targets
+        self.reload_targets: list[ModuleType] = list(targets or [])
+
+    def get(self, parent: Node) -> NodeComponent:
+        """Returns a new component that belongs to the node `parent`."""
+        raise NotImplementedError(f"{type(self).__name__} needs a method get(self, parent) that returns its component")
+
+
+class NodeComponent:
+    """A part of a node.
+
+    Args:
+        factory: who made it.
+        parent: its node.
+        name: unique in the node.
+    """
+
+    def __init__(self, factory: ComponentFactory, parent: Node, name: str) -> None:
+        self.factory = factory
+        self.parent = parent
+        self.name = name
+
+    def halt(self) -> None:
+        """Called once when its work is over."""
+
+    def terminate(self) -> None:
+        """Called once at the very end, on the node's thread, to let go of files and wires."""
+
+    def schedule(self, tasks: SomeTasks) -> None:
+        """Queues tasks: those of an endpoint are its consequences, those of a loop are the node's inputs."""
+        raise NotImplementedError
+
+    def page(self, key: DataKey, data: Any, process: bool = True) -> Page:
+        """Returns a page made by this node, now."""
+        return Page(key, data, self.parent.name, self.get_time_s(), process)
+
+    def store_data(self, key: DataKey, data: Any, process: bool = True) -> None:
+        """Queues the task that stores data under a key."""
+        self.schedule(self.store_data_task(key, data, process))
+
+    def store_data_task(self, key: DataKey, data: Any, process: bool = True) -> Task:
+        """Returns the task that stores data under a key, for a handler to return."""
+        return Task(_STORE_PAGE, key, [self.page(key, data, process)])
+
+    def get_page(self, key: DataKey) -> Page | None:
+        """Returns the newest page of a key, or None if nothing has stored it (yet)."""
+        return self.parent.get_page(key)
+
+    def get_data(self, key: DataKey) -> Any:
+        """Returns the newest data of a key, or None if nothing has stored it (yet)."""
+        return self.parent.get_data(key)
+
+    def get_time_s(self) -> float:
+        """Returns the node's time: the same all through one task."""
+        return self.parent.get_time_s()
+
+    @cached_property
+    def rng(self) -> np.random.Generator:
+        """The component's own random generator, derived from the run's seed and its name."""
+        return rng_for(self.parent.seed, self.name)
+
+    @cached_property
+    def log(self) -> logging.Logger:
+        """A logger named after node and component."""
+        return logging.getLogger(f"snr.{self.parent.name}.{self.name}")
