@@ -1,0 +1,53 @@
+"""The landing script finds the other Pythons, whatever a version manager puts on the path."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PROJECT = Path(__file__).resolve().parents[1]
+BROKEN_SHIM = "#!/bin/sh\necho 'python3.12: command not found' >&2\nexit 127\n"
+WORKING = f'#!/bin/sh\nexec "{sys.executable}" "$@"\n'
+SAYS_ITS_NAME = '#!/bin/sh\necho "$0"\n'
+
+
+def write(file: Path, text: str) -> Path:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(text)
+    file.chmod(0o755)
+    return file
+
+
+@pytest.fixture
+def python_of(tmp_path: Path) -> str:
+    """Returns what the script's own function answers for 3.12, with pyenv and the path in this folder."""
+    found = re.search(r"^python_of\(\) \{\n.*?^\}\n", (PROJECT / ".ci" / "run").read_text(), re.DOTALL | re.MULTILINE)
+    assert found is not None
+    return f'set -euo pipefail\n{found[0]}\nfound=$(python_of 3.12)\nprintf %s "$found"'
+
+
+def answer(code: str, folder: Path) -> str:
+    environment = {"PATH": f"{folder / 'bin'}{os.pathsep}{os.environ['PATH']}", "PYENV_ROOT": str(folder / "pyenv")}
+    done = subprocess.run(["bash", "-c", code], env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_a_python_that_works_on_the_path_is_taken(tmp_path: Path, python_of: str) -> None:
+    write(tmp_path / "bin" / "python3.12", WORKING)
+    assert answer(python_of, tmp_path) == sys.executable
+
+
+def test_behind_a_shim_that_fails_the_newest_kept_python_is_taken(tmp_path: Path, python_of: str) -> None:
+    write(tmp_path / "bin" / "python3.12", BROKEN_SHIM)
+    for patch in (1, 9, 10):
+        newest = write(tmp_path / "pyenv" / "versions" / f"3.12.{patch}" / "bin" / "python", SAYS_ITS_NAME)
+    assert answer(python_of, tmp_path) == str(newest)
+
+
+def test_where_there_is_none_nothing_is_said_and_the_script_goes_on(tmp_path: Path, python_of: str) -> None:
+    write(tmp_path / "bin" / "python3.12", BROKEN_SHIM)
+    assert answer(python_of, tmp_path) == ""
