@@ -177,16 +177,16 @@ def prepare(request: Request) -> Simulation:
     engine = request.engine or scenario.ENGINES[0]
     if engine not in scenario.ENGINES:
         raise UnknownName(
-            f"Scenario '{scenario_found.name}' does not run on engine '{engine}':",
+            f"Scenario '{scenario_found.name}' does not run on engine '{engine}'.",
             fix=nearest(engine, scenario.ENGINES),
         )
     if request.io not in robot.IO:
         raise UnknownName(
-            f"Robot '{robot_found.name}' has no devices for --io {request.io}:", fix=nearest(request.io, robot.IO)
+            f"Robot '{robot_found.name}' has no devices for --io {request.io}.", fix=nearest(request.io, robot.IO)
         )
     if request.role is not None and request.role not in robot.ROLES:
         raise UnknownName(
-            f"Robot '{robot_found.name}' has no role '{request.role}':", fix=nearest(request.role, robot.ROLES)
+            f"Robot '{robot_found.name}' has no role '{request.role}'.", fix=nearest(request.role, robot.ROLES)
         )
     controller_name = request.controller or scenario.CONTROLLER
     controller = library.load_controller(robot_found, controller_name)

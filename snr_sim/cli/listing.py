@@ -26,7 +26,7 @@ def listing(
     from snr_sim.prelude.errors import UnknownName, nearest
 
     if what and what not in _WHAT:
-        raise UnknownName(f"There are no '{what}' to list:", fix=nearest(what, _WHAT))
+        raise UnknownName(f"There are no '{what}' to list.", fix=nearest(what, _WHAT))
     rows = []
     for kind in _WHAT:
         if what in ("", kind):

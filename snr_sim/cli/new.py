@@ -28,7 +28,7 @@ def new(
     from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
 
     if what not in _SOURCES:
-        raise UnknownName(f"snr new makes no '{what}':", fix=nearest(what, _SOURCES))
+        raise UnknownName(f"snr new makes no '{what}'.", fix=nearest(what, _SOURCES))
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         raise ParameterError(f"'{name}' is no name for a {what}.", fix="small letters, digits and _, a letter first.")
     kind, default = _SOURCES[what]

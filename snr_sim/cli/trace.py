@@ -29,13 +29,13 @@ def trace(
     from snr_sim.recording.records import encode_record
 
     if kind and kind not in KINDS:
-        raise UnknownName(f"There are no records of kind '{kind}':", fix=nearest(kind, KINDS))
+        raise UnknownName(f"There are no records of kind '{kind}'.", fix=nearest(kind, KINDS))
     recorded = read_trace(trace_path(run))
     for remark in remarks(recorded):
         print(f"note: {remark}", file=sys.stderr)
     nodes = recorded.header.nodes
     if node and node not in nodes and f"{node}_node" not in nodes:
-        raise UnknownName(f"This run has no node '{node}':", fix=nearest(node, nodes))
+        raise UnknownName(f"This run has no node '{node}'.", fix=nearest(node, nodes))
     for record in recorded.records:
         config: Any = record.__struct_config__
         if kind and config.tag != kind:

@@ -59,7 +59,7 @@ class Config:
             UnknownName: there is no such role.
         """
         if role not in self.factories:
-            raise UnknownName(f"This Config has no role '{role}':", fix=nearest(role, self.factories))
+            raise UnknownName(f"This Config has no role '{role}'.", fix=nearest(role, self.factories))
         return self.factories[role]
 
     def get_profiler(self) -> Profiler | None:

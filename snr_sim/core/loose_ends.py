@@ -35,7 +35,7 @@ def _unhandled(components: Mapping[str, Component], seen: Seen) -> Iterator[str]
                 known = {
                     task_id[1] for task_id in _ids(components) if isinstance(task_id, tuple) and task_id[0] is kind
                 }
-                yield f"Nobody handled {describe((kind, name))}: {nearest(name, known)}"
+                yield f"Nobody handled {describe((kind, name))}; {nearest(name, known, 'handlers wait for')}"
 
 
 def _never_called(components: Mapping[str, Component], seen: Seen) -> Iterator[str]:
@@ -48,14 +48,14 @@ def _never_called(components: Mapping[str, Component], seen: Seen) -> Iterator[s
             ):
                 kind, name = task_id
                 verb = "sent" if kind is TaskType.event else "stored" if kind is not TaskType.reload else "asked for"
-                near = nearest(name, seen[kind])
-                yield f"'{component.name}' waits for {describe(task_id)}, which nobody {verb}: {near}"
+                near = nearest(name, seen[kind], f"{verb} were")
+                yield f"'{component.name}' waits for {describe(task_id)}, which nobody {verb}; {near}"
 
 
 def _never_stored(datastore: Datastore) -> Iterator[str]:
     for key in datastore.missed:
         if key not in datastore.pages:
-            yield f"Page '{key}' was asked for, but nobody stored it: {nearest(str(key), datastore.pages)}"
+            yield f"Page '{key}' was asked for, but nobody stored it; {nearest(str(key), datastore.pages, 'stored were')}"
 
 
 def _ids(components: Mapping[str, Component]) -> Iterator[object]:

@@ -107,7 +107,7 @@ class CliRunner:
         elif len(given) > 1:
             print(f"One role at a time, not {len(given)}: {' '.join(given)}.", file=sys.stderr)
         else:
-            print(f"There is no role '{given[0]}': {nearest(given[0], known)}", file=sys.stderr)
+            print(f"There is no role '{given[0]}'.\n  Try: {nearest(given[0], known)}", file=sys.stderr)
         print(f"usage: {self._argv[0] if self._argv else 'robot.py'} [-d] ROLE", file=sys.stderr)
         print("roles: " + ", ".join(known), file=sys.stderr)
 

@@ -95,19 +95,30 @@ class MissingExtra(SnrError, ImportError):
         )
 
 
-def nearest(wanted: str, known: Iterable[str]) -> str:
-    """Returns a sentence that offers the nearest known name, or lists what is known.
+def nearest(wanted: str, known: Iterable[str], listed: str = "one of") -> str:
+    """Returns a sentence that offers the nearest known name and lists what is known, for somebody to type.
+
+    Args:
+        wanted: what was asked for.
+        known: what there is.
+        listed: what the listed names are, in words.
 
     >>> nearest("motor_sped", ["depth", "motor_speed"])
-    "did you mean 'motor_speed'? Known: depth, motor_speed."
-    >>> nearest("x", [])
-    'nothing of that kind is known.'
+    "did you mean 'motor_speed'? One of: depth, motor_speed."
+    >>> nearest("x", ["depth", "imu"], "stored were")
+    'stored were: depth, imu.'
+    >>> nearest("x", ["depth"])
+    "'depth' is the only one."
     """
     import difflib  # only an error pays for it
 
     names = sorted(set(known))
     if not names:
-        return "nothing of that kind is known."
+        return "there is none to choose from." if listed == "one of" else f"{listed}: none."
     close = difflib.get_close_matches(wanted, names, n=1, cutoff=0.5)
-    listed = "Known: " + ", ".join(names[:20]) + (f" and {len(names) - 20} more." if len(names) > 20 else ".")
-    return f"did you mean '{close[0]}'? {listed}" if close else listed
+    if len(names) == 1 and listed == "one of":
+        return f"did you mean '{names[0]}'?" if close else f"'{names[0]}' is the only one."
+    listing = ", ".join(names[:20]) + (f" and {len(names) - 20} more." if len(names) > 20 else ".")
+    if close:
+        return f"did you mean '{close[0]}'? {listed[0].upper()}{listed[1:]}: {listing}"
+    return f"{listed}: {listing}"

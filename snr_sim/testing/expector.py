@@ -64,7 +64,7 @@ class Expectations:
         """Says what came instead of an id that did not come at all."""
         kind, name = task_id if isinstance(task_id, tuple) else (task_id, "")
         seen = self._seen[kind]
-        return f"; {nearest(name, seen)}".replace("Known:", f"Every {kind.value} that came:") if seen and name else ""
+        return f"; {nearest(name, seen, f'every {kind.value} that came')}" if seen and name else ""
 
     def __enter__(self) -> Self:
         return self

@@ -123,14 +123,14 @@ def test_speed_is_seconds_of_the_robot_per_second_of_ours(snr: Snr) -> None:
 
 WRONG = [
     (("run", "lander_verticl"), "no scenario 'lander_verticl'", "did you mean 'lander_vertical'?"),
-    (("run", "./no.py"), "no scenario './no.py'", "Known: "),
-    (("run", ""), "no scenario ''", "Known: "),
+    (("run", "./no.py"), "no scenario './no.py'", "Try: one of: "),
+    (("run", ""), "no scenario ''", "Try: one of: "),
     ((*RUN, "--controller", "optiml"), "no controller 'optiml'", "did you mean 'optimal'?"),
     ((*RUN, "--controller", "./no.py"), "no controller './no.py'", "Or a file"),
     ((*RUN, "--controller", "."), "no controller '.'", "Or a file"),
     ((*RUN, "--role", "landr"), "no role 'landr'", "did you mean 'lander'?"),
-    ((*RUN, "--engine", "pymnk"), "does not run on engine 'pymnk'", "Known: closed_form"),
-    ((*RUN, "--io", "pi"), "no devices for --io pi", "Known: sim"),
+    ((*RUN, "--engine", "pymnk"), "does not run on engine 'pymnk'", "Try: 'closed_form' is the only one."),
+    ((*RUN, "--io", "pi"), "no devices for --io pi", "Try: 'sim' is the only one."),
     ((*RUN, "--option", "t_go_s"), "--option t_go_s is not KEY=VALUE", "Try: --option"),
     ((*RUN, "--seed", "seven"), "'--seed'", "--help"),
     ((*RUN, "--bogus"), "No such option: --bogus", "--help"),

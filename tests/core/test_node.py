@@ -315,8 +315,8 @@ def test_an_event_nobody_handles_is_reported_with_the_nearest_name() -> None:
         {(TaskType.event, "landed"): lambda t, i: None}, begin=lambda p: p.schedule(tasks.event("landd"))
     )
     assert notes_of(sender) == [
-        "Nobody handled event 'landd': did you mean 'landed'? Known: landed.",
-        "'part' waits for event 'landed', which nobody sent: did you mean 'landd'? Known: landd.",
+        "Nobody handled event 'landd'; did you mean 'landed'? Handlers wait for: landed.",
+        "'part' waits for event 'landed', which nobody sent; did you mean 'landd'? Sent were: landd.",
     ]
 
 
@@ -326,14 +326,14 @@ def test_a_page_waited_for_that_nobody_stores_is_reported_with_the_nearest_name(
     )
     (note,) = notes_of(waits)
     assert note.startswith(
-        "'part' waits for process_data 'motor_sped', which nobody stored: did you mean 'motor_speed'?"
+        "'part' waits for process_data 'motor_sped', which nobody stored; did you mean 'motor_speed'?"
     )
 
 
 def test_a_page_asked_for_that_nobody_stores_is_reported_once() -> None:
     asks = TickerFactory(lambda loop: loop.get_data("dpth"), rate_hz=100)
     (note,) = notes_of(asks, PartFactory(begin=lambda part: part.store_data("depth", 1)))
-    assert note == "Page 'dpth' was asked for, but nobody stored it: did you mean 'depth'? Known: depth."
+    assert note == "Page 'dpth' was asked for, but nobody stored it; did you mean 'depth'? Stored were: depth."
 
 
 def test_a_page_that_only_came_later_is_no_loose_end() -> None:

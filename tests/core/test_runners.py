@@ -36,7 +36,7 @@ ROLES = {"topside": [quits()], "robot": [quits()]}
     ("words", "said"),
     [
         ([], "Which role? None was given."),
-        (["robt"], "There is no role 'robt': did you mean 'robot'?"),
+        (["robt"], "There is no role 'robt'.\n  Try: did you mean 'robot'?"),
         (["robot", "topside"], "One role at a time, not 2: robot topside."),
         (["-d"], "Which role? None was given."),
     ],
@@ -102,7 +102,7 @@ def test_debug_on_the_command_line_leaves_the_config_as_it_was() -> None:
 def test_what_hung_loose_is_said_after_the_run(capsys: pytest.CaptureFixture[str]) -> None:
     sender = PartFactory(begin=lambda part: part.schedule(tasks.event("landed")))
     SynchronousRunner("r", Config(factories={"r": [sender, quits()]})).run()
-    assert capsys.readouterr().err == "note: Nobody handled event 'landed': nothing of that kind is known.\n"
+    assert capsys.readouterr().err == "note: Nobody handled event 'landed'; handlers wait for: none.\n"
 
 
 def test_a_test_runner_runs_the_role_test_in_virtual_time() -> None:
