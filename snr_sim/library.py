@@ -151,7 +151,7 @@ def robot_of_scenario(found: Found) -> str:
     try:
         tree = ast.parse(found.path.read_bytes(), str(found.path))
     except (SyntaxError, ValueError) as error:
-        raise _load_failure(error, f"the scenario '{found.name}' was read") from error
+        raise _load_failure(error, found.path, f"the scenario '{found.name}' was read") from error
     for node in tree.body:
         match node:
             case (
@@ -182,10 +182,7 @@ def load_controller(robot: Found, name: str) -> ModuleType:
     else:
         path = Path(name).resolve()
         if not path.is_file():
-            raise UnknownName(
-                f"There is no controller '{name}': robot '{robot.name}' has none, and there is no such file.",
-                fix=nearest(name, controllers(robot)) + " Or a file: --controller ./mine.py.",
-            )
+            raise _no_controller(robot, name, path)
         _neighbours.look_in(path.parent)
         module = _load(_CONTROLLER_MODULE + path.stem.replace("-", "_"), path, f"the controller '{name}'")
     _need(module, path, ("factories",), "a controller", "def factories(robot): return [MyEndpointFactory()].")
@@ -195,6 +192,27 @@ def load_controller(robot: Found, name: str) -> ModuleType:
             fix="def factories(robot): return [MyEndpointFactory()].",
         )
     return module
+
+
+def _no_controller(robot: Found, name: str, path: Path) -> UnknownName:
+    """Returns what is wrong with a controller's name: nobody's, a folder, or a file that is not there."""
+    its_own = f"by name, {nearest(name, controllers(robot))}"
+    if path.is_dir():
+        files = sorted(file.name for file in path.glob("*.py"))
+        inside = f"a file in it: --controller {Path(name) / files[0]}. Or " if files else ""
+        return UnknownName(f"The controller '{name}' is a folder, not a Python file.", fix=inside + its_own)
+    if path.exists():
+        return UnknownName(f"The controller '{name}' is not a file that can be read.", fix=its_own)
+    if os.sep not in name and not path.suffix:
+        return UnknownName(
+            f"There is no controller '{name}': robot '{robot.name}' has none of that name.",
+            fix=f"{nearest(name, controllers(robot))} Or a file: --controller ./mine.py.",
+        )
+    files = sorted(file.name for file in path.parent.glob("*.py")) if path.parent.is_dir() else []
+    place = short_path(str(path.parent))
+    beside = f"{nearest(path.name, files, f'in {place} there are')} Or " if files else ""
+    missing = "" if path.parent.is_dir() else f", nor a folder {place}"
+    return UnknownName(f"There is no file '{name}'{missing}.", fix=beside + its_own)
 
 
 def load_program(name: str) -> ModuleType:
@@ -255,8 +273,9 @@ def _need(module: ModuleType, path: Path, names: Sequence[str], what: str, fix: 
         if not hasattr(module, name):
             has = [known for known in vars(module) if not known.startswith("_")]
             close = nearest(name, has)
+            lack = "is empty: it has" if not has and not path.read_bytes().strip() else "has"
             raise ConfigError(
-                f"{short_path(str(path))} has no `{name}`, which {what} needs.",
+                f"{short_path(str(path))} {lack} no `{name}`, which {what} needs.",
                 fix=fix or (close if close.startswith("did") else f"see prelude/scenario.py for what {what} defines."),
             )
 
@@ -288,15 +307,36 @@ def _load(name: str, path: Path, what: str, package: Path | None = None) -> Modu
         raise
     except (Exception, SystemExit) as error:
         del sys.modules[name]
-        raise _load_failure(error, f"{what} was read") from error
+        raise _load_failure(error, path, f"{what} was read") from error
     return module
 
 
-def _load_failure(error: BaseException, while_doing: str) -> SnrError:
+def _load_failure(error: BaseException, path: Path, while_doing: str) -> SnrError:
+    if isinstance(error, (SyntaxError, ValueError)) and (found := _not_text(path)):
+        return ConfigError(
+            f"{found}\n  while {while_doing}", fix="name a Python file; an editor that saves UTF-8 text makes one."
+        )
     if isinstance(error, SyntaxError) and error.filename:
         place = f"{short_path(error.filename)}, line {error.lineno}: {(error.text or '').strip()}"
         return ConfigError(f"{place}\n  SyntaxError: {error.msg}\n  while {while_doing}")
     return ConfigError(describe_error(error, f"while {while_doing}"))
+
+
+def _not_text(path: Path) -> str:
+    """Says where a file holds bytes that no Python source can hold; empty if it holds none."""
+    raw = path.read_bytes()
+    place = raw.find(b"\0")
+    try:
+        importlib.util.decode_source(raw)  # minds an encoding that the file names
+    except (UnicodeDecodeError, SyntaxError):
+        try:
+            raw.decode()
+        except UnicodeDecodeError as error:
+            place = error.start
+    if place < 0:
+        return ""
+    line = raw.count(b"\n", 0, place) + 1
+    return f"{short_path(str(path))}, line {line}: this is no Python source: byte 0x{raw[place]:02x} is not text."
 
 
 class _FreshLoader(SourceFileLoader):

@@ -55,7 +55,8 @@ def _never_called(components: Mapping[str, Component], seen: Seen) -> Iterator[s
 def _never_stored(datastore: Datastore) -> Iterator[str]:
     for key in datastore.missed:
         if key not in datastore.pages:
-            yield f"Page '{key}' was asked for, but nobody stored it; {nearest(str(key), datastore.pages, 'stored were')}"
+            near = nearest(str(key), datastore.pages, "stored were")
+            yield f"Page '{key}' was asked for, but nobody stored it; {near}"
 
 
 def _ids(components: Mapping[str, Component]) -> Iterator[object]:

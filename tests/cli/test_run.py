@@ -126,8 +126,11 @@ WRONG = [
     (("run", "./no.py"), "no scenario './no.py'", "Try: one of: "),
     (("run", ""), "no scenario ''", "Try: one of: "),
     ((*RUN, "--controller", "optiml"), "no controller 'optiml'", "did you mean 'optimal'?"),
-    ((*RUN, "--controller", "./no.py"), "no controller './no.py'", "Or a file"),
-    ((*RUN, "--controller", "."), "no controller '.'", "Or a file"),
+    ((*RUN, "--controller", "optiml"), "robot 'lander' has none of that name", "Or a file: --controller ./mine.py."),
+    ((*RUN, "--controller", "./no.py"), "There is no file './no.py'.", "Try: by name, one of: coast, "),
+    ((*RUN, "--controller", "no/where.py"), "no file 'no/where.py', nor a folder no.", "Try: by name, one of: coast, "),
+    ((*RUN, "--controller", "."), "controller '.' is a folder, not a Python file", "Try: by name, one of: coast, "),
+    ((*RUN, "--controller", "/dev/null"), "'/dev/null' is not a file that can be read", "Try: by name, one of: "),
     ((*RUN, "--role", "landr"), "no role 'landr'", "did you mean 'lander'?"),
     ((*RUN, "--engine", "pymnk"), "does not run on engine 'pymnk'", "Try: 'closed_form' is the only one."),
     ((*RUN, "--io", "pi"), "no devices for --io pi", "Try: 'sim' is the only one."),
@@ -227,13 +230,32 @@ def test_a_controller_that_cannot_be_used_is_explained_and_nothing_is_written(
     assert_nothing_written(here)
 
 
-@pytest.mark.parametrize("content", [b"\xff\xfe\x00", b"x = '\xe4'", b"x = 1\x00", b""])
-def test_a_controller_that_is_no_python_is_explained(snr: Snr, here: Path, content: bytes) -> None:
+NO_PYTHON = [
+    (b"\xff\xfe\x00", "mine.py, line 1: this is no Python source: byte 0xff is not text."),
+    (b"# one\nx = '\xe4'", "mine.py, line 2: this is no Python source: byte 0xe4 is not text."),
+    (b"x = 1\n\ny = 2\x00", "mine.py, line 3: this is no Python source: byte 0x00 is not text."),
+    (b"# coding: latin-1\nx = '\xe4'\nx = =", "mine.py, line 3: x = ="),
+    (b"# coding: klingon\nx = 1", "unknown encoding: klingon"),
+    (b" \n", "mine.py is empty: it has no `factories`, which a controller needs."),
+]
+
+
+@pytest.mark.parametrize(("content", "said"), NO_PYTHON)
+def test_a_controller_that_is_no_python_is_explained(snr: Snr, here: Path, content: bytes, said: str) -> None:
     (here / "mine.py").write_bytes(content)
     answer = snr(*RUN, "--controller", "mine.py", "--json")
     assert answer.status == 2
-    assert "mine.py" in answer.json["error"]
+    assert said in answer.json["error"]
     assert_nothing_written(here)
+
+
+def test_beside_a_controller_file_that_is_not_there_the_nearest_is_offered(snr: Snr, mine: Mine) -> None:
+    mine(name="mine.py")
+    assert (
+        "Try: did you mean 'mine.py'? In . there are: mine.py. Or by name, "
+        in snr(*RUN, "--controller", "./min.py").err
+    )
+    assert "Try: a file in it: --controller mine.py. Or by name, " in snr(*RUN, "--controller", ".").err
 
 
 # Controllers that go wrong while they fly: the run is whole up to there
