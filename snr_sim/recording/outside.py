@@ -103,8 +103,11 @@ class _Watch:
                 self.report(frame, *_EVENTS["_thread.start_new_thread"])
         elif event == "call":
             if frame.f_code is _RANDOM_SEED:
+                caller = frame.f_back
+                is_made = caller is not None and caller.f_code is _RANDOM_MADE
                 if frame.f_locals.get("a") is None:
-                    self.report(frame.f_back, "random.Random()", _CHANCE_HINT)
+                    what = "random.Random()" if is_made else "random.seed()"
+                    self.report(caller.f_back if is_made and caller is not None else caller, what, _CHANCE_HINT)
             elif frame.f_code in _RANDOM and frame.f_locals.get("self") is _SHARED:
                 self.report(frame.f_back, _RANDOM[frame.f_code], _CHANCE_HINT)
 
@@ -139,7 +142,7 @@ class _Watch:
             module = str(frame.f_globals.get("__name__", ""))
             if "importlib" in file or module.partition(".")[0] in _HARMLESS:
                 return  # an import reads files and asks for chance, but always the same
-            through = f"{module}.{frame.f_code.co_name}()"
+            through = f"{module}.{frame.f_code.co_qualname.removesuffix('.__init__')}()"
             frame = frame.f_back
 
 
@@ -152,6 +155,7 @@ def _is_handling(frame: FrameType | None) -> bool:
 
 
 _RANDOM_SEED = random.Random.seed.__code__
+_RANDOM_MADE = random.Random.__init__.__code__
 _current: _Watch | None = None
 _is_hooked = False
 

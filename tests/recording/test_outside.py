@@ -81,7 +81,9 @@ ASKS = [
     ("random.choice([1, 2])", "random.choice()"),
     ("random.shuffle([1, 2])", "random.shuffle()"),
     ("random.Random()", "random.Random()"),
-    ("random.SystemRandom().random()", "urandom"),
+    ("random.Random().random()", "random.Random()"),
+    ("random.seed()", "random.seed()"),
+    ("random.SystemRandom().random()", "random.SystemRandom.random() (os.urandom())"),
     ("os.urandom(4)", "os.urandom()"),
     ("uuid.uuid4()", "uuid.uuid4()"),
     ("secrets.token_hex()", "urandom"),
@@ -94,7 +96,7 @@ ASKS = [
     ("HERE.read_bytes()", "reading"),
     ("os.close(os.open(__file__, os.O_RDONLY))", "reading"),
     ("np.fromfile(HERE, dtype='u1')", "reading"),
-    ("threading.Thread(target=print, args=('',)).start()", "starting a thread"),
+    ("threading.Thread(target=print, args=('',)).start()", "threading.Thread.start() (starting a thread)"),
     ("threading.Timer(0, int).start()", "starting a thread"),
     ("subprocess.run(['true'])", "starting a process"),
     ("os.system('true')", "starting a process"),
@@ -130,6 +132,7 @@ def test_a_handler_that_asks_the_outside_is_named_with_file_and_line(tmp_path: P
     number = ROBOT.format(line=line, at_load="").splitlines().index(f"        {line}  # the line") + 1
     assert [(Path(one.file).name, one.line) for one in calls] == [("asker.py", number)]
     assert what in calls[0].what
+    assert "__" not in calls[0].what  # in the words of whoever wrote the line
     assert "does not repeat; " in str(calls[0])
 
 
