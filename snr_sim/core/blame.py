@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import linecache
+import re
 import sysconfig
 import traceback
 from pathlib import Path
@@ -13,6 +14,7 @@ from snr_sim.prelude.errors import SnrError
 
 _KIT = Path(__file__).resolve().parents[1]
 _SHIPPED = _KIT / "shipped"  # robots and scenarios in the wheel: content, not kit
+_ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
 _STDLIB = Path(sysconfig.get_paths()["stdlib"]).resolve()
 
 
@@ -73,6 +75,15 @@ def put_place_first(error: SnrError) -> None:
         error.message = f"{place}\n  {error.message}"
 
 
+def without_addresses(text: str) -> str:
+    """Returns a text without where objects are in memory: that is elsewhere in each run, and runs are compared.
+
+    >>> without_addresses("<Mine object at 0x7f10>")
+    '<Mine object>'
+    """
+    return _ADDRESS.sub("", text)
+
+
 def describe_error(error: BaseException, while_doing: str, otherwise: Place | None = None) -> str:
     """Returns what happened with the student's line first.
 
@@ -86,6 +97,7 @@ def describe_error(error: BaseException, while_doing: str, otherwise: Place | No
         what, fix = error.message, error.fix
     else:
         what, fix = f"{type(error).__name__}: {error}", ""
+    what = without_addresses(what)
     if isinstance(error, SystemExit):
         fix = "a component ends the run with tasks.terminate('why'), so that everything is halted and recorded."
     lines = [*([str(place)] if place else []), what, while_doing, *([f"Try: {fix}"] if fix else [])]

@@ -144,6 +144,7 @@ def _check_handler(owner: str, task_id: TaskId, handler: Any) -> None:
             f"Component '{owner}' registers {handler!r} for {describe(task_id)}, which is not a function.",
             fix="write the method's name without calling it: self.on_start, not self.on_start().",
         )
+    check_returns(f"Handler '{owner}.{shown}' for {describe(task_id)}", handler)
     try:
         signature = inspect.signature(handler)
     except (TypeError, ValueError):
@@ -155,6 +156,23 @@ def _check_handler(owner: str, task_id: TaskId, handler: Any) -> None:
             f"Handler '{owner}.{shown}' for {describe(task_id)} takes {signature}, but is called with (task, task_id).",
             fix=f"def {shown}(self, task, task_id).",
         ) from None
+
+
+def check_returns(what: str, function: Any) -> None:
+    """Checks that calling a function runs it: a generator or a coroutine would only be made, and do nothing.
+
+    Raises:
+        ConfigError: it has a `yield`, or is `async`.
+    """
+    if inspect.isgeneratorfunction(function) or inspect.isasyncgenfunction(function):
+        raise ConfigError(
+            f"{what} is a generator function: it has a yield.", fix="return a list of tasks instead of the yields."
+        )
+    if inspect.iscoroutinefunction(function):
+        raise ConfigError(
+            f"{what} is an async function, and nobody awaits it.",
+            fix="write def without async; what has to be waited for is the work of a Loop.",
+        )
 
 
 def handler_name(handler: Any) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from types import AsyncGeneratorType, CoroutineType, GeneratorType
 from typing import Any
 
 from snr_sim.core.door import Door
@@ -202,6 +203,8 @@ def as_tasks(returned: SomeTasks | Any, component: Component, handler: Any) -> S
 
 
 def _not_a_task(value: Any, component: Component, handler: Any, within: str) -> TaskError:
+    if isinstance(value, (GeneratorType, CoroutineType, AsyncGeneratorType)):
+        return _not_run(value, component, handler)
     fix = (
         f"did you mean tasks.event({value!r})?" if isinstance(value, str) else "return None, a Task or a list of Tasks."
     )
@@ -209,4 +212,15 @@ def _not_a_task(value: Any, component: Component, handler: Any, within: str) -> 
         fix = f"that is a kind of task; tasks.event('name') or Task(TaskType.{value.value}, 'name') makes one."
     return TaskError(
         f"'{component.name}.{handler_name(handler)}' returned {within}{value!r}, which is not a task.", fix=fix
+    )
+
+
+def _not_run(value: Any, component: Component, handler: Any) -> TaskError:
+    """Of a generator function that does not look like one, such as a lambda around it; see `check_returns`."""
+    if isinstance(value, CoroutineType):
+        value.close()  # or Python would warn that nobody awaited it
+    kind = "a generator: it has a yield" if isinstance(value, GeneratorType) else "of an async function"
+    return TaskError(
+        f"'{component.name}.{handler_name(handler)}' returned what is {kind}, and not a task.",
+        fix="return None, a Task or a list of Tasks.",
     )

@@ -6,13 +6,13 @@ import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from snr_sim.core.blame import describe_error, place_of, put_place_first
+from snr_sim.core.blame import describe_error, place_of, put_place_first, without_addresses
 from snr_sim.core.clocks import SimClock, WallClock
 from snr_sim.core.config import AnyFactory, Config
 from snr_sim.core.datastore import Datastore
 from snr_sim.core.door import Door
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
-from snr_sim.core.handlers import Lookup
+from snr_sim.core.handlers import Lookup, check_returns
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.loose_ends import loose_ends
 from snr_sim.core.machine import EventMachine, HandlerFailed, as_tasks
@@ -33,6 +33,7 @@ INTERRUPTED = "interrupted"  # so begins the message of an error record that is 
 
 # From this many waiting tasks on a run is told that it cannot keep up. A burst of a few hundred is nothing unusual.
 OVERLOAD_TASKS = 1000
+_STEPS = ("begin", "setup", "loop", "halt", "terminate")  # what a component's author may write, beside handlers
 
 
 class Node:
@@ -116,6 +117,8 @@ class Node:
                 f"{type(component).__name__} of role '{self.role}' has not called its parent's __init__.",
                 fix="begin its __init__ with: super().__init__(factory, parent, name).",
             )
+        for step in _STEPS:
+            check_returns(f"{step}() of component '{component.name}'", getattr(component, step, None))
         if isinstance(component, Loop) and component.task_handlers:
             raise ConfigError(
                 f"Loop '{component.name}' of role '{self.role}' registers handlers, but a loop only brings tasks in.",
@@ -427,4 +430,4 @@ class Node:
 
     def note(self, text: str) -> None:
         """Keeps a remark for the end of the run."""
-        self.notes.append(text)
+        self.notes.append(without_addresses(text))

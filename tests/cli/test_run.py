@@ -205,6 +205,10 @@ UNUSABLE = [
     (("self.ticks = 0", "self.ticks = 1 / 0"), "mine.py, line 14: self.ticks = 1 / 0", "ZeroDivisionError"),
     (("def on_radar(self, task, task_id):", "def on_radar(self, task):"), "mine.py, line 15: self.task_handlers = ",
      "Try: def on_radar(self, task, task_id)"),
+    (("self.ticks += 1", "yield"), "'mine.on_radar' for process_data 'radar' is a generator function: it has a yield.",
+     "Try: return a list of tasks instead of the yields."),
+    (("def on_radar", "async def on_radar"), "'mine.on_radar' for process_data 'radar' is an async function",
+     "Try: write def without async"),
     (("self.on_radar}", "self.on_radar()}"), "mine.py, line 15: ", "missing 2 required positional arguments"),
     (("self.on_radar}", "self.on_rader}"), "mine.py, line 15: ", "on_rader"),
     (('(TaskType.process_data, "radar")', '"radar"'), "mine.py, line 15: ", "a key is TaskType.event"),
@@ -301,6 +305,16 @@ def test_a_controller_that_fails_at_second_30_leaves_a_run_that_is_whole_up_to_t
             assert fields["error"].startswith(f"mine.py, line {number}: {LATE}{line}")
     replayed = snr("replay", folder)
     assert replayed.status == 0, replayed.out
+
+
+@pytest.mark.parametrize("line", ["raise ValueError(object())", "return [object()]", "return (one for one in [])"])
+def test_where_objects_are_in_memory_changes_no_digest(snr: Snr, mine: Mine, line: str) -> None:
+    path = mine(
+        (WIRED, f"        self.kept = [object() for _ in range(id(self) % 97)]\n        {line}\n{WIRED}")
+    )
+    answers = [snr(*RUN, "--controller", path, "--json").json for _ in range(2)]
+    assert answers[0]["trace_digest"] == answers[1]["trace_digest"]
+    assert "0x" not in answers[0]["error"]
 
 
 COMMANDS = [

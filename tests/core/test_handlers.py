@@ -5,7 +5,19 @@ from typing import Any, ClassVar
 
 import pytest
 
-from snr_sim import Config, Endpoint, EndpointFactory, Node, SimClock, SomeTasks, Task, TaskType, tasks
+from snr_sim import (
+    Config,
+    Endpoint,
+    EndpointFactory,
+    Loop,
+    LoopFactory,
+    Node,
+    SimClock,
+    SomeTasks,
+    Task,
+    TaskType,
+    tasks,
+)
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.task import TaskHandlerMap
 from snr_sim.testing.parts import Part, PartFactory
@@ -139,6 +151,10 @@ class Wrong(Endpoint):
     def takes_one(self, task: Task) -> None: ...
     def takes_three(self, task: Task, task_id: Any, more: int) -> None: ...
     def takes_any(self, *args: Any) -> None: ...
+    def yields(self, task: Task, task_id: Any) -> Any:
+        yield task
+
+    async def waits(self, task: Task, task_id: Any) -> None: ...
     def takes_two_and_a_default(self, task: Task, task_id: Any, more: int = 0) -> None: ...
 
 
@@ -161,6 +177,11 @@ def build(handlers_of: Callable[[Wrong], Any]) -> Node:
         (lambda wrong: {X: wrong.takes_nothing}, r"'mixer.takes_nothing' for event 'x' takes \(\).*but is called"),
         (lambda wrong: {X: wrong.takes_one}, r"def takes_one\(self, task, task_id\)"),
         (lambda wrong: {X: wrong.takes_three}, r"takes \(task.*more"),
+        (
+            lambda wrong: {X: wrong.yields},
+            r"'mixer.yields' for event 'x' is a generator function: it has a yield.*\n.*list",
+        ),
+        (lambda wrong: {X: wrong.waits}, r"'mixer.waits' for event 'x' is an async function(.|\n)*def without async"),
         (lambda wrong: {X: wrong.takes_nothing()}, r"registers None for event 'x'.*\n.*self.on_start, not self.on_st"),
         (lambda wrong: {("x", TaskType.event): wrong.takes_any}, r"swapped.\n  Try: \(TaskType.event, 'x'\)"),
         (lambda wrong: {"x": wrong.takes_any}, r"'mixer' registers a handler for 'x', which no task can have"),
@@ -189,3 +210,18 @@ def test_an_endpoint_without_handlers_is_no_mistake() -> None:
     node = Node("r", Config(factories={"r": [PartFactory()]}), clock=SimClock())
     node.loop()
     assert node.notes == []
+
+
+class Yielding(Loop):
+    def loop(self) -> Any:
+        yield self.schedule(tasks.event("x"))
+
+
+class YieldingFactory(LoopFactory):
+    def get(self, parent: Node) -> Loop:
+        return Yielding(self, parent, "pump")
+
+
+def test_a_loop_that_would_never_run_because_of_a_yield_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"^loop\(\) of component 'pump' is a generator function"):
+        Node("r", Config(factories={"r": [YieldingFactory()]}), clock=SimClock())

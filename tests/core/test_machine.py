@@ -264,6 +264,28 @@ def test_a_handler_that_returns_something_else_is_told_what_it_returned(make: Ma
     assert "event 'go'" in str(caught.value)
 
 
+async def waiting() -> None: ...
+
+
+@pytest.mark.parametrize(
+    ("returned", "found"),
+    [
+        (
+            lambda: (one for one in [tasks.event("a")]),
+            "'navigator.<lambda>' returned what is a generator: it has a yield",
+        ),
+        (waiting, "'navigator.<lambda>' returned what is of an async function"),
+        (lambda: [object()], "a list with <object object>, which is not a task"),
+    ],
+)
+def test_no_message_tells_where_an_object_is_in_memory(make: Make, returned: Any, found: str) -> None:
+    part = PartFactory({(TaskType.event, "go"): lambda task, task_id: returned()}, "navigator")
+    with pytest.raises(ComponentFailed) as caught:
+        run(make([part, starts_with(tasks.event("go"))]))
+    assert found in str(caught.value)
+    assert "0x" not in str(caught.value)
+
+
 @pytest.mark.parametrize("empty", [None, [], ()])
 def test_a_handler_may_return_nothing(make: Make, empty: SomeTasks) -> None:
     quiet = PartFactory({(TaskType.event, "go"): lambda task, task_id: empty}, "quiet")
