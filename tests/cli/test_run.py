@@ -309,9 +309,7 @@ def test_a_controller_that_fails_at_second_30_leaves_a_run_that_is_whole_up_to_t
 
 @pytest.mark.parametrize("line", ["raise ValueError(object())", "return [object()]", "return (one for one in [])"])
 def test_where_objects_are_in_memory_changes_no_digest(snr: Snr, mine: Mine, line: str) -> None:
-    path = mine(
-        (WIRED, f"        self.kept = [object() for _ in range(id(self) % 97)]\n        {line}\n{WIRED}")
-    )
+    path = mine((WIRED, f"        self.kept = [object() for _ in range(id(self) % 97)]\n        {line}\n{WIRED}"))
     answers = [snr(*RUN, "--controller", path, "--json").json for _ in range(2)]
     assert answers[0]["trace_digest"] == answers[1]["trace_digest"]
     assert "0x" not in answers[0]["error"]
