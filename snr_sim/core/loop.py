@@ -82,6 +82,11 @@ class Loop(NodeComponent):
         """Returns whether no more ticks will come."""
         return self._backing is not None and self._backing.is_stopped
 
+    @property
+    def backing(self) -> Backing | None:
+        """Who calls the loop, once it has begun; knows how often that was, and how late."""
+        return self._backing
+
     def schedule(self, tasks: SomeTasks) -> None:
         """Lets tasks into the node: these are its inputs."""
         self.parent.enter(tasks, self.name)
