@@ -32,6 +32,7 @@ if TYPE_CHECKING:
         TaskType,
     )
     from snr_sim.std_mods.comms.memory import MemoryLink
+    from snr_sim.std_mods.console.local_console import LocalConsole, LocalConsoleFactory
     from snr_sim.std_mods.moving_average import MovingAvgFilter, MovingAvgFilterFactory
     from snr_sim.std_mods.printer import PrinterEndpointFactory
     from snr_sim.std_mods.stopwatch import StopwatchEndpointFactory
@@ -62,6 +63,7 @@ _PLACES = {
         "TaskType",
     ),
     "snr_sim.std_mods.comms.memory": ("MemoryLink",),
+    "snr_sim.std_mods.console.local_console": ("LocalConsole", "LocalConsoleFactory"),
     "snr_sim.std_mods.moving_average": ("MovingAvgFilter", "MovingAvgFilterFactory"),
     "snr_sim.std_mods.printer": ("PrinterEndpointFactory",),
     "snr_sim.std_mods.stopwatch": ("StopwatchEndpointFactory",),

@@ -7,12 +7,13 @@ it is read is shown as it was a moment ago.
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from snr_sim.core.loop import Loop
 from snr_sim.core.profiler import Profiler
 from snr_sim.prelude.page import Page
-from snr_sim.std_mods.console.readable import ITEMS_MAX, bounded, first, in_words, short, table
+from snr_sim.std_mods.console.readable import ITEMS_MAX, bounded, in_words, name, short, table
 
 if TYPE_CHECKING:
     from snr_sim.core.node import Node
@@ -27,8 +28,8 @@ View = tuple[str, Any]  # text for a person, plain data for a program
 def components(node: Node) -> View:
     """Returns each component's name, kind, class, handlers, rate and ticks."""
     rows: Rows = []
-    for name, component in node.components.copy().items():
-        row: dict[str, Any] = {"component": name, "class": type(component).__name__}
+    for key, component in node.components.copy().items():
+        row: dict[str, Any] = {"component": name(key), "class": type(component).__name__}
         if isinstance(component, Loop):
             row |= {"kind": "loop", "rate_hz": component.max_tick_rate_hz, **_pulse(component)}
         else:
@@ -41,12 +42,12 @@ def loops(node: Node) -> View:
     """Returns each loop's rate, ticks and largest lag."""
     rows: Rows = [
         {
-            "loop": name,
+            "loop": name(key),
             "rate_hz": loop.max_tick_rate_hz,
             **_pulse(loop),
             "runs": "no" if loop.is_terminated() else "yes",
         }
-        for name, loop in node.components.copy().items()
+        for key, loop in node.components.copy().items()
         if isinstance(loop, Loop)
     ]
     return _rows(rows, ("loop", "rate_hz", "ticks", "late_s", "runs"), "loops")
@@ -61,8 +62,13 @@ def pages(node: Node) -> View:
     """Returns each page's key, age, origin, and what it holds in short."""
     now_s = node.clock.now_s()
     rows: Rows = [
-        {"page": key, "age_s": now_s - page.created_at_s, "origin": page.origin, "holds": short(page.data)}
-        for key, page in first(node.datastore.pages.copy().items(), ROWS_MAX)
+        {
+            "page": name(key),
+            "age_s": now_s - page.created_at_s,
+            "origin": name(str(page.origin)),
+            "holds": short(page.data),
+        }
+        for key, page in islice(node.datastore.pages.copy().items(), ROWS_MAX)
         if type(page) is Page and type(page.created_at_s) in (int, float)
     ]
     return _rows(rows, ("page", "age_s", "origin", "holds"), "pages", len(node.datastore.pages))
@@ -75,7 +81,7 @@ def links(node: Node) -> View:
     for key, page in node.datastore.pages.copy().items():
         if key.startswith(LINK_PREFIX):
             state = page.data if isinstance(page.data, dict) else {}
-            rows.append({"link": key.removeprefix(LINK_PREFIX), **{f: bounded(state.get(f), 4) for f in fields}})
+            rows.append({"link": name(key.removeprefix(LINK_PREFIX)), **{f: bounded(state.get(f), 4) for f in fields}})
     return _rows(rows, ("link", *fields), "links")
 
 
@@ -91,8 +97,15 @@ def profile(node: Node) -> View:
 def page(page: Page, now_s: float) -> View:
     """Returns all of a page, cut where it is long."""
     data = bounded(page.data, ITEMS_MAX)
-    fields = {"key": page.key, "data": data, "origin": page.origin, "created_at_s": page.created_at_s}
-    return f"{page.key} = {in_words(data)}  ({now_s - page.created_at_s:.2f} s ago, from {page.origin})", fields
+    fields = {"key": page.key, "data": data, "origin": bounded(page.origin), "created_at_s": bounded(page.created_at_s)}
+    age_s = _age_s(page, now_s)
+    when = f"{age_s:.2f} s ago" if age_s is not None else "at no time"
+    return f"{name(page.key)} = {in_words(data)}  ({when}, from {short(page.origin)})", fields
+
+
+def _age_s(page: Page, now_s: float) -> float | None:
+    made_s = page.created_at_s
+    return now_s - made_s if isinstance(made_s, (int, float)) else None
 
 
 # What `list` and `dump` know by name.
@@ -108,8 +121,8 @@ VIEWS: dict[str, Callable[[Node], View]] = {
 
 def views(node: Node, names: tuple[str, ...]) -> View:
     """Returns several views, one after another."""
-    seen = {name: VIEWS[name](node) for name in names}
-    return "\n\n".join(text for text, _ in seen.values()), {name: data for name, (_, data) in seen.items()}
+    seen = {each: VIEWS[each](node) for each in names}
+    return "\n\n".join(text for text, _ in seen.values()), {each: data for each, (_, data) in seen.items()}
 
 
 def _rows(rows: Rows, columns: tuple[str, ...], what: str, count: int | None = None) -> View:

@@ -8,15 +8,15 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from itertools import islice
 from typing import Any
 
-from snr_sim.std_mods.console.words import DEPTH_MAX
+from snr_sim.std_mods.console.words import DEPTH_MAX, NAME_MAX_CHARS
 
 TEXT_MAX_CHARS = 64 * 1024  # of one answer
 ITEMS_MAX = 1000  # of one value, all its levels together
 _SHORT_ITEMS = 12
 _STRING_MAX_CHARS = 2000
+_STRINGS_MAX_CHARS = 20_000  # of one value, all its texts together
 _INT_MAX_BITS = 256
 
 
@@ -32,20 +32,20 @@ def bounded(value: Any, items: int = ITEMS_MAX) -> Any:
 class _Cutter:
     def __init__(self, items: int) -> None:
         self._left = items
+        self._chars_left = _STRINGS_MAX_CHARS
 
     def cut(self, value: Any, depth: int) -> Any:
         kind = type(value)
         if value is None or kind is bool or kind is float:
             return value
         if isinstance(value, str):
-            return _cut_text(str.__str__(value))
+            return self._cut_text(str.__str__(value))
         if isinstance(value, int):
             return _cut_int(int.__int__(value))
         if isinstance(value, float):
             return float.__float__(value)
         if isinstance(value, (bytes, bytearray)):
-            more = f"... {len(value)} bytes" if len(value) > _STRING_MAX_CHARS // 2 else ""
-            return f"bytes {bytes(value[: _STRING_MAX_CHARS // 2]).hex()}{more}"
+            return self._cut_text(f"{len(value)} bytes {bytes(value[:_STRING_MAX_CHARS]).hex()}")
         if kind is complex:
             return repr(value)
         if depth >= DEPTH_MAX:
@@ -68,6 +68,12 @@ class _Cutter:
             return self._cut_array(value, depth)
         return self._cut_object(value, depth)
 
+    def _cut_text(self, text: str) -> str:
+        limit = min(_STRING_MAX_CHARS, self._chars_left)
+        self._chars_left -= min(len(text), limit)
+        clean = text[:limit].encode(errors="backslashreplace").decode()  # half a surrogate pair is no UTF-8
+        return clean if len(text) <= limit else f"{clean}... {len(text)} characters"
+
     def _cut_fields(self, fields: Iterable[tuple[Any, Any]], count: int, depth: int) -> dict[str, Any]:
         cut: dict[str, Any] = {}
         for seen, (key, item) in enumerate(fields):
@@ -75,8 +81,8 @@ class _Cutter:
                 cut["..."] = f"{count - seen} more"
                 break
             self._left -= 1
-            name = self.cut(key, depth + 1)
-            cut[name if isinstance(name, str) else in_words(name)] = self.cut(item, depth + 1)
+            field = self.cut(key, depth + 1)
+            cut[field if isinstance(field, str) else in_words(field)] = self.cut(item, depth + 1)
         return cut
 
     def _cut_items(self, items: Iterable[Any], count: int, depth: int) -> list[Any]:
@@ -111,11 +117,6 @@ class _Cutter:
         return {"object": kind.__qualname__, **self._cut_fields(fields.items(), len(fields), depth)}
 
 
-def _cut_text(text: str) -> str:
-    clean = text[:_STRING_MAX_CHARS].encode(errors="backslashreplace").decode()  # half a surrogate pair is no UTF-8
-    return clean if len(text) <= _STRING_MAX_CHARS else f"{clean}... {len(text)} characters"
-
-
 def _cut_int(number: int) -> int | str:
     """JSON holds 64 bits; and to write out a number of a million digits takes minutes."""
     if -(2**63) <= number < 2**64:
@@ -143,6 +144,11 @@ def in_words(value: Any) -> str:
 def _escaped(text: str) -> str:
     """What a terminal would obey (colours, a cleared screen) is shown instead."""
     return text if text.isprintable() else "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+
+
+def name(text: str) -> str:
+    """Returns a name, cut if somebody gave a very long one."""
+    return text if len(text) <= NAME_MAX_CHARS else f"{text[:NAME_MAX_CHARS]}..."
 
 
 def short(value: Any, limit: int = 100) -> str:
@@ -177,8 +183,3 @@ def cut_text(text: str) -> str:
     if len(text) <= TEXT_MAX_CHARS:
         return text
     return f"{text[:TEXT_MAX_CHARS]}\n... cut: {len(text)} characters"
-
-
-def first(items: Iterable[Any], count: int) -> list[Any]:
-    """Returns at most so many."""
-    return list(islice(items, count))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import msgspec
 
 from snr_sim.prelude.errors import nearest
-from snr_sim.std_mods.console.words import CommandRefused, name_of, shown, split_line, value_of
+from snr_sim.std_mods.console.words import NAME_MAX_CHARS, CommandRefused, name_of, shown, split_line, value_of
 
 if TYPE_CHECKING:
     from snr_sim.core.node import Node
@@ -93,7 +93,7 @@ def parse(table: Table, line: str) -> tuple[Command, dict[str, Any]]:
         raise CommandRefused("An empty line is no command.", fix="help says what there is.")
     command = table.get(words[0])
     if command is None:
-        raise CommandRefused(f"There is no command {shown(words[0])}.", fix=nearest(words[0][:80], table))
+        raise CommandRefused(f"There is no command {shown(words[0])}.", fix=nearest(words[0][:NAME_MAX_CHARS], table))
     return command, _arguments(command, words[1:])
 
 
@@ -109,7 +109,9 @@ def _arguments(command: Command, words: list[str]) -> dict[str, Any]:
         elif not argument.is_optional:
             raise CommandRefused(f"'{command.name}' needs {argument.name}.", fix=command.usage)
     if words:
-        raise CommandRefused(f"'{command.name}' does not take {shown(words[0])}.", fix=command.usage)
+        choices = command.arguments[-1].choices if command.arguments[-1].name not in given else ()
+        fix = nearest(words[0][:NAME_MAX_CHARS], choices) if choices else command.usage
+        raise CommandRefused(f"'{command.name}' does not take {shown(words[0])}.", fix=fix)
     return given
 
 

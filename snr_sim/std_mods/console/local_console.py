@@ -1,0 +1,128 @@
+"""LocalConsole: commands typed at the terminal in which the node runs."""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+import threading
+import time
+from queue import Empty, SimpleQueue
+from typing import TextIO
+
+from snr_sim.core.backing import ThreadBacking
+from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.node import Node
+from snr_sim.std_mods.console.command_processor import CommandProcessor
+from snr_sim.std_mods.console.words import LINE_MAX_CHARS
+
+LOOK_S = 0.05  # how long a node's end may have to wait for us
+_READ_BYTES = 4096
+
+
+class LocalConsoleFactory(LoopFactory):
+    """Reads commands from the node's own terminal and prints their answers there; `help` says which there are.
+
+    Args:
+        reads: where lines come from; standard input if not given. It needs a descriptor.
+        prints: where answers go; standard output if not given.
+        name: of the loop, and the source of its tasks.
+    """
+
+    def __init__(self, reads: TextIO | None = None, prints: TextIO | None = None, name: str = "local_console") -> None:
+        super().__init__()
+        self.reads = reads
+        self.prints = prints
+        self.name = name
+
+    def get(self, parent: Node) -> LocalConsole:
+        """Returns the loop."""
+        return LocalConsole(self, parent, self.name)
+
+
+class LocalConsole(Loop):
+    """A loop on a thread of its own, in lock step too: a person types in no virtual time."""
+
+    factory: LocalConsoleFactory
+
+    def __init__(self, factory: LocalConsoleFactory, parent: Node, name: str) -> None:
+        super().__init__(factory, parent, name, max_tick_rate_hz=0)
+        self._session = CommandProcessor(parent, name).session()
+        self._rest = b""
+
+    def begin(self) -> None:
+        """Starts the thread."""
+        self._backing = ThreadBacking(self)
+        self._backing.start()
+
+    def setup(self) -> None:
+        """Finds out how to read without waiting for ever."""
+        stream = self.factory.reads or sys.stdin
+        try:
+            self._read = _reader_of(stream.fileno())
+        except (AttributeError, OSError, ValueError):
+            self.log.warning("there is no terminal to read commands from")
+            self.stop()
+
+    def loop(self) -> None:
+        """Answers what has been typed, and shows watched pages that have changed."""
+        data = self._read()
+        if data == b"":
+            self.stop()  # the terminal is gone, or the file at its end; the node goes on
+        *lines, self._rest = (self._rest + (data or b"")).split(b"\n")
+        self._rest = self._rest[: LINE_MAX_CHARS + 1]  # one too many is refused; more is only more
+        for line in lines:
+            if line.strip():
+                self._say(self._session.answer(line.decode(errors="replace")).text)
+        for answer in self._session.changes(time.monotonic()):
+            self._say(answer.text)
+
+    def _say(self, text: str) -> None:
+        try:
+            print(text, file=self.factory.prints or sys.stdout, flush=True)
+        except (OSError, ValueError):
+            self.stop()  # nobody is there to read it
+
+
+class _SelectReader:
+    """Waits a moment for bytes; returns None if none came, and b"" at the end."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+
+    def __call__(self) -> bytes | None:
+        try:
+            is_ready, _, _ = select.select([self._descriptor], [], [], LOOK_S)
+            return os.read(self._descriptor, _READ_BYTES) if is_ready else None
+        except OSError:  # the terminal was taken away
+            return b""
+
+
+class _ThreadReader:
+    """The same where a terminal cannot be selected, as on Windows: by a thread that waits, and is left behind.
+
+    It reads the descriptor and not `sys.stdin`, whose lock it would hold while Python ends.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        self._came: SimpleQueue[bytes] = SimpleQueue()
+        threading.Thread(target=self._run, args=(descriptor,), name="stdin", daemon=True).start()
+
+    def _run(self, descriptor: int) -> None:
+        data = b"-"
+        while data:
+            try:
+                data = os.read(descriptor, _READ_BYTES)
+            except OSError:
+                data = b""
+            self._came.put(data)
+
+    def __call__(self) -> bytes | None:
+        try:
+            return self._came.get(timeout=LOOK_S)
+        except Empty:
+            return None
+
+
+def _reader_of(descriptor: int) -> _SelectReader | _ThreadReader:
+    return _ThreadReader(descriptor) if sys.platform == "win32" else _SelectReader(descriptor)

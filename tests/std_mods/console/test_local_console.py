@@ -1,0 +1,96 @@
+"""The console in the node's own terminal: here a pipe takes the keyboard's place."""
+
+import io
+import os
+import time
+from collections.abc import Iterator
+from typing import IO
+
+import pytest
+
+from snr_sim import (
+    Config,
+    LocalConsoleFactory,
+    Node,
+    SimClock,
+    SimRunner,
+    TaskType,
+    TimeoutLoopFactory,
+    WallClock,
+    tasks,
+)
+from snr_sim.prelude.clock import Clock
+from snr_sim.testing.parts import PartFactory, TickerFactory
+
+
+@pytest.fixture
+def keyboard() -> Iterator[tuple[IO[str], IO[str]]]:
+    """Two ends of a pipe: what reads, and what types."""
+    out, into = os.pipe()
+    with os.fdopen(out) as reads, os.fdopen(into, "w", buffering=1) as types:
+        yield reads, types
+
+
+@pytest.mark.parametrize("clock", [WallClock, None])
+def test_a_command_typed_at_the_terminal_is_answered_and_carried_out(
+    keyboard: tuple[IO[str], IO[str]], clock: type[Clock] | None
+) -> None:
+    reads, types = keyboard
+    screen = io.StringIO()
+    types.write("stroe\n\nwatch depth_m\nstore depth_m 2.5\nexit surfac")
+    console = LocalConsoleFactory(reads, screen)
+    rest = PartFactory({(TaskType.process_data, "depth_m"): lambda task, task_id: types.write("ed\n") and None})
+    config = Config(factories={"r": [console, rest, TickerFactory(rate_hz=50.0)]})
+    if clock is not None:
+        node = Node("r", config, clock=clock())
+        node.loop()
+    else:  # in lock step at the speed of the world
+        runner = SimRunner(config, pace=1.0, until_s=30.0)
+        runner.run()
+        node = runner.nodes["r"]
+    assert node.exit_reason == "surfaced"
+    said = screen.getvalue()
+    assert "did you mean 'store'" in said
+    assert "Nothing has stored a page 'depth_m'" in said
+    assert "depth_m = 2.5 is queued" in said
+
+
+def test_a_node_ends_at_once_although_nobody_types(keyboard: tuple[IO[str], IO[str]]) -> None:
+    config = Config(factories={"r": [LocalConsoleFactory(keyboard[0]), TimeoutLoopFactory(ms=10)]})
+    node = Node("r", config)
+    start_s = time.monotonic()
+    node.loop()
+    assert time.monotonic() - start_s < 1.0
+    assert node.notes == []
+
+
+def test_the_end_of_the_input_ends_the_console_and_not_the_node(keyboard: tuple[IO[str], IO[str]]) -> None:
+    reads, types = keyboard
+    types.close()
+    closed = TickerFactory(
+        lambda ticker: (
+            ticker.schedule(tasks.terminate("console is over"))
+            if ticker.parent.components["local_console"].is_terminated()
+            else None
+        )
+    )
+    node = Node("r", Config(factories={"r": [LocalConsoleFactory(reads, io.StringIO()), closed]}))
+    node.loop()
+    assert node.exit_reason == "console is over"
+
+
+def test_without_a_terminal_the_node_runs_all_the_same() -> None:
+    config = Config(factories={"r": [LocalConsoleFactory(io.StringIO("exit\n")), TimeoutLoopFactory(ms=20)]})
+    node = Node("r", config)
+    node.loop()
+    assert node.exit_reason == "timeout"
+
+
+def test_in_lock_step_it_adds_no_moments() -> None:
+    with open(os.devnull) as nothing:
+        config = Config(factories={"r": [LocalConsoleFactory(nothing), TimeoutLoopFactory(seconds=3)]})
+        clock = SimClock()
+        node = Node("r", config, clock=clock)
+        node.begin()
+        assert clock.next_s == 3.0
+        node.end()
