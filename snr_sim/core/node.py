@@ -86,7 +86,8 @@ class Node:
         self._begun: list[Component] = []
         self._is_over = False
         self._failures: list[ComponentFailed] = []  # those that stand in the trace
-        self._add(NodeCore(self))
+        self._core = NodeCore(self)
+        self._add(self._core)
         for factory in config.get(role):
             if not (is_replay and isinstance(factory, LoopFactory)):
                 self._add(self._make(factory))
@@ -346,6 +347,17 @@ class Node:
         """Returns the newest data of a key, or None."""
         page = self.datastore.get(key)
         return None if page is None else page.data
+
+    def tap(self, key: DataKey, way_out: Callable[[Page], None]) -> None:
+        """Has every page of a key handed to `way_out` right after it was stored, on the node's thread.
+
+        This is how links get pages out. It is no part of the machine: a replay has no taps and does not miss them.
+        """
+        self._core.taps.setdefault(key, []).append(way_out)
+
+    def untap(self, key: DataKey, way_out: Callable[[Page], None]) -> None:
+        """Ends what `tap` began."""
+        self._core.taps[key].remove(way_out)
 
     # Time and chance
 
