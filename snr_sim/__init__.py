@@ -31,7 +31,10 @@ if TYPE_CHECKING:
         TaskName,
         TaskType,
     )
+    from snr_sim.std_mods.comms.faults import Faults
     from snr_sim.std_mods.comms.memory import MemoryLink
+    from snr_sim.std_mods.comms.security import Tls, secret_from_env, secret_from_file
+    from snr_sim.std_mods.comms.sockets import SocketsListenerFactory, SocketsLoopFactory, SocketsPair
     from snr_sim.std_mods.console.local_console import LocalConsole, LocalConsoleFactory
     from snr_sim.std_mods.moving_average import MovingAvgFilter, MovingAvgFilterFactory
     from snr_sim.std_mods.printer import PrinterEndpointFactory
@@ -62,8 +65,11 @@ _PLACES = {
         "TaskName",
         "TaskType",
     ),
+    "snr_sim.std_mods.comms.faults": ("Faults",),
     "snr_sim.std_mods.comms.memory": ("MemoryLink",),
     "snr_sim.std_mods.console.local_console": ("LocalConsole", "LocalConsoleFactory"),
+    "snr_sim.std_mods.comms.security": ("Tls", "secret_from_env", "secret_from_file"),
+    "snr_sim.std_mods.comms.sockets": ("SocketsListenerFactory", "SocketsLoopFactory", "SocketsPair"),
     "snr_sim.std_mods.moving_average": ("MovingAvgFilter", "MovingAvgFilterFactory"),
     "snr_sim.std_mods.printer": ("PrinterEndpointFactory",),
     "snr_sim.std_mods.stopwatch": ("StopwatchEndpointFactory",),

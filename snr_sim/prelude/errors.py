@@ -85,6 +85,14 @@ class TraceError(SnrError):
     """A recorded run that cannot be written, read or used."""
 
 
+class LinkError(SnrError):
+    """A link between nodes that cannot be made, or a message that cannot cross one."""
+
+
+class FrameTooLarge(LinkError):
+    """A message longer than the link's frames may be."""
+
+
 class MissingExtra(SnrError, ImportError):
     """An optional package is not installed."""
 

@@ -1,0 +1,121 @@
+"""Faults of a link: what latency, jitter, loss, duplication, reordering, cuts and narrowness do to what is sent.
+
+A `Way` is told what leaves when, and says when it arrives: never, once, or twice. It owns neither clock nor port, so
+the same object serves simulated links and real sockets.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.rng import rng_for
+
+if TYPE_CHECKING:
+    import numpy as np
+
+
+@dataclass(frozen=True)
+class Faults:
+    """How badly a link carries. Loss, duplication and reordering are for pages; the rest is for all that is sent.
+
+    Args:
+        latency_s: of everything.
+        jitter_s: further delay, evenly spread from 0 to this.
+        loss: share of pages that never arrive, 0 to 1.
+        duplication: share of pages that arrive twice.
+        reordering: share of pages that do not wait for those before them, and may wait up to `jitter_s` and
+            `latency_s` longer themselves.
+        cut: moments (start_s, end_s) between which nothing that is sent arrives.
+        bandwidth_bps: bits per second; pages queue for it. None is any number.
+        seed: of its chance; the run's if None.
+
+    Raises:
+        ParameterError: a number is out of range.
+    """
+
+    latency_s: float = 0.0
+    jitter_s: float = 0.0
+    loss: float = 0.0
+    duplication: float = 0.0
+    reordering: float = 0.0
+    cut: tuple[tuple[float, float], ...] = ()
+    bandwidth_bps: float | None = None
+    seed: int | None = None
+
+    def __post_init__(self) -> None:
+        bounds = {"latency_s": math.inf, "jitter_s": math.inf, "loss": 1, "duplication": 1, "reordering": 1}
+        for name, most in bounds.items():
+            value = getattr(self, name)
+            if not (math.isfinite(value) and 0 <= value <= most):
+                raise ParameterError(f"A link with {name}={value!r}.", fix=f"a number from 0 to {most}.")
+        if self.bandwidth_bps is not None and not self.bandwidth_bps > 0:
+            raise ParameterError(f"A link with bandwidth_bps={self.bandwidth_bps!r}.", fix="9600.0, or None.")
+        if self.reordering and not self.latency_s + self.jitter_s:
+            raise ParameterError(
+                f"A link with reordering={self.reordering!r} and no delay: nothing can overtake.", fix="latency_s=0.05."
+            )
+        for interval in self.cut:
+            if len(interval) != 2 or not interval[0] <= interval[1]:
+                raise ParameterError(f"A link with a cut at {interval!r}.", fix="cut=[(start_s, end_s), ...].")
+
+
+class Way:
+    """One direction of a link with faults.
+
+    Args:
+        faults: of this direction.
+        seed: of the run.
+        name: of the direction; two with different names have different luck.
+    """
+
+    def __init__(self, faults: Faults, seed: int, name: str) -> None:
+        self.faults = faults
+        self.free_s = 0.0  # when the last thing has left
+        self.lost = 0
+        self._last_arrival_s = 0.0
+        seed = seed if faults.seed is None else faults.seed
+        # Two generators, and each draws for every page: so more of one fault does not shift the luck of another.
+        self._rng = rng_for(seed, name) if faults.jitter_s or faults.loss else None
+        self._odd_rng = rng_for(seed, f"{name}:odd") if faults.duplication or faults.reordering else None
+
+    def is_free(self, now_s: float) -> bool:
+        """Returns whether the next thing could leave now; if not, `free_s` says when."""
+        return now_s >= self.free_s
+
+    def arrivals_s(self, size_bytes: int, now_s: float, is_page: bool = True) -> tuple[float, ...]:
+        """Returns when something that is sent now arrives: never, once or twice, in order unless reordered."""
+        faults = self.faults
+        start_s = max(now_s, self.free_s)
+        self.free_s = start_s + (size_bytes * 8 / faults.bandwidth_bps if faults.bandwidth_bps is not None else 0.0)
+        for_loss, for_jitter = (1.0, 0.0) if self._rng is None else _two(self._rng)
+        is_cut = any(begin_s <= now_s < end_s for begin_s, end_s in faults.cut)
+        if is_cut or (is_page and for_loss < faults.loss):
+            self.lost += is_page
+            return ()
+        delay_s = faults.latency_s + for_jitter * faults.jitter_s
+        if is_page and self._odd_rng is not None:
+            return self._odd_arrivals_s(self._odd_rng, delay_s)
+        return (self._in_order_s(delay_s),)
+
+    def _odd_arrivals_s(self, rng: np.random.Generator, delay_s: float) -> tuple[float, ...]:
+        for_duplication, for_reordering = _two(rng)
+        if for_reordering < self.faults.reordering:
+            # How far it is put back comes from the same number, spread evenly again.
+            share = for_reordering / self.faults.reordering
+            arrival_s = self.free_s + delay_s + share * (self.faults.latency_s + self.faults.jitter_s)
+        else:
+            arrival_s = self._in_order_s(delay_s)
+        return (arrival_s, arrival_s) if for_duplication < self.faults.duplication else (arrival_s,)
+
+    def _in_order_s(self, delay_s: float) -> float:
+        """One that jitter holds up holds up those behind it, as over TCP."""
+        self._last_arrival_s = max(self._last_arrival_s, self.free_s + delay_s)
+        return self._last_arrival_s
+
+
+def _two(rng: np.random.Generator) -> tuple[float, float]:
+    one, other = rng.random(2)
+    return float(one), float(other)

@@ -1,0 +1,213 @@
+"""Link: carries pages between this node and others. The part that all kinds of links share.
+
+Out: the node's core hands a page of one of the link's keys to `_out`, right after it was stored. In: the far end's
+pages enter through the door, from the link's name. So a replay, which makes no loops, needs no link. How the link
+itself is stands in a page of its own name: {up, age_s, dropped, rtt_s, ...}.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from snr_sim.core.clocks import SimClock
+from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.node import Node
+from snr_sim.prelude.errors import ConfigError
+from snr_sim.prelude.page import DataKey, Page
+from snr_sim.prelude.task import Task, TaskType
+from snr_sim.std_mods.comms.faults import Faults
+from snr_sim.std_mods.comms.frames import HEADER_BYTES, MAX_FRAME_BYTES, encode_frame
+from snr_sim.std_mods.comms.send_queue import Policy
+
+MAX_KEY_CHARS = 256
+REPORT_EVERY_S = 1.0
+HOUSEKEEPING_HZ = 10.0
+# From here on the link lets nothing more in until the node has caught up to half of it: a flood waits at its sender.
+MAX_TASKS_WAITING = 10_000
+MAX_BYTES_WAITING = 1 << 26
+# Remembered of pages of other nodes that were passed on, so that none goes round in a mesh for ever.
+_RELAYED_REMEMBERED = 4096
+_STORE_PAGE = TaskType.store_page
+_OBJECT_MARK = b'"$":"object"'
+
+
+@dataclass(frozen=True)
+class LinkOptions:
+    """What all kinds of links are told.
+
+    Args:
+        name: the link is `link_<name>`, as a component and as a page.
+        keys: pages of these go out.
+        accept: pages of these may come in; None is any.
+        max_frame_bytes: the longest page, as it crosses.
+        queue_pages: how many may wait to be sent to one far end.
+        policy: what happens when more would.
+        keep_alive_s: how often the far end is asked whether it is there.
+        timeout_s: after how much silence it counts as gone.
+        faults: of what this end sends.
+    """
+
+    name: str
+    keys: tuple[DataKey, ...] = ()
+    accept: frozenset[DataKey] | None = None
+    max_frame_bytes: int = MAX_FRAME_BYTES
+    queue_pages: int = 10_000
+    policy: Policy = "drop_oldest"
+    keep_alive_s: float = 0.5
+    timeout_s: float = 3.0
+    faults: Faults | None = None
+
+
+def as_keys(keys: DataKey | Iterable[DataKey]) -> tuple[DataKey, ...]:
+    """Returns one key or several as a tuple, each once.
+
+    Raises:
+        ConfigError: one is not text, is empty or too long.
+
+    >>> as_keys("depth"), as_keys(["depth", "depth", "heading"])
+    (('depth',), ('depth', 'heading'))
+    """
+    listed = (keys,) if isinstance(keys, str) else tuple(dict.fromkeys(keys))
+    for key in listed:
+        if not isinstance(key, str) or not 0 < len(key) <= MAX_KEY_CHARS:
+            raise ConfigError(
+                f"A link's keys hold {str(key)[:80]!r}, which is no key.",
+                fix=f"text of 1 to {MAX_KEY_CHARS} characters.",
+            )
+    return listed
+
+
+def wire_form(page: Page) -> bytes:
+    """Returns a page as it crosses.
+
+    Raises:
+        ValueEncodingError: it holds what no wire can carry: the sender's mistake, so it fails at the sender.
+    """
+    raw = page.serialize()
+    if _OBJECT_MARK in raw:
+        Page.deserialize(raw)  # says which class
+    return raw
+
+
+class Link(Loop):
+    """What all links share. A kind of link says how pages get across (`_carry`) and how it is (`_state`).
+
+    Args:
+        factory: who made it.
+        parent: its node.
+        options: of the link.
+    """
+
+    def __init__(self, factory: LoopFactory, parent: Node, options: LinkOptions) -> None:
+        rate_hz = HOUSEKEEPING_HZ if isinstance(parent.clock, SimClock) else 0.0  # on a thread its own waiting paces it
+        super().__init__(factory, parent, f"link_{options.name}", rate_hz)
+        self.options = options
+        self.dropped = 0  # pages that did not get across, as far as this end knows
+        self.sent = 0
+        self.received = 0
+        self.unwanted = 0  # pages that came and were not let in
+        self._brought: dict[int, tuple[Page, object]] = {}  # came by this link, not stored yet: page and who brought it
+        self._relayed: dict[bytes | int, None] = {}
+        self._largest_bytes = 1  # of the pages that came lately
+        self._is_deaf = False
+        self._told: tuple[Any, ...] = ()
+        self._told_s = float("-inf")
+
+    def begin(self) -> None:
+        """Opens what is needed, and has the node's pages handed over from now on."""
+        self._open()
+        for key in self.options.keys:
+            self.parent.tap(key, self._out)
+        super().begin()
+
+    def join(self) -> None:
+        """Takes no more pages, sends what waits, and closes."""
+        super().join()
+        if self._backing is not None:
+            for key in self.options.keys:
+                self.parent.untap(key, self._out)
+
+    # What a kind of link does in its own way.
+
+    def _open(self) -> None:
+        """Called first, on the node's thread; what raises here is an error of `begin`."""
+
+    def _carry(self, page: Page, raw: bytes, frame: bytes, by: object) -> None:
+        """Sends a page to every far end but the one that brought it (`by`, if any); on the node's thread."""
+        raise NotImplementedError
+
+    def _state(self, now_s: float) -> dict[str, Any]:
+        """Returns how the link is: at least up, age_s, dropped, rtt_s, reason."""
+        raise NotImplementedError
+
+    # Out
+
+    def _out(self, page: Page) -> None:
+        _, by = self._brought.pop(id(page), (page, None))
+        raw = wire_form(page)
+        frame = encode_frame(raw, self.options.max_frame_bytes)
+        if page.origin == self.parent.name or not self._has_relayed(raw):
+            self._carry(page, raw, frame, by)
+
+    def _has_relayed(self, raw: bytes) -> bool:
+        """Whether this very page of another node has been passed on before: then it has come round."""
+        fingerprint = hash(raw)
+        if fingerprint in self._relayed:
+            return True
+        self._relayed[fingerprint] = None
+        if len(self._relayed) > _RELAYED_REMEMBERED:
+            del self._relayed[next(iter(self._relayed))]
+        return False
+
+    # In
+
+    def _bring(self, pages: Sequence[Page], by: object) -> None:
+        """Lets pages in that a far end sent."""
+        accept, mine, enter, name = self.options.accept, self.parent.name, self.parent.enter, self.name
+        for page in pages:
+            key = page.key
+            if page.origin == mine or not self._is_wanted(key, accept):
+                self.unwanted += 1
+                continue
+            if key in self.options.keys:
+                self._brought[id(page)] = (page, by)
+            enter(Task(_STORE_PAGE, key, [page]), name)
+        self.received += len(pages)
+
+    def _is_wanted(self, key: DataKey, accept: frozenset[DataKey] | None) -> bool:
+        return key in accept if accept is not None else 0 < len(key) <= MAX_KEY_CHARS
+
+    def _note_size(self, page_bytes: int) -> None:
+        """Remembers how large pages are that come lately; see `_must_wait`."""
+        self._largest_bytes = max(self._largest_bytes, page_bytes)
+
+    def _must_wait(self) -> bool:
+        """Whether the node has so much to do that nothing more may be let in."""
+        tasks = self.parent.machine.queued
+        most = min(MAX_TASKS_WAITING, MAX_BYTES_WAITING // (self._largest_bytes + HEADER_BYTES))
+        self._is_deaf = tasks > (most // 2 if self._is_deaf else most)
+        return self._is_deaf
+
+    # How it is
+
+    def _report(self, now_s: float) -> None:
+        """Stores the link's state, if it has changed or a second has passed."""
+        state = self._state(now_s)
+        gist = (state["up"], state["reason"], len(state.get("peers", ())))
+        if gist == self._told and now_s - self._told_s < REPORT_EVERY_S:
+            return
+        if gist != self._told:
+            self._log_change(state)
+        self._told, self._told_s = gist, now_s
+        self._largest_bytes = max(1, self._largest_bytes // 2)
+        self.store_data(self.name, state)
+
+    def _log_change(self, state: Mapping[str, Any]) -> None:
+        if state["up"]:
+            self.log.info("up: %s", ", ".join(state.get("peers", ())) or "connected")
+        else:
+            is_news = bool(self._told)  # that nobody is there at the very beginning is none
+            self.log.log(logging.WARNING if is_news else logging.INFO, "down: %s", state["reason"])

@@ -1,0 +1,127 @@
+"""Messages of a link: what may stand in a frame. UTF-8 JSON objects whose key "$" says what they are.
+
+A page is exactly what `Page.serialize` gives, so encoding it for a link costs nothing more than recording it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Any, TypeAlias
+
+import msgspec
+
+from snr_sim.prelude.page import Page
+from snr_sim.prelude.values import MARK
+
+PROTOCOL = "snr"
+VERSION = 1
+NONCE_BYTES = 16
+MAX_NAME_CHARS = 200
+MAX_REASON_CHARS = 1000
+
+Name: TypeAlias = Annotated[str, msgspec.Meta(min_length=1, max_length=MAX_NAME_CHARS)]
+Hex16: TypeAlias = Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]{32}$")]
+Hex32: TypeAlias = Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]{64}$")]
+Reason: TypeAlias = Annotated[str, msgspec.Meta(max_length=MAX_REASON_CHARS)]
+
+
+class Hello(msgspec.Struct, frozen=True, tag_field=MARK, tag="hello"):
+    """The first message of each end, sent at once.
+
+    Args:
+        protocol: "snr".
+        version: of the protocol; both ends must have the same.
+        node: name of the node.
+        nonce: 16 random bytes in hexadecimal, new for each session; the challenge of `Auth`.
+        purpose: "pages", or what else the port is for; both ends must have the same.
+        auth: whether this end has a shared secret and wants the other to prove that it has it too.
+        max_frame_bytes: the longest payload this end takes.
+    """
+
+    protocol: Name
+    version: int
+    node: Name
+    nonce: Hex16
+    purpose: Name
+    auth: bool
+    max_frame_bytes: Annotated[int, msgspec.Meta(ge=1, lt=2**32)]
+
+
+class Auth(msgspec.Struct, frozen=True, tag_field=MARK, tag="auth"):
+    """Proof that the sender knows the secret, which itself never crosses.
+
+    Args:
+        proof: HMAC-SHA256 in hexadecimal: see `snr_sim/std_mods/comms/security.py`.
+    """
+
+    proof: Hex32
+
+
+class Ping(msgspec.Struct, frozen=True, tag_field=MARK, tag="ping"):
+    """Keeps the link alive and asks for an answer.
+
+    Args:
+        stamp_s: time of whoever asks.
+    """
+
+    stamp_s: float
+
+
+class Pong(msgspec.Struct, frozen=True, tag_field=MARK, tag="pong"):
+    """The answer to a ping.
+
+    Args:
+        stamp_s: that of the ping.
+    """
+
+    stamp_s: float
+
+
+class Bye(msgspec.Struct, frozen=True, tag_field=MARK, tag="bye"):
+    """The last message of an end that leaves in good order.
+
+    Args:
+        reason: in words.
+    """
+
+    reason: Reason
+
+
+class Refused(msgspec.Struct, frozen=True, tag_field=MARK, tag="refused"):
+    """The last message of an end that does not want to go on with the other.
+
+    Args:
+        reason: in words, with what to try.
+    """
+
+    reason: Reason
+
+
+Control: TypeAlias = Hello | Auth | Ping | Pong | Bye | Refused
+
+encode_message: Callable[[Control], bytes] = msgspec.json.Encoder().encode
+_decode: Callable[[bytes], Control | Page] = msgspec.json.Decoder(Control | Page).decode
+
+
+def decode_message(raw: bytes) -> Control | Page:
+    """Returns the message in a frame.
+
+    Raises:
+        msgspec.DecodeError: it is not JSON, or none of these messages.
+        ValueEncodingError: it is a page with damaged data.
+        RecursionError: it is nested too deeply.
+    """
+    message = _decode(raw)
+    # A second "$" marks data that JSON alone cannot carry; a page mostly has only its own, right at the beginning.
+    if type(message) is Page and raw.rfind(b'"$":') > 1:
+        return Page.deserialize(raw)
+    return message
+
+
+def decoder_of(*others: Any) -> Callable[[bytes], Any]:
+    """Returns a decoder of the control messages and of other tagged Structs: for sessions with another purpose."""
+    kinds: Any = Control
+    for other in others:
+        kinds |= other
+    decode: Callable[[bytes], Any] = msgspec.json.Decoder(kinds).decode
+    return decode

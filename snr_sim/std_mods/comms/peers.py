@@ -1,0 +1,138 @@
+"""PeerLink: a link that talks to each of its far ends in a Session: over sockets, pipes, or simulated."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+from typing import Any
+
+from snr_sim.core.loop import LoopFactory
+from snr_sim.core.node import Node
+from snr_sim.prelude.page import DataKey, Page
+from snr_sim.std_mods.comms.faults import Faults, Way
+from snr_sim.std_mods.comms.frames import HEADER_BYTES
+from snr_sim.std_mods.comms.link import Link, LinkOptions
+from snr_sim.std_mods.comms.send_queue import SendQueue
+from snr_sim.std_mods.comms.session import Session, Terms
+
+
+class Peer:
+    """One far end.
+
+    Args:
+        session: with it.
+        options: of the link.
+        way: what faults do to what is sent to it, if any.
+        where: its address, in words.
+    """
+
+    def __init__(self, session: Session, options: LinkOptions, way: Way | None, where: str) -> None:
+        self.session = session
+        self.queue = SendQueue(options.queue_pages, options.policy)
+        self.way = way
+        self.where = where
+        self.sent = 0
+        self.dropped = 0  # beside those its queue dropped
+
+    @property
+    def all_dropped(self) -> int:
+        """Pages that did not get across, as far as this end knows."""
+        return self.dropped + self.queue.dropped
+
+    def takes(self, frame: bytes) -> bool:
+        """Whether the far end takes a frame of this length; counted as dropped if not."""
+        hello = self.session.peer
+        if hello is not None and len(frame) - HEADER_BYTES <= hello.max_frame_bytes:
+            return True
+        self.dropped += 1
+        return False
+
+    def put(self, frame: bytes) -> None:
+        """Has a page sent; on the node's thread, at once or soon, but never waiting."""
+        raise NotImplementedError
+
+
+class PeerLink(Link):
+    """Keeps one session and one queue per far end; who comes late gets the newest page of each key.
+
+    Args:
+        factory: who made it.
+        parent: its node.
+        options: of the link.
+        terms: of its sessions.
+    """
+
+    def __init__(self, factory: LoopFactory, parent: Node, options: LinkOptions, terms: Terms) -> None:
+        super().__init__(factory, parent, options)
+        self.terms = terms
+        self.peers: tuple[Peer, ...] = ()  # those that are up; never changed in place, so any thread may read it
+        self.reason = "nobody has connected yet."
+        self._unsent: dict[DataKey, tuple[Page, bytes]] = {}  # stored while nobody was there
+        self._numbers = itertools.count(1)
+        self._meeting = threading.Lock()  # held for a few steps when a page finds nobody and when a peer comes or goes
+
+    def _carry(self, page: Page, raw: bytes, frame: bytes, by: object) -> None:
+        peers = self.peers
+        if not peers and by is None:
+            with self._meeting:
+                peers = self.peers
+                if not peers:
+                    self._keep(page, frame)
+        for peer in peers:
+            if peer is not by and peer.session.peer_node != page.origin and peer.takes(frame):
+                peer.put(frame)
+
+    def _keep(self, page: Page, frame: bytes) -> None:
+        if self._unsent.pop(page.key, None) is not None:  # taken out, so that the order is that of storing
+            self.dropped += 1
+        self._unsent[page.key] = (page, frame)
+
+    def _admit(self, peer: Peer) -> None:
+        """A session is up: what waits for somebody goes first, then whatever is stored from now on."""
+        with self._meeting:
+            unsent, self._unsent = self._unsent, {}
+            for page, frame in unsent.values():
+                if peer.session.peer_node != page.origin and peer.takes(frame):
+                    peer.put(frame)
+            self.peers = (*self.peers, peer)
+
+    def _dismiss(self, peer: Peer) -> None:
+        """A session is over: what still waited for it is dropped."""
+        with self._meeting:
+            self.peers = tuple(other for other in self.peers if other is not peer)
+        self.dropped += peer.all_dropped + len(peer.queue)
+        self.sent += peer.sent
+        self.reason = peer.session.reason
+
+    def _new_way(self) -> Way:
+        """Returns the way out to a new far end: each session has a luck of its own, the same in every run."""
+        name = f"link:{self.name}:{self.parent.role}:{next(self._numbers)}"
+        return Way(self.options.faults or Faults(), self.parent.seed, name)
+
+    def _state(self, now_s: float) -> dict[str, Any]:
+        peers = self.peers
+        each = {}
+        for peer in peers:
+            name, count = peer.session.peer_node, 2
+            while name in each:  # two nodes of one name: both are served
+                name, count = f"{peer.session.peer_node}#{count}", count + 1
+            each[name] = {
+                "age_s": max(0.0, now_s - peer.session.heard_s),
+                "rtt_s": peer.session.rtt_s,
+                "dropped": peer.all_dropped,
+                "sent": peer.sent,
+                "waiting": len(peer.queue),
+            }
+        ages_s = [now_s - peer.session.heard_s for peer in peers]
+        trips_s = [peer.session.rtt_s for peer in peers if peer.session.rtt_s is not None]
+        return {
+            "up": bool(peers),
+            "age_s": max(0.0, *ages_s) if ages_s else None,
+            "dropped": self.dropped + sum(peer.all_dropped for peer in peers),
+            "rtt_s": max(trips_s, default=None),
+            "sent": self.sent + sum(peer.sent for peer in peers),
+            "received": self.received,
+            "unwanted": self.unwanted,
+            "reason": "" if peers else self.reason,
+            "peers": each,
+        }

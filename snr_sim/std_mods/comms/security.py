@@ -1,0 +1,191 @@
+"""Who may talk to a node: shared secrets, addresses, certificates."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import ipaddress
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
+
+from snr_sim.prelude.errors import ConfigError
+
+if TYPE_CHECKING:
+    import ssl
+
+MIN_SECRET_BYTES = 16
+Network: TypeAlias = ipaddress.IPv4Network | ipaddress.IPv6Network
+
+
+def as_secret(secret: str | bytes | None, source: str = "secret=") -> bytes | None:
+    """Returns a shared secret as bytes; None stays None.
+
+    Raises:
+        ConfigError: it is too short to be one.
+    """
+    if secret is None:
+        return None
+    raw = secret.encode() if isinstance(secret, str) else bytes(secret)
+    if len(raw) < MIN_SECRET_BYTES:
+        raise ConfigError(
+            f"The shared secret ({source}) has {len(raw)} bytes, and at least {MIN_SECRET_BYTES} are needed.",
+            fix='python3 -c "import secrets; print(secrets.token_hex(16))" makes a good one.',
+        )
+    return raw
+
+
+def secret_from_file(path: str | Path) -> bytes:
+    """Returns the shared secret that stands in a file, without white space around it.
+
+    Raises:
+        ConfigError: the file cannot be read, or what it holds is too short.
+    """
+    try:
+        raw = Path(path).read_bytes().strip()
+    except OSError as error:
+        raise ConfigError(
+            f"The file of the shared secret cannot be read: {path} ({error.strerror}).",
+            fix="one line of text that both ends have, readable by you alone.",
+        ) from error
+    return as_secret(raw, f"file {path}") or b""
+
+
+def secret_from_env(name: str) -> bytes:
+    """Returns the shared secret in an environment variable.
+
+    Raises:
+        ConfigError: the variable is not set, or what it holds is too short.
+    """
+    if name not in os.environ:
+        raise ConfigError(
+            f"The environment variable {name} should hold the shared secret, and is not set.",
+            fix=f"export {name}=...  with the same text on both ends.",
+        )
+    return as_secret(os.environ[name], f"variable {name}") or b""
+
+
+def proof_of(secret: bytes, of_server: bool, client_nonce: str, server_nonce: str) -> str:
+    """Returns the proof that one end knows the secret, in hexadecimal.
+
+    Both nonces are in it, so it is worth nothing in another session; the side is in it, so what one end says cannot
+    be said back to it.
+    """
+    side = "server" if of_server else "client"
+    return hmac.new(secret, f"snr 1 {side} {client_nonce} {server_nonce}".encode(), hashlib.sha256).hexdigest()
+
+
+def as_networks(allow: Iterable[str]) -> tuple[Network, ...]:
+    """Returns addresses and networks as such.
+
+    Raises:
+        ConfigError: one is neither.
+
+    >>> as_networks(["10.0.0.7", "192.168.2.0/24"])
+    (IPv4Network('10.0.0.7/32'), IPv4Network('192.168.2.0/24'))
+    """
+    if isinstance(allow, str):
+        allow = [allow]
+    networks = []
+    for text in allow:
+        try:
+            networks.append(ipaddress.ip_network(text))
+        except ValueError as error:
+            raise ConfigError(
+                f"allow= holds {text!r}, which is neither an address nor a network: {error}.",
+                fix='["192.168.2.7"] or ["192.168.2.0/24"].',
+            ) from error
+    return tuple(networks)
+
+
+def is_loopback(host: str) -> bool:
+    """Returns whether a host is this machine only."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def is_allowed(address: str, networks: Iterable[Network]) -> bool:
+    """Returns whether a peer's address is this machine's own or in one of the networks."""
+    try:
+        peer = ipaddress.ip_address(address.partition("%")[0])  # an IPv6 address may name its interface
+    except ValueError:
+        return False
+    mapped = getattr(peer, "ipv4_mapped", None)
+    peer = mapped or peer
+    return peer.is_loopback or any(peer in network for network in networks)
+
+
+@dataclass(frozen=True)
+class Tls:
+    """Certificates for links over TCP. Files in PEM; only those are needed that an end uses.
+
+    Args:
+        certificate: of the server, with the chain up to its authority.
+        key: of that certificate.
+        authority: signed the server's certificate; clients trust nobody else.
+        server_name: the name clients expect in the certificate; the host they call if not given.
+        client_authority: signed the clients' certificates; if given, a server takes only clients that have one.
+        client_certificate: of the client.
+        client_key: of that certificate.
+    """
+
+    certificate: str | Path | None = None
+    key: str | Path | None = None
+    authority: str | Path | None = None
+    server_name: str = ""
+    client_authority: str | Path | None = None
+    client_certificate: str | Path | None = None
+    client_key: str | Path | None = None
+
+    def server_context(self) -> ssl.SSLContext:
+        """Returns what a server needs.
+
+        Raises:
+            ConfigError: a file is missing or is not what it should be.
+        """
+        import ssl  # 10 ms, and most links do without
+
+        if self.certificate is None:
+            raise ConfigError("TLS without the server's certificate.", fix="Tls(certificate=..., key=...).")
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        context.minimum_version = ssl.TLSVersion.TLSv1_2
+        try:
+            context.load_cert_chain(self.certificate, self.key)
+            if self.client_authority is not None:
+                context.load_verify_locations(self.client_authority)
+                context.verify_mode = ssl.CERT_REQUIRED
+        except OSError as error:
+            raise _unusable(error, self.certificate, self.key, self.client_authority) from error
+        return context
+
+    def client_context(self) -> ssl.SSLContext:
+        """Returns what a client needs.
+
+        Raises:
+            ConfigError: a file is missing or is not what it should be.
+        """
+        import ssl  # as above
+
+        if self.authority is None:
+            raise ConfigError("TLS without the authority that signed the server.", fix="Tls(authority=...).")
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+        context.minimum_version = ssl.TLSVersion.TLSv1_2
+        try:
+            context.load_verify_locations(self.authority)
+            if self.client_certificate is not None:
+                context.load_cert_chain(self.client_certificate, self.client_key)
+        except OSError as error:
+            raise _unusable(error, self.authority, self.client_certificate, self.client_key) from error
+        return context
+
+
+def _unusable(error: OSError, *paths: str | Path | None) -> ConfigError:
+    names = ", ".join(str(path) for path in paths if path is not None)
+    return ConfigError(
+        f"TLS cannot use its files ({names}): {error.strerror or error}.",
+        fix="PEM files; the key must belong to the certificate, and be readable.",
+    )

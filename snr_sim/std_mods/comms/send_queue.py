@@ -1,0 +1,70 @@
+"""SendQueue: frames that wait to be sent to one far end. Bounded, so that who does not read costs no memory."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Literal, TypeAlias, get_args
+
+from snr_sim.prelude.errors import ParameterError
+
+Policy: TypeAlias = Literal["drop_oldest", "refuse"]
+
+MAX_WAITING_BYTES = 1 << 26  # 64 MiB: of all frames that wait, whatever their number
+
+
+class SendQueue:
+    """First in, first out; when it is full, a page is dropped and counted, and nobody waits.
+
+    Args:
+        max_pages: how many may wait.
+        policy: which page goes when it is full: "drop_oldest", or "refuse" the newest.
+        max_bytes: of all that wait; a frame longer than this may wait alone.
+
+    Raises:
+        ParameterError: `max_pages` is less than 1, or there is no such policy.
+    """
+
+    def __init__(
+        self, max_pages: int = 10_000, policy: Policy = "drop_oldest", max_bytes: int = MAX_WAITING_BYTES
+    ) -> None:
+        if max_pages < 1 or max_bytes < 1:
+            raise ParameterError(f"A send queue of {max_pages} pages and {max_bytes} bytes.", fix="1 or more of each.")
+        if policy not in get_args(Policy):
+            raise ParameterError(f"A send queue with policy={policy!r}.", fix=f"one of {', '.join(get_args(Policy))}.")
+        self.max_pages = max_pages
+        self.max_bytes = max_bytes
+        self.policy = policy
+        self.dropped = 0
+        self.waiting_bytes = 0
+        self._frames: deque[bytes] = deque()
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    def put(self, frame: bytes) -> bool:
+        """Takes a frame in; returns whether it now waits. Frames that had to go for it are counted in `dropped`.
+
+        >>> queue = SendQueue(max_pages=2)
+        >>> [queue.put(frame) for frame in (b"a", b"b", b"c")], queue.take(), queue.dropped
+        ([True, True, True], [b'b', b'c'], 1)
+        """
+        while self._frames and not self._has_room_for(frame):
+            self.dropped += 1
+            if self.policy == "refuse":
+                return False
+            self.waiting_bytes -= len(self._frames.popleft())
+        self._frames.append(frame)
+        self.waiting_bytes += len(frame)
+        return True
+
+    def take(self, max_bytes: int | None = None) -> list[bytes]:
+        """Returns the oldest frames and forgets them: at least one if any waits, and not many more bytes than asked."""
+        frames, taken_bytes = [], 0
+        while self._frames and (max_bytes is None or taken_bytes < max_bytes):
+            frames.append(self._frames.popleft())
+            taken_bytes += len(frames[-1])
+        self.waiting_bytes -= taken_bytes
+        return frames
+
+    def _has_room_for(self, frame: bytes) -> bool:
+        return len(self._frames) < self.max_pages and self.waiting_bytes + len(frame) <= self.max_bytes

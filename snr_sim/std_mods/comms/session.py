@@ -1,0 +1,283 @@
+"""Session: what two ends of a link say to each other, without a port and without a clock.
+
+Bytes in, messages out; bytes to send; and a state. Time is an argument. So a silent peer, a wrong secret or a
+flood of nonsense is a test of a few lines, and TCP, pipes and simulated links all behave alike:
+
+    greeting -> (proving) -> up -> closed
+"""
+
+from __future__ import annotations
+
+import hmac
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, get_args
+
+import msgspec
+
+from snr_sim.prelude.errors import FrameTooLarge, SnrError
+from snr_sim.std_mods.comms.frames import MAX_FRAME_BYTES, FrameReader, encode_frame
+from snr_sim.std_mods.comms.messages import (
+    MAX_REASON_CHARS,
+    NONCE_BYTES,
+    PROTOCOL,
+    VERSION,
+    Auth,
+    Bye,
+    Control,
+    Hello,
+    Ping,
+    Pong,
+    Refused,
+    decode_message,
+    encode_message,
+)
+from snr_sim.std_mods.comms.security import proof_of
+
+# Whoever has not said hello yet gets no more of our memory than this.
+MAX_GREETING_BYTES = 4096
+# Answers that wait because the other end does not read them; beyond this it is left.
+MAX_WAITING_BYTES = 1 << 16
+_CONTROL = frozenset(get_args(Control))
+
+
+class State(StrEnum):
+    """Where a session stands."""
+
+    greeting = "greeting"
+    proving = "proving"
+    up = "up"
+    closed = "closed"
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What one end brings to its sessions.
+
+    Args:
+        node: name of its node.
+        is_server: whether it is the end that was called.
+        secret: shared by both ends; None asks for none.
+        purpose: what the port is for.
+        max_frame_bytes: the longest payload it takes.
+        keep_alive_s: how often it asks whether the other is there.
+        timeout_s: how long it may hear nothing, and how long a greeting may take.
+    """
+
+    node: str
+    is_server: bool
+    secret: bytes | None = None
+    purpose: str = "pages"
+    max_frame_bytes: int = MAX_FRAME_BYTES
+    keep_alive_s: float = 0.5
+    timeout_s: float = 3.0
+
+
+class Session:
+    """One end of a conversation. Not for two threads at a time.
+
+    Args:
+        terms: of this end.
+        now_s: the time; of any clock, but always the same one.
+        decode: of payloads; what it returns beside control messages is what `receive` hands out.
+        nonce: of this session; random if not given.
+    """
+
+    def __init__(
+        self,
+        terms: Terms,
+        now_s: float,
+        decode: Callable[[bytes], Any] = decode_message,
+        nonce: bytes | None = None,
+    ) -> None:
+        self.terms = terms
+        self.state = State.greeting
+        self.reason = ""  # why it closed, in words
+        self.was_refused = False  # by either end: trying again soon is of no use
+        self.peer: Hello | None = None
+        self.rtt_s: float | None = None
+        self.heard_s = now_s
+        self.received = 0  # messages handed out
+        self._decode = decode
+        self._reader = FrameReader(min(MAX_GREETING_BYTES, terms.max_frame_bytes))
+        self._nonce = (nonce or os.urandom(NONCE_BYTES)).hex()
+        self._begun_s = now_s
+        self._ping_s: float | None = None
+        self._outbox: list[bytes] = []
+        self._outbox_bytes = 0
+        self._say(
+            Hello(
+                PROTOCOL,
+                VERSION,
+                terms.node,
+                self._nonce,
+                terms.purpose,
+                terms.secret is not None,
+                terms.max_frame_bytes,
+            )
+        )
+
+    @property
+    def is_up(self) -> bool:
+        """Whether the other end is known, proven and not gone."""
+        return self.state is State.up
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether it is over; `reason` says why."""
+        return self.state is State.closed
+
+    @property
+    def peer_node(self) -> str:
+        """Name of the other end's node, or "" before it said so."""
+        return "" if self.peer is None else self.peer.node
+
+    def take_output(self) -> list[bytes]:
+        """Returns the frames that are to be sent, in order, and forgets them."""
+        frames, self._outbox, self._outbox_bytes = self._outbox, [], 0
+        return frames
+
+    def receive(self, data: bytes, now_s: float) -> list[Any]:
+        """Takes bytes as they come; returns the messages in them that are none of the session's own: pages.
+
+        Never raises, whatever the bytes: what is wrong closes the session, and `reason` says so.
+        """
+        taken: list[Any] = []
+        if self.state is State.closed:
+            return taken
+        self.heard_s = now_s
+        try:
+            # One at a time until both know each other: only then does the other end's limit grow.
+            while frames := self._reader.feed(data, None if self.state is State.up else 1):
+                data = b""
+                for frame in frames:
+                    message = self._decode(frame)
+                    if type(message) in _CONTROL:
+                        self._answer(message, now_s)
+                    elif self.state is State.up:
+                        taken.append(message)
+                    else:
+                        self.refuse("a page came before the greeting was complete.")
+                    if self.is_closed:
+                        return taken
+        except FrameTooLarge as error:
+            self.refuse(str(error))
+        except (msgspec.MsgspecError, SnrError, ValueError, RecursionError, MemoryError, OverflowError) as error:
+            self.refuse(f"a message that is none: {error}")
+        finally:
+            self.received += len(taken)
+        return taken
+
+    def forgive_silence(self, now_s: float) -> None:
+        """Forgives the other end its silence: it was this end that did not read."""
+        self.heard_s = now_s
+
+    def tick(self, now_s: float) -> None:
+        """Does what time asks for: asks whether the other end is there; closes if it has not been for too long."""
+        if self.state is State.closed:
+            return
+        since_s = self.heard_s if self.state is State.up else self._begun_s
+        if now_s - since_s > self.terms.timeout_s:
+            what = "nothing was heard" if self.state is State.up else "the greeting was not completed"
+            self._close(f"{what} for {self.terms.timeout_s:g} s.")
+        elif self.state is State.up and (self._ping_s is None or now_s - self._ping_s >= self.terms.keep_alive_s):
+            self._ping_s = now_s
+            self._say(Ping(now_s))
+
+    def send(self, payload: bytes) -> None:
+        """Puts a payload of another kind than a page among what is to be sent."""
+        self._put(encode_frame(payload, self.terms.max_frame_bytes))
+
+    def bye(self, reason: str) -> None:
+        """Ends the session in good order."""
+        if self.state is not State.closed:
+            self._say(Bye(reason[:MAX_REASON_CHARS]))
+            self._close(reason)
+
+    def refuse(self, reason: str) -> None:
+        """Ends the session and tells the other end what was wrong with it."""
+        if self.state is not State.closed:
+            self._say(Refused(reason[:MAX_REASON_CHARS]))
+            self.was_refused = True
+            self._close(reason)
+
+    def lost(self, reason: str) -> None:
+        """Ends the session because its port did."""
+        self._close(reason)
+
+    def _close(self, reason: str) -> None:
+        if self.state is not State.closed:
+            self.state = State.closed
+            self.reason = reason
+
+    def _answer(self, message: Control, now_s: float) -> None:
+        match message:
+            case Bye():
+                self._close(f"'{self.peer_node}' left: {message.reason}")
+            case Refused():
+                self.was_refused = True
+                self._close(f"the other end refused: {message.reason}")
+            case Hello() if self.peer is None:
+                self._greet(message)
+            case Auth() if self.state is State.proving:
+                self._check(message)
+            case Ping() if self.state is State.up:
+                self._say(Pong(message.stamp_s))
+            case Pong() if self.state is State.up:
+                if message.stamp_s == self._ping_s:
+                    self.rtt_s = max(0.0, now_s - message.stamp_s)
+            case _:
+                self.refuse(f"a {type(message).__name__.lower()} came out of turn.")
+
+    def _greet(self, hello: Hello) -> None:
+        terms = self.terms
+        has_secret = terms.secret is not None
+        if hello.protocol != PROTOCOL or hello.version != VERSION:
+            self.refuse(
+                f"node '{terms.node}' speaks {PROTOCOL} version {VERSION}, the other end {hello.protocol} version "
+                f"{hello.version}. Try: the same release of snr_sim on both."
+            )
+        elif hello.purpose != terms.purpose:
+            self.refuse(f"this port of node '{terms.node}' is for {terms.purpose}, not for {hello.purpose}.")
+        elif hello.auth != has_secret:
+            who, other = (terms.node, hello.node) if has_secret else (hello.node, terms.node)
+            self.refuse(f"node '{who}' asks for a shared secret, node '{other}' has none. Try: secret= on both ends.")
+        else:
+            self.peer = hello
+            if not has_secret:
+                self._go_up()
+                return
+            self.state = State.proving
+            if not terms.is_server:  # who calls proves first: a server tells strangers nothing
+                self._say(Auth(self._proof(of_server=False)))
+
+    def _check(self, auth: Auth) -> None:
+        is_server = self.terms.is_server
+        if not hmac.compare_digest(auth.proof, self._proof(of_server=not is_server)):
+            self.refuse("the shared secrets of the two ends differ.")
+            return
+        if is_server:
+            self._say(Auth(self._proof(of_server=True)))
+        self._go_up()
+
+    def _proof(self, of_server: bool) -> str:
+        assert self.peer is not None
+        assert self.terms.secret is not None
+        nonces = (self._nonce, self.peer.nonce)
+        client, server = reversed(nonces) if self.terms.is_server else nonces
+        return proof_of(self.terms.secret, of_server, client, server)
+
+    def _go_up(self) -> None:
+        self.state = State.up
+        self._reader.max_bytes = self.terms.max_frame_bytes
+
+    def _say(self, message: Control) -> None:
+        self._put(encode_frame(encode_message(message)))
+
+    def _put(self, frame: bytes) -> None:
+        self._outbox.append(frame)
+        self._outbox_bytes += len(frame)
+        if self._outbox_bytes > MAX_WAITING_BYTES and self.state is not State.closed:
+            self._close("the other end does not read its answers.")

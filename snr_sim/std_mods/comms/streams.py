@@ -1,0 +1,231 @@
+"""StreamLink: a link over streams of bytes, sockets or pipes. All its waiting happens in one `select` on its thread."""
+
+from __future__ import annotations
+
+import selectors
+import socket
+from collections.abc import Callable
+from contextlib import suppress
+
+from snr_sim.core.loop import LoopFactory
+from snr_sim.core.node import Node
+from snr_sim.std_mods.comms.link import LinkOptions
+from snr_sim.std_mods.comms.peers import PeerLink
+from snr_sim.std_mods.comms.session import Session, Terms
+from snr_sim.std_mods.comms.stream_peer import FEW_TASKS, Port, StreamPeer
+
+READ_BYTES = 1 << 17
+TEND_EVERY_S = 0.05  # time-outs, keep-alives, reports
+DEAF_LOOK_S = 0.002  # how often a link that does not read looks whether the node has caught up
+# How long the end of a link may take to send what waits and to hear that it has come. Less than a loop is waited for.
+LINGER_S = 0.3
+
+
+class StreamLink(PeerLink):
+    """Waits for all its streams at once.
+
+    Args:
+        factory: who made it.
+        parent: its node.
+        options: of the link.
+        terms: of its sessions.
+    """
+
+    def __init__(self, factory: LoopFactory, parent: Node, options: LinkOptions, terms: Terms) -> None:
+        super().__init__(factory, parent, options, terms)
+        self.streams: list[StreamPeer] = []  # all, also those that are not up
+        self._tend_s = 0.0
+        self._is_woken = False
+
+    def _open(self) -> None:
+        self._selector: selectors.BaseSelector = selectors.DefaultSelector()
+        self._wake_in, self._wake_out = socket.socketpair()
+        self._wake_in.setblocking(False)
+        self._wake_out.setblocking(False)
+        self._selector.register(self._wake_out, selectors.EVENT_READ, self._woken)
+
+    def wake(self) -> None:
+        """Has the link's thread look around; from any thread."""
+        if not self._is_woken:
+            self._is_woken = True
+            with suppress(OSError):  # full is as good as written, and closed is over
+                self._wake_in.send(b"\0")
+
+    def _woken(self, events: int) -> None:
+        with suppress(OSError):
+            self._wake_out.recv(4096)
+        self._is_woken = False  # before looking, so that what comes after the look wakes again
+        self._look_around()
+
+    def _look_around(self) -> None:
+        """Somebody woke the link: a page waits, or it is to stop."""
+        self._pump_all()
+
+    def has_few_tasks(self) -> bool:
+        """Whether the node has little to do beside what it does now."""
+        return self.parent.machine.queued <= FEW_TASKS
+
+    def stop(self) -> None:
+        """Asks for no more rounds; ends the one that waits."""
+        super().stop()
+        if self._backing is not None:
+            self.wake()
+
+    def loop(self) -> None:
+        """One round: waits until something happens, and does what is to be done about it."""
+        now_s = self.get_time_s()
+        until_s = self._until_s(now_s)
+        for key, events in self._selector.select(max(0.0, until_s - now_s)):
+            act: Callable[[int], None] = key.data
+            act(events)
+        now_s = self.get_time_s()
+        if now_s >= self._tend_s:
+            self._tend_s = now_s + TEND_EVERY_S
+            self._tend(now_s)
+        elif now_s >= until_s:
+            self._pump_all()
+        if self._is_deaf and not self._must_wait():
+            for stream in self.streams:
+                stream.session.forgive_silence(now_s)
+                self._watch(stream)
+
+    def _until_s(self, now_s: float) -> float:
+        until_s = min([self._tend_s, *(stream.due_s for stream in self.streams)])
+        return min(until_s, now_s + DEAF_LOOK_S) if self._is_deaf else until_s
+
+    def halt(self) -> None:
+        """Sends what waits, says goodbye, and closes; not for longer than `LINGER_S`."""
+        for stream in self.streams:
+            stream.session.bye(f"node '{self.parent.name}' ended.")
+        self._selector.close()
+        see_off(self.streams, self.get_time_s)
+        for stream in self.streams:
+            stream.port.close()
+            if stream.is_admitted:
+                self._dismiss(stream)
+        self.streams.clear()
+        self._wake_in.close()
+        self._wake_out.close()
+
+    # Streams
+
+    def _add_stream(self, port: Port, where: str) -> None:
+        session = Session(self.terms, self.get_time_s())
+        way = None if self.options.faults is None else self._new_way()
+        stream = StreamPeer(port, session, self, way, where)
+        self.streams.append(stream)
+        self._pump(stream)
+
+    def _pump(self, stream: StreamPeer) -> None:
+        """Sends what waits for a far end, and draws the conclusions."""
+        stream.pump(self.get_time_s())
+        if stream.failure:
+            stream.session.lost(stream.failure)
+        if stream.session.is_closed:
+            self._part_from(stream)
+        if stream in self.streams:
+            self._watch(stream)
+
+    def _pump_all(self) -> None:
+        for stream in list(self.streams):
+            self._pump(stream)
+
+    def _serve(self, stream: StreamPeer, events: int) -> None:
+        if events & selectors.EVENT_READ and stream.watched & selectors.EVENT_READ:
+            self._read(stream)
+        self._pump(stream)
+
+    def _read(self, stream: StreamPeer) -> None:
+        session = stream.session
+        try:
+            data = stream.port.read(READ_BYTES)
+        except BlockingIOError:
+            return
+        except OSError as error:
+            stream.failure = stream.failure or error.strerror or str(error)
+            return
+        if not data:
+            session.lost("the connection was closed.")
+            stream.failure = session.reason
+            return
+        pages = session.receive(data, self.get_time_s())
+        if session.is_up and not stream.is_admitted:
+            stream.is_admitted = True
+            self._admit(stream)
+            self._tend_s = 0.0  # tell it now
+        if pages:
+            self._note_size(len(data) // len(pages))
+            self._bring(pages, stream)
+            if self._must_wait():
+                for other in self.streams:
+                    self._watch(other)
+
+    def _part_from(self, stream: StreamPeer) -> None:
+        """The session is over. The far end is given a moment to read why: closing at once could take that back."""
+        if stream.leaves_s is None:
+            stream.leaves_s = self.get_time_s() + LINGER_S
+            if stream.is_admitted:
+                self._dismiss(stream)
+            self.reason = stream.session.reason
+            self._tend_s = 0.0
+            stream.end_writing()
+        if stream.failure or self.get_time_s() >= stream.leaves_s:
+            self.streams.remove(stream)
+            self._watch(stream)
+            stream.port.close()
+            self._gone(stream)
+
+    def _gone(self, stream: StreamPeer) -> None:
+        """A stream is closed; a client calls again."""
+
+    def _watch(self, stream: StreamPeer) -> None:
+        """Has `select` wait for what this stream can do now."""
+        wanted = 0
+        if stream in self.streams:
+            is_read = not self._is_deaf or stream.leaves_s is not None
+            wanted = (selectors.EVENT_READ if is_read else 0) | (selectors.EVENT_WRITE if stream.is_blocked else 0)
+        if wanted == stream.watched:
+            return
+        if not wanted:
+            self._selector.unregister(stream.port.fileno())
+        elif not stream.watched:
+            self._selector.register(stream.port.fileno(), wanted, lambda events: self._serve(stream, events))
+        else:
+            self._selector.modify(stream.port.fileno(), wanted, lambda events: self._serve(stream, events))
+        stream.watched = wanted
+
+    def _tend(self, now_s: float) -> None:
+        """Does what time asks for."""
+        for stream in self.streams:
+            if not self._is_deaf:
+                stream.session.tick(now_s)
+        self._pump_all()
+        self._report(now_s)
+
+
+def see_off(streams: list[StreamPeer], now_s: Callable[[], float]) -> None:
+    """Sends the rest of what waits and waits for the far ends to close; for `LINGER_S` at most."""
+    give_up_s = now_s() + LINGER_S
+    with selectors.DefaultSelector() as selector:
+        for stream in streams:
+            if not stream.failure:
+                selector.register(stream.port.fileno(), selectors.EVENT_READ | selectors.EVENT_WRITE, stream)
+        while selector.get_map() and (spare_s := give_up_s - now_s()) > 0:
+            due_s = min(stream.due_s for stream in streams)
+            for key, _ in selector.select(min(spare_s, max(0.001, due_s - now_s()))):
+                stream = key.data
+                stream.pump(now_s())
+                if stream.failure or _has_closed(stream):
+                    selector.unregister(key.fileobj)
+                elif not stream.has_more:
+                    stream.end_writing()
+                    selector.modify(key.fileobj, selectors.EVENT_READ, stream)
+
+
+def _has_closed(stream: StreamPeer) -> bool:
+    try:
+        return not stream.port.read(READ_BYTES)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True

@@ -1,0 +1,56 @@
+"""Links over TCP, on this machine's own address, each with a port that is free."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from snr_sim import Config, SimRunner, SocketsPair
+from snr_sim.testing.parts import TickerFactory
+
+HERE = "127.0.0.1"
+
+
+def free_port() -> int:
+    """A port that nobody has just now."""
+    with socket.socket() as sock:
+        sock.bind((HERE, 0))
+        return int(sock.getsockname()[1])
+
+
+@pytest.mark.parametrize("order", ["robot first", "topside first"])
+def test_weakness_9_two_way_links_start_in_either_order(start: Callable[..., Any], order: str) -> None:
+    down, up = SocketsPair((HERE, free_port()), name="down"), SocketsPair((HERE, free_port()), name="up")
+    roles = {
+        "topside": [down.client("controller_input"), up.server()],
+        "robot": [down.server(), up.client(["depth"])],
+    }
+    names = ["robot", "topside"] if order == "robot first" else ["topside", "robot"]
+    first = start(names[0], roles[names[0]])
+    first.until_link("down", up=False)
+    running = {names[0]: first, names[1]: start(names[1], roles[names[1]])}
+    for node in running.values():
+        node.until_link("down")
+        node.until_link("up")
+    running["topside"].store("controller_input", {"axis": 0.5})
+    running["robot"].store("depth", 1.5)
+    assert running["robot"].until_stored("controller_input") == [{"axis": 0.5}]
+    assert running["topside"].until_stored("depth") == [1.5]
+
+
+def test_the_same_config_runs_in_lock_step_without_sockets() -> None:
+    pair = SocketsPair((HERE, 1), name="tether")
+    values = iter(range(20))
+    config = Config(
+        factories={
+            "robot": [TickerFactory(lambda loop: loop.store_data("x", next(values)), rate_hz=10), pair.client("x")],
+            "topside": [pair.server()],
+        }
+    )
+    runner = SimRunner(config, until_s=1.95)
+    runner.run()
+    assert runner.nodes["topside"].get_data("x") == 19
+    assert runner.nodes["topside"].get_data("link_tether")["received"] >= 10
