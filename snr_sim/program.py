@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import platform
-import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -17,7 +15,7 @@ from snr_sim.core.node import Node
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import RoleName
 from snr_sim.recording.folder import discard, new_run_folder
-from snr_sim.recording.records import SCHEMA, Header
+from snr_sim.recording.records import Header, Opening, name_of
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.simulation import command_keys
 
@@ -48,7 +46,9 @@ def record_program(
         TraceError: the recording cannot be written.
     """
     folder = new_run_folder(Path(out), Path(program).stem, seed)
-    recorder = TraceWriter(folder / FILE_NAME, program_header([role], config, program, clock, seed))
+    recorder = TraceWriter(
+        folder / FILE_NAME, program_header([role], config, program, clock, seed), program_opening(program)
+    )
     try:
         node = Node(role, config, clock=clock, recorder=recorder, seed=seed)
     except BaseException:
@@ -69,17 +69,16 @@ def record_program(
 def program_header(
     roles: Sequence[RoleName], config: Config, program: str | Path, clock: Clock | None = None, seed: int = 0
 ) -> Header:
-    """Returns the first line of the trace of a program; arguments as above."""
+    """Returns the second line of the trace of a program; arguments as above."""
     path = Path(program).resolve()
     return Header(
-        schema=SCHEMA,
         kit=__version__,
         python=platform.python_version(),
         platform=platform.platform(),
         packages=library.package_versions(),
         scenario="",
         robot="",
-        controller=str(path),
+        controller=name_of(str(path)),
         roles=list(roles),
         engine="",
         io="",
@@ -90,5 +89,9 @@ def program_header(
         commands={f"{role}_node": command_keys(config.get(role)) for role in roles},
         sources=library.hashes_of_files([("program", path)]),
         scene={},
-        wall={"started": time.strftime("%Y-%m-%dT%H:%M:%S%z"), "argv": sys.argv},
     )
+
+
+def program_opening(program: str | Path) -> Opening:
+    """Returns the first line of the trace of a program."""
+    return Opening.now("", str(Path(program).resolve()))

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import inspect
 import platform
-import sys
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,7 +24,7 @@ from snr_sim.prelude.errors import ConfigError, SnrError, UnknownName, nearest
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import Rig, Robot
-from snr_sim.recording.records import SCHEMA, Header
+from snr_sim.recording.records import Header, Opening, name_of
 
 
 @dataclass(frozen=True)
@@ -133,17 +131,16 @@ class Simulation:
         return plant
 
     def header(self, plant: Plant, config: Config, clock: str = "sim") -> Header:
-        """Returns the first line of this run's trace."""
+        """Returns the second line of this run's trace: what runs."""
         roles = self.roles
         return Header(
-            schema=SCHEMA,
             kit=__version__,
             python=platform.python_version(),
             platform=platform.platform(),
             packages=library.package_versions(),
-            scenario=self.request.scenario,
+            scenario=name_of(self.request.scenario),
             robot=self._robot.name,
-            controller=self.request.controller or "",
+            controller=name_of(self.request.controller or ""),
             roles=roles,
             engine=f"{self.request.engine}: {plant.engine}",
             io=self.request.io,
@@ -154,8 +151,11 @@ class Simulation:
             commands={f"{role}_node": command_keys(config.get(role)) for role in roles},
             sources=self.sources(),
             scene=plant.scene(),
-            wall={"started": time.strftime("%Y-%m-%dT%H:%M:%S%z"), "argv": sys.argv},
         )
+
+    def opening(self) -> Opening:
+        """Returns the first line of this run's trace: where and when."""
+        return Opening.now(self.request.scenario, self.request.controller or "")
 
     def sources(self) -> dict[str, str]:
         """Returns the sha256 of every file of scenario, robot and controller that is in use."""
@@ -210,13 +210,13 @@ def prepare(request: Request) -> Simulation:
     return Simulation(whole, scenario, robot, controller, found)
 
 
-def request_of(header: Header, controller: str = "") -> Request:
-    """Returns the request that a trace's header answers, with another controller if one is given."""
+def request_of(opening: Opening, header: Header, controller: str = "") -> Request:
+    """Returns the request that a trace answers, with another controller if one is given."""
     return Request(
-        scenario=header.scenario,
+        scenario=opening.scenario,
         seed=header.seed,
         engine=header.engine.partition(":")[0],
-        controller=controller or header.controller,
+        controller=controller or opening.controller,
         role=header.roles[0] if len(header.roles) == 1 else None,
         io=header.io,
         options=header.options,

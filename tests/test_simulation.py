@@ -217,7 +217,7 @@ def test_a_header_leads_back_to_its_request(tmp_path: Path) -> None:
     simulation = prepare(Request("lander_pad", seed=5, options={"a": "b"}))
     plant = simulation.plant()
     header = simulation.header(plant, simulation.config(plant))
-    again = prepare(request_of(header))
+    again = prepare(request_of(simulation.opening(), header))
     assert isinstance(again, Simulation)
     assert again.request.scenario == "lander_pad"
     assert (again.request.seed, again.request.engine, again.request.options) == (
@@ -226,7 +226,7 @@ def test_a_header_leads_back_to_its_request(tmp_path: Path) -> None:
         {"a": "b"},
     )
     assert again.sources() == header.sources
-    assert prepare(request_of(header, "coast")).request.controller == "coast"
+    assert prepare(request_of(simulation.opening(), header, "coast")).request.controller == "coast"
 
 
 def test_a_controller_file_is_found_again_from_another_folder(
@@ -235,9 +235,10 @@ def test_a_controller_file_is_found_again_from_another_folder(
     coast = (find("robots", "lander").path / "controllers" / "coast.py").read_text()
     Path("mine.py").write_text(coast)
     fields = record("lander_vertical", controller="mine.py")
-    header = read_trace(Path(fields["run_dir"]) / FILE_NAME).header
+    trace = read_trace(Path(fields["run_dir"]) / FILE_NAME)
+    assert trace.header.controller == "mine"
     monkeypatch.chdir("/")
-    assert prepare(request_of(header)).config(None)
+    assert prepare(request_of(trace.opening, trace.header)).config(None)
 
 
 # Run folders

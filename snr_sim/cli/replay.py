@@ -82,12 +82,12 @@ def _config(trace: Trace, with_file: str) -> tuple[Any, list[str]]:
     from snr_sim.library import hashes_of_files
     from snr_sim.simulation import prepare, request_of, wiring_of_file
 
-    header = trace.header
+    header, opening = trace.header, trace.opening
     if not header.scenario:
-        config = wiring_of_file(with_file or header.controller)
-        now = {} if with_file else hashes_of_files([("program", Path(header.controller))])
+        config = wiring_of_file(with_file or opening.controller)
+        now = {} if with_file else hashes_of_files([("program", Path(opening.controller))])
     else:
-        simulation = prepare(request_of(header, with_file))
+        simulation = prepare(request_of(opening, header, with_file))
         config = simulation.config(None)
         now = simulation.sources()
     changed = [] if with_file else _changed(header.sources, now)

@@ -30,9 +30,8 @@ def resim(
     trace = read_trace(trace_path(run))
     for remark in remarks(trace):
         print(f"note: {remark}", file=sys.stderr)
-    fields, status = record_run(
-        request_of(trace.header, with_file), out, None, is_viewed=not no_rrd, is_live=False, is_quiet=as_json
-    )
+    request = request_of(trace.opening, trace.header, with_file)
+    fields, status = record_run(request, out, None, is_viewed=not no_rrd, is_live=False, is_quiet=as_json)
     fields["resim_of"] = str(trace.path.parent)
     fields["identical"] = fields["trace_digest"] == trace.digest
     if as_json:

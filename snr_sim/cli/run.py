@@ -76,7 +76,7 @@ def record_run(
         header = simulation.header(plant, config)
         folder = new_run_folder(out, simulation.scenario_name, request.seed)
         try:
-            recorder = TraceWriter(folder / FILE_NAME, header)
+            recorder = TraceWriter(folder / FILE_NAME, header, simulation.opening())
         except TraceError:
             discard(folder)
             raise

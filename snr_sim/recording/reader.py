@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import msgspec
 
 from snr_sim.prelude.errors import TraceError
-from snr_sim.recording.records import SCHEMA, EndRecord, Header, Record, decode_header, decode_record, digest_of_header
+from snr_sim.recording.records import (
+    SCHEMA,
+    BeginRecord,
+    EndRecord,
+    Header,
+    InputRecord,
+    Opening,
+    PageRecord,
+    Record,
+    TaskRecord,
+    decode_header,
+    decode_opening,
+    decode_record,
+    digest_of,
+)
 
 _decode_any = msgspec.json.Decoder().decode
 
@@ -18,14 +32,18 @@ class Trace:
 
     Args:
         path: of the file.
-        header: its first line.
+        opening: its first line.
+        header: its second line.
         records: all others, in order.
         digest: as the writer computed it.
         is_cut: the file ends in a line that was cut short; it was left out.
     """
 
-    def __init__(self, path: Path, header: Header, records: list[Record], digest: str, is_cut: bool) -> None:
+    def __init__(
+        self, path: Path, opening: Opening, header: Header, records: list[Record], digest: str, is_cut: bool
+    ) -> None:
         self.path = path
+        self.opening = opening
         self.header = header
         self.records = records
         self.digest = digest
@@ -50,44 +68,53 @@ def read_trace(path: Path) -> Trace:
     lines = data.split(b"\n")
     tail = lines.pop()  # what follows the last newline: nothing, unless the file was cut
     if not lines:
-        raise TraceError(f"The trace {path} has no whole line.", fix="the run was cut before it began; run it again.")
-    header = _read_header(path, lines[0])
+        raise TraceError(f"The trace {path} has no whole line.", fix=_CUT_TOO_EARLY)
+    opening = _read_opening(path, lines[0])
+    if len(lines) == 1:
+        raise TraceError(f"The trace {path} has no whole header.", fix=_CUT_TOO_EARLY)
     _check_text(path, lines)
-    digest = digest_of_header(header)
-    digest.update(data[len(lines[0]) + 1 : len(data) - len(tail)])
+    header = _read_header(path, lines[1])
     records = []
-    for number, line in enumerate(lines[1:], start=2):
+    for number, line in enumerate(lines[2:], start=3):
         try:
             records.append(decode_record(line))
         except (msgspec.DecodeError, RecursionError) as error:
             raise TraceError(
-                f"{path}, line {number} is not a record: {error}. It reads: {line[:100]!r}",
-                fix="the file was changed or damaged after the run; use an untouched copy, or run again.",
+                f"{path}, line {number} is not a record: {error}. It reads: {line[:100]!r}", fix=_DAMAGED
             ) from error
     _check_order(path, records)
-    return Trace(path, header, records, digest.hexdigest(), is_cut=bool(tail))
+    digest = digest_of(data[len(lines[0]) + 1 : len(data) - len(tail)])
+    return Trace(path, opening, header, records, digest.hexdigest(), is_cut=bool(tail))
 
 
-def _read_header(path: Path, line: bytes) -> Header:
+_CUT_TOO_EARLY = "the run was cut before it began; run it again."
+_DAMAGED = "the file was changed or damaged after the run; use an untouched copy, or run again."
 
+
+def _read_opening(path: Path, line: bytes) -> Opening:
     try:
         fields = _decode_any(line)
-    except (msgspec.DecodeError, UnicodeDecodeError):
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
         fields = None
-    if not isinstance(fields, dict) or fields.get("kind") != "header":
-        raise TraceError(f"{path} is not a trace: its first line is no header.", fix="name a run folder of `snr run`.")
-    if fields.get("schema") != SCHEMA:
+    # A trace of format 1 began with its header.
+    if not isinstance(fields, dict) or fields.get("kind") not in ("trace", "header"):
+        raise TraceError(f"{path} is not a trace: its first line does not say so.", fix="name a run folder.")
+    if fields.get("schema") != SCHEMA or type(fields["schema"]) is not int:
         raise TraceError(
-            f"{path} has trace format {fields.get('schema')!r}, written by snr_sim {fields.get('kit')!r}; "
-            f"this kit reads format {SCHEMA}.",
+            f"{path} has trace format {fields.get('schema')!r}; this kit reads format {SCHEMA}.",
             fix="use the kit that wrote it, or run the scenario again.",
         )
     try:
+        return decode_opening(line)
+    except msgspec.DecodeError as error:
+        raise TraceError(f"{path}: its first line is damaged: {error}.", fix=_DAMAGED) from error
+
+
+def _read_header(path: Path, line: bytes) -> Header:
+    try:
         return decode_header(line)
     except (msgspec.DecodeError, RecursionError) as error:
-        raise TraceError(
-            f"{path}: its header is damaged: {error}.", fix="use an untouched copy, or run again."
-        ) from error
+        raise TraceError(f"{path}: its header is damaged: {error}.", fix=_DAMAGED) from error
 
 
 def _check_text(path: Path, lines: Sequence[bytes]) -> None:
@@ -96,15 +123,27 @@ def _check_text(path: Path, lines: Sequence[bytes]) -> None:
             try:
                 line.decode()
             except UnicodeDecodeError as error:
-                raise TraceError(
-                    f"{path}, line {number} is not a record: {error}.", fix="use an untouched copy, or run again."
-                ) from error
+                raise TraceError(f"{path}, line {number} is not a record: {error}.", fix=_DAMAGED) from error
 
 
 def _check_order(path: Path, records: Sequence[Record]) -> None:
     for place, record in enumerate(records, start=1):
         if record.seq != place:
             raise TraceError(
-                f"{path}: record {place} has seq {record.seq}; a line was taken out, put in or moved.",
-                fix="use an untouched copy, or run the scenario again.",
+                f"{path}: record {place} has seq {record.seq}; a line was taken out, put in or moved.", fix=_DAMAGED
             )
+        if getattr(record, "cause", 0) >= place:
+            raise TraceError(f"{path}: the cause of record {place} does not come before it.", fix=_DAMAGED)
+        if any(bytes(values)[:1] != b"[" for values in _values_in(record)):
+            raise TraceError(f"{path}: record {place} has values that are no list.", fix=_DAMAGED)
+
+
+def _values_in(record: Record) -> Iterator[msgspec.Raw]:
+    """Yields the values of every task in a record."""
+    if isinstance(record, (InputRecord, TaskRecord, PageRecord)):
+        yield record.values
+    if isinstance(record, (TaskRecord, PageRecord)):
+        for by in record.handled:
+            yield from (task.values for task in by.returned)
+    elif isinstance(record, BeginRecord):
+        yield from (task.values for task in record.returned)

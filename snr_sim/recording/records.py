@@ -2,35 +2,66 @@
 
 `seq` is the order, over all nodes of the run; `t` is virtual time and never the order. `values` is the list a task
 carried, as `prelude/values.py` writes it, left encoded here because most readers want only some of it.
+docs/formats.md says the same for whoever reads traces without this kit, and the schema that ships is made from these
+classes: a field added here is a new `SCHEMA`.
 """
 
 from __future__ import annotations
 
 import hashlib
+import sys
+import time
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import msgspec
 
-SCHEMA = 1
+SCHEMA = 2
+
+Count: TypeAlias = Annotated[int, msgspec.Meta(ge=0)]
+Seq: TypeAlias = Annotated[int, msgspec.Meta(ge=1)]
+Value: TypeAlias = Annotated[msgspec.Raw, msgspec.Meta(extra_json_schema={"$ref": "value.schema.json"})]
+Values: TypeAlias = Annotated[
+    msgspec.Raw, msgspec.Meta(extra_json_schema={"type": "array", "items": {"$ref": "value.schema.json"}})
+]
 
 
-class Header(msgspec.Struct, frozen=True, tag_field="kind", tag="header"):
-    """The first line: what ran, of what version, from which seeds and sources.
+class Opening(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="trace"):
+    """The first line: that this is a trace, and where and when it was made. The digest begins after it.
 
     Args:
         schema: version of this format; a reader refuses others.
+        scenario, controller: as they were asked for: a name, or the path of a file; "" is none.
+        started: local time, ISO 8601 with the offset to UTC.
+        argv: the command line.
+    """
+
+    schema: int
+    scenario: str
+    controller: str
+    started: str
+    argv: list[str]
+
+    @staticmethod
+    def now(scenario: str, controller: str) -> Opening:
+        """Returns the first line of a trace that begins now, in this process."""
+        return Opening(SCHEMA, scenario, controller, time.strftime("%Y-%m-%dT%H:%M:%S%z"), list(sys.argv))
+
+
+class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="header"):
+    """The second line: what ran, of what version, from which seeds and sources.
+
+    Args:
         kit, python, platform, packages: versions of what computed the run.
-        scenario, robot, controller, roles, engine, io, seed, options: what was asked for.
+        scenario, robot, controller: their names, without folder and suffix; "" is none.
+        roles, engine, io, seed, options: what was asked for.
         nodes: name of the node of each role, in the order they run.
         clock: 'sim' (stepped) or 'wall' (threads).
         commands: keys of pages that drive actuators, per node.
         sources: sha256 of every source file of robot, controller and scenario, by path relative to its folder.
         scene: shapes of the plant, see `Plant.scene`.
-        wall: when and where it ran; not part of the digest.
     """
 
-    schema: int
     kit: str
     python: str
     platform: str
@@ -48,18 +79,17 @@ class Header(msgspec.Struct, frozen=True, tag_field="kind", tag="header"):
     commands: dict[str, list[str]]
     sources: dict[str, str]
     scene: dict[str, Any]
-    wall: dict[str, Any]
 
 
-class Returned(msgspec.Struct, frozen=True, array_like=True):
+class Returned(msgspec.Struct, frozen=True, forbid_unknown_fields=True, array_like=True):
     """A task that a handler returned: [type, name, values]."""
 
     type: str
     name: str
-    values: msgspec.Raw
+    values: Values
 
 
-class By(msgspec.Struct, frozen=True):
+class By(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One handler's part in a task."""
 
     by: str
@@ -67,86 +97,87 @@ class By(msgspec.Struct, frozen=True):
     returned: list[Returned]
 
 
-class InputRecord(msgspec.Struct, frozen=True, tag_field="kind", tag="input"):
+class InputRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="input"):
     """A task that came through the door, from the loop, link or person named in `source`."""
 
-    seq: int
+    seq: Seq
     t: float
     node: str
     source: str
     type: str
     name: str
-    values: msgspec.Raw
+    values: Values
 
 
-class TaskRecord(msgspec.Struct, frozen=True, tag_field="kind", tag="task"):
+class TaskRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="task"):
     """A task that was executed, and what its handlers returned.
 
     Args:
-        cause: seq of the record that brought it (an input, a task, a page; 0: a component's `begin`).
-        nth: position among the tasks of that record.
+        cause: seq of the record that brought it: an input, a task, a page, a component's `begin`.
+        nth: its place among all tasks of that record, through all its handlers; the first is 0.
+        handled: by whom, in order; a handler that raised is not among them.
     """
 
-    seq: int
+    seq: Seq
     t: float
     node: str
     type: str
     name: str
-    values: msgspec.Raw
-    cause: int
-    nth: int
+    values: Values
+    cause: Seq
+    nth: Count
     handled: list[By]
 
 
-class PageRecord(msgspec.Struct, frozen=True, tag_field="kind", tag="page"):
+class PageRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="page"):
     """A `store_page` task that was executed: `values` is [page]. Otherwise as `TaskRecord`."""
 
-    seq: int
+    seq: Seq
     t: float
     node: str
     type: str
     name: str
-    values: msgspec.Raw
-    cause: int
-    nth: int
+    values: Values
+    cause: Seq
+    nth: Count
     handled: list[By]
 
 
-class TruthRecord(msgspec.Struct, frozen=True, tag_field="kind", tag="truth"):
+class TruthRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="truth"):
     """The plant's true state, see `Plant.truth`: for the viewer and the grader; no node can read it."""
 
-    seq: int
+    seq: Seq
     t: float
-    poses: dict[str, list[float]]
-    arrows: dict[str, list[float]]
+    poses: dict[str, Annotated[list[float], msgspec.Meta(min_length=7, max_length=7)]]
+    arrows: dict[str, Annotated[list[float], msgspec.Meta(min_length=6, max_length=6)]]
     values: dict[str, float]
 
 
-class BeginRecord(msgspec.Struct, frozen=True, tag_field="kind", tag="begin"):
+class BeginRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="begin"):
     """What a component scheduled in `begin`, before the first task."""
 
-    seq: int
+    seq: Seq
     t: float
     node: str
     by: str
     returned: list[Returned]
 
 
-class ErrorRecord(msgspec.Struct, frozen=True, tag_field="kind", tag="error"):
+class ErrorRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="error"):
     """Something went wrong in a component; `cause` is the seq of the node's record before, usually the task's own."""
 
-    seq: int
+    seq: Seq
     t: float
     node: str
-    cause: int
+    cause: Seq
     component: str
     message: str
 
 
-class EndRecord(msgspec.Struct, frozen=True, tag_field="kind", tag="end"):
-    """A node has ended: why, and its counts. `wall` is not part of the digest."""
+class EndRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="end"):
+    """A node has ended: why, and its counts."""
 
-    seq: int
+    seq: Seq
     t: float
     node: str
     reason: str
@@ -156,16 +187,25 @@ class EndRecord(msgspec.Struct, frozen=True, tag_field="kind", tag="end"):
 Record: TypeAlias = InputRecord | TaskRecord | PageRecord | TruthRecord | BeginRecord | ErrorRecord | EndRecord
 
 _encode = msgspec.json.Encoder().encode
+decode_opening = msgspec.json.Decoder(Opening).decode
 decode_header = msgspec.json.Decoder(Header).decode
 decode_record = msgspec.json.Decoder(Record).decode
 
 
-def encode_record(record: Header | Record) -> bytes:
-    """Returns a header or record as it stands in the file, without the newline."""
+def encode_record(record: Opening | Header | Record) -> bytes:
+    """Returns a line as it stands in the file, without the newline."""
     return _encode(record)
 
 
-def digest_of_header(header: Header) -> hashlib.blake2b:
-    """Returns a BLAKE2b-256 digest that has taken in the header, but for when and from which folders it was run."""
-    names = {"scenario": Path(header.scenario).stem, "controller": Path(header.controller).stem}
-    return hashlib.blake2b(_encode(msgspec.structs.replace(header, wall={}, **names)), digest_size=32)
+def digest_of(data: bytes = b"") -> hashlib.blake2b:
+    """Returns the digest of a trace that has taken in these bytes of it; the first line is left out."""
+    return hashlib.blake2b(data, digest_size=32)
+
+
+def name_of(asked: str) -> str:
+    """Returns the name of a scenario or controller that was asked for by name or as a file.
+
+    >>> name_of("pad"), name_of("/home/me/my_pad.py"), name_of("")
+    ('pad', 'my_pad', '')
+    """
+    return Path(asked).stem

@@ -17,16 +17,16 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import msgspec
-from msgspec import Raw
 
 from snr_sim.prelude.errors import TraceError
 from snr_sim.recording.node_trace import NodeTrace
 from snr_sim.recording.records import (
     Header,
+    Opening,
     Record,
     TruthRecord,
     decode_record,
-    digest_of_header,
+    digest_of,
 )
 
 FILE_NAME = "trace.jsonl"
@@ -35,7 +35,6 @@ FLUSH_PERIOD_S = 0.05
 MAX_UNWRITTEN_LINES = 200_000
 
 _encode = msgspec.json.Encoder().encode
-_NO_VALUES = b"[]"
 
 
 class Follower(Protocol):
@@ -55,19 +54,18 @@ class TraceWriter:
 
     Args:
         path: of the file, which must not exist: a recording is never overwritten.
-        header: its first line.
+        header: its second line.
+        opening: its first one; if not given, it says when and by which command, but not of which files.
 
     Raises:
         TraceError: the file cannot be made.
     """
 
-    def __init__(self, path: Path, header: Header) -> None:
+    def __init__(self, path: Path, header: Header, opening: Opening | None = None) -> None:
         self.path = path
         self.seq = 0  # of the newest record
         self._lines: deque[bytes] = deque()
-        # The scene is nearly all of the header, and the header is encoded twice: for the digest and for the file.
-        header = msgspec.structs.replace(header, scene=Raw(_encode(header.scene)))
-        self._digest = digest_of_header(header)
+        self._digest = digest_of()
         self._failure: OSError | None = None
         self._follower: Follower | None = None
         self._whole_bytes = 0  # length of the file up to its last whole line
@@ -79,8 +77,11 @@ class TraceWriter:
             raise TraceError(
                 f"The trace {path} cannot be made: {error.strerror}.", fix="choose another folder with --out."
             ) from error
-        self._write(_encode(header) + b"\n")
-        if not self._whole_bytes:
+        first = _encode(opening or Opening.now("", "")) + b"\n"
+        second = _encode(header) + b"\n"
+        self._write(first + second)
+        self._digest.update(second)
+        if self._whole_bytes < len(first) + len(second):
             os.close(self._file)
             path.unlink()
             self._check()
@@ -98,7 +99,7 @@ class TraceWriter:
 
     @property
     def digest(self) -> str:
-        """BLAKE2b-256 of all that has been written, but for wall-clock fields; see `close`."""
+        """BLAKE2b-256 of all that has been written, but for the first line; see `close`."""
         return self._digest.hexdigest()
 
     def close(self) -> None:
@@ -148,7 +149,8 @@ class TraceWriter:
             ready = [lines.popleft() for _ in range(len(lines))]
             if not ready or self._failure is not None:
                 return
-            self._write(b"\n".join([*ready, b""]))  # so that the last line gets its newline, too
+            # b"" at the end, so that the last line gets its newline, too
+            self._digest.update(self._write(b"\n".join([*ready, b""])))
             self._show(ready)
 
     def _show(self, lines: Sequence[bytes]) -> None:
@@ -162,8 +164,11 @@ class TraceWriter:
             self._follower = None
             print(f"The live view has stopped: {error}. The run goes on and is recorded.", file=sys.stderr)
 
-    def _write(self, data: bytes) -> None:
-        """Writes all of it, or cuts the file back to its last whole line and remembers the failure."""
+    def _write(self, data: bytes) -> bytes:
+        """Writes all of it, or cuts the file back to its last whole line and remembers the failure.
+
+        Returns what was written.
+        """
         view = memoryview(data)
         try:
             while view:
@@ -173,6 +178,5 @@ class TraceWriter:
             data = data[: data.rfind(b"\n", 0, len(data) - len(view)) + 1]
             with suppress(OSError):  # some disks refuse even that; a reader leaves out a last line that is cut
                 os.ftruncate(self._file, self._whole_bytes + len(data))
-        if self._whole_bytes:  # the header is in the digest without its wall-clock part
-            self._digest.update(data)
         self._whole_bytes += len(data)
+        return data

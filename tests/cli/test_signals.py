@@ -90,7 +90,7 @@ def test_a_handler_that_never_returns_is_named_with_its_line_and_its_run_replays
 def test_a_full_disk_stops_the_run_with_a_sentence_and_a_whole_trace(here: Path, room: int) -> None:
     run_limited(10**9, "run", "lander_pad", "--no-rrd", "--out", "first")
     (first,) = (here / "first").iterdir()
-    limit = room + len((first / FILE_NAME).read_bytes().split(b"\n")[0])
+    limit = room + sum(map(len, (first / FILE_NAME).read_bytes().split(b"\n")[:2]))
     done = run_limited(limit, "run", "lander_pad", "--json", "--no-rrd")
     assert done.returncode == 1, done.stderr
     assert "Traceback" not in done.stderr

@@ -24,7 +24,7 @@ def fly(tmp_path_factory: pytest.TempPathFactory) -> Fly:
         simulation = prepare(Request(scenario, seed, controller=controller))
         plant = simulation.plant()
         config = simulation.config(plant)
-        recorder = TraceWriter(folder / FILE_NAME, simulation.header(plant, config))
+        recorder = TraceWriter(folder / FILE_NAME, simulation.header(plant, config), simulation.opening())
         result = Flight(simulation, plant, config, recorder).run()
         recorder.close()
         trace = read_trace(folder / FILE_NAME)

@@ -29,10 +29,10 @@ LEG = {"kind": "polyline", "points_m": [[1.0, 0.0, -1.0], [2.5, 0.0, -3.0]], "rg
 
 def header(**changes: Any) -> Header:
     fields: dict[str, Any] = {
-        "schema": 1, "kit": "0.1.0", "python": "3.11", "platform": "here", "packages": {}, "scenario": "lander_pad",
+        "kit": "0.1.0", "python": "3.11", "platform": "here", "packages": {}, "scenario": "lander_pad",
         "robot": "lander", "controller": "pad", "roles": ["lander"], "engine": "none", "io": "sim", "seed": 7,
         "options": {}, "nodes": ["lander"], "clock": "sim", "commands": {}, "sources": {},
-        "scene": {"statics": {"ground": GROUND}, "bodies": {"module": [BOX, LEG]}}, "wall": {},
+        "scene": {"statics": {"ground": GROUND}, "bodies": {"module": [BOX, LEG]}},
     }  # fmt: skip
     return Header(**(fields | changes))
 

@@ -131,7 +131,7 @@ def seq_of(trace: Trace, name: str, nth: int = AT) -> int:
 def test_every_controller_replays_identically(fly: Callable[..., Trace], scenario: str, controller: str) -> None:
     for seed in (0, 1, 12) if scenario in ("lander_vertical", "lander_low_gate") else (0, 5):
         trace = fly(scenario, controller, seed)
-        config = prepare(request_of(trace.header)).config(None)
+        config = prepare(request_of(trace.opening, trace.header)).config(None)
         replayed = replay_node(trace, "lander", config)
         assert replayed.is_identical, (seed, replayed.divergences[0])
         assert replayed.executed == replayed.recorded > 200

@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -70,8 +71,7 @@ def executed(trace: Trace) -> list[TaskRecord | PageRecord]:
 def test_every_record_reads_back_to_the_line_it_was_written_as(fly: Callable[..., Trace]) -> None:
     trace = fly("lander_pad")
     lines = trace.path.read_bytes().splitlines()
-    assert [encode_record(record) for record in trace.records] == lines[1:]
-    assert msgspec.json.encode(trace.header) == lines[0]
+    assert [encode_record(line) for line in (trace.opening, trace.header, *trace.records)] == lines
 
 
 def test_nan_infinities_arrays_and_other_values_in_pages_survive_to_the_bit(tmp_path: Path) -> None:
@@ -130,11 +130,12 @@ def test_each_task_names_a_record_before_it_that_brought_it(fly: Callable[..., T
 def test_the_digest_leaves_out_when_and_from_which_folder_it_was_run(fly: Callable[..., Trace], tmp_path: Path) -> None:
     trace = fly()
     lines = trace.path.read_bytes().splitlines(keepends=True)
-    elsewhere = msgspec.structs.replace(trace.header, wall={"started": "never"}, scenario="/else/lander_vertical.py")
+    elsewhere = msgspec.structs.replace(trace.opening, started="never", scenario="/else/lander_vertical.py")
     path = tmp_path / FILE_NAME
-    path.write_bytes(b"".join([msgspec.json.encode(elsewhere) + b"\n", *lines[1:]]))
+    path.write_bytes(b"".join([encode_record(elsewhere) + b"\n", *lines[1:]]))
     assert read_trace(path).digest == trace.digest
-    path.write_bytes(b"".join([msgspec.json.encode(msgspec.structs.replace(trace.header, seed=1)), b"\n", *lines[1:]]))
+    seeded = msgspec.structs.replace(trace.header, seed=1)
+    path.write_bytes(b"".join([lines[0], encode_record(seeded) + b"\n", *lines[2:]]))
     assert read_trace(path).digest != trace.digest
 
 
@@ -164,54 +165,71 @@ def test_a_trace_cut_at_every_byte_of_its_last_three_records_reads_up_to_its_las
 
 
 def test_a_header_cut_at_any_byte_is_no_trace(fly: Callable[..., Trace], tmp_path: Path) -> None:
-    header = fly().path.read_bytes().split(b"\n")[0]
+    first, second = fly().path.read_bytes().splitlines(keepends=True)[:2]
     path = tmp_path / FILE_NAME
-    for length in range(0, len(header), 97):
-        path.write_bytes(header[:length])
-        with pytest.raises(TraceError, match="no whole line"):
+    for length in range(0, len(first + second), 97):
+        path.write_bytes((first + second)[:length])
+        with pytest.raises(TraceError, match="no whole line" if length < len(first) else "no whole header"):
             read_trace(path)
 
 
 def swap(lines: list[bytes]) -> None:
-    lines[5], lines[6] = lines[6], lines[5]
+    lines[6], lines[7] = lines[7], lines[6]
 
 
 def spoil(lines: list[bytes]) -> None:
-    lines[5] = lines[5].replace(b'"kind"', b'"kjnd"')
+    lines[6] = lines[6].replace(b'"kind"', b'"kjnd"')
 
 
 def break_utf8(lines: list[bytes]) -> None:
-    lines[5] = lines[5].replace(b'"kind":"', b'"kind":"\xff')
+    lines[6] = lines[6].replace(b'"kind":"', b'"kind":"\xff')
 
 
 def retype(lines: list[bytes]) -> None:
-    lines[5] = lines[5].replace(b'"seq":5', b'"seq":"5"')
+    lines[6] = lines[6].replace(b'"seq":5', b'"seq":"5"')
 
 
 def other_schema(lines: list[bytes]) -> None:
-    lines[0] = lines[0].replace(b'"schema":1', b'"schema":9')
+    lines[0] = lines[0].replace(b'"schema":2', b'"schema":9')
+
+
+def damage_opening(lines: list[bytes]) -> None:
+    lines[0] = lines[0].replace(b'"argv":[', b'"argv":[1,')
+
+
+def loop_cause(lines: list[bytes]) -> None:
+    lines[6] = re.sub(rb'"cause":\d+', b'"cause":5', lines[6])
+
+
+def unlist(lines: list[bytes]) -> None:
+    lines[6] = re.sub(rb'"values":\[.*?\],"cause"', b'"values":"[]","cause"', lines[6])
 
 
 def damage_header(lines: list[bytes]) -> None:
-    lines[0] = lines[0].replace(b'"seed":0', b'"seed":"zero"')
+    lines[1] = lines[1].replace(b'"seed":0', b'"seed":"zero"')
 
 
 @pytest.mark.parametrize(
     ("edit", "said"),
     [
         (swap, "record 5 has seq 6; a line was taken out, put in or moved"),
-        (lambda lines: lines.pop(5), "record 5 has seq 6"),
-        (lambda lines: lines.insert(5, lines[5]), "record 6 has seq 5"),
-        (lambda lines: lines.insert(5, b"\n"), "line 6 is not a record"),
-        (lambda lines: lines.insert(5, b"Hello\n"), "line 6 is not a record"),
-        (spoil, "line 6 is not a record"),
-        (break_utf8, "line 6 is not a record"),
-        (retype, "line 6 is not a record"),
-        (other_schema, "format 9.*this kit reads format 1"),
+        (lambda lines: lines.pop(6), "record 5 has seq 6"),
+        (lambda lines: lines.insert(6, lines[6]), "record 6 has seq 5"),
+        (lambda lines: lines.insert(6, b"\n"), "line 7 is not a record"),
+        (lambda lines: lines.insert(6, b"Hello\n"), "line 7 is not a record"),
+        (spoil, "line 7 is not a record"),
+        (break_utf8, "line 7 is not a record"),
+        (retype, "line 7 is not a record"),
+        (other_schema, "format 9.*this kit reads format 2"),
+        (damage_opening, "its first line is damaged"),
         (damage_header, "its header is damaged"),
-        (lambda lines: lines.pop(0), "first line is no header"),
-        (lambda lines: lines.insert(0, b"[1]\n"), "first line is no header"),
-        (lambda lines: lines.insert(0, b"\x89PNG\n"), "first line is no header"),
+        (loop_cause, "the cause of record 5 does not come before it"),
+        (unlist, "record 5 has values that are no list"),
+        (lambda lines: lines.pop(1), "its header is damaged"),
+        (lambda lines: lines.insert(0, b'{"kind":"header","schema":1}\n'), "format 1; this kit reads format 2"),
+        (lambda lines: lines.insert(0, lines[2]), "first line does not say so"),
+        (lambda lines: lines.insert(0, b"[1]\n"), "first line does not say so"),
+        (lambda lines: lines.insert(0, b"\x89PNG\n"), "first line does not say so"),
         (lambda lines: lines.clear(), "no whole line"),
     ],
 )
@@ -269,7 +287,7 @@ def test_what_was_put_stands_on_disk_a_moment_later(fly: Callable[..., Trace], t
 def test_a_disk_that_takes_half_a_line_is_cut_back_to_the_last_whole_one(
     fly: Callable[..., Trace], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    room = len(msgspec.json.encode(fly().header)) + 1000
+    room = len(b"".join(encode_record(line) + b"\n" for line in (fly().opening, fly().header))) + 1000
     real_write = os.write
 
     def write(file: int, data: Any) -> int:
@@ -281,7 +299,7 @@ def test_a_disk_that_takes_half_a_line_is_cut_back_to_the_last_whole_one(
         return written
 
     monkeypatch.setattr(os, "write", write)
-    writer = TraceWriter(tmp_path / FILE_NAME, fly().header)
+    writer = TraceWriter(tmp_path / FILE_NAME, fly().header, fly().opening)
     with pytest.raises(TraceError, match=r"No space left on device\. It is whole up to there") as caught:
         write_truths_slowly(writer)
     assert "make room" in caught.value.fix
@@ -465,8 +483,10 @@ def test_a_component_that_cannot_be_made_leaves_no_run_folder(tmp_path: Path) ->
 
 def test_the_header_tells_what_ran_of_which_version_from_which_sources(fly: Callable[..., Trace]) -> None:
     header = fly("lander_pad").header
-    fields = json.loads(fly("lander_pad").path.read_bytes().split(b"\n")[0])
-    assert fields["kind"] == "header"
+    opening = fly("lander_pad").opening
+    lines = fly("lander_pad").path.read_bytes().split(b"\n")
+    assert [json.loads(line)["kind"] for line in lines[:2]] == ["trace", "header"]
+    assert (opening.scenario, opening.controller, opening.argv) == ("lander_pad", "pad", sys.argv)
     assert (header.scenario, header.robot, header.controller, header.roles) == (
         "lander_pad",
         "lander",
@@ -479,7 +499,6 @@ def test_the_header_tells_what_ran_of_which_version_from_which_sources(fly: Call
     assert all(len(digest) == 64 for digest in header.sources.values())
     assert {"numpy", "msgspec", "pymunk"} <= set(header.packages)
     assert header.commands == {"lander_node": ["engine"]}
-    assert set(header.wall) == {"started", "argv"}
 
 
 def test_a_node_is_the_same_with_and_without_a_recorder(tmp_path: Path) -> None:

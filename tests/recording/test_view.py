@@ -71,15 +71,15 @@ def _rerun_is_strict() -> Iterator[None]:
 
 def header(**changes: Any) -> Header:
     fields: dict[str, Any] = {
-        "schema": 1, "kit": "0.1.0", "python": "3.11", "platform": "here", "packages": {"pymunk": "7"},
+        "kit": "0.1.0", "python": "3.11", "platform": "here", "packages": {"pymunk": "7"},
         "scenario": "drop", "robot": "lander", "controller": "coast", "roles": ["lander"], "engine": "closed form",
         "io": "sim", "seed": 3, "options": {}, "nodes": ["lander"], "clock": "sim", "commands": {}, "sources": {},
-        "scene": SCENE, "wall": {},
+        "scene": SCENE,
     }  # fmt: skip
     return Header(**(fields | changes))
 
 
-def page(seq: int, key: str, data: Any, node: str = "lander", cause: int = 0) -> PageRecord:
+def page(seq: int, key: str, data: Any, node: str = "lander", cause: int = 1) -> PageRecord:
     raw = b"[" + Page(key, data, node, seq * 0.1).serialize() + b"]"
     made = [By("node_core", "store", [Returned("process_data", key, NONE)])]
     return PageRecord(seq, seq * 0.1, node, "store_page", key, msgspec.Raw(raw), cause, 0, made)
