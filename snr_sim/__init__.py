@@ -38,13 +38,22 @@ if TYPE_CHECKING:
     from snr_sim.std_mods.console.local_console import LocalConsole, LocalConsoleFactory
     from snr_sim.std_mods.moving_average import MovingAvgFilter, MovingAvgFilterFactory
     from snr_sim.std_mods.printer import PrinterEndpointFactory
+    from snr_sim.std_mods.readers import PageReader, TextReader
+    from snr_sim.std_mods.recorder import RecorderEndpointFactory
+    from snr_sim.std_mods.replayer import (
+        ListReplayer,
+        ListReplayerFactory,
+        ReplayerLoop,
+        ReplayerLoopFactory,
+        TextReplayer,
+        TextReplayerFactory,
+    )
     from snr_sim.std_mods.stopwatch import StopwatchEndpointFactory
     from snr_sim.std_mods.timeout import TimeoutLoopFactory
     from snr_sim.testing.case import SNRTestCase
     from snr_sim.testing.expector import Expector, OrderedExpector
     from snr_sim.testing.expector_endpoint import ExpectorEndpointFactory
     from snr_sim.testing.fakes import FakeActuator, FakeSensor
-    from snr_sim.testing.replayer import ListReplayer, ListReplayerFactory
 
 _PLACES = {
     "snr_sim.core.clocks": ("SimClock", "WallClock"),
@@ -72,13 +81,22 @@ _PLACES = {
     "snr_sim.std_mods.comms.sockets": ("SocketsListenerFactory", "SocketsLoopFactory", "SocketsPair"),
     "snr_sim.std_mods.moving_average": ("MovingAvgFilter", "MovingAvgFilterFactory"),
     "snr_sim.std_mods.printer": ("PrinterEndpointFactory",),
+    "snr_sim.std_mods.readers": ("PageReader", "TextReader"),
+    "snr_sim.std_mods.recorder": ("RecorderEndpointFactory",),
+    "snr_sim.std_mods.replayer": (
+        "ListReplayer",
+        "ListReplayerFactory",
+        "ReplayerLoop",
+        "ReplayerLoopFactory",
+        "TextReplayer",
+        "TextReplayerFactory",
+    ),
     "snr_sim.std_mods.stopwatch": ("StopwatchEndpointFactory",),
     "snr_sim.std_mods.timeout": ("TimeoutLoopFactory",),
     "snr_sim.testing.case": ("SNRTestCase",),
     "snr_sim.testing.expector": ("Expector", "OrderedExpector"),
     "snr_sim.testing.expector_endpoint": ("ExpectorEndpointFactory",),
     "snr_sim.testing.fakes": ("FakeActuator", "FakeSensor"),
-    "snr_sim.testing.replayer": ("ListReplayer", "ListReplayerFactory"),
 }
 _HOME = {name: module for module, names in _PLACES.items() for name in names}
 

@@ -67,9 +67,15 @@ class ClockBacking:
             return
         self.ticks += 1
         self._loop.parent.call_loop(self._loop, "loop")
-        # A product would drift in the last digits; and equal rates must meet at equal floats.
         if not self.is_stopped:
-            self._clock.call_at(self._start_s + self.ticks / self._rate_hz, self._tick, self._order)
+            self._clock.call_at(self._next_s(), self._tick, self._order)
+
+    def _next_s(self) -> float:
+        wanted_s = self._loop.next_tick_at_s
+        if wanted_s is not None:
+            return max(wanted_s, self._clock.now_s())
+        # A product would drift in the last digits; and equal rates must meet at equal floats.
+        return self._start_s + self.ticks / self._rate_hz
 
     def stop(self) -> None:
         """Asks for no more ticks."""
@@ -125,7 +131,7 @@ class ThreadBacking:
         while not self._stopping.is_set():
             self.ticks += 1
             node.call_loop(loop, "loop")
-            deadline_s += self._period_s
+            deadline_s = deadline_s + self._period_s if loop.next_tick_at_s is None else loop.next_tick_at_s
             spare_s = deadline_s - clock.now_s()
             if spare_s > 0:
                 self._stopping.wait(spare_s)  # not sleep: stop() ends it at once

@@ -41,6 +41,9 @@ class Loop(NodeComponent):
     """
 
     first_tick_after_s: float = 0.0  # how long after `begin` the first `loop` comes; a loop may set its own
+    # When the next `loop` is to come, by the node's time, for a loop that knows better than its rate; it sets it anew
+    # in each `loop`. At once if that has passed.
+    next_tick_at_s: float | None = None
 
     def __init__(self, factory: LoopFactory, parent: Node, name: str, max_tick_rate_hz: float = 1000.0) -> None:
         if not 0 <= max_tick_rate_hz < float("inf"):

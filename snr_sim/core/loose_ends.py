@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from snr_sim.core.datastore import Datastore
 from snr_sim.core.handlers import Entry, describe
+from snr_sim.core.node_core import CORE_NAME
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import nearest
 from snr_sim.prelude.task import TaskName, TaskType
@@ -21,9 +22,11 @@ def loose_ends(components: Mapping[str, Component], seen: Seen, datastore: Datas
         seen: every task id that came by, with who handled it.
         datastore: knows which pages were asked for in vain.
     """
+    # The node's own endpoint waits for whatever may be asked of a node, and nothing of it has to come.
+    of_the_robot = {name: component for name, component in components.items() if name != CORE_NAME}
     return [
-        *_unhandled(components, seen),
-        *_never_called(components, seen),
+        *_unhandled(of_the_robot, seen),
+        *_never_called(of_the_robot, seen),
         *_never_stored(datastore),
     ]
 

@@ -68,6 +68,7 @@ class Node:
         self.name = f"{role}_node"
         self.clock = clock or WallClock()
         self.seed = seed
+        self.is_replay = is_replay  # then nothing may be done to the outside: no file written, no page sent
         self.door = Door()
         self.datastore = Datastore()
         self.profiler = config.get_profiler()

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
+from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import TaskError
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
@@ -25,7 +26,11 @@ class NodeCore(Endpoint):
         self._put = parent.datastore.put
         # Ways out of the node, by key: links send these pages on. Not part of the machine, so not of a replay.
         self.taps: dict[DataKey, list[Callable[[Page], None]]] = {}
-        self.task_handlers = {TaskType.store_page: self.store, TaskType.terminate: self.end_node}
+        self.task_handlers = {
+            TaskType.store_page: self.store,
+            TaskType.terminate: self.end_node,
+            (TaskType.event, tasks.FINISH_TASK_NAME): self.finish,
+        }
 
     def store(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Puts the page in the datastore; if it asks for processing, that comes next."""
@@ -44,3 +49,10 @@ class NodeCore(Endpoint):
         """Ends the node; the task's name is the reason."""
         self.parent.set_terminate_flag(task.name)
         return None
+
+    def finish(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Goes to the end of the queue, as often as its second value says; then ends the node."""
+        reason, generations = task.val_list
+        if generations > 0:
+            return Task(task.type, task.name, [reason, generations - 1])
+        return tasks.terminate(reason)

@@ -93,6 +93,10 @@ class FrameTooLarge(LinkError):
     """A message longer than the link's frames may be."""
 
 
+class RecordingError(SnrError):
+    """A file of pages or text, beside the trace, that cannot be read or written."""
+
+
 class MissingExtra(SnrError, ImportError):
     """An optional package is not installed."""
 

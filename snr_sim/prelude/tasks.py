@@ -13,6 +13,9 @@ if TYPE_CHECKING:
 
 ADD_COMPONENT_TASK_NAME = "add_component"
 REMOVE_ENDPOINT_TASK_NAME = "remove_endpoint"
+FINISH_TASK_NAME = "finish_node"
+# How often a task that finishes a node goes to the end of the queue: so many generations of what follows are done.
+FINISH_GENERATIONS = 10
 
 
 def event(name: str, val_list: Sequence[Any] = ()) -> Task:
@@ -37,6 +40,11 @@ def process_data(key: str) -> Task:
 def terminate(reason: str) -> Task:
     """Returns the task that ends the node; it passes everything that is queued."""
     return Task(TaskType.terminate, reason)
+
+
+def finish(reason: str) -> Task:
+    """Returns the task that ends the node once what is queued, and what follows from that, is done, however long."""
+    return Task(TaskType.event, FINISH_TASK_NAME, [reason, FINISH_GENERATIONS])
 
 
 def reload_component(name: str) -> Task:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from itertools import count
 
-from snr_sim import Config, Endpoint, EndpointFactory, Node, TaskType, tasks
+import pytest
+
+from snr_sim import Config, Endpoint, EndpointFactory, Node, SimClock, Task, TaskType, WallClock, tasks
 from snr_sim.core.machine import DRAIN_GENERATIONS, DRAIN_MAX_S
+from snr_sim.testing.parts import PartFactory
 
 
 class CounterFactory(EndpointFactory):
@@ -59,3 +62,21 @@ def test_a_long_queue_on_the_wall_clock_does_not_hold_up_the_end() -> None:
     node.loop()
     assert 1 <= factory.calls <= DRAIN_MAX_S / 0.1 + 2
     assert any("tasks undone" in note for note in node.notes)
+
+
+@pytest.mark.parametrize("clock", [SimClock, WallClock, TickingClock])
+def test_a_node_that_is_to_finish_takes_its_time_for_what_is_queued_and_what_follows(clock: type) -> None:
+    """One is asked for ten times, each asks for another, and that for a third; then comes what is to end the node."""
+    done: list[int] = []
+
+    def step(task: Task, task_id: object) -> Task | None:
+        generation = task.val_list[0]
+        done.append(generation)
+        return tasks.event("step", [generation + 1]) if generation < 3 else None
+
+    first = [tasks.event("step", [1])] * 10
+    part = PartFactory({(TaskType.event, "step"): step}, begin=lambda it: it.schedule([*first, tasks.finish("enough")]))
+    node = Node("r", Config(factories={"r": [part]}), clock=clock())
+    node.loop()
+    assert done == [1] * 10 + [2] * 10 + [3] * 10
+    assert (node.exit_reason, node.notes) == ("enough", [])

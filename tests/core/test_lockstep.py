@@ -42,6 +42,26 @@ def test_tick_k_comes_at_exactly_k_over_the_rate(rate_hz: float) -> None:
     assert abs(Fraction(times[-1]) - exact) <= exact * Fraction(2) ** -52  # no drift: rounded once
 
 
+@pytest.mark.parametrize("clock", [SimClock, WallClock])
+def test_a_loop_may_say_itself_when_its_next_tick_is_to_come(clock: type) -> None:
+    moments_s = [0.0, 0.001, 0.01, 0.01, 0.05]
+    came: list[float] = []
+
+    def tick(loop: Any) -> None:
+        came.append(loop.get_time_s())
+        if len(came) == len(moments_s):
+            loop.schedule(tasks.terminate("done"))
+            loop.stop()
+        else:
+            loop.next_tick_at_s = moments_s[len(came)]
+
+    Node("r", Config(factories={"r": [TickerFactory(tick, rate_hz=1)]}), clock=clock()).loop()
+    if clock is SimClock:
+        assert came == moments_s
+    assert all(came_s >= wanted_s for came_s, wanted_s in zip(came, moments_s, strict=True))
+    assert len(came) == 5
+
+
 def test_work_in_a_tick_does_not_slow_a_loop_down() -> None:
     ticks: list[float] = []
 

@@ -1,0 +1,189 @@
+"""Readers: the lines of a text file, and the pages of a recording or of a trace. They own a file and no node.
+
+A recording is what `std_mods/recorder.py` writes: a page on each line, and before the pages of each run a line
+`{"$":"start","node":"urov_node"}`. A trace is the `trace.jsonl` of any recorded run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import BinaryIO, NamedTuple
+
+import msgspec
+
+from snr_sim.prelude.errors import RecordingError, ValueEncodingError
+from snr_sim.prelude.page import DataKey, Page
+from snr_sim.prelude.values import MARK
+
+START = "start"
+_START_LINE = f'{{"{MARK}":"{START}"'.encode()
+REMARKS_MAX = 3  # of a file that is no recording at all, nobody reads the complaint about each line
+
+
+class TextReader:
+    """The lines of a text file, one after the other, without their ends.
+
+    Args:
+        file: which. What is no UTF-8 in it is read as U+FFFD.
+
+    Raises:
+        RecordingError: it cannot be read.
+    """
+
+    def __init__(self, file: str | Path) -> None:
+        self._file = _opened(Path(file))
+
+    def read(self) -> str | None:
+        """Returns the next line, or None after the last one."""
+        line = b"" if self._file.closed else self._file.readline()
+        if line:
+            return line.decode(errors="replace").rstrip("\r\n")
+        self.close()
+        return None
+
+    def close(self) -> None:
+        """Closes the file, which happens by itself after the last line. Safe to call twice."""
+        self._file.close()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.read, None)
+
+
+class Stored(NamedTuple):
+    """A page, and when it was stored, on the clock of the node that stored it [s]."""
+
+    time_s: float
+    page: Page
+
+
+class PageReader:
+    """The pages of a recording, or of a trace, in the order in which they were stored.
+
+    A line that is no page (one that a crash cut short, one that somebody edited) is left out, with a remark.
+
+    Args:
+        file: which.
+        keys: of the pages wanted; all if not given.
+        node: whose pages, of a trace of several nodes, where one that crossed a link stands twice; all if not given.
+
+    Raises:
+        RecordingError: it cannot be read.
+    """
+
+    def __init__(self, file: str | Path, keys: Sequence[DataKey] | DataKey | None = None, node: str = "") -> None:
+        self.path = Path(file)
+        self._file = _opened(self.path)
+        self._keys = {keys} if isinstance(keys, str) else None if keys is None else set(keys)
+        self._node = node
+        self._times = _Times()
+        self._number = 0
+        self._left_out = 0
+        self._remarks: list[str] = []
+
+    @property
+    def remarks(self) -> list[str]:
+        """What was left out so far, and why."""
+        more = self._left_out - len(self._remarks)
+        return [*self._remarks, *([f"... and {more} more lines of {self.path}."] if more else [])]
+
+    def read(self) -> Page | None:
+        """Returns the next page, or None after the last one."""
+        stored = self.read_stored()
+        return None if stored is None else stored.page
+
+    def read_stored(self) -> Stored | None:
+        """Returns the next page and when it was stored, or None after the last one.
+
+        The time never goes back: what a second start added to the file comes after what the first one wrote.
+        """
+        for line in () if self._file.closed else self._file:
+            self._number += 1
+            try:
+                stored = self._stored(line)
+            except (ValueEncodingError, msgspec.DecodeError, UnicodeDecodeError) as error:
+                self._leave_out(error)
+                continue
+            if stored is not None and (self._keys is None or stored.page.key in self._keys):
+                return stored
+        self.close()
+        return None
+
+    def close(self) -> None:
+        """Closes the file, which happens by itself after the last page. Safe to call twice."""
+        self._file.close()
+
+    def __iter__(self) -> Iterator[Page]:
+        return iter(self.read, None)
+
+    def _stored(self, line: bytes) -> Stored | None:
+        if line.startswith(b'{"kind":'):
+            return self._of_trace(line)
+        if line.startswith(_START_LINE):
+            self._times.start(msgspec.json.decode(line, type=_Start).node)
+            return None
+        page = Page.deserialize(line)
+        return Stored(self._times.of(page), page)
+
+    def _of_trace(self, line: bytes) -> Stored | None:
+        if not line.startswith(b'{"kind":"page"'):
+            return None
+        record = msgspec.json.decode(line, type=_PageRecord)
+        if self._node not in ("", record.node):
+            return None
+        return Stored(record.t, Page.deserialize(bytes(record.values[0])))
+
+    def _leave_out(self, error: Exception) -> None:
+        self._left_out += 1
+        if len(self._remarks) < REMARKS_MAX:
+            reason = error.message if isinstance(error, ValueEncodingError) else f"This is not a page ({error})."
+            self._remarks.append(f"{self.path}, line {self._number} was left out: {reason}")
+
+
+class _Start(msgspec.Struct):
+    """The line before the pages of a run."""
+
+    node: str
+
+
+class _PageRecord(msgspec.Struct):
+    """What a reader of pages needs of a record of a trace."""
+
+    node: str
+    t: float
+    values: list[msgspec.Raw]
+
+
+class _Times:
+    """When the pages of a recording were stored, from when they were made.
+
+    Each node counts from its own beginning. A page that came from another node tells nothing of when it came: the
+    first one of each is taken to have come with the page before it, and the others keep their distance from it.
+    """
+
+    def __init__(self) -> None:
+        self._now_s = 0.0
+        self._start_s = 0.0  # of the run whose pages are read
+        self._node = ""
+        self._begins_s: dict[str, float] = {}  # of other nodes
+
+    def start(self, node: str) -> None:
+        """A run begins where the one before it ended."""
+        self._start_s, self._node, self._begins_s = self._now_s, node, {}
+
+    def of(self, page: Page) -> float:
+        """Returns when it was stored; never before the page before it."""
+        begins_s = self._start_s
+        if self._node and page.origin != self._node:
+            begins_s = self._begins_s.setdefault(page.origin, self._now_s - page.created_at_s)
+        self._now_s = max(self._now_s, begins_s + page.created_at_s)
+        return self._now_s
+
+
+def _opened(path: Path) -> BinaryIO:
+    try:
+        return path.open("rb")
+    except OSError as error:
+        raise RecordingError(
+            f"The file {path} cannot be read: {error.strerror}.", fix="a file that is there."
+        ) from error

@@ -1,0 +1,157 @@
+"""Recorder: writes the pages of some keys into a text file, a page on each line, as they are stored.
+
+A small tool beside the trace, for what you want to keep, plot, or feed in again (`std_mods/replayer.py`); the trace
+of a run holds everything, and a recorder need not be there for it.
+
+A recording only ever grows. A reload goes on in the same file, and so does the next start of the program, after a
+line that says so: `{"$":"start","node":"urov_node"}` stands before the pages of each run. If the last line was cut by
+a crash, the next start begins on a line of its own, and readers leave the cut one out. To begin anew, remove the file
+or name another.
+"""
+
+from __future__ import annotations
+
+import os
+import weakref
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+
+from snr_sim.core.endpoint import Endpoint, EndpointFactory
+from snr_sim.core.node import Node
+from snr_sim.prelude.errors import RecordingError, SnrError, ValueEncodingError
+from snr_sim.prelude.page import DataKey, Page
+from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
+from snr_sim.prelude.values import MARK
+from snr_sim.std_mods.readers import START
+
+_OBJECT = b'"$":"object"'  # how a value that cannot be brought back is marked; inside a text the quotes are escaped
+
+
+class RecorderEndpointFactory(EndpointFactory):
+    """Records the pages of some keys.
+
+    Args:
+        file: where to; made if it is not there, continued if it is.
+        keys: of the pages: a list, or one key.
+        name: of the endpoint; give each recorder of a node its own.
+    """
+
+    def __init__(self, file: str | Path, keys: Sequence[DataKey] | DataKey, name: str = "recorder") -> None:
+        super().__init__()
+        self.path = Path(file)
+        self.keys = [keys] if isinstance(keys, str) else list(keys)
+        self.name = name
+        self._newest: weakref.ref[Node] | None = None
+
+    def get(self, parent: Node) -> RecorderEndpoint:
+        """Returns the endpoint."""
+        return RecorderEndpoint(self, parent, self.name)
+
+    def is_new(self, node: Node) -> bool:
+        """Whether this node has not yet recorded here: then it is a new run, and not a reload in the same one."""
+        known = self._newest is not None and self._newest() is node
+        self._newest = weakref.ref(node)
+        return not known
+
+
+class RecorderEndpoint(Endpoint):
+    """Writes one line for each page, at once. In a replay it writes nothing."""
+
+    factory: RecorderEndpointFactory
+
+    def __init__(self, factory: RecorderEndpointFactory, parent: Node, name: str) -> None:
+        super().__init__(factory, parent, name)
+        self._file: int | None = None
+        self._refused: Counter[DataKey] = Counter()
+        self.task_handlers = {(TaskType.store_page, key): self.record for key in factory.keys}
+
+    def begin(self) -> None:
+        """Opens the file.
+
+        Raises:
+            RecordingError: it cannot be written.
+        """
+        if self.parent.is_replay:
+            return
+        path = self.factory.path
+        try:
+            self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
+            self._finish_cut_line(self._file)
+        except OSError as error:
+            raise RecordingError(
+                f"The recording {path} cannot be written: {error.strerror}.", fix="a file in a folder that is there."
+            ) from error
+        if self.factory.is_new(self.parent):
+            self._write(msgspec.json.encode({MARK: START, "node": self.parent.name}))
+
+    def record(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Writes the page; one that cannot be written is named, and the others go on."""
+        page: Page = task.val_list[0]
+        if self._file is not None:
+            try:
+                self._write(_as_line(page))
+            except SnrError as error:
+                self._refuse(page, error)
+        return None
+
+    def terminate(self) -> None:
+        """Closes the file."""
+        if self._file is not None:
+            os.close(self._file)
+            self._file = None
+        for key, count in self._refused.items():
+            if count > 1:
+                self.parent.note(f"'{self.name}' could not record {count} pages '{key}'.")
+
+    def _write(self, line: bytes) -> None:
+        """Writes a line, whole or not at all: in one go, so that two recorders of one file keep out of each other."""
+        assert self._file is not None
+        try:
+            whole = os.write(self._file, line + b"\n") == len(line) + 1
+            reason = "there is no room left"
+        except OSError as error:
+            whole, reason = False, str(error.strerror)
+        if not whole:
+            self._stop(reason)
+
+    def _stop(self, reason: str) -> None:
+        """Ends the recording, but not the robot."""
+        assert self._file is not None
+        os.close(self._file)
+        self._file = None
+        text = f"'{self.name}' ended its recording {self.factory.path} at t = {self.get_time_s():.3f} s: {reason}."
+        self.log.error(text)
+        self.parent.note(text)
+
+    def _refuse(self, page: Page, error: SnrError) -> None:
+        self._refused[page.key] += 1
+        if self._refused[page.key] == 1:  # said once for each key: it will be the same with the next page
+            text = f"'{self.name}' could not record page '{page.key}' at t = {self.get_time_s():.3f} s: {error}"
+            self.log.error(text)
+            self.parent.note(text)
+
+    @staticmethod
+    def _finish_cut_line(file: int) -> None:
+        size_bytes = os.fstat(file).st_size
+        if size_bytes and os.pread(file, 1, size_bytes - 1) != b"\n":
+            os.write(file, b"\n")
+
+
+def _as_line(page: Page) -> bytes:
+    """Returns the page as JSON that brings back an equal one.
+
+    Raises:
+        ValueEncodingError: it holds something that JSON cannot carry.
+    """
+    try:
+        line = page.serialize()
+    except SnrError:
+        raise
+    except Exception as error:  # an object that cannot even be looked into
+        raise ValueEncodingError(f"Its data cannot be read: {type(error).__name__}: {error}.") from error
+    if _OBJECT in line:
+        Page.deserialize(line)  # says which class it was, and what to store instead
+    return line

@@ -1,0 +1,201 @@
+"""Replayers: loops that bring in what stands in a list, a text file, a recording or a trace.
+
+A replayer that is to end the run does so once all it brought has been processed, and what followed from that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.node import Node
+from snr_sim.prelude import tasks
+from snr_sim.prelude.page import DataKey, Page
+from snr_sim.prelude.task import Task
+from snr_sim.std_mods.readers import PageReader, TextReader
+
+ALL_REPLAYED = "replayed"
+
+
+class ListReplayerFactory(LoopFactory):
+    """Stores values under a key, one at each tick, then stops.
+
+    Args:
+        values: in order.
+        key: of the pages.
+        exit_when_done: ends the node when all has been made of the last value.
+        rate_hz: ticks per second.
+    """
+
+    def __init__(
+        self, values: Iterable[Any], key: DataKey, exit_when_done: bool = False, rate_hz: float = 100.0
+    ) -> None:
+        super().__init__()
+        self.values = list(values)
+        self.key = key
+        self.exit_when_done = exit_when_done
+        self.rate_hz = rate_hz
+
+    def get(self, parent: Node) -> ListReplayer:
+        """Returns the loop `<key>_replayer`."""
+        return ListReplayer(self, parent, f"{self.key}_replayer", self.rate_hz)
+
+
+class ListReplayer(Loop):
+    """Brings the factory's values."""
+
+    factory: ListReplayerFactory
+
+    def setup(self) -> None:
+        """Starts at the first value."""
+        self._left = iter(self.factory.values)
+
+    def loop(self) -> None:
+        """Stores the next value."""
+        for value in self._left:
+            self.store_data(self.factory.key, value)
+            return
+        if self.factory.exit_when_done:
+            self.schedule(tasks.finish(ALL_REPLAYED))
+        self.stop()
+
+
+class TextReplayerFactory(LoopFactory):
+    """Stores the lines of a text file under a key, one at each tick, then stops.
+
+    Args:
+        file: which.
+        key: of the pages; each holds one line.
+        exit: ends the node when all has been made of the last line.
+        rate_hz: ticks per second.
+        wait_for: a key: the next line is held back until a new page of this key has been stored, so that a slow
+            answer is not overrun.
+    """
+
+    def __init__(
+        self,
+        file: str | Path,
+        key: DataKey,
+        exit: bool = False,
+        rate_hz: float = 10.0,
+        wait_for: DataKey | None = None,
+    ) -> None:
+        super().__init__()
+        self.file = file
+        self.key = key
+        self.exit = exit
+        self.rate_hz = rate_hz
+        self.wait_for = wait_for
+
+    def get(self, parent: Node) -> TextReplayer:
+        """Returns the loop `<key>_replayer`."""
+        return TextReplayer(self, parent, f"{self.key}_replayer", self.rate_hz)
+
+
+class TextReplayer(Loop):
+    """Brings the lines of the factory's file."""
+
+    factory: TextReplayerFactory
+
+    def setup(self) -> None:
+        """Opens the file."""
+        self._reader = TextReader(self.factory.file)
+        self._is_waiting = False
+        self._answer: Page | None = None  # the newest when the last line was brought
+
+    def loop(self) -> None:
+        """Stores the next line, if the last one has been answered."""
+        wait_for = self.factory.wait_for
+        if self._is_waiting and wait_for is not None and self.get_page(wait_for) is self._answer:
+            return
+        line = self._reader.read()
+        if line is None:
+            self._end()
+            return
+        if wait_for is not None:
+            self._is_waiting = True
+            self._answer = self.get_page(wait_for)
+        self.store_data(self.factory.key, line)
+
+    def _end(self) -> None:
+        if self.factory.exit:
+            self.schedule(tasks.finish(ALL_REPLAYED))
+        self.stop()
+
+    def terminate(self) -> None:
+        """Closes the file."""
+        if "_reader" in self.__dict__:
+            self._reader.close()
+
+
+class ReplayerLoopFactory(LoopFactory):
+    """Stores the pages of a recording or a trace again, at the times at which they were stored.
+
+    They keep origin, time stamp and order. In lock step each comes at exactly its time since its run began, however
+    odd; on the wall clock as soon after it as threads allow. What a second start added to a recording comes after what
+    the first one wrote. What follows from pages (answers, commands) is made anew by the node, so bring in its inputs
+    only: the pages that came from sensors, links and people.
+
+    Args:
+        file: a recording, or the trace.jsonl of a run.
+        exit: ends the node when all has been made of the last page.
+        keys: of the pages wanted; all if not given.
+        node: whose pages, of a trace of several nodes; all if not given.
+        name: of the loop; give each replayer of a node its own.
+    """
+
+    def __init__(
+        self,
+        file: str | Path,
+        exit: bool = False,
+        keys: Sequence[DataKey] | DataKey | None = None,
+        node: str = "",
+        name: str = "replayer",
+    ) -> None:
+        super().__init__()
+        self.file = file
+        self.exit = exit
+        self.keys = keys
+        self.node = node
+        self.name = name
+
+    def get(self, parent: Node) -> ReplayerLoop:
+        """Returns the loop."""
+        return ReplayerLoop(self, parent, self.name)
+
+
+class ReplayerLoop(Loop):
+    """Brings the pages of the factory's file, each when its time has come."""
+
+    factory: ReplayerLoopFactory
+
+    def setup(self) -> None:
+        """Opens the file and looks at its first page."""
+        factory = self.factory
+        self._reader = PageReader(factory.file, factory.keys, factory.node)
+        self._start_s = self.get_time_s()
+        self._next = self._reader.read_stored()
+        if self._next is None:
+            self.parent.note(f"'{self.name}' found none of the pages it is to bring in {factory.file}.")
+
+    def loop(self) -> None:
+        """Stores the pages whose time has come, and asks to be called when the next one's has."""
+        now_s = self.get_time_s()
+        while self._next is not None and self._start_s + self._next.time_s <= now_s:
+            self.schedule(Task.store_page(self._next.page))
+            self._next = self._reader.read_stored()
+        if self._next is not None:
+            self.next_tick_at_s = self._start_s + self._next.time_s
+            return
+        if self.factory.exit:
+            self.schedule(tasks.finish(ALL_REPLAYED))
+        self.stop()
+
+    def terminate(self) -> None:
+        """Says what was left out and closes the file."""
+        if "_reader" in self.__dict__:
+            for remark in self._reader.remarks:
+                self.parent.note(remark)
+            self._reader.close()

@@ -1,0 +1,104 @@
+"""Readers give what is whole in a file, in order, and say what they left out."""
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from snr_sim import MemoryLink, Page, PageReader, SimClock, TextReader
+from snr_sim.core.config import Config
+from snr_sim.core.runners import SimRunner
+from snr_sim.prelude.errors import RecordingError
+from snr_sim.program import program_header
+from snr_sim.recording.trace import TraceWriter
+from snr_sim.std_mods.replayer import ListReplayerFactory
+
+
+def page(data: Any, created_at_s: float = 0.0, origin: str = "a_node", key: str = "x") -> bytes:
+    return Page(key, data, origin, created_at_s).serialize()
+
+
+def times(file: Path, *lines: bytes) -> list[tuple[float, Any]]:
+    file.write_bytes(b"\n".join(lines) + b"\n")
+    reader = PageReader(file)
+    return [(stored.time_s, stored.page.data) for stored in iter(reader.read_stored, None)]
+
+
+def test_the_lines_of_a_text_come_in_order_without_their_ends(tmp_path: Path) -> None:
+    file = tmp_path / "moves.txt"
+    file.write_bytes(b"forward\r\n\nleft\xff\nlast without an end")
+    reader = TextReader(file)
+    assert list(reader) == ["forward", "", "left\ufffd", "last without an end"]
+    assert reader.read() is None
+    reader.close()
+    reader.close()
+
+
+@pytest.mark.parametrize("kind", [TextReader, PageReader])
+def test_a_file_that_is_not_there_is_named(tmp_path: Path, kind: Any) -> None:
+    with pytest.raises(RecordingError, match=r"none\.txt cannot be read: No such file"):
+        kind(tmp_path / "none.txt")
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [b"", b"{", page(1)[:-1], b"17", b'{"key":"x"}', b"\xff\xfe", b'{"$":"start"}', b'{"kind":"page"}', b"[" * 100_000],
+)
+def test_what_is_no_page_is_left_out_with_a_remark_and_the_rest_is_read(tmp_path: Path, damage: bytes) -> None:
+    file = tmp_path / "x.jsonl"
+    file.write_bytes(b"\n".join([page(1), damage, page(2), b""]))
+    reader = PageReader(file)
+    assert [page.data for page in reader] == [1, 2]
+    assert len(reader.remarks) == 1
+    assert "line 2 was left out" in reader.remarks[0]
+
+
+def test_a_file_that_is_something_else_gets_few_remarks(tmp_path: Path) -> None:
+    file = tmp_path / "letter.txt"
+    file.write_text("Dear Sir or Madam,\n" * 500)
+    reader = PageReader(file)
+    assert list(reader) == []
+    assert len(reader.remarks) == 4
+    assert "497 more lines" in reader.remarks[-1]
+
+
+@given(st.lists(st.tuples(st.sampled_from("abc"), st.integers()), max_size=20))
+def test_the_keys_asked_for_come_and_no_others(stored: list[tuple[str, int]]) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "x.jsonl"
+        file.write_bytes(b"".join(page(data, key=key) + b"\n" for key, data in stored))
+        assert [one.data for one in PageReader(file, ["a", "c"])] == [data for key, data in stored if key != "b"]
+        assert [one.data for one in PageReader(file, "b")] == [data for key, data in stored if key == "b"]
+
+
+def test_pages_were_stored_when_they_were_made(tmp_path: Path) -> None:
+    assert times(tmp_path / "x", page("a", 0.1), page("b", 0.35)) == [(0.1, "a"), (0.35, "b")]
+
+
+def test_the_time_of_a_second_start_comes_after_that_of_the_first(tmp_path: Path) -> None:
+    start = b'{"$":"start","node":"a_node"}'
+    lines = [start, page("a", 0.5), page("b", 2.0), start, page("c", 0.25), page("d", 1.0)]
+    assert times(tmp_path / "x", *lines) == [(0.5, "a"), (2.0, "b"), (2.25, "c"), (3.0, "d")]
+
+
+def test_the_clock_of_another_node_does_not_stretch_the_time(tmp_path: Path) -> None:
+    start = b'{"$":"start","node":"a_node"}'
+    lines = [start, page("a", 1.0), page("b", 5000.0, "b_node"), page("c", 1.5), page("d", 5002.0, "b_node")]
+    assert times(tmp_path / "x", *lines) == [(1.0, "a"), (1.0, "b"), (1.5, "c"), (3.0, "d")]
+
+
+def test_a_trace_gives_its_pages_when_they_were_stored_of_the_node_asked_for(tmp_path: Path) -> None:
+    file = tmp_path / "trace.jsonl"
+    config = Config(factories={"a": [ListReplayerFactory([1, 2], "x", rate_hz=4)], "b": [ListReplayerFactory([], "y")]})
+    clock = SimClock()
+    writer = TraceWriter(file, program_header(["a", "b"], config, __file__, clock))
+    SimRunner(config, links=[MemoryLink(["x"], "a", "b", latency_s=0.125)], clock=clock, recorder=writer).run()
+    writer.close()
+    assert [page.data for page in PageReader(file, "x")] == [1, 1, 2, 2]
+    arrived = PageReader(file, "x", node="b_node")
+    stored = list(iter(arrived.read_stored, None))
+    assert [(one.time_s, one.page.data, one.page.created_at_s) for one in stored] == [(0.125, 1, 0.0), (0.375, 2, 0.25)]
+    assert arrived.remarks == []

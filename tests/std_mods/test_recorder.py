@@ -1,0 +1,166 @@
+"""A recording holds each page whole, only ever grows, and never ends the robot it records."""
+
+import errno
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from snr_sim import (
+    Config,
+    ListReplayerFactory,
+    Node,
+    Page,
+    PageReader,
+    RecorderEndpointFactory,
+    SimClock,
+    SNRTestCase,
+)
+from snr_sim.core.lockstep import LockStep
+from snr_sim.prelude.errors import ComponentFailed
+from snr_sim.testing.parts import TickerFactory
+
+case = SNRTestCase()
+START = '{"$":"start","node":"test_node"}'
+
+
+def record(file: Path, values: list[Any]) -> Node:
+    return case.run_test_node([RecorderEndpointFactory(file, ["x"]), ListReplayerFactory(values, "x", rate_hz=10)])
+
+
+def test_each_page_is_one_line_as_serialize_writes_it(tmp_path: Path) -> None:
+    file = tmp_path / "x.jsonl"
+    record(file, [1.5, {"a": [1, 2]}])
+    pages = [Page("x", 1.5, "test_node", 0.0), Page("x", {"a": [1, 2]}, "test_node", 0.1)]
+    assert file.read_bytes().splitlines() == [START.encode(), *(page.serialize() for page in pages)]
+
+
+def test_only_the_keys_asked_for_are_recorded_and_one_key_may_be_a_text(tmp_path: Path) -> None:
+    for keys in ("depth", ["depth"]):
+        file = tmp_path / f"{len(keys)}.jsonl"
+        both = TickerFactory(lambda loop: [loop.store_data(key, 1) for key in ("depth", "d", "heading")], rate_hz=1)
+        case.run_test_node([RecorderEndpointFactory(file, keys), both], until_s=2)
+        assert [page.key for page in PageReader(file)] == ["depth"] * 3
+
+
+def test_a_line_is_in_the_file_as_soon_as_the_page_is_stored(tmp_path: Path) -> None:
+    file = tmp_path / "x.jsonl"
+    sizes: list[int] = []
+    looks = TickerFactory(lambda loop: sizes.append(len(file.read_bytes().splitlines())), "looks", rate_hz=10)
+    case.run_test_node(
+        [RecorderEndpointFactory(file, "x"), ListReplayerFactory([1, 2, 3], "x", rate_hz=10), looks], until_s=0.35
+    )
+    assert sizes == [2, 3, 4, 4]  # with the line of the start
+
+
+def test_a_second_start_goes_on_in_the_same_file(tmp_path: Path) -> None:
+    file = tmp_path / "x.jsonl"
+    record(file, [1, 2])
+    first = file.read_bytes()
+    record(file, [3])
+    assert file.read_bytes().startswith(first)
+    assert [page.data for page in PageReader(file)] == [1, 2, 3]
+    assert file.read_text().splitlines().count(START) == 2
+
+
+def test_a_start_after_a_crash_begins_on_a_line_of_its_own(tmp_path: Path) -> None:
+    file = tmp_path / "x.jsonl"
+    record(file, [1, 2])
+    file.write_bytes(file.read_bytes()[:-20])  # the last line was cut
+    record(file, [3])
+    reader = PageReader(file)
+    assert [page.data for page in reader] == [1, 3]
+    assert len(reader.remarks) == 1
+    assert "line 3 was left out" in reader.remarks[0]
+
+
+def test_arrays_survive_with_their_type(tmp_path: Path) -> None:
+    file = tmp_path / "x.jsonl"
+    values = [np.array([[1, 2], [3, 4]], dtype=np.int64), np.float32(0.1), np.arange(1000.0), (1, float("nan"))]
+    node = record(file, values)
+    assert node.notes == []
+    back = [page.data for page in PageReader(file)]
+    assert [value.dtype for value in back[:3]] == [np.int64, np.float32, np.float64]
+    np.testing.assert_array_equal(back[0], values[0])
+    np.testing.assert_array_equal(back[2], values[2])
+    assert repr(back[3]) == "(1, nan)"
+
+
+class Opaque:
+    """A thing JSON knows nothing of."""
+
+
+class Hostile:
+    """A thing that does not want to be looked at."""
+
+    def __getattribute__(self, name: str) -> Any:
+        raise RuntimeError("hands off")
+
+
+@pytest.mark.parametrize("make", [Opaque, Hostile, lambda: {"deep": [Opaque()]}, lambda: "\ud800"])
+def test_a_page_that_cannot_be_recorded_is_named_once_and_the_others_go_on(tmp_path: Path, make: Any) -> None:
+    file, value = tmp_path / "x.jsonl", make()
+    node = record(file, [1, value, value, value, 2])
+    assert [page.data for page in PageReader(file)] == [1, 2]
+    assert len(node.notes) == 2
+    assert "'recorder' could not record page 'x' at t = 0.100 s" in node.notes[0]
+    assert node.notes[1] == "'recorder' could not record 3 pages 'x'."
+
+
+def test_a_recording_that_cannot_be_made_says_so_before_the_robot_moves(tmp_path: Path) -> None:
+    ticks: list[float] = []
+    factories = [RecorderEndpointFactory(tmp_path / "no" / "x.jsonl", "x"), TickerFactory(lambda loop: ticks.append(1))]
+    with pytest.raises(ComponentFailed, match=r"x\.jsonl cannot be written: No such file"):
+        case.run_test_node(factories)
+    assert ticks == []
+
+
+def test_a_full_disk_ends_the_recording_and_not_the_robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "x.jsonl"
+    write, left = os.write, [2]
+
+    def full(descriptor: int, data: bytes) -> int:
+        left[0] -= 1
+        if left[0] < 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return write(descriptor, data)
+
+    monkeypatch.setattr("snr_sim.std_mods.recorder.os.write", full)
+    node = record(file, [1, 2, 3])
+    assert [page.data for page in PageReader(file)] == [1]
+    assert node.get_data("x") == 3
+    assert [note for note in node.notes if "ended its recording" in note and "No space left" in note] == node.notes
+
+
+def test_a_replay_writes_nothing(tmp_path: Path) -> None:
+    file = tmp_path / "x.jsonl"
+    record(file, [1])
+    before = file.read_bytes()
+    config = Config(factories={"test": [RecorderEndpointFactory(file, "x")]})
+    node = Node("test", config, clock=SimClock(), is_replay=True)
+    node.schedule(node.store_data_task("x", 2))
+    node.loop()
+    assert node.get_data("x") == 2
+    assert file.read_bytes() == before
+
+
+def test_two_nodes_may_record_into_one_file(tmp_path: Path) -> None:
+    file = tmp_path / "x.jsonl"
+    clock = SimClock()
+    nodes = [
+        Node(
+            role,
+            Config(factories={role: [RecorderEndpointFactory(file, "x"), ListReplayerFactory([1, 2], "x")]}),
+            clock=clock,
+        )
+        for role in "ab"
+    ]
+    LockStep(nodes, clock).run()
+    assert sorted((page.origin, page.data) for page in PageReader(file)) == [
+        ("a_node", 1),
+        ("a_node", 2),
+        ("b_node", 1),
+        ("b_node", 2),
+    ]

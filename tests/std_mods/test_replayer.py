@@ -1,0 +1,239 @@
+"""Replayers bring everything once, in order and on time, and all of it is handled before they end the run."""
+
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from snr_sim import (
+    Config,
+    ListReplayerFactory,
+    Node,
+    Page,
+    RecorderEndpointFactory,
+    ReplayerLoopFactory,
+    SimClock,
+    SNRTestCase,
+    Task,
+    TaskType,
+    TextReplayerFactory,
+    TimeoutLoopFactory,
+    WallClock,
+)
+from snr_sim.flight import Flight
+from snr_sim.prelude.errors import ComponentFailed
+from snr_sim.recording.reader import read_trace
+from snr_sim.recording.records import PageRecord
+from snr_sim.recording.trace import TraceWriter
+from snr_sim.simulation import Request, prepare
+from snr_sim.testing.parts import Part, PartFactory, TickerFactory
+
+
+class CollectorFactory(PartFactory):
+    def __init__(self, into: list[Any]) -> None:
+        super().__init__(name="collector")
+        self.into = into
+
+    def get(self, parent: Node) -> Part:
+        part = super().get(parent)
+        part.task_handlers = {(TaskType.store_page, "x"): self.collect}
+        return part
+
+    def collect(self, task: Task, task_id: Any) -> None:
+        self.into.append((task.val_list[0].created_at_s, task.val_list[0].data))
+
+
+@pytest.mark.parametrize("clock", [SimClock, WallClock])
+@pytest.mark.parametrize("values", [[], [1.5], list(range(10))])
+def test_all_values_are_handled_in_order_before_the_end(values: list[Any], clock: type) -> None:
+    into: list[Any] = []
+    replayer = ListReplayerFactory(values, "x", exit_when_done=True, rate_hz=500)
+    node = Node("r", Config(factories={"r": [CollectorFactory(into), replayer]}), clock=clock())
+    node.loop()
+    assert [value for _, value in into] == values
+    assert node.exit_reason == "replayed"
+
+
+def test_a_value_comes_at_each_tick_and_then_no_more() -> None:
+    into: list[Any] = []
+    factories = [CollectorFactory(into), ListReplayerFactory("abc", "x", rate_hz=10), TimeoutLoopFactory(seconds=5)]
+    node = Node("r", Config(factories={"r": factories}), clock=SimClock())
+    node.loop()
+    assert into == [(0.0, "a"), (0.1, "b"), (0.2, "c")]
+    assert node.exit_reason == "timeout"
+
+
+def test_a_generator_is_read_once_and_one_factory_can_serve_two_nodes() -> None:
+    factory = ListReplayerFactory((x * x for x in range(3)), "x")
+    for _ in range(2):
+        into: list[Any] = []
+        Node("r", Config(factories={"r": [CollectorFactory(into), factory]}), clock=SimClock()).loop()
+        assert [value for _, value in into] == [0, 1, 4]
+
+
+@pytest.mark.parametrize("clock", [SimClock, WallClock])
+def test_whoever_ends_the_run_waits_for_a_slow_handler(clock: type) -> None:
+    """Ten handlers of 0.05 s take longer than a node that is told to terminate gives what is queued."""
+    done: list[Any] = []
+
+    def slow(task: Task, task_id: Any) -> None:
+        time.sleep(0.05)
+        done.append(task.name)
+
+    factories = [
+        PartFactory({(TaskType.process_data, "x"): slow}),
+        ListReplayerFactory(range(10), "x", exit_when_done=True, rate_hz=1000),
+    ]
+    Node("r", Config(factories={"r": factories}), clock=clock()).loop()
+    assert len(done) == 10
+
+
+# A recording again
+
+
+def write_pages(file: Path, *times_s: float, key: str = "x") -> list[Page]:
+    pages = [Page(key, i, "pool_node", time_s) for i, time_s in enumerate(times_s)]
+    file.write_bytes(b"".join(page.serialize() + b"\n" for page in pages))
+    return pages
+
+
+def replayed(factories: list[Any], clock: Any) -> tuple[Node, list[tuple[float, Page]]]:
+    came: list[tuple[float, Page]] = []
+    node = Node("r", Config(factories={"r": [*factories, PartFactory(name="ear")]}), clock=clock)
+    ear = node.components["ear"]
+    ear.task_handlers = {TaskType.store_page: lambda task, _: came.append((node.get_time_s(), task.val_list[0]))}
+    node.loop()
+    return node, came
+
+
+def test_pages_come_again_exactly_when_they_were_stored_with_origin_and_stamp(tmp_path: Path) -> None:
+    times_s = [0.0, 0.1, 0.1, 0.1 + 0.2, 1.0 / 3.0, 7.000000001, 1e6]
+    pages = write_pages(tmp_path / "x", *times_s)
+    node, came = replayed([ReplayerLoopFactory(tmp_path / "x", exit=True)], SimClock())
+    assert came == list(zip(times_s, pages, strict=True))
+    assert (node.exit_reason, node.notes) == ("replayed", [])
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.floats(0.0, 1e4), max_size=30))
+def test_the_order_of_the_file_is_kept_whatever_the_stamps_say(times_s: list[float]) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        pages = write_pages(Path(folder) / "x", *times_s)
+        _, came = replayed([ReplayerLoopFactory(Path(folder) / "x")], SimClock())
+    assert [page for _, page in came] == pages
+    latest = 0.0
+    for (time_s, _), stamp_s in zip(came, times_s, strict=True):
+        latest = max(latest, stamp_s)
+        assert time_s == latest
+
+
+def test_on_the_wall_clock_pages_come_soon_after_their_time_and_all_before_the_end(tmp_path: Path) -> None:
+    times_s = [0.0, 0.02, 0.02, 0.05, 0.08]
+    pages = write_pages(tmp_path / "x", *times_s)
+    node, came = replayed([ReplayerLoopFactory(tmp_path / "x", exit=True)], WallClock())
+    assert [page for _, page in came] == pages
+    assert all(time_s >= stamp_s for (time_s, _), stamp_s in zip(came, times_s, strict=True))
+    assert node.exit_reason == "replayed"
+
+
+def test_a_replay_of_what_was_recorded_is_what_was_recorded(tmp_path: Path) -> None:
+    ticks = TickerFactory(lambda loop: loop.store_data("x", loop.get_time_s() ** 0.5), rate_hz=7)
+    SNRTestCase().run_test_node([RecorderEndpointFactory(tmp_path / "one", "x"), ticks], until_s=3)
+    again = [ReplayerLoopFactory(tmp_path / "one", exit=True), RecorderEndpointFactory(tmp_path / "two", "x")]
+    SNRTestCase().run_test_node(again)
+    assert (tmp_path / "two").read_bytes() == (tmp_path / "one").read_bytes()
+
+
+def test_the_sensor_pages_of_a_trace_drive_another_controller(tmp_path: Path) -> None:
+    """The radar of a run that was flown, into a node that only looks."""
+    file = tmp_path / "trace.jsonl"
+    simulation = prepare(Request("lander_low_gate"))
+    plant = simulation.plant()
+    config = simulation.config(plant)
+    recorder = TraceWriter(file, simulation.header(plant, config))
+    Flight(simulation, plant, config, recorder).run()
+    recorder.close()
+    _, came = replayed([ReplayerLoopFactory(file, exit=True, keys=["radar"])], SimClock())
+    records = read_trace(file).records
+    stored = [record for record in records if isinstance(record, PageRecord) and record.name == "radar"]
+    assert [(time_s, page.serialize()) for time_s, page in came] == [(one.t, bytes(one.values)[1:-1]) for one in stored]
+    assert len(came) > 50
+
+
+def test_damaged_lines_are_left_out_and_the_run_says_so(tmp_path: Path) -> None:
+    file = tmp_path / "x"
+    write_pages(file, 0.0, 0.1, 0.2)
+    lines = file.read_bytes().splitlines()
+    file.write_bytes(b"\n".join([lines[0], b"", lines[1][:30], lines[2], lines[1][:40]]))
+    node, came = replayed([ReplayerLoopFactory(file, exit=True)], SimClock())
+    assert [page.data for _, page in came] == [0, 2]
+    assert [note for note in node.notes if "was left out" in note] == node.notes
+    assert len(node.notes) == 3
+
+
+def test_a_replayer_with_nothing_to_bring_says_so_and_ends_the_run_if_asked(tmp_path: Path) -> None:
+    write_pages(tmp_path / "x", 0.0)
+    node, came = replayed([ReplayerLoopFactory(tmp_path / "x", exit=True, keys=["depth"])], SimClock())
+    assert came == []
+    assert node.exit_reason == "replayed"
+    assert any("found none of the pages" in note for note in node.notes)
+
+
+def test_a_recording_that_is_not_there_ends_the_run_with_its_name(tmp_path: Path) -> None:
+    with pytest.raises(ComponentFailed, match=r"none\.jsonl cannot be read"):
+        replayed([ReplayerLoopFactory(tmp_path / "none.jsonl")], SimClock())
+
+
+def test_stopping_does_not_wait_for_a_page_that_is_far_away(tmp_path: Path) -> None:
+    write_pages(tmp_path / "x", 0.0, 3600.0)
+    start_s = time.monotonic()
+    replayed([ReplayerLoopFactory(tmp_path / "x", exit=True), TimeoutLoopFactory(ms=50)], WallClock())
+    assert time.monotonic() - start_s < 5.0
+
+
+# A text
+
+
+def test_a_line_comes_at_each_tick_and_the_run_ends_after_the_last(tmp_path: Path) -> None:
+    (tmp_path / "moves").write_text("forward\nleft\n\nstop")
+    node, came = replayed([TextReplayerFactory(tmp_path / "moves", "move", exit=True, rate_hz=4)], SimClock())
+    assert [(time_s, page.data) for time_s, page in came] == [
+        (0.0, "forward"),
+        (0.25, "left"),
+        (0.5, ""),
+        (0.75, "stop"),
+    ]
+    assert node.exit_reason == "replayed"
+
+
+@pytest.mark.parametrize("clock", [SimClock, WallClock])
+def test_a_line_waits_for_the_answer_to_the_one_before(tmp_path: Path, clock: type) -> None:
+    """The answer takes three ticks; not even the end comes before the last one."""
+    (tmp_path / "moves").write_text("a\nb\nc")
+    waiting: list[str] = []
+    log: list[str] = []
+
+    def hear(task: Task, task_id: Any) -> None:
+        log.append("?" + task.val_list[0].data)
+        waiting.extend([task.val_list[0].data] * 3)
+
+    def answer(loop: Any) -> None:
+        if waiting and len(waiting.copy()) == 1:
+            log.append("!" + waiting[0])
+            loop.store_data("done", waiting[0])
+        if waiting:
+            waiting.pop()
+
+    factories = [
+        PartFactory({(TaskType.store_page, "move"): hear}),
+        TickerFactory(answer, rate_hz=500),
+        TextReplayerFactory(tmp_path / "moves", "move", exit=True, rate_hz=500, wait_for="done"),
+    ]
+    node, _ = replayed(factories, clock())
+    assert log == ["?a", "!a", "?b", "!b", "?c", "!c"]
+    assert node.get_data("done") == "c"
+    assert node.notes == []
