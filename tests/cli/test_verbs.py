@@ -152,7 +152,7 @@ def test_a_trace_that_cannot_be_used_ends_with_status_2(snr: Snr, here: Path, fl
     (here / "cut.jsonl").write_bytes((flown / FILE_NAME).read_bytes()[:-3000])
     answer = snr("replay", "cut.jsonl")
     assert (answer.status, "cut short" in answer.err) == (0, True)
-    (here / "other.jsonl").write_bytes((flown / FILE_NAME).read_bytes().replace(b'"schema":1', b'"schema":2', 1))
+    (here / "other.jsonl").write_bytes((flown / FILE_NAME).read_bytes().replace(b'"schema":2', b'"schema":9', 1))
     for verb in ("replay", "resim", "trace"):
         assert snr(verb, "other.jsonl", *(["--json"] if verb != "trace" else [])).status == 2
 
