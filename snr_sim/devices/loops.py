@@ -10,10 +10,12 @@ from typing import Any
 
 import msgspec
 
+from snr_sim.core.authors import authors_of
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
+from snr_sim.devices.commands import command_of, in_words
 from snr_sim.prelude.device import Actuator, Sensor
-from snr_sim.prelude.errors import CommandError, nearest
+from snr_sim.prelude.errors import CommandError
 from snr_sim.prelude.page import Page
 
 
@@ -104,29 +106,30 @@ class ActuatorLoop(Loop):
             self._write(page)
 
     def _write(self, page: Page) -> None:
+        actuator = self.actuator
         try:
-            command = self._command(page)
-            applied = self.actuator.write(command)
-        except CommandError:
-            self.actuator.neutral()
-            raise
+            command = command_of(page.data, actuator.command_type, actuator.limits)
+            applied = actuator.write(command)
+        except CommandError as error:
+            actuator.neutral()
+            raise self._blamed(page, error) from error
         if applied != command:
             self._say_clamped(command, applied)
 
-    def _command(self, page: Page) -> Any:
-        wanted = self.actuator.command_type
-        if type(page.data) is wanted:
-            return page.data
-        try:
-            return msgspec.convert(page.data, wanted)
-        except msgspec.ValidationError as error:
-            fields = wanted.__struct_fields__
-            given = list(page.data) if isinstance(page.data, dict) else []
-            wrong = [name for name in given if name not in fields]
-            fix = f"'{wrong[0]}': {nearest(wrong[0], fields)}" if wrong else f"its fields are {', '.join(fields)}."
-            raise CommandError(
-                f"Page '{page.key}' is no command for its actuator: {error}. It holds {page.data!r}.", fix=fix
-            ) from error
+    def _blamed(self, page: Page, error: CommandError) -> CommandError:
+        """Returns the error with whoever stored the page, whose line comes first if it is known."""
+        what = f"Page '{page.key}' is no command: {error.message}"
+        if isinstance(page.data, dict):
+            what += f"\n  It holds {in_words(page.data)}."
+        when = f"at t = {page.created_at_s:.3f} s"
+        if page.origin != self.parent.name:
+            return CommandError(f"{what}\n  It was made {when} by node '{page.origin}'.", fix=error.fix)
+        others = [component for component in self.parent.components.values() if component is not self]
+        authors = authors_of(page.key, others)
+        lines = "".join(f"{author.place}\n  " for author in authors)
+        names = dict.fromkeys(f"{author.function}() of component '{author.component}'" for author in authors)
+        who = " or ".join(names) or f"one of {', '.join(component.name for component in others)}"
+        return CommandError(f"{lines}{what}\n  It was stored {when} by {who}.", fix=error.fix)
 
     def _say_clamped(self, command: Any, applied: Any) -> None:
         for field in command.__struct_fields__:

@@ -318,10 +318,10 @@ def test_where_objects_are_in_memory_changes_no_digest(snr: Snr, mine: Mine, lin
 COMMANDS = [
     ("float('nan')", "throttle = nan"),
     ("float('inf')", "throttle = inf"),
-    ("'full'", "Expected `float`, got `str`"),
-    ("None", "Expected `float`, got `null`"),
-    ("[0.5]", "Expected `float`, got `array`"),
-    ("True", "Expected `float`, got `bool`"),
+    ("'full'", "throttle is the text 'full', but must be a number from 0 to 1."),
+    ("None", "throttle is None, but must be a number"),
+    ("[0.5]", "throttle is the list [0.5], but must be a number"),
+    ("True", "throttle is True, but must be a number"),
 ]
 
 
@@ -333,6 +333,8 @@ def test_a_command_that_is_none_stops_the_run_with_the_value_found(
     assert (answer.status, answer.json["outcome"]) == (1, "error")
     assert found in answer.json["error"]
     assert "Try: " in answer.json["error"]
+    assert answer.json["error"].startswith("mine.py, line 20: return self.store_data_task(")
+    assert "It was stored at t = 0.000 s by on_radar() of component 'mine'." in answer.json["error"]
 
 
 def test_a_command_with_an_unknown_field_is_told_the_nearest_one(snr: Snr, mine: Mine) -> None:

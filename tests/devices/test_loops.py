@@ -1,10 +1,12 @@
 """Between devices and pages: readings in, commands out, neutral whenever in doubt. On both clocks."""
 
 import math
+import re
 from collections.abc import Callable
 from typing import Any
 
 import msgspec
+import numpy as np
 import pytest
 
 from snr_sim import (
@@ -53,15 +55,18 @@ def run(*factories: Any, clock: Callable[[], Any] = SimClock, end_s: float = 0.1
     return node
 
 
-def commands(*commands: Any, rate_hz: float = 100.0) -> TickerFactory:
-    """Stores these command pages, one at each tick, and then no more."""
-    left = iter(commands)
+def commands(*commands: Any, rate_hz: float = 100.0, taken_by: FakeActuator[Any] | None = None) -> TickerFactory:
+    """Stores these command pages, one at each tick, and then no more; the next only when the last was taken."""
+    left = list(commands)
 
     def send(loop: Any) -> None:
-        for command in left:
-            loop.store_data("engine", command)
+        if taken_by is not None and len(taken_by.written) < len(commands) - len(left):
             return
-        loop.stop()
+        if left:
+            command = left.pop(0)
+            loop.store_data("engine", command)
+        else:
+            loop.stop()
 
     return TickerFactory(send, "pilot", rate_hz)
 
@@ -90,7 +95,7 @@ def test_a_sensor_that_is_lost_ends_the_run_in_its_own_words_and_is_closed() -> 
 def test_commands_are_written_once_each_and_neutral_comes_first_and_last(clock: Callable[[], Any]) -> None:
     actuator = FakeActuator(Push, LIMITS)
     run(
-        commands({"thrust_n": 5.0}, {"thrust_n": 6.0, "gimbal_rad": 0.05}, rate_hz=20),
+        commands({"thrust_n": 5.0}, {"thrust_n": 6.0, "gimbal_rad": 0.05}, taken_by=actuator),
         engine(actuator),
         clock=clock,
         end_s=0.2,
@@ -160,9 +165,9 @@ def test_a_command_of_a_list_is_clamped_number_by_number() -> None:
         ({"thrust_n": math.nan}, "thrust_n"),
         ({"thrust_n": math.inf}, "thrust_n"),
         ({"thrst_n": 1.0}, "did you mean 'thrust_n'"),
-        ({"thrust_n": "full"}, "Expected `float`, got `str`"),
-        (5.0, "its fields are thrust_n, gimbal_rad"),
-        (None, "It holds None"),
+        ({"thrust_n": "full"}, "thrust_n is the text 'full', but must be a number from 0 to 40"),
+        (5.0, "it is the number 5.0, but must be a dict."),
+        (None, 'these fields: {"thrust_n": 0.0, "gimbal_rad": 0.0}'),
     ],
 )
 def test_a_command_that_is_none_leaves_the_actuator_neutral_and_stops_the_run(
@@ -170,12 +175,28 @@ def test_a_command_that_is_none_leaves_the_actuator_neutral_and_stops_the_run(
 ) -> None:
     actuator = FakeActuator(Push, LIMITS)
     with pytest.raises(ComponentFailed) as caught:
-        run(commands({"thrust_n": 5.0}, command, rate_hz=50), engine(actuator), clock=clock, end_s=2.0)
+        run(commands({"thrust_n": 5.0}, command, taken_by=actuator), engine(actuator), clock=clock, end_s=20.0)
     assert said in str(caught.value)
     assert "'engine_actuator'" in str(caught.value)
+    assert "by send() of component 'pilot'" in str(caught.value)
+    assert re.match(
+        r".*test_loops.py, line \d+: loop.store_data\(.engine., command\)\n  Page 'engine'", str(caught.value)
+    )
     assert actuator.written == [Push(5.0, 0.0)]
     assert actuator.is_neutral
     assert actuator.is_closed
+
+
+def test_a_wrong_command_from_another_node_is_said_to_be_its() -> None:
+    far = Page("engine", {"thrust_n": math.nan}, "topside_node", 0.0)
+    with pytest.raises(ComponentFailed, match=r"It was made at t = 0.000 s by node 'topside_node'"):
+        run(PartFactory(begin=lambda part: part.schedule(tasks.store_page(far))), engine(FakeActuator(Push, LIMITS)))
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    actuator = FakeActuator(Push, LIMITS)
+    run(commands({"thrust_n": np.float64(5.0), "gimbal_rad": np.float32(0.0)}), engine(actuator))
+    assert actuator.written == [Push(5.0, 0.0)]
 
 
 def test_after_a_wrong_command_the_actuator_does_not_wait_for_its_turn_to_be_halted() -> None:

@@ -1,0 +1,71 @@
+"""Who stores the pages of a key, found in the components' code: asked only when a page turned out to be a bad one.
+
+Nothing is kept while a node runs, as every page would pay for it. So this reads code, and answers with the lines that
+could have done it: usually one.
+"""
+
+from __future__ import annotations
+
+import dis
+import linecache
+from collections.abc import Iterable, Iterator
+from functools import partial
+from types import CodeType, FunctionType
+from typing import Any, NamedTuple
+
+from snr_sim.core.blame import Place, is_student_file, short_path
+from snr_sim.prelude.component import Component
+from snr_sim.prelude.page import DataKey
+
+
+class Author(NamedTuple):
+    """A line that names a key, and whose it is."""
+
+    component: str
+    function: str
+    place: Place
+
+
+def authors_of(key: DataKey, components: Iterable[Component]) -> list[Author]:
+    """Returns the lines in which these components could store pages of a key, in their order; each once.
+
+    Lines that name the key and speak of storing or of pages are preferred to those that only name it.
+    """
+    found = list(dict.fromkeys(author for component in components for author in _mentions(key, component)))
+    storing = [author for author in found if "store" in author.place.source or "page(" in author.place.source]
+    return storing or found
+
+
+def _mentions(key: DataKey, component: Component) -> Iterator[Author]:
+    own = vars(component)
+    for function in _functions(component):
+        names = {name for name, value in {**function.__globals__, **own}.items() if type(value) is str and value == key}
+        for code in _nested(function.__code__):
+            for step in dis.get_instructions(code):
+                is_named = step.opname.startswith("LOAD_") and (step.argval == key or step.argval in names)
+                line = step.positions.lineno if step.positions is not None else None
+                if is_named and line is not None and type(step.argval) is str:
+                    source = linecache.getline(code.co_filename, line).strip()
+                    place = Place(short_path(code.co_filename), line, function.__name__, source)
+                    yield Author(component.name, function.__name__, place)
+
+
+def _functions(component: Component) -> Iterator[FunctionType]:
+    """Yields what a student wrote for a component: methods of its class, and functions it or its factory was given."""
+    members = [member for kind in type(component).__mro__ for member in vars(kind).values()]
+    given = [*component.task_handlers.values(), *vars(component).values()]
+    made_by: Any = getattr(component, "factory", None)
+    given += vars(made_by).values() if hasattr(made_by, "__dict__") else ()
+    for member in (*members, *given):
+        function = member.func if isinstance(member, partial) else member
+        function = getattr(function, "__func__", function)
+        if isinstance(function, FunctionType) and is_student_file(function.__code__.co_filename):
+            yield function
+
+
+def _nested(code: CodeType) -> Iterator[CodeType]:
+    """Yields a function's code, and that of the functions and comprehensions in it."""
+    yield code
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _nested(constant)

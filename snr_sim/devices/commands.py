@@ -1,0 +1,116 @@
+"""A page's data as a command: taken if it is one; if not, it is said in plain words what is wrong with it."""
+
+from __future__ import annotations
+
+from typing import Any, get_args, get_origin
+
+import msgspec
+
+from snr_sim.prelude.errors import CommandError, nearest
+
+Limits = dict[str, tuple[float, float]]
+
+_SHOWN_LENGTH = 80
+
+
+def command_of(data: Any, wanted: type[Any], limits: Limits) -> Any:
+    """Returns the command that a page holds.
+
+    Args:
+        data: of the page: the command itself, or a dict of its fields.
+        wanted: struct of the actuator's commands.
+        limits: lowest and highest value of its fields.
+
+    Raises:
+        CommandError: it is no such command; says which field holds what, and what it must hold.
+    """
+    if type(data) is wanted:
+        return data
+    try:
+        return msgspec.convert(data, wanted)
+    except msgspec.ValidationError:
+        pass
+    try:
+        return msgspec.convert(_plain(data), wanted)
+    except msgspec.ValidationError as error:
+        raise _what_is_wrong(data, wanted, limits) from error
+
+
+def _plain(value: Any) -> Any:
+    """Returns a value with numpy's numbers and arrays as Python's."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
+def _what_is_wrong(data: Any, wanted: type[Any], limits: Limits) -> CommandError:
+    fields = msgspec.structs.fields(wanted)
+    names = [field.name for field in fields]
+    example = ", ".join(f'"{field.name}": {_default(field)}' for field in fields)
+    fix = f"store a dict with these fields: {{{example}}}."
+    if not isinstance(data, dict):
+        return CommandError(f"it is {in_words(data)}, but must be a dict.", fix)
+    for name in data:
+        if name not in names:
+            return CommandError(
+                f"it has the field {name!r}, which this actuator does not know.", nearest(str(name), names)
+            )
+    for field in fields:
+        if field.name not in data:
+            if field.required:
+                return CommandError(f"it has no field '{field.name}'.", fix)
+            continue
+        found = _wrong_value(field.name, data[field.name], field.type)
+        if found is not None:
+            place, value = found
+            must_be = _must_be(field.type if place == field.name else get_args(field.type)[0], limits.get(field.name))
+            return CommandError(f"{place} is {in_words(value)}, but must be {must_be}.", fix)
+    return CommandError(f"it is {in_words(data)}.", fix)
+
+
+def _wrong_value(place: str, value: Any, kind: Any) -> tuple[str, Any] | None:
+    """Returns where in a field something else stands than belongs there, and what; None if all is well."""
+    if get_origin(kind) is list and isinstance(value, (list, tuple)):
+        inside = (_wrong_value(f"{place}[{i}]", one, get_args(kind)[0]) for i, one in enumerate(value))
+        return next((found for found in inside if found is not None), None)
+    try:
+        msgspec.convert(_plain(value), kind)
+    except msgspec.ValidationError:
+        return place, value
+    return None
+
+
+def _must_be(kind: Any, limits: tuple[float, float] | None) -> str:
+    if get_origin(kind) is list:
+        inside = _must_be(get_args(kind)[0], limits)
+        return f"a list, each {inside}"
+    if kind not in (int, float):
+        return f"a {getattr(kind, '__name__', kind)}"
+    number = "a whole number" if kind is int else "a number"
+    return number if limits is None else f"{number} from {limits[0]:.4g} to {limits[1]:.4g}"
+
+
+def _default(field: Any) -> str:
+    return "..." if field.default is msgspec.NODEFAULT else repr(field.default)
+
+
+def in_words(value: Any) -> str:
+    """Returns what a value is and which, as its author would say it.
+
+    >>> in_words("full"), in_words([0.5]), in_words(None)
+    ("the text 'full'", 'the list [0.5]', 'None')
+    """
+    shown = repr(value)
+    if len(shown) > _SHOWN_LENGTH:
+        shown = shown[: _SHOWN_LENGTH - 3] + "..."
+    if isinstance(value, str):
+        return f"the text {shown}"
+    if value is None or isinstance(value, bool):
+        return shown
+    if isinstance(value, (int, float)):
+        return f"the number {shown}"
+    if isinstance(value, (list, tuple, dict, set)):
+        return f"the {type(value).__name__} {shown}"
+    return f"{shown}, which is of the type {type(value).__name__}"

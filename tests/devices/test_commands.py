@@ -1,0 +1,50 @@
+"""What a page holds is taken as a command, or told in plain words."""
+
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from snr_sim.devices.commands import command_of
+from snr_sim.prelude.errors import CommandError
+
+
+class Pwm(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    pulses_us: list[float]
+    gear: int = 1
+    mode: str = "idle"
+
+
+LIMITS = {"pulses_us": (1100.0, 1900.0)}
+
+
+@pytest.mark.parametrize(
+    "data",
+    [Pwm([1500.0]), {"pulses_us": [1500]}, {"pulses_us": np.array([1500.0])}, {"pulses_us": (np.float32(1500),)}],
+)
+def test_a_command_a_dict_and_numbers_of_numpy_are_taken(data: Any) -> None:
+    assert command_of(data, Pwm, LIMITS) == Pwm([1500.0])
+
+
+@pytest.mark.parametrize(
+    ("data", "said", "fix"),
+    [
+        ({}, "it has no field 'pulses_us'.", '{"pulses_us": ..., "gear": 1, "mode": \'idle\'}'),
+        ({"pulses_us": [1500, "x"]}, "pulses_us[1] is the text 'x', but must be a number from 1100 to 1900.", "pulses"),
+        ({"pulses_us": 5}, "pulses_us is the number 5, but must be a list, each a number from 1100 to 1900.", "pulses"),
+        ({"pulses_us": [], "gear": 1.5}, "gear is the number 1.5, but must be a whole number.", "gear"),
+        ({"pulses_us": [], "mode": 7}, "mode is the number 7, but must be a str.", "mode"),
+        ({"puls_us": []}, "it has the field 'puls_us', which this actuator does not know.", "mean 'pulses_us'?"),
+        ({5: []}, "it has the field 5, which this actuator does not know.", "one of: gear, mode, pulses_us."),
+        (["x"], "it is the list ['x'], but must be a dict.", "store a dict"),
+        (object, "it is <class 'object'>, which is of the type type, but must be a dict.", "store a dict"),
+        ({"pulses_us": ["x" * 500]}, "xxx..., but must be a number", "pulses_us"),
+    ],
+)
+def test_what_is_no_command_is_told_in_plain_words(data: Any, said: str, fix: str) -> None:
+    with pytest.raises(CommandError) as caught:
+        command_of(data, Pwm, LIMITS)
+    assert said in caught.value.message
+    assert fix in caught.value.fix
+    assert len(caught.value.message) < 200
