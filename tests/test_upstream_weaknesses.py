@@ -1,0 +1,252 @@
+"""The thirty things that the 2021 library got wrong when it was run, and where the tests stand that show ours does not.
+
+A test named `test_weakness_<number>_...` shows one by its name, wherever it stands. The table names the tests that
+show one under a name of their own.
+"""
+
+from __future__ import annotations
+
+import ast
+import logging
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from snr_sim import (
+    Config,
+    Expector,
+    ListReplayerFactory,
+    Node,
+    OrderedExpector,
+    Page,
+    PageReader,
+    RecorderEndpointFactory,
+    ReplayerLoopFactory,
+    SimClock,
+    Task,
+    TaskType,
+    TextReplayerFactory,
+    WallClock,
+    tasks,
+)
+from snr_sim.core.endpoint import EndpointFactory
+from snr_sim.core.lockstep import LockStep
+from snr_sim.core.loop import LoopFactory
+from snr_sim.core.runners import CliRunner
+from snr_sim.testing.parts import PartFactory, TickerFactory
+
+TESTS = Path(__file__).parent
+
+WEAKNESSES = {
+    1: "Ctrl-C can hang a node for good",
+    2: "a stack instead of a queue: a task that asks for itself starves all others",
+    3: "a stack instead of a queue: the order is reversed",
+    4: "the last data are lost at the end",
+    5: "an idle node burns a core, and loops are late",
+    6: "a TCP stream breaks under load",
+    7: "a large page never arrives",
+    8: "a round trip on loopback takes 100 ms",
+    9: "a two-way SocketsPair cannot start",
+    10: "a remote crash without credentials",
+    11: "no authentication, and it listens everywhere",
+    12: "reload all bricks the node",
+    13: "a second client breaks the first",
+    14: "an echo storm between two nodes that share a key",
+    15: "2 GiB of memory for a header of 4 bytes",
+    16: "overload: an unbounded queue of old data, without a word",
+    17: "the end waits for one sleep after the other",
+    18: "a reload of the recorder truncates its file",
+    19: "data that is not JSON kills the node that records",
+    20: "what is logged is not to be seen",
+    21: "MultiProcRunner does not start, spins, hides failures",
+    22: "SIGTERM leaves the motors on",
+    23: "two tasks cannot be compared",
+    24: "default values shared between objects",
+    25: "time moves when the computer's clock is set",
+    26: "a loop's rate drifts with its work",
+    27: "the profiler forgets, and leaves loops out",
+    28: "an expector masks the error that matters",
+    29: "looking for handlers costs more with every component",
+    30: "the text replayer never throttles",
+}
+
+ELSEWHERE = {
+    1: ["core/test_interrupts.py::test_nodes_interrupted_at_random_moments_all_halt_in_order_and_soon"],
+    2: [
+        "core/test_machine.py::test_an_event_that_reschedules_itself_starves_nobody",
+        "core/test_machine.py::test_a_terminate_task_from_another_thread_ends_a_node_that_is_busy_for_ever",
+    ],
+    3: ["core/test_machine.py::test_events_are_handled_in_the_order_they_were_scheduled"],
+    4: [
+        "core/test_machine.py::test_pages_stored_just_before_the_end_are_still_processed",
+        "std_mods/test_replayer.py::test_whoever_ends_the_run_waits_for_a_slow_handler",
+    ],
+    5: [
+        "core/test_threads.py::test_an_idle_node_costs_nothing",
+        "core/test_threads.py::test_a_loop_on_a_thread_keeps_its_mean_rate_although_it_works",
+    ],
+    17: [
+        "core/test_threads.py::test_a_timeout_does_not_hold_up_the_end",
+        "core/test_threads.py::test_twenty_slow_loops_end_together_and_not_one_after_the_other",
+    ],
+    18: ["std_mods/test_recorder.py::test_a_second_start_goes_on_in_the_same_file"],
+    19: ["std_mods/test_recorder.py::test_a_page_that_cannot_be_recorded_is_named_once_and_the_others_go_on"],
+    20: ["core/test_runners.py::test_with_d_the_command_line_shows_all_that_is_logged_and_the_profile"],
+    22: ["core/test_interrupts.py::test_a_signal_is_a_terminate_task_whose_reason_is_its_name"],
+    23: ["prelude/test_task.py::test_tasks_with_the_same_contents_are_equal_and_have_one_hash"],
+    24: ["prelude/test_task.py::test_each_task_has_a_list_of_its_own"],
+    25: ["core/test_threads.py::test_setting_the_computers_clock_does_not_move_node_time"],
+    26: ["core/test_threads.py::test_a_loop_on_a_thread_keeps_its_mean_rate_although_it_works"],
+    27: [
+        "core/test_profiler.py::test_the_mean_is_over_all_calls_and_the_largest_is_kept",
+        "core/test_profiler.py::test_a_run_in_debug_mode_knows_each_handler_and_each_loop",
+    ],
+    28: [
+        "testing/test_expector.py::test_an_exception_in_the_with_surfaces_as_itself",
+        "testing/test_expector.py::test_a_run_that_fails_is_not_masked_by_what_is_missing_in_consequence",
+    ],
+    29: ["core/test_handlers.py::test_who_handles_a_task_is_looked_up_once_and_not_at_every_task"],
+    30: ["std_mods/test_replayer.py::test_a_line_waits_for_the_answer_to_the_one_before"],
+}
+STILL_TO_SHOW = {6, 7, 8, 10, 11, 12, 13, 14, 16, 21}
+
+
+def all_tests() -> set[str]:
+    """Every test there is, as `core/test_node.py::test_name`."""
+    found = set()
+    for path in TESTS.rglob("test_*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef) and node.name.startswith("test_"):
+                found.add(f"{path.relative_to(TESTS).as_posix()}::{node.name}")
+    return found
+
+
+def test_every_weakness_of_2021_has_a_test_that_shows_ours_has_it_not() -> None:
+    there = all_tests()
+    gone = {test for tests in ELSEWHERE.values() for test in tests} - there
+    assert gone == set()
+    named = {int(number[1]) for test in there if (number := re.search(r"::test_weakness_(\d+)_", test))}
+    assert set(WEAKNESSES) - named - set(ELSEWHERE) <= STILL_TO_SHOW
+
+
+def run(*factories: Any, clock: Any = None) -> Node:
+    node = Node("r", Config(factories={"r": list(factories)}), clock=clock or SimClock())
+    node.loop()
+    return node
+
+
+@pytest.mark.parametrize("clock", [SimClock, WallClock])
+def test_weakness_4_all_of_ten_pages_due_at_once_are_processed_before_exit(tmp_path: Path, clock: type) -> None:
+    file, done = tmp_path / "x", list[Any]()
+    file.write_bytes(b"".join(Page("x", i, "pool_node", 0.0).serialize() + b"\n" for i in range(10)))
+    part = PartFactory()
+    part.handlers = {(TaskType.process_data, "x"): lambda task, task_id: done.append(task)}
+    run(part, ReplayerLoopFactory(file, exit=True), clock=clock())
+    assert len(done) == 10
+
+
+def test_weakness_18_a_recorder_made_anew_in_the_middle_of_a_run_goes_on_where_it_was(tmp_path: Path) -> None:
+    file = tmp_path / "x"
+    factory = RecorderEndpointFactory(file, "x")
+
+    def swap(task: Task, task_id: Any) -> None:
+        """What a reload does: the old one is halted and terminated, its factory makes the new one."""
+        old = node.components["recorder"]
+        old.join()
+        old.terminate()
+        new = factory.get(node)
+        node.components["recorder"] = new
+        new.begin()
+        node.handlers_changed()
+
+    config = {
+        "r": [
+            factory,
+            PartFactory({(TaskType.event, "swap"): swap}),
+            ListReplayerFactory([1, 2, 3], "x", rate_hz=10),
+            TickerFactory(lambda loop: loop.schedule(tasks.event("swap")), rate_hz=8),
+        ]
+    }
+    clock = SimClock()
+    node = Node("r", Config(factories=config), clock=clock)
+    LockStep([node], clock, until_s=1.0).run()
+    assert [page.data for page in PageReader(file)] == [1, 2, 3]
+    assert file.read_text().count('"start"') == 1
+
+
+def test_weakness_19_an_unknown_object_costs_its_own_page_and_an_array_none(tmp_path: Path) -> None:
+    file = tmp_path / "x"
+    values = [object(), np.int64(7), np.array([1, 2])]
+    node = run(RecorderEndpointFactory(file, "x"), ListReplayerFactory(values, "x", exit_when_done=True))
+    assert node.exit_reason == "replayed"
+    pages = list(PageReader(file))
+    assert [page.data.tolist() for page in pages] == [7, [1, 2]]
+    assert pages[1].data.dtype == np.int64
+
+
+@pytest.mark.parametrize("level", ["debug", "info", "warning", "error"])
+def test_weakness_20_a_component_that_logs_is_heard_with_d_at_every_level(
+    level: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    logger = logging.getLogger("snr")
+    before = (logger.handlers[:], logger.level, logger.propagate)
+    part = PartFactory(begin=lambda it: [getattr(it.log, level)("depth?"), it.schedule(tasks.terminate("done"))])
+    try:
+        CliRunner({"r": [part]}, ["robot.py", "-d", "r"]).run()
+    finally:
+        logger.handlers[:], logger.level, logger.propagate = before
+    assert f"{level.upper()} snr.r_node.part: depth?" in capsys.readouterr().err
+
+
+def test_weakness_23_tasks_can_be_compared_and_kept_in_a_set() -> None:
+    assert tasks.event("a", [1]) == tasks.event("a", [1])
+    assert tasks.event("a", [1]) != tasks.event("a", [2])
+    assert len({tasks.event("a"), tasks.event("a"), tasks.event("b")}) == 2
+
+
+def test_weakness_24_no_two_objects_share_what_they_were_given_by_default() -> None:
+    tasks.event("a").val_list.append(1)
+    Task(TaskType.event, "a").val_list.append(1)
+    assert (tasks.event("b").val_list, Task(TaskType.event, "b").val_list) == ([], [])
+    for factory in (EndpointFactory, LoopFactory):
+        factory().reload_targets.append(logging)
+        assert factory().reload_targets == []
+    roles: dict[str, Any] = {"r": [PartFactory()]}
+    Config(factories=roles).factories["r"].append(PartFactory())
+    assert len(Config(factories=roles).get("r")) == 1
+
+
+def test_weakness_25_time_is_monotonic_and_one_for_all_nodes_of_a_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = WallClock()
+    first_s = clock.now_s()
+    monkeypatch.setattr("time.time", lambda: 0.0)  # set back by half a century
+    assert clock.now_s() >= first_s >= 0.0
+    stamps: list[float] = []
+    common = SimClock()
+    common.call_at(2.5, lambda: None)
+    common.run_next()
+    for role in ("topside", "urov"):
+        node = Node(role, Config(factories={role: [PartFactory()]}), clock=common)
+        stamps.append(node.page("x", 1).created_at_s)
+    assert stamps == [2.5, 2.5]
+
+
+def test_weakness_28_an_order_that_goes_on_after_its_last_task_is_a_sentence() -> None:
+    with pytest.raises(KeyError, match="what matters"), Expector({TaskType.event: 1}):
+        raise KeyError("what matters")
+    expector = OrderedExpector([(TaskType.event, "a")])
+    for _ in range(2):
+        expector.hear(tasks.event("a"))
+    assert "nothing more" in expector.complaints()[0]
+
+
+def test_weakness_30_a_text_comes_line_by_line_at_its_rate(tmp_path: Path) -> None:
+    file, times = tmp_path / "moves", list[float]()
+    file.write_text("\n".join("abc"))
+    ear = PartFactory()
+    ear.handlers = {(TaskType.store_page, "move"): lambda task, _: times.append(task.val_list[0].created_at_s)}
+    run(ear, TextReplayerFactory(file, "move", exit=True, rate_hz=2))
+    assert times == [0.0, 0.5, 1.0]
