@@ -13,10 +13,14 @@ Callback: TypeAlias = Callable[[], None]
 
 
 class WallClock:
-    """Seconds since it was made, from the monotonic clock: setting the computer's clock does not move it."""
+    """Seconds since it was made, from the monotonic clock: setting the computer's clock does not move it.
 
-    def __init__(self) -> None:
-        self._start_s = time.monotonic()
+    Args:
+        start_s: `time.monotonic()` at zero, if it goes on where another process' clock began; now if not given.
+    """
+
+    def __init__(self, start_s: float | None = None) -> None:
+        self._start_s = time.monotonic() if start_s is None else start_s
 
     def now_s(self) -> float:
         """Returns seconds since the clock was made."""

@@ -1,12 +1,12 @@
 """Loops: the components that bring the outside in. What a loop schedules is an input; everything else follows.
 
 The author writes `setup`, `loop`, `halt` and `terminate`; who calls them is the backing's business
-(`core/backing.py`): the virtual clock in lock step, or a thread of its own on the wall clock.
+(`core/backing.py`): the virtual clock in lock step; on the wall clock a thread of its own, or a process.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from snr_sim.core.backing import Backing, ClockBacking, ThreadBacking
 from snr_sim.core.clocks import SimClock
@@ -40,6 +40,9 @@ class Loop(NodeComponent):
         ParameterError: the rate is negative or not a number.
     """
 
+    # What calls the loop on the wall clock. "process" is for heavy work, such as vision: a thread would keep everything
+    # else in the node from running. In lock step the virtual clock calls all loops.
+    backing: Literal["thread", "process"] = "thread"
     first_tick_after_s: float = 0.0  # how long after `begin` the first `loop` comes; a loop may set its own
     # When the next `loop` is to come, by the node's time, for a loop that knows better than its rate; it sets it anew
     # in each `loop`. At once if that has passed.
@@ -66,10 +69,28 @@ class Loop(NodeComponent):
         """Called once after the last `loop`, on the same thread."""
 
     def begin(self) -> None:
-        """Starts ticking."""
-        backing: Backing = ClockBacking(self) if isinstance(self.parent.clock, SimClock) else ThreadBacking(self)
+        """Starts ticking.
+
+        Raises:
+            ConfigError: the loop is to run in a process, and its factory cannot be sent there.
+        """
+        self.begin_on(ClockBacking(self) if isinstance(self.parent.clock, SimClock) else self._own_backing())
+
+    def begin_on(self, backing: Backing) -> None:
+        """Starts ticking on a backing: in a process the process' own, anywhere else `begin` chooses."""
         self._backing = backing
         backing.start()
+
+    def _own_backing(self) -> Backing:
+        if self.backing == "thread":
+            return ThreadBacking(self)
+        if self.backing == "process":
+            from snr_sim.core.process_backing import ProcessBacking  # slow to import, and few robots need it
+
+            return ProcessBacking(self)
+        raise ParameterError(
+            f"Loop '{self.name}' has backing = {self.backing!r}.", fix='backing = "thread" or backing = "process".'
+        )
 
     def stop(self) -> None:
         """Asks for no more ticks: a loop that has nothing left to bring calls this itself."""

@@ -1,0 +1,191 @@
+"""Factories on their way into another process: packed here, unpacked there, and said in words where that cannot be.
+
+Only this way: a process gets objects from who started it, and sends back nothing but plain values. Code goes by name,
+so the process reads the same files: also those that were loaded by path, such as a robot's, and the program itself.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import io
+import pickle
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec
+from types import FunctionType, ModuleType
+from typing import Any
+
+from snr_sim.core import spawned
+from snr_sim.core.blame import short_path
+from snr_sim.prelude.errors import ConfigError
+
+_MAIN = "__main__"
+_MAIN_THERE = "__main_of_parent__"  # not "__main__", so that what stands under `if __name__ == ...` does not run
+
+
+def pack(thing: Any, name: str, user: str) -> dict[str, Any]:
+    """Returns plain values that `unpack` makes the same object of, in another process.
+
+    Args:
+        thing: a factory, or several.
+        name: its name in words, such as "VisionFactory".
+        user: who needs it, such as "loop 'vision'".
+
+    Raises:
+        ConfigError: it cannot go there; names the attribute, and what to do.
+    """
+    try:
+        data, modules = _dump(thing)
+    except Exception as error:  # a student's __reduce__ may raise anything
+        where, what = _culprit(thing, error)
+        raise ConfigError(
+            f"{user} runs in a process of its own, and {name}{where} cannot be sent there: {what}.",
+            fix=_fix(what),
+        ) from error
+    main = sys.modules[_MAIN]
+    if _MAIN in modules and not getattr(main, "__file__", None):
+        raise ConfigError(
+            f"{user} runs in a process of its own, and {name} is defined where no file is: at a prompt, in a notebook.",
+            fix="put its class into a file, and import it from there.",
+        )
+    return {
+        "pickle": data,
+        "modules": {module: place for name in modules for module, place in _places(name)},
+        "main": [getattr(main.__spec__, "name", None), main.__file__] if _MAIN in modules else None,
+        "argv": sys.argv,
+    }
+
+
+def unpack(packed: Mapping[str, Any]) -> Any:
+    """Returns the object that was packed.
+
+    Raises:
+        Exception: whatever the files it comes from raise when they are read here.
+    """
+    sys.argv[:] = packed["argv"]
+    sys.meta_path.insert(0, _PackedFinder(packed["modules"]))
+    if packed["main"] is not None:
+        _read_main(*packed["main"])
+    return _Unpacker(io.BytesIO(packed["pickle"])).load()
+
+
+class _Packer(pickle.Pickler):
+    """Sends modules by name, and takes down whose classes and functions are needed."""
+
+    def __init__(self, file: io.BytesIO) -> None:
+        super().__init__(file)
+        self.modules: dict[str, None] = {}
+
+    def persistent_id(self, obj: Any) -> str | None:
+        """Returns a module's name: reload targets are modules."""
+        if not isinstance(obj, ModuleType):
+            return None
+        self.modules[obj.__name__] = None
+        return obj.__name__
+
+    def reducer_override(self, obj: Any) -> Any:
+        """Takes down the module of a class or function."""
+        if isinstance(obj, (type, FunctionType)) and isinstance(obj.__module__, str):
+            self.modules[obj.__module__] = None
+        return NotImplemented
+
+
+class _Unpacker(pickle.Unpickler):
+    def persistent_load(self, pid: Any) -> ModuleType:
+        """Returns the module of that name."""
+        return importlib.import_module(pid)
+
+
+def _dump(thing: Any) -> tuple[bytes, list[str]]:
+    file = io.BytesIO()
+    packer = _Packer(file)
+    packer.dump(thing)
+    return file.getvalue(), list(packer.modules)
+
+
+def _places(name: str) -> Iterator[tuple[str, list[Any]]]:
+    """Yields a module and the packages it is in, each with its file and the folders of its submodules."""
+    parts = name.split(".")
+    if parts[0] in ("snr_sim", _MAIN) or parts[0] in sys.stdlib_module_names:
+        return
+    for end in range(1, len(parts) + 1):
+        part = ".".join(parts[:end])
+        module = sys.modules.get(part)
+        file, folders = getattr(module, "__file__", None), getattr(module, "__path__", None)
+        if module is not None and (folders is not None if file is None else file.endswith(".py")):
+            yield part, [file, None if folders is None else list(folders)]
+
+
+class _PackedFinder(MetaPathFinder):
+    """Finds each module where the other process has it from, whatever else may have its name."""
+
+    def __init__(self, places: Mapping[str, Sequence[Any]]) -> None:
+        self._places = places
+
+    def find_spec(self, fullname: str, path: Any, target: Any = None) -> ModuleSpec | None:
+        """Returns the spec of a module that was packed."""
+        if fullname not in self._places:
+            return None
+        file, folders = self._places[fullname]
+        if file is not None:
+            return importlib.util.spec_from_file_location(fullname, file, submodule_search_locations=folders)
+        spec = ModuleSpec(fullname, None, is_package=True)
+        spec.submodule_search_locations = folders
+        return spec
+
+
+def _read_main(name: str | None, file: str) -> None:
+    """Reads the program that the other process is running, without what stands under `if __name__ == "__main__"`."""
+    spawned.is_reading_main = True
+    try:
+        if name is not None:  # python -m name
+            sys.modules[_MAIN] = importlib.import_module(name)
+            return
+        spec = importlib.util.spec_from_file_location(_MAIN_THERE, file)
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[_MAIN] = sys.modules[_MAIN_THERE] = module
+        spec.loader.exec_module(module)
+    finally:
+        spawned.is_reading_main = False
+
+
+def _culprit(thing: Any, error: Exception) -> tuple[str, str]:
+    """Returns the way to the innermost part that cannot be sent, such as "'s attribute `on_tick`", and what it is."""
+    way = ""
+    while True:
+        for step, part in _parts(thing):
+            try:
+                _dump(part)
+            except Exception as its_error:
+                way, thing, error = way + step, part, its_error
+                break
+        else:
+            return (f"'s attribute `{way.lstrip('.')}`" if way else ""), _description(thing, error)
+
+
+def _parts(thing: Any) -> Iterator[tuple[str, Any]]:
+    if isinstance(thing, dict):
+        yield from ((f"[{key!r}]", value) for key, value in thing.items())
+    elif isinstance(thing, (list, tuple, set, frozenset)):
+        yield from ((f"[{place}]", value) for place, value in enumerate(thing))
+    elif not isinstance(thing, (type, FunctionType, ModuleType)):
+        yield from ((f".{name}", value) for name, value in getattr(thing, "__dict__", {}).items())
+
+
+def _description(thing: Any, error: Exception) -> str:
+    if isinstance(thing, FunctionType):
+        place = f"{short_path(thing.__code__.co_filename)}, line {thing.__code__.co_firstlineno}"
+        return f"a lambda ({place})" if thing.__name__ == "<lambda>" else f"a function inside another one ({place})"
+    if "<locals>" in type(thing).__qualname__:
+        return f"its class {type(thing).__name__} is defined inside a function"
+    return f"{type(thing).__name__} ({error})"
+
+
+def _fix(what: str) -> str:
+    if "inside" in what or "lambda" in what:
+        return "define it with def or class at the top level of a file: a process finds code by its name."
+    return "open files, ports and cameras in the loop's setup(): that runs in the process. Keep their names here."
