@@ -107,7 +107,7 @@ class Loop(NodeComponent):
         return self._backing is not None and self._backing.is_stopped
 
     @property
-    def backing(self) -> Backing | None:
+    def caller(self) -> Backing | None:
         """Who calls the loop, once it has begun; knows how often that was, and how late."""
         return self._backing
 

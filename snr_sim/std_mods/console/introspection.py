@@ -54,7 +54,7 @@ def loops(node: Node) -> View:
 
 
 def _pulse(loop: Loop) -> dict[str, Any]:
-    backing = loop.backing
+    backing = loop.caller
     return {} if backing is None else {"ticks": backing.ticks, "late_s": backing.late_s}
 
 
