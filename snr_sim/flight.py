@@ -127,7 +127,11 @@ class Flight:
             wall_time_s=wall_time_s,
             tasks=sum(node.machine.executed for node in self.nodes),
             pages=sum(node.datastore.stored for node in self.nodes),
-            notes=[*notes, *(note for node in self.nodes for note in node.notes)],
+            notes=[
+                *notes,
+                *([f"{verdict.outcome}: {verdict.why}."] if verdict.why else []),
+                *(note for node in self.nodes for note in node.notes),
+            ],
             error=error,
             signal=signals[0] if signals else "",
         )

@@ -21,10 +21,15 @@ class Landing(Protocol):
     touchdown: Touchdown | None
     fuel_kg: float
 
+    @property
+    def why(self) -> str:
+        """What ended it badly, in words."""
+        ...
+
 
 def judge(plant: Landing) -> Verdict | None:
     """Returns how it ended, or None while it flies."""
-    return None if plant.outcome is None else Verdict(plant.outcome, success=plant.outcome == "landed")
+    return None if plant.outcome is None else Verdict(plant.outcome, plant.outcome == "landed", plant.why)
 
 
 def vertical_metrics(plant: Lander1D, start: VerticalStart, engine: Engine) -> dict[str, Any]:
@@ -49,7 +54,7 @@ def plane_metrics(plant: Lander2D, start: PlaneStart, ground: Terrain) -> dict[s
 def _metrics(plant: Landing, fuel_kg: float, optimum_kg: float) -> dict[str, Any]:
     touchdown = plant.touchdown
     return {
-        "touchdown": touchdown and {key: touchdown[key] for key in ("vertical_mps", "lateral_mps", "attitude_deg")},
+        "touchdown": touchdown and dict(touchdown),
         "fuel_kg": fuel_kg,
         "fuel_optimum_kg": optimum_kg,
         "fuel_ratio": fuel_kg / optimum_kg,

@@ -53,12 +53,36 @@ class GearLimits:
 
     def holds(self, touchdown: Touchdown) -> bool:
         """Returns whether the gear survives. A touchdown exactly at a limit does."""
-        return (
-            abs(touchdown["lateral_mps"]) <= self.lateral_mps
-            and touchdown["vertical_mps"] <= self.vertical_limit(touchdown["lateral_mps"])
-            and abs(touchdown["attitude_deg"]) <= math.degrees(self.attitude_rad)
-            and abs(touchdown["rate_degps"]) <= math.degrees(self.rate_radps)
+        return not self.passed(touchdown)
+
+    def passed(self, touchdown: Touchdown) -> list[str]:
+        """Returns which limits a touchdown passes, in words; none if the gear survives.
+
+        >>> GearLimits().passed(Touchdown(vertical_mps=3.0, lateral_mps=0.61, attitude_deg=-7.5, rate_degps=0.0))
+        ['vertical 3.000 m/s is over 2.59 m/s (3.05 if it did not slide)', 'attitude -7.500 deg is over 6 deg']
+        """
+        vertical, lateral = touchdown["vertical_mps"], touchdown["lateral_mps"]
+        slides = f" ({self.vertical_mps:g} if it did not slide)" if lateral else ""
+        # What slides too fast is judged as at the fastest slide: it is not also told that it came down too fast.
+        takes_mps = self.vertical_limit(min(abs(lateral), self.lateral_mps))
+        limits = (
+            ("vertical", vertical, vertical, takes_mps, "m/s", slides),
+            ("lateral", lateral, abs(lateral), self.lateral_mps, "m/s", ""),
+            (
+                "attitude",
+                touchdown["attitude_deg"],
+                abs(touchdown["attitude_deg"]),
+                math.degrees(self.attitude_rad),
+                "deg",
+                "",
+            ),
+            ("rate", touchdown["rate_degps"], abs(touchdown["rate_degps"]), math.degrees(self.rate_radps), "deg/s", ""),
         )
+        return [
+            f"{name} {value:.3f} {unit} is over {limit:.3g} {unit}{remark}"
+            for name, value, size, limit, unit, remark in limits
+            if not size <= limit  # also a NaN
+        ]
 
 
 APOLLO_GEAR = GearLimits()

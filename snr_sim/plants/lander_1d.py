@@ -175,6 +175,13 @@ class Lander1D:
             self.outcome = "crashed" if self.fuel_kg > 0.0 else "out_of_fuel"
         self.height_m = self.velocity_mps = self.throttle = 0.0
 
+    @property
+    def why(self) -> str:
+        """What ended it badly, in words; empty if nothing did."""
+        if self.outcome == "lost":
+            return "it left the region that is simulated"
+        return "; ".join(self.gear.passed(self.touchdown)) if self.touchdown is not None else ""
+
     def snapshot(self) -> State:
         """Returns all of the state."""
         return State(

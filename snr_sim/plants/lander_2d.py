@@ -260,6 +260,16 @@ class Lander2D:
         self._kick = self._leg_kick = NO_KICK
         self.throttle = self._throttle_goal = self._jets = 0.0
 
+    @property
+    def why(self) -> str:
+        """What ended it badly, in words; empty if nothing did."""
+        if self.outcome == "lost":
+            return "it left the region that is simulated"
+        passed = self.module.gear.passed(self.touchdown) if self.touchdown is not None else []
+        if self.outcome == "crashed" and not passed:  # the gear took the first contact, but not what followed
+            passed = ["the hull met the ground" if self._hull.has_touched else "it tipped over on its legs"]
+        return "; ".join(passed)
+
     # -- being measured -----------------------------------------------------------------------------------------------
 
     def _read_pose(self) -> Pose:

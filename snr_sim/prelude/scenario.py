@@ -33,10 +33,12 @@ class Verdict:
     Args:
         outcome: one word for result.json, such as 'landed' or 'crashed'.
         success: whether the scenario's criterion was met.
+        why: what was against it, in words for a note: which limit was passed, and by what number.
     """
 
     outcome: str
     success: bool
+    why: str = ""
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ UNITS = {
     "hz": "Hz",
     "us": "µs",
     "deg": "°",
+    "degps": "°/s",
 }
 # Where a student looks first; other units follow in the order in which they appear.
 UNITS_FIRST = ("m", "m/s", "", "kg", "rad", "rad/s")

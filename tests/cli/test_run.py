@@ -42,7 +42,7 @@ def test_a_run_prints_one_json_object_which_is_its_result(snr: Snr, here: Path) 
         "scenario", "seed", "engine", "success", "outcome", "touchdown", "fuel_kg", "fuel_optimum_kg", "fuel_ratio",
         "sim_time_s", "wall_time_s", "tasks", "pages", "trace_digest", "run_dir",
     } <= fields.keys()  # fmt: skip
-    assert fields["touchdown"].keys() == {"vertical_mps", "lateral_mps", "attitude_deg"}
+    assert fields["touchdown"].keys() == {"vertical_mps", "lateral_mps", "attitude_deg", "rate_degps"}
     assert (fields["outcome"], fields["success"], fields["seed"]) == ("landed", True, 0)
     folder = run_folder(here)
     assert Path(fields["run_dir"]) == folder.relative_to(here)
@@ -62,6 +62,8 @@ def test_a_run_in_words_says_how_it_ended_and_where_it_is(snr: Snr, here: Path) 
 def test_a_run_that_misses_its_criterion_ends_with_status_1(snr: Snr) -> None:
     answer = snr(*RUN, "--controller", "coast", "--json")
     assert (answer.status, answer.json["outcome"], answer.json["success"]) == (1, "crashed", False)
+    assert "crashed: vertical 56.921 m/s is over 3.05 m/s." in answer.json["notes"]
+    assert answer.json["touchdown"].keys() == {"vertical_mps", "lateral_mps", "attitude_deg", "rate_degps"}
 
 
 def test_the_same_seed_gives_the_same_digest_and_another_one_another(snr: Snr) -> None:

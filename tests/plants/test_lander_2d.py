@@ -14,7 +14,7 @@ from snr_sim.prelude.errors import MissingExtra, ParameterError, PlantError, Unk
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import EngineCommand
 
-FORGIVING = GearLimits(99.0, 99.0, 99.0, 3.0, 9.0)
+FORGIVING = GearLimits(99.0, 99.0, 99.0, 4.0, 9.0)
 SLOPE = make_terrain(3, relief_m=0.0, pad_slope_rad=0.1)
 
 
@@ -158,7 +158,7 @@ def test_the_nozzle_turns_also_while_the_engine_is_off(apollo: LunarModule) -> N
 def test_a_module_that_flies_away_is_lost(apollo: LunarModule) -> None:
     plant = Lander2D(apollo, start(vx=100.0))
     run(plant, 5.0)
-    assert plant.outcome == "lost"
+    assert (plant.outcome, plant.why) == ("lost", "it left the region that is simulated")
 
 
 # -- ground -----------------------------------------------------------------------------------------------------------
@@ -184,6 +184,7 @@ def test_what_the_gear_cannot_take_is_a_crash(apollo: LunarModule, how: dict[str
     assert plant.outcome == "crashed"
     assert plant.touchdown is not None
     assert not apollo.gear.holds(plant.touchdown)
+    assert plant.why == "; ".join(apollo.gear.passed(plant.touchdown)) != ""
 
 
 def test_a_crash_without_propellant_is_called_out_of_fuel(apollo: LunarModule) -> None:
@@ -195,7 +196,7 @@ def test_a_crash_without_propellant_is_called_out_of_fuel(apollo: LunarModule) -
 def test_a_module_that_comes_in_head_first_is_stopped_by_its_hull(apollo: LunarModule) -> None:
     plant = drop(replace(apollo, gear=FORGIVING), height=3.0, tilt=math.pi)
     run(plant, 8.0)
-    assert plant.outcome == "crashed"
+    assert (plant.outcome, plant.why) == ("crashed", "the hull met the ground")
     assert pose(plant).z_m == pytest.approx(3.1, abs=0.05)
 
 
@@ -204,6 +205,7 @@ def test_a_module_that_slides_into_a_slope_tips_over(apollo: LunarModule) -> Non
     plant = Lander2D(replace(apollo, gear=FORGIVING), start(z=6.0, vx=4.0, vz=-2.0, rate=-0.5, ground=steep))
     run(plant, 15.0)
     assert plant.outcome == "crashed"
+    assert plant.why in ("the hull met the ground", "it tipped over on its legs")
     assert abs(pose(plant).attitude_rad) > 0.5
 
 

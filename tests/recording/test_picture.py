@@ -97,9 +97,9 @@ def test_it_says_what_ran_how_it_ended_and_what_it_cost(tmp_path: Path, words: l
 
 
 def test_the_touchdown_told_is_the_judged_one_and_no_other(tmp_path: Path, words: list[str]) -> None:
-    judged = {"vertical_mps": 0.9, "lateral_mps": -0.33, "attitude_deg": -2.43}
+    judged = {"vertical_mps": 0.9, "lateral_mps": -0.33, "attitude_deg": -2.43, "rate_degps": 0.5}
     picture.draw_run(header(), descent(4.0), tmp_path / "run.png", "landed", judged)
-    assert any("touchdown: vertical 0.9 m/s, lateral -0.3 m/s, attitude -2.4 °" in text for text in words)
+    assert any("touchdown: vertical 0.9 m/s, lateral -0.3 m/s, attitude -2.4 °, rate 0.5 °/s" in text for text in words)
     words.clear()
     drawn(tmp_path, descent(4.0))
     assert not any("touchdown" in text for text in words)
