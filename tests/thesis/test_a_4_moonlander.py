@@ -1,0 +1,117 @@
+"""Listing A.4: a lunar module whose pilot asks a Q function what to do; on the course's own plant, so that it flies.
+
+    snr run lander_vertical --controller tests/thesis/test_a_4_moonlander.py
+
+What was wrong. The program could not start: its endpoint lacked begin, halt and terminate, its factory had no place
+for the Q function, names were not imported, and a handler asserted that one value was an int and a float. Its text
+speaks of `TaskType.store_data` and `tasks.store_data`, which never existed, and calls `self.get_page` in a ThreadLoop,
+which had none. There was no plant either: what the pilot did changed nothing.
+
+What we changed. The factory takes the Q function, which is any function of (state, action), or a table of values. The
+pilot answers each radar page with the action of the highest value. Endpoints need begin, halt and terminate only if
+they have something to do there; loops have get_page. Sensor and engine come from the robot `lander`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TypeAlias
+
+from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
+from snr_sim.flight import Flight, Result
+from snr_sim.simulation import Request, prepare
+
+ACTIONS = (0.0, 0.15, 0.3, 0.45, 0.6, 1.0)  # throttle
+State: TypeAlias = tuple[float, float]  # altitude_m, velocity_mps
+Cell: TypeAlias = tuple[int, int]
+QFunction: TypeAlias = Callable[[State, float], float]
+
+
+class MoonLanderFactory(EndpointFactory):
+    """Makes the pilot, and keeps what it has learnt."""
+
+    def __init__(self, q_function: QFunction, actions: Sequence[float] = ACTIONS) -> None:
+        super().__init__()
+        self.q_function = q_function
+        self.actions = tuple(actions)
+
+    def get(self, parent: Node) -> Endpoint:
+        return MoonLander(self, parent, "moon_lander")
+
+
+class MoonLander(Endpoint):
+    """Takes the best action at each reading of the radar."""
+
+    factory: MoonLanderFactory
+
+    def __init__(self, factory: MoonLanderFactory, parent: Node, name: str) -> None:
+        super().__init__(factory, parent, name)
+        self.task_handlers = {(TaskType.process_data, "radar"): self.act}
+
+    def act(self, task: Task, task_id: TaskId) -> SomeTasks:
+        radar = self.get_data("radar")
+        state = (radar["altitude_m"], radar["velocity_mps"])
+        best = max(self.factory.actions, key=lambda action: self.factory.q_function(state, action))
+        return self.store_data_task("engine", {"throttle": best})
+
+
+def braking_q(state: State, action: float) -> float:
+    """The nearer an action brings the velocity to one that fits the height, the better it is."""
+    altitude_m, velocity_mps = state
+    wanted_mps = -min(1.0 + 0.06 * altitude_m, 30.0)
+    acceleration_mps2 = action * 45_040.0 / 7_900.0 - 1.62
+    return -abs(velocity_mps + acceleration_mps2 * 0.5 - wanted_mps)
+
+
+def cell_of(state: State) -> Cell:
+    """The cell of a table that a state lies in: 2 m and 0.5 m/s wide near the ground, where it matters."""
+    altitude_m, velocity_mps = state
+    return int(altitude_m / 2.0 if altitude_m < 100.0 else 40.0 + altitude_m / 10.0), round(velocity_mps * 2.0)
+
+
+def from_table(table: Mapping[Cell, Mapping[float, float]]) -> QFunction:
+    """A Q function that looks its values up; what was never visited is worth nothing."""
+    return lambda state, action: table.get(cell_of(state), {}).get(action, 0.0)
+
+
+def learnt_table() -> dict[Cell, dict[float, float]]:
+    """A table as learning would leave it: the values of `braking_q` in the middle of each cell."""
+    table: dict[Cell, dict[float, float]] = {}
+    for row in range(160):
+        altitude_m = row * 2.0 + 1.0 if row < 50 else (row - 40) * 10.0 + 5.0
+        for column in range(-80, 21):
+            state = (altitude_m, column / 2.0)
+            table[cell_of(state)] = {action: braking_q(state, action) for action in ACTIONS}
+    return table
+
+
+def factories(robot: object) -> list[EndpointFactory]:
+    """What `snr run --controller` asks for."""
+    return [MoonLanderFactory(braking_q)]
+
+
+def fly_with(q_function: QFunction) -> Result:
+    simulation = prepare(Request("lander_vertical", controller=str(Path(__file__))))
+    plant = simulation.plant()
+    config = simulation.config(plant)
+    for role in config.factories.values():
+        role[:] = [MoonLanderFactory(q_function) if type(one).__name__ == "MoonLanderFactory" else one for one in role]
+    return Flight(simulation, plant, config).run()
+
+
+def test_the_program_lands_as_it_stands() -> None:
+    simulation = prepare(Request("lander_vertical", controller=str(Path(__file__))))
+    plant = simulation.plant()
+    result = Flight(simulation, plant, simulation.config(plant)).run()
+    assert result.success, result
+
+
+def test_a_table_that_was_learnt_lands_too() -> None:
+    assert fly_with(from_table(learnt_table())).success
+
+
+def test_whoever_has_learnt_nothing_falls() -> None:
+    result = fly_with(from_table({}))
+    assert not result.success
+    assert abs(result.metrics["touchdown"]["vertical_mps"]) > 50.0  # free fall from 1000 m on the moon: 57
