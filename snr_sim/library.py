@@ -316,9 +316,6 @@ def _load_failure(error: BaseException, path: Path, while_doing: str) -> SnrErro
         return ConfigError(
             f"{found}\n  while {while_doing}", fix="name a Python file; an editor that saves UTF-8 text makes one."
         )
-    if isinstance(error, SyntaxError) and error.filename:
-        place = f"{short_path(error.filename)}, line {error.lineno}: {(error.text or '').strip()}"
-        return ConfigError(f"{place}\n  SyntaxError: {error.msg}\n  while {while_doing}")
     return ConfigError(describe_error(error, f"while {while_doing}"))
 
 

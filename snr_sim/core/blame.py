@@ -92,13 +92,20 @@ def describe_error(error: BaseException, while_doing: str, otherwise: Place | No
         while_doing: what the component was doing, in its own names.
         otherwise: the place to show if no line of a student's raised it.
     """
-    place = student_place(error.__traceback__) or otherwise
+    place = _place_of_syntax(error) or student_place(error.__traceback__) or otherwise
     if isinstance(error, SnrError):
         what, fix = error.message, error.fix
     else:
-        what, fix = f"{type(error).__name__}: {error}", ""
+        what, fix = f"{type(error).__name__}: {error.msg if isinstance(error, SyntaxError) else error}", ""
     what = without_addresses(what)
     if isinstance(error, SystemExit):
         fix = "a component ends the run with tasks.terminate('why'), so that everything is halted and recorded."
-    lines = [*([str(place)] if place else []), what, while_doing, *([f"Try: {fix}"] if fix else [])]
+    is_said = place is None or what.startswith(str(place))
+    lines = [*([] if is_said else [str(place)]), what, while_doing, *([f"Try: {fix}"] if fix else [])]
     return "\n  ".join(lines)
+
+
+def _place_of_syntax(error: BaseException) -> Place | None:
+    if not isinstance(error, SyntaxError) or not error.filename:
+        return None
+    return Place(short_path(error.filename), error.lineno or 0, "", (error.text or "").strip())

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from snr_sim.core.node import Node
 
+CORE_NAME = "node_core"  # the node's own endpoint
 _STORE_PAGE = TaskType.store_page  # looked up once: in Python 3.11 a member of an Enum takes 0.1 us to find
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeAlias
 
 from snr_sim.core.profiler import Profiler
+from snr_sim.prelude import tasks
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ConfigError, TaskError, nearest
 from snr_sim.prelude.task import Task, TaskHandler, TaskId, TaskName, TaskType
@@ -50,7 +51,7 @@ class Lookup:
     """
 
     def __init__(self, components: Mapping[str, Component], profiler: Profiler | None = None) -> None:
-        self._components = components
+        self.components = components
         self._profiler = profiler
         self.cache: dict[TaskType, dict[TaskName, tuple[Entry, ...]]] = {kind: {} for kind in TaskType}
         self._seen: dict[TaskType, dict[TaskName, tuple[Entry, ...]]] = {kind: {} for kind in TaskType}
@@ -82,11 +83,14 @@ class Lookup:
         by_name = self.cache[task.type]
         entries = by_name.get(task.name)
         if entries is None:
-            entries = by_name[task.name] = tuple(self._search(task.type, task.name))
+            entries = tuple(self._search(task.type, task.name))
+            if task.type is TaskType.reload or (task.type is TaskType.event and task.name in tasks.CHANGE_TASK_NAMES):
+                entries = entries[1:] + entries[:1]  # node_core last: nobody is called after it was taken out
+            by_name[task.name] = entries
         return entries
 
     def _search(self, kind: TaskType, name: TaskName) -> Iterable[Entry]:
-        for component in self._components.values():
+        for component in self.components.values():
             handlers = component.task_handlers
             for task_id in ((kind, name), kind):
                 if task_id in handlers:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from snr_sim.core.component import CORE_NAME
 from snr_sim.core.datastore import Datastore
 from snr_sim.core.handlers import Entry, describe
-from snr_sim.core.node_core import CORE_NAME
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import nearest
 from snr_sim.prelude.task import TaskName, TaskType

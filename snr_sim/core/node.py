@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from snr_sim.core.blame import describe_error, place_of, put_place_first, without_addresses
 from snr_sim.core.clocks import SimClock, WallClock
-from snr_sim.core.config import AnyFactory, Config
+from snr_sim.core.config import Config
 from snr_sim.core.datastore import Datastore
 from snr_sim.core.door import Door
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
@@ -18,6 +18,7 @@ from snr_sim.core.loose_ends import loose_ends
 from snr_sim.core.machine import EventMachine, HandlerFailed, as_tasks
 from snr_sim.core.node_core import NodeCore
 from snr_sim.core.recording_machine import RecordingMachine
+from snr_sim.core.sources import being_read
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import Component, RoleName
 from snr_sim.prelude.errors import ComponentFailed, ConfigError, SnrError, TaskError, TraceError
@@ -72,7 +73,7 @@ class Node:
         self.door = Door()
         self.datastore = Datastore()
         self.profiler = config.get_profiler()
-        self.components: dict[str, Component] = {}
+        self.components: dict[str, Component] = {}  # a new dict after each change at run time: threads read it
         self.exit_reason: str | None = None
         self.notes: list[str] = []
         latch = None if isinstance(self.clock, SimClock) else self.clock.now_s
@@ -87,13 +88,20 @@ class Node:
         self._begun: list[Component] = []
         self._is_over = False
         self._failures: list[ComponentFailed] = []  # those that stand in the trace
+        self._places: dict[str, int] = {}
+        self._last_place = 0
         self._core = NodeCore(self)
-        self._add(self._core)
-        for factory in config.get(role):
+        self._add(self._core, 0)
+        for self._last_place, factory in enumerate(config.get(role), 1):
             if not (is_replay and isinstance(factory, LoopFactory)):
-                self._add(self._make(factory))
+                self._add(self.make(factory), self._last_place)
 
-    def _make(self, factory: AnyFactory) -> Component:
+    def make(self, factory: Any) -> Endpoint | Loop:
+        """Returns what a factory makes, checked; it is not yet a part of the node.
+
+        Raises:
+            ConfigError: that is no component.
+        """
         name = type(factory).__name__
         if not isinstance(factory, (EndpointFactory, LoopFactory)):
             raise ConfigError(
@@ -108,7 +116,7 @@ class Node:
         except (Exception, SystemExit) as error:
             what = f"while {name}.get() made a component of role '{self.role}'"
             raise ConfigError(describe_error(error, what)) from error
-        wanted = Endpoint if isinstance(factory, EndpointFactory) else Loop
+        wanted: type[Endpoint | Loop] = Endpoint if isinstance(factory, EndpointFactory) else Loop
         if not isinstance(component, wanted):
             raise ConfigError(
                 f"{name}.get() of role '{self.role}' returned {component!r}, but should return a {wanted.__name__}.",
@@ -128,7 +136,7 @@ class Node:
             )
         return component
 
-    def _add(self, component: Component) -> None:
+    def _add(self, component: Component, place: int) -> None:
         other = self.components.get(component.name)
         if other is not None:
             raise ConfigError(
@@ -137,6 +145,17 @@ class Node:
                 fix="give each component a name of its own in its factory.",
             )
         self.components[component.name] = component
+        self._places[component.name] = place
+        self.machine.lookup.forget()
+
+    def exchange(self, old: Component | None, new: Component | None) -> None:
+        """Puts a component in the place of another one of its name; None: last, or nothing."""
+        items = [(name, new if one is old else one) for name, one in self.components.items()]
+        if old is None and new is not None:
+            items.append((new.name, new))
+            self.give_place(new.name)
+        self.components = {name: one for name, one in items if one is not None}
+        self.machine.lookup.components = self.components
         self.machine.lookup.forget()
 
     # Life: begin, run until ended, end. `loop` does all three.
@@ -156,8 +175,13 @@ class Node:
 
         Raises:
             ComponentFailed: a component could not begin.
-            ConfigError: the node has run before.
+            ConfigError: the node has run before, or a file that is read again for a reload starts it.
         """
+        if being_read.get():
+            raise ConfigError(
+                f"{being_read.get()} starts a node while it is read again for a reload.",
+                fix="put what starts the robot under: if __name__ == '__main__':",
+            )
         if self._begun or self._is_over:
             raise ConfigError(f"Node '{self.name}' has already run.", fix="make a new Node for a new run.")
         self._thread_id = threading.get_ident()
@@ -165,13 +189,45 @@ class Node:
         if self._recorder is not None:
             self._recorder.begun(self.machine.now_s, self.name, ())  # so that a replay begins at the same time
         for component in self.components.values():
-            self._begun.append(component)
-            try:
-                self.machine.begin_component(component)
-            except (ComponentFailed, TraceError):
-                raise
-            except (Exception, SystemExit) as error:
-                raise self.failure_of(component, error, "begin") from error
+            self._begin(component, self.machine.begin_component)
+
+    def _begin(self, component: Component, begin: Callable[[Component], None]) -> None:
+        self._begun.append(component)
+        try:
+            begin(component)
+        except (ComponentFailed, TraceError):
+            raise
+        except (Exception, SystemExit) as error:
+            raise self.failure_of(component, error, "begin") from error
+
+    def begin_late(self, component: Component) -> None:
+        """Begins a component while a task is handled; what it schedules follows from that task.
+
+        Raises:
+            ComponentFailed: it raised.
+        """
+        running = self.machine.running
+        self.machine.running = component
+        try:
+            self._begin(component, lambda one: one.begin())
+        finally:
+            self._begun.sort(key=lambda one: self._places[one.name])
+            self.machine.running = running
+
+    def end_early(self, component: Component) -> list[ComponentFailed]:
+        """Halts and terminates a component before the node ends; returns what went wrong. Does nothing twice."""
+        if not self.has_begun(component):
+            return []
+        self._begun = [one for one in self._begun if one is not component]
+        running, failures = self.machine.running, list[ComponentFailed]()
+        self._call_last(component, "join", component.join, failures)
+        self._call_last(component, "terminate", component.terminate, failures)
+        self.machine.running = running
+        return failures
+
+    def has_begun(self, component: Component) -> bool:
+        """Returns whether a component has begun and has not been terminated."""
+        return any(one is component for one in self._begun)
 
     def run_ready(self) -> None:
         """Executes tasks until none is left or the node has ended.
@@ -319,8 +375,14 @@ class Node:
         self.machine.lookup.forget()
 
     def order_of(self, component_name: str) -> int:
-        """Returns a component's place among the node's components."""
-        return list(self.components).index(component_name)
+        """Returns a component's place among the node's components; one that is made anew keeps it."""
+        return self._places[component_name]
+
+    def give_place(self, component_name: str, place: int | None = None) -> None:
+        """Says where a component stands; behind all others, if no place is given."""
+        if place is None:
+            place = self._last_place = self._last_place + 1
+        self._places[component_name] = place
 
     # Data
 

@@ -1,11 +1,14 @@
-"""The node's own endpoint, first of its components: it stores pages and ends the run."""
+"""The node's own endpoint, first of its components: it stores pages, changes the components, and ends the run."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
+from snr_sim.core.component import CORE_NAME
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
+from snr_sim.core.reload import Changes, Outcome
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import TaskError
 from snr_sim.prelude.page import DataKey, Page
@@ -14,21 +17,28 @@ from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 if TYPE_CHECKING:
     from snr_sim.core.node import Node
 
-CORE_NAME = "node_core"
 _PROCESS_DATA = TaskType.process_data  # looked up once: in Python 3.11 a member of an Enum takes 0.1 us to find
 
 
 class NodeCore(Endpoint):
-    """Stores pages before anybody else sees the task, and asks for their processing after."""
+    """Stores pages before anybody else sees the task, and asks for their processing after.
+
+    A page `reload`, `add_component` or `remove_component` tells what came of such a task.
+    """
 
     def __init__(self, parent: Node) -> None:
         super().__init__(EndpointFactory(), parent, CORE_NAME)
         self._put = parent.datastore.put
         # Ways out of the node, by key: links send these pages on. Not part of the machine, so not of a replay.
         self.taps: dict[DataKey, list[Callable[[Page], None]]] = {}
+        self._changes = Changes(parent)
         self.task_handlers = {
             TaskType.store_page: self.store,
             TaskType.terminate: self.end_node,
+            TaskType.reload: self.reload,
+            (TaskType.event, tasks.ADD_COMPONENT_TASK_NAME): self.add_component,
+            (TaskType.event, tasks.REMOVE_COMPONENT_TASK_NAME): self.remove_component,
+            (TaskType.event, tasks.REMOVE_ENDPOINT_TASK_NAME): self.remove_component,
             (TaskType.event, tasks.FINISH_TASK_NAME): self.finish,
         }
 
@@ -56,3 +66,27 @@ class NodeCore(Endpoint):
         if generations > 0:
             return Task(task.type, task.name, [reason, generations - 1])
         return tasks.terminate(reason)
+
+    def reload(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Makes the component of that name anew, or all; further names may stand in the values."""
+        return self._tell(TaskType.reload.value, self._changes.reload(task.name, task.val_list))
+
+    def add_component(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Adds what a factory makes."""
+        factory = task.val_list[0] if task.val_list else None
+        is_started = len(task.val_list) < 2 or bool(task.val_list[1])
+        return self._tell(tasks.ADD_COMPONENT_TASK_NAME, self._changes.add(factory, is_started))
+
+    def remove_component(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Removes the component of that name."""
+        name = task.val_list[0] if task.val_list else ""
+        return self._tell(tasks.REMOVE_COMPONENT_TASK_NAME, self._changes.remove(name))
+
+    def _tell(self, key: DataKey, outcome: Outcome) -> SomeTasks:
+        """Says what came of a change: in the log, at the end of the run if it failed, and in a page."""
+        if outcome.ok:
+            self.log.info("%s", outcome.message)
+        else:
+            self.log.warning("%s", outcome.message)
+            self.parent.note(outcome.message)
+        return self.store_data_task(key, asdict(outcome))

@@ -12,7 +12,9 @@ if TYPE_CHECKING:
     from snr_sim.prelude.component import Factory
 
 ADD_COMPONENT_TASK_NAME = "add_component"
-REMOVE_ENDPOINT_TASK_NAME = "remove_endpoint"
+REMOVE_COMPONENT_TASK_NAME = "remove_component"
+REMOVE_ENDPOINT_TASK_NAME = "remove_endpoint"  # the thesis' name for the same
+CHANGE_TASK_NAMES = frozenset((ADD_COMPONENT_TASK_NAME, REMOVE_COMPONENT_TASK_NAME, REMOVE_ENDPOINT_TASK_NAME))
 FINISH_TASK_NAME = "finish_node"
 # How often a task that finishes a node goes to the end of the queue: so many generations of what follows are done.
 FINISH_GENERATIONS = 10
@@ -47,11 +49,26 @@ def finish(reason: str) -> Task:
     return Task(TaskType.event, FINISH_TASK_NAME, [reason, FINISH_GENERATIONS])
 
 
-def reload_component(name: str) -> Task:
-    """Returns a task that makes the component of that name anew from its factory."""
-    return Task(TaskType.reload, name)
+def reload_component(name: str, *more: str) -> Task:
+    """Returns a task that makes components anew, from the code that stands in their files then.
+
+    Args:
+        name: of the component; "all" is every one.
+        more: names of others to be made anew together with it: a file that they share is read once.
+    """
+    return Task(TaskType.reload, name, list(more))
 
 
 def add_component(factory: Factory, start_component: bool = True) -> Task:
-    """Returns a task that adds what the factory makes to the running node."""
+    """Returns a task that adds what the factory makes to the running node.
+
+    Args:
+        factory: of the component.
+        start_component: whether its `begin` is called. If not, nor are `halt` and `terminate`.
+    """
     return Task(TaskType.event, ADD_COMPONENT_TASK_NAME, [factory, start_component])
+
+
+def remove_component(name: str) -> Task:
+    """Returns a task that halts the component of that name and takes it out of the running node."""
+    return Task(TaskType.event, REMOVE_COMPONENT_TASK_NAME, [name])

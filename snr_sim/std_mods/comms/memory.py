@@ -13,8 +13,9 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from snr_sim.core.clocks import SimClock
+from snr_sim.core.component import CORE_NAME
 from snr_sim.core.node import Node
-from snr_sim.core.node_core import CORE_NAME, NodeCore
+from snr_sim.core.node_core import NodeCore
 from snr_sim.prelude.component import RoleName
 from snr_sim.prelude.errors import ConfigError, ParameterError, UnknownName, nearest
 from snr_sim.prelude.page import DataKey, Page

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from snr_sim.core.node_core import CORE_NAME
+from snr_sim.core.component import CORE_NAME
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import nearest
 from snr_sim.prelude.page import Page

@@ -1,0 +1,432 @@
+"""Hot reload: new code between two tasks, with the factory's state; whatever is wrong with it, the old code goes on."""
+
+import hashlib
+import importlib
+import re
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from textwrap import dedent
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from snr_sim import Config, FakeActuator, Node, Page, SimClock, Task, TaskType, tasks
+from snr_sim.core.lockstep import LockStep
+from snr_sim.devices.loops import ActuatorLoopFactory
+from snr_sim.prelude.signals import EngineCommand
+from snr_sim.testing.parts import PartFactory, TickerFactory
+
+PILOT = """
+    from snr_sim import Endpoint, EndpointFactory, TaskType
+
+    GAIN = 1
+
+    class Pilot(Endpoint):
+        def __init__(self, factory, parent, name):
+            super().__init__(factory, parent, name)
+            factory.made += 1
+            self.task_handlers = {(TaskType.event, "fly"): self.on_fly}
+
+        def on_fly(self, task, task_id):
+            return self.store_data_task("thrust", [GAIN * task.val_list[0], self.factory.made])
+
+        def terminate(self):
+            self.factory.log.append("terminated")
+
+    class PilotFactory(EndpointFactory):
+        def __init__(self, name="pilot"):
+            super().__init__()
+            self.name = name
+            self.made = 0
+            self.log = []
+
+        def get(self, parent):
+            return Pilot(self, parent, self.name)
+"""
+
+
+class Student:
+    """Somebody who writes files in a folder that Python imports from, and saves them while the robot runs."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def save(self, source: str, name: str = "pilot.py") -> Path:
+        path = self.folder / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(dedent(source).lstrip("\n"), encoding="utf-8")
+        return path
+
+    def load(self, source: str, name: str = "pilot.py") -> ModuleType:
+        self.save(source, name)
+        importlib.invalidate_caches()
+        return importlib.import_module(name.removesuffix(".py").replace("/", "."))
+
+
+@pytest.fixture
+def student(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Student]:
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    known = set(sys.modules)
+    yield Student(tmp_path)
+    for name in set(sys.modules) - known:
+        if str(tmp_path) in str(getattr(sys.modules[name], "__file__", "")):
+            del sys.modules[name]
+
+
+def run(
+    factories: list[Any], steps: list[Callable[[], Any]], period_s: float = 1.0, until_s: float | None = None
+) -> tuple[Node, list[Any]]:
+    """Runs a node in virtual time; a step a second does something outside and returns what it brings in."""
+    clock = SimClock()
+    node = Node("r", Config(factories={"r": factories}), clock=clock)
+    seen: list[Any] = []
+    for i, step in enumerate(steps, 1):
+        clock.call_at(i * period_s, lambda step=step: node.enter(step(), "keyboard"))  # type: ignore[misc]
+    node.components["node_core"].taps.setdefault("thrust", []).append(lambda page: seen.append(page.data))  # type: ignore[attr-defined]
+    LockStep([node], clock, until_s=until_s).run()
+    return node, seen
+
+
+def fly(value: int = 3) -> Task:
+    return tasks.event("fly", [value])
+
+
+def reload(student: Student, source: str, *names: str) -> Callable[[], Task]:
+    def step() -> Task:
+        student.save(source)
+        return tasks.reload_component(*(names or ("pilot",)))
+
+    return step
+
+
+def outcome(node: Node) -> dict[str, Any]:
+    page = node.get_page("reload")
+    assert page is not None
+    return dict(page.data)
+
+
+# New code, old state
+
+
+def test_new_code_is_in_use_from_the_next_task_on_and_the_factory_keeps_its_state(student: Student) -> None:
+    factory = student.load(PILOT).PilotFactory()
+    node, thrusts = run([factory], [fly, reload(student, PILOT.replace("GAIN = 1", "GAIN = 5")), fly])
+    assert thrusts == [[3, 1], [15, 2]]
+    assert factory.log == ["terminated", "terminated"]
+    assert outcome(node)["ok"]
+    assert node.notes == []
+
+
+def test_the_page_says_which_files_were_read_with_their_sha256(student: Student) -> None:
+    factory = student.load(PILOT).PilotFactory()
+    node, _ = run([factory], [reload(student, PILOT + "\n")])
+    digest = hashlib.sha256((student.folder / "pilot.py").read_bytes()).hexdigest()
+    assert outcome(node) == {
+        "component": "pilot",
+        "ok": True,
+        "message": "Made anew: pilot.",
+        "made": ["pilot"],
+        "sources": {f"{student.folder.name}/pilot.py": digest},
+    }
+
+
+def test_nothing_queued_is_lost_and_the_order_stays(student: Student) -> None:
+    factory = student.load(PILOT).PilotFactory()
+    change = reload(student, PILOT.replace("GAIN = 1", "GAIN = 5"))
+    _, thrusts = run([factory], [lambda: [fly(1), change(), *(fly(i) for i in range(2, 1000))]])
+    assert thrusts == [[1, 1], *([5 * i, 2] for i in range(2, 1000))]
+
+
+# Bad code
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        (PILOT.replace("return self", "retrun self"), r"^\S*pilot.py, line 12: retrun self.*\n  SyntaxError"),
+        (PILOT.replace("GAIN = 1", "GAIN = 1 / 0"), r"^\S*pilot.py, line 3: GAIN = 1 / 0\n  ZeroDivisionError"),
+        (PILOT.replace("GAIN = 1", "raise SystemExit(3)"), r"^\S*pilot.py, line 3: raise SystemExit"),
+        (PILOT.replace("factory.made += 1", "factory.mode"), r"^\S*pilot.py, line 8: factory.mode\n  AttributeError"),
+        (PILOT.replace("return Pilot(", "Pilot("), r"PilotFactory.get\(\) of role 'r' returned None(.|\n)*return My"),
+        (PILOT.replace("return Pilot(self, parent, self.name)", "return 42"), "returned 42, but should return a"),
+        (PILOT.replace("parent, self.name", "parent, 'plot'"), "now makes a component 'plot' in the place of 'pilot'"),
+        (PILOT.replace("PilotFactory", "PilotFactroy"), "no longer has the class PilotFactory.\n(.|\n)*PilotFactroy"),
+        (PILOT.replace('(TaskType.event, "fly")', '("fly", TaskType.event)'), "the two are swapped"),
+        (PILOT.replace("EndpointFactory", "LoopFactory"), "should return a Loop"),
+        ("", "no longer has the class PilotFactory"),
+    ],
+)
+def test_bad_code_keeps_the_old_one_and_says_why_with_the_line_first(
+    student: Student, source: str, message: str
+) -> None:
+    module = student.load(PILOT)
+    factory = module.PilotFactory()
+    before = dict(vars(module))
+    node, thrusts = run([factory], [fly, reload(student, source), fly])
+    assert thrusts == [[3, 1], [3, 1]]
+    assert factory.log == ["terminated"]
+    assert vars(module) == before
+    page = outcome(node)
+    assert not page["ok"]
+    assert page["made"] == []
+    assert node.notes == [page["message"]]
+    assert re.search(message, page["message"]), page["message"]
+    assert page["message"].endswith("Kept as before: pilot.")
+
+
+def test_a_component_that_cannot_begin_leaves_its_place_to_the_old_one_which_begins_again(student: Student) -> None:
+    module = student.load(PILOT + "\n        def begin(self): pass\n")
+    factory = module.PilotFactory()
+    broken = PILOT.replace("def terminate", "def begin(self):\n            self.missing()\n\n        def terminate")
+    node, thrusts = run([factory], [fly, reload(student, broken), fly])
+    assert [value for value, _ in thrusts] == [3, 3]
+    assert "in begin() of component 'pilot'" in outcome(node)["message"]
+    assert "AttributeError" in outcome(node)["message"].splitlines()[1]
+
+
+def test_a_bad_file_can_be_mended_and_reloaded(student: Student) -> None:
+    factory = student.load(PILOT).PilotFactory()
+    good = PILOT.replace("GAIN = 1", "GAIN = 5")
+    _, thrusts = run([factory], [reload(student, "x = ("), reload(student, good), fly])
+    assert thrusts == [[15, 2]]
+
+
+# Names
+
+
+def test_reloading_an_unknown_name_offers_the_nearest(student: Student) -> None:
+    node, thrusts = run([student.load(PILOT).PilotFactory()], [lambda: tasks.reload_component("pilto"), fly])
+    assert "has no component 'pilto':\n  Try: did you mean 'pilot'?" in node.notes[0]
+    assert thrusts == [[3, 1]]
+
+
+def test_reloading_the_node_itself_is_refused(student: Student) -> None:
+    node, thrusts = run([student.load(PILOT).PilotFactory()], [lambda: tasks.reload_component("node_core"), fly])
+    assert "is the node itself" in node.notes[0]
+    assert thrusts == [[3, 1]]
+
+
+def test_weakness_12_reload_all_does_not_brick_the_node(student: Student) -> None:
+    one = student.load(PILOT).PilotFactory()
+    two = student.load(PILOT.replace('"fly"', '"other"'), "second.py").PilotFactory("second")
+    ended = PartFactory({(TaskType.event, "stop"): lambda task, task_id: tasks.terminate("stopped")})
+    changed = reload(student, PILOT.replace("GAIN = 1", "GAIN = 5"), "all")
+    node, thrusts = run([one, two, ended], [changed, fly, lambda: tasks.event("stop"), lambda: None])
+    assert outcome(node)["made"] == ["pilot", "second", "part"]
+    assert thrusts == [[15, 2]]
+    assert node.exit_reason == "stopped"
+
+
+def test_reload_all_tells_who_failed_and_the_others_go_on(student: Student) -> None:
+    one = student.load(PILOT).PilotFactory()
+    two = student.load(PILOT.replace('"fly"', '"other"'), "second.py").PilotFactory("second")
+    node, thrusts = run(
+        [two, one], [lambda: student.save("x = (", "second.py") and None, reload(student, PILOT, "all"), fly]
+    )
+    assert outcome(node)["made"] == ["pilot"]
+    assert "second.py, line 1" in node.notes[0]
+    assert "Kept as before: second." in node.notes[0]
+    assert thrusts == [[3, 2]]
+
+
+def test_reload_all_reads_a_file_once_for_all_who_stand_in_it(student: Student) -> None:
+    counting = "import builtins\nbuiltins.snr_reads = getattr(builtins, 'snr_reads', 0) + 1\n" + dedent(PILOT)
+    module = student.load(counting)
+    import builtins
+
+    builtins.snr_reads = 0  # type: ignore[attr-defined]
+    node, _ = run([module.PilotFactory(name) for name in "abc"], [reload(student, counting, "all")])
+    assert outcome(node)["made"] == ["a", "b", "c"]
+    assert builtins.snr_reads == 1  # type: ignore[attr-defined]
+    del builtins.snr_reads  # type: ignore[attr-defined]
+
+
+# Loops
+
+
+LOOP = """
+    from snr_sim import Loop, LoopFactory
+
+    class Counter(Loop):
+        def setup(self):
+            self.factory.log.append("setup")
+
+        def loop(self):
+            self.factory.count += 1
+            self.store_data("thrust", self.factory.count)
+
+        def halt(self):
+            self.factory.log.append("halt")
+
+        def terminate(self):
+            self.factory.log.append("terminate")
+
+    class CounterFactory(LoopFactory):
+        def __init__(self):
+            super().__init__()
+            self.count = 0
+            self.log = []
+
+        def get(self, parent):
+            return Counter(self, parent, "counter", max_tick_rate_hz=10)
+"""
+
+
+def test_a_loop_reloads_too_its_old_ticks_end_and_new_ones_begin(student: Student) -> None:
+    factory = student.load(LOOP).CounterFactory()
+    faster = LOOP.replace("+= 1", "+= 100")
+    _, counts = run([factory], [reload(student, faster, "counter")], 0.25, until_s=0.5)
+    assert counts == [1, 2, 3, 103, 203, 303]
+    assert factory.log == ["setup", "halt", "terminate", "setup", "halt", "terminate"]
+
+
+def test_a_loop_whose_new_setup_fails_goes_on_with_the_old_one(student: Student) -> None:
+    factory = student.load(LOOP).CounterFactory()
+    broken = LOOP.replace('self.factory.log.append("setup")', "self.port.open()")
+    node, counts = run([factory], [reload(student, broken, "counter")], 0.25, until_s=0.5)
+    assert counts == [1, 2, 3, 4, 5, 6]
+    assert "self.port.open()" in node.notes[0].splitlines()[0]
+
+
+# Adding and removing
+
+
+def logging_part(log: list[str], name: str = "part", handlers: Any = None) -> PartFactory:
+    def step(what: str) -> Callable[[Any], None]:
+        return lambda part: log.append(f"{part.name} {what}")
+
+    return PartFactory(handlers, name, begin=step("began"), halt=step("halted"), terminate=step("terminated"))
+
+
+def test_an_added_component_begins_handles_and_ends_like_the_others() -> None:
+    log: list[str] = []
+    handlers = {(TaskType.event, "fly"): lambda task, task_id: log.append("flew")}
+    node, _ = run([], [fly, lambda: tasks.add_component(logging_part(log, "late", handlers)), fly])
+    assert log == ["late began", "flew", "late halted", "late terminated"]
+    assert node.get_data("add_component")["made"] == ["late"]
+
+
+def test_an_added_component_that_is_not_to_be_started_handles_tasks_only() -> None:
+    log: list[str] = []
+    handlers = {(TaskType.event, "fly"): lambda task, task_id: log.append("flew")}
+    run([], [lambda: tasks.add_component(logging_part(log, "late", handlers), start_component=False), fly])
+    assert log == ["flew"]
+
+
+def test_an_added_loop_ticks_and_its_pages_are_inputs() -> None:
+    late = TickerFactory(lambda loop: loop.store_data("thrust", loop.get_time_s()), rate_hz=10.0)
+    _, seen = run([], [lambda: tasks.add_component(late)], 0.25, until_s=0.5)
+    assert seen == [0.25, 0.35, 0.45]
+
+
+def test_a_removed_component_is_halted_and_its_handlers_are_gone_at_once() -> None:
+    log: list[str] = []
+    handlers = {TaskType.event: lambda task, task_id: log.append(task.name)}
+    factory = logging_part(log, "part", handlers)
+    node, _ = run([factory], [lambda: [tasks.event("a"), tasks.remove_component("part"), tasks.event("b")]])
+    assert log == ["part began", "a", "remove_component", "part halted", "part terminated"]
+    assert list(node.components) == ["node_core"]
+
+
+def test_the_thesis_name_for_removing_works_too() -> None:
+    node, _ = run([PartFactory()], [lambda: tasks.event(tasks.REMOVE_ENDPOINT_TASK_NAME, ["part"])])
+    assert list(node.components) == ["node_core"]
+
+
+def test_a_component_can_remove_itself() -> None:
+    log: list[str] = []
+    handlers = {(TaskType.event, "fly"): lambda task, task_id: tasks.remove_component("part")}
+    run([logging_part(log, "part", handlers)], [fly, fly])
+    assert log == ["part began", "part halted", "part terminated"]
+
+
+def test_a_removed_loop_stops_ticking_and_is_halted() -> None:
+    log: list[str] = []
+    loop = TickerFactory(
+        lambda loop: loop.store_data("thrust", 1), rate_hz=10.0, halt=lambda loop: log.append("halted")
+    )
+    _, seen = run([loop], [lambda: tasks.remove_component("ticker")], 0.25, until_s=0.5)
+    assert seen == [1, 1, 1]
+    assert log == ["halted"]
+
+
+def test_a_removed_actuator_goes_to_neutral() -> None:
+    actuator = FakeActuator(EngineCommand, {"throttle": (0.0, 1.0)})
+    thruster = ActuatorLoopFactory("engine", lambda: actuator, 10.0, timeout_s=10.0)
+    states: list[bool] = []
+
+    def command() -> Task:
+        return Task(TaskType.store_page, "engine", [Page("engine", {"throttle": 0.7}, "test", 0.0)])
+
+    def look() -> None:
+        states.append(actuator.is_neutral)
+
+    run([thruster], [command, look, lambda: tasks.remove_component("engine_actuator"), look], 0.25, until_s=1.0)
+    assert states == [False, True]
+
+
+@pytest.mark.parametrize("name", [tasks.REMOVE_ENDPOINT_TASK_NAME, tasks.REMOVE_COMPONENT_TASK_NAME])
+@pytest.mark.parametrize("values", [["sockets_loop"], [], [None], [["part"]], [42]])
+def test_weakness_10_removing_an_unknown_component_is_told_and_the_node_goes_on(name: str, values: list[Any]) -> None:
+    node, _ = run([PartFactory()], [lambda: tasks.event(name, values), lambda: tasks.terminate("done"), lambda: None])
+    assert node.exit_reason == "done"
+    assert "has no component" in node.notes[0]
+    assert list(node.components) == ["node_core", "part"]
+
+
+def test_removing_the_node_itself_is_refused() -> None:
+    node, _ = run([PartFactory()], [lambda: tasks.remove_component("node_core")])
+    assert "is the node itself" in node.notes[0]
+    assert list(node.components) == ["node_core", "part"]
+
+
+def test_adding_a_second_component_of_a_name_keeps_the_first() -> None:
+    log: list[str] = []
+    steps = [lambda: tasks.add_component(logging_part(log, "part"))]
+    node, _ = run([logging_part(log, "part")], steps)
+    assert "A component 'part' is to be added, but there is one: a Part. It stays." in node.notes[0]
+    assert log == ["part began", "part halted", "part terminated"]
+
+
+@pytest.mark.parametrize("component", [None, 42])
+def test_a_factory_that_makes_no_component_at_run_time_is_named_and_the_node_goes_on(component: Any) -> None:
+    factory = PartFactory()
+    factory.get = lambda parent: component  # type: ignore[method-assign]
+    node, _ = run([], [lambda: tasks.add_component(factory), lambda: tasks.terminate("done"), lambda: None])
+    assert f"PartFactory.get() of role 'r' returned {component}" in node.notes[0]
+    assert node.exit_reason == "done"
+
+
+def test_what_is_no_factory_is_not_added() -> None:
+    node, _ = run([], [lambda: tasks.event(tasks.ADD_COMPONENT_TASK_NAME)])
+    assert "where a factory belongs" in node.notes[0]
+
+
+def test_an_added_component_that_cannot_begin_is_halted_and_left_out() -> None:
+    log: list[str] = []
+    factory = logging_part(log, "late")
+    factory.on_begin = lambda part: part.missing()
+    node, _ = run([], [lambda: tasks.add_component(factory), lambda: None])
+    assert "in begin() of component 'late'" in node.notes[0]
+    assert log == ["late halted", "late terminated"]
+    assert list(node.components) == ["node_core"]
+
+
+def test_components_may_be_looked_at_from_a_thread_while_they_change() -> None:
+    parts = [PartFactory(name=f"part {i}") for i in range(50)]
+    iterator: list[Any] = []
+
+    def look(task: Task, task_id: Any) -> None:
+        iterator.append(iter(node.components.values()))
+
+    clock = SimClock()
+    node = Node(
+        "r", Config(factories={"r": [PartFactory({(TaskType.event, "look"): look}, "looking"), *parts]}), clock=clock
+    )
+    node.enter([tasks.event("look"), *(tasks.remove_component(f"part {i}") for i in range(50))], "test")
+    LockStep([node], clock).run()
+    assert len(list(iterator[0])) == 52  # as it was when the looking began
+    assert len(node.components) == 2
