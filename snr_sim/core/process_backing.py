@@ -18,8 +18,9 @@ from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
 
 from snr_sim.core.backing import JOIN_TIMEOUT_S
+from snr_sim.core.component import CORE_NAME
 from snr_sim.core.datastore import PREVIOUS
-from snr_sim.core.node_core import CORE_NAME, NodeCore
+from snr_sim.core.node_core import NodeCore
 from snr_sim.core.packing import pack
 from snr_sim.core.profiler import Timing
 from snr_sim.core.shared_arrays import SHARED, ArrayReceiver, ArraySender, make_shared_file
