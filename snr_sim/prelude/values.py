@@ -212,5 +212,7 @@ def _unmarked_array(value: dict[str, Any]) -> Any:
         little_endian = base64.b64decode(value["b64"], validate=True)
         flat = np.frombuffer(little_endian, dtype.newbyteorder("<")) if little_endian else np.empty(0, dtype)
         return flat.astype(dtype).reshape(value["shape"])
+    if dtype.kind not in "biuf":  # written as "b64" only; from a wire, one letter could ask for an element of 2 GB
+        raise ValueEncodingError(f"A stored array lists its elements, which the type {value['dtype']!r} does not.")
     array = np.array(_unmarked(value["data"], {}), dtype=dtype).reshape(value["shape"])
     return array if value["shape"] else array[()]
