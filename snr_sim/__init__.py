@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     )
     from snr_sim.std_mods.comms.faults import Faults
     from snr_sim.std_mods.comms.memory import MemoryLink
+    from snr_sim.std_mods.comms.pipes import PipeLoopFactory, PipesPair
     from snr_sim.std_mods.comms.security import Tls, secret_from_env, secret_from_file
     from snr_sim.std_mods.comms.sockets import SocketsListenerFactory, SocketsLoopFactory, SocketsPair
     from snr_sim.std_mods.console.local_console import LocalConsole, LocalConsoleFactory
@@ -77,6 +78,7 @@ _PLACES = {
     "snr_sim.std_mods.comms.faults": ("Faults",),
     "snr_sim.std_mods.comms.memory": ("MemoryLink",),
     "snr_sim.std_mods.console.local_console": ("LocalConsole", "LocalConsoleFactory"),
+    "snr_sim.std_mods.comms.pipes": ("PipeLoopFactory", "PipesPair"),
     "snr_sim.std_mods.comms.security": ("Tls", "secret_from_env", "secret_from_file"),
     "snr_sim.std_mods.comms.sockets": ("SocketsListenerFactory", "SocketsLoopFactory", "SocketsPair"),
     "snr_sim.std_mods.moving_average": ("MovingAvgFilter", "MovingAvgFilterFactory"),

@@ -401,16 +401,7 @@ def test_two_nodes_with_a_link_in_one_trace_each_replay_identically(tmp_path: Pa
 
 
 def replace_link(link: MemoryLink) -> MemoryLink:
-    quality = link.quality
-    return MemoryLink(
-        link.keys,
-        link.from_role,
-        link.to_role,
-        quality.latency_s,
-        quality.jitter_s,
-        quality.loss,
-        quality.bandwidth_bps,
-    )
+    return MemoryLink(link.keys, link.from_role, link.to_role, faults=link.faults)
 
 
 def test_a_failure_in_one_of_several_nodes_names_that_nodes_own_task(tmp_path: Path) -> None:

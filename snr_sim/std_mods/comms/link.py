@@ -22,6 +22,7 @@ from snr_sim.std_mods.comms.faults import Faults
 from snr_sim.std_mods.comms.frames import HEADER_BYTES, MAX_FRAME_BYTES, encode_frame
 from snr_sim.std_mods.comms.send_queue import Policy
 
+BEFORE_LOOPS = -1  # under a SimClock, of what is due at one moment, pages arrive first, so that loops find them
 MAX_KEY_CHARS = 256
 REPORT_EVERY_S = 1.0
 HOUSEKEEPING_HZ = 10.0

@@ -100,6 +100,7 @@ class Refused(msgspec.Struct, frozen=True, tag_field=MARK, tag="refused"):
 Control: TypeAlias = Hello | Auth | Ping | Pong | Bye | Refused
 
 encode_message: Callable[[Control], bytes] = msgspec.json.Encoder().encode
+decode_control: Callable[[bytes], Control] = msgspec.json.Decoder(Control).decode
 _decode: Callable[[bytes], Control | Page] = msgspec.json.Decoder(Control | Page).decode
 
 

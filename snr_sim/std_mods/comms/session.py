@@ -31,6 +31,7 @@ from snr_sim.std_mods.comms.messages import (
     Ping,
     Pong,
     Refused,
+    decode_control,
     decode_message,
     encode_message,
 )
@@ -130,6 +131,11 @@ class Session:
         return self.state is State.closed
 
     @property
+    def wants_attention(self) -> bool:
+        """Whether there is something to send, or it is over."""
+        return bool(self._outbox) or self.state is State.closed
+
+    @property
     def peer_node(self) -> str:
         """Name of the other end's node, or "" before it said so."""
         return "" if self.peer is None else self.peer.node
@@ -153,19 +159,19 @@ class Session:
             while frames := self._reader.feed(data, None if self.state is State.up else 1):
                 data = b""
                 for frame in frames:
-                    message = self._decode(frame)
+                    # Who is not known yet is not even listened to beyond the greeting.
+                    message = self._decode(frame) if self.state is State.up else decode_control(frame)
                     if type(message) in _CONTROL:
                         self._answer(message, now_s)
-                    elif self.state is State.up:
-                        taken.append(message)
                     else:
-                        self.refuse("a page came before the greeting was complete.")
+                        taken.append(message)
                     if self.is_closed:
                         return taken
         except FrameTooLarge as error:
             self.refuse(str(error))
         except (msgspec.MsgspecError, SnrError, ValueError, RecursionError, MemoryError, OverflowError) as error:
-            self.refuse(f"a message that is none: {error}")
+            during = "" if self.is_up else " before the greeting was complete"
+            self.refuse(f"a message came{during} that is none: {error}")
         finally:
             self.received += len(taken)
         return taken
@@ -240,7 +246,10 @@ class Session:
                 f"{hello.version}. Try: the same release of snr_sim on both."
             )
         elif hello.purpose != terms.purpose:
-            self.refuse(f"this port of node '{terms.node}' is for {terms.purpose}, not for {hello.purpose}.")
+            self.refuse(
+                f"node '{terms.node}' is here for {terms.purpose}, node '{hello.node}' for {hello.purpose}. "
+                "Try: is that the right port?"
+            )
         elif hello.auth != has_secret:
             who, other = (terms.node, hello.node) if has_secret else (hello.node, terms.node)
             self.refuse(f"node '{who}' asks for a shared secret, node '{other}' has none. Try: secret= on both ends.")

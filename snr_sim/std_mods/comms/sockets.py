@@ -396,10 +396,6 @@ class ClientLink(StreamLink):
             self._calls.begin(self.factory.pair.host, self.factory.pair.port)
         super()._tend(now_s)
 
-    def _until_s(self, now_s: float) -> float:
-        until_s = super()._until_s(now_s)
-        return until_s if self._call_s is None else min(until_s, self._call_s)
-
     def _look_around(self) -> None:
         super()._look_around()
         with suppress(Empty):

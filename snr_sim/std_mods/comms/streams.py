@@ -36,6 +36,7 @@ class StreamLink(PeerLink):
         self.streams: list[StreamPeer] = []  # all, also those that are not up
         self._tend_s = 0.0
         self._is_woken = False
+        self._is_slow = options.faults is not None  # then frames are due at moments of their own
 
     def _open(self) -> None:
         self._selector: selectors.BaseSelector = selectors.DefaultSelector()
@@ -72,26 +73,23 @@ class StreamLink(PeerLink):
             self.wake()
 
     def loop(self) -> None:
-        """One round: waits until something happens, and does what is to be done about it."""
-        now_s = self.get_time_s()
-        until_s = self._until_s(now_s)
-        for key, events in self._selector.select(max(0.0, until_s - now_s)):
-            act: Callable[[int], None] = key.data
-            act(events)
-        now_s = self.get_time_s()
-        if now_s >= self._tend_s:
-            self._tend_s = now_s + TEND_EVERY_S
-            self._tend(now_s)
-        elif now_s >= until_s:
-            self._pump_all()
-        if self._is_deaf and not self._must_wait():
-            for stream in self.streams:
-                stream.session.forgive_silence(now_s)
-                self._watch(stream)
+        """Waits until something happens and does what is to be done about it; again and again, while it happens."""
+        select, now = self._selector.select, self.get_time_s
+        while not self.is_terminated():
+            now_s = now()
+            until_s = self._until_s(now_s)
+            events = select(max(0.0, until_s - now_s))
+            for key, mask in events:
+                act: Callable[[int], None] = key.data
+                act(mask)
+            if not events or self._is_deaf or now_s >= until_s:
+                break
+        self._tend(now())
 
     def _until_s(self, now_s: float) -> float:
-        until_s = min([self._tend_s, *(stream.due_s for stream in self.streams)])
-        return min(until_s, now_s + DEAF_LOOK_S) if self._is_deaf else until_s
+        if self._is_deaf:
+            return now_s + DEAF_LOOK_S
+        return min([self._tend_s, *(stream.due_s for stream in self.streams)]) if self._is_slow else self._tend_s
 
     def halt(self) -> None:
         """Sends what waits, says goodbye, and closes; not for longer than `LINGER_S`."""
@@ -133,6 +131,8 @@ class StreamLink(PeerLink):
     def _serve(self, stream: StreamPeer, events: int) -> None:
         if events & selectors.EVENT_READ and stream.watched & selectors.EVENT_READ:
             self._read(stream)
+            if not (stream.failure or stream.is_blocked or stream.session.wants_attention):
+                return  # mostly: nothing to answer. The node's thread waits for us to be done.
         self._pump(stream)
 
     def _read(self, stream: StreamPeer) -> None:
@@ -196,6 +196,14 @@ class StreamLink(PeerLink):
 
     def _tend(self, now_s: float) -> None:
         """Does what time asks for."""
+        self._pump_all()
+        if self._is_deaf and not self._must_wait():
+            for stream in self.streams:
+                stream.session.forgive_silence(now_s)
+                self._watch(stream)
+        if now_s < self._tend_s:
+            return
+        self._tend_s = now_s + TEND_EVERY_S
         for stream in self.streams:
             if not self._is_deaf:
                 stream.session.tick(now_s)
