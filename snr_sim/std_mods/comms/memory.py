@@ -12,10 +12,6 @@ from functools import partial
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.component import CORE_NAME
 from snr_sim.core.node import Node
-<<<<<<< HEAD
-from snr_sim.core.node_core import NodeCore
-=======
->>>>>>> e926919 (Links over pipes; MemoryLink's faults are those of every link; sessions are tested with what hostile peers send)
 from snr_sim.prelude.component import RoleName
 from snr_sim.prelude.errors import ConfigError, UnknownName, nearest
 from snr_sim.prelude.page import DataKey, Page
