@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 
 from snr_sim.core.clocks import SimClock
-from snr_sim.core.component import CORE_NAME
 from snr_sim.core.node import Node
 from snr_sim.prelude.component import RoleName
 from snr_sim.prelude.errors import ConfigError, UnknownName, nearest
