@@ -20,7 +20,10 @@ OPEN_LOOP = "after this the recorded sensors no longer answer your code"
 def replay(
     run: Annotated[Path, typer.Argument(help="A run folder, or its trace.")],
     check: Annotated[
-        bool, typer.Option("--check", help="Also name handlers that ask clock, chance, files or threads by themselves.")
+        bool,
+        typer.Option(
+            "--check", help="Also name handlers that ask clock, chance, files or threads; refuse a changed trace."
+        ),
     ] = False,
     with_file: Annotated[
         str, typer.Option("--with", help="Another controller: a name, or a file with changed code.")
@@ -35,15 +38,18 @@ def replay(
 
     The handlers are executed again on the recorded inputs.
 
-    Exit status: 0 identical, 1 diverged (the first divergence is printed), 2 the trace cannot be used.
+    Exit status: 0 identical, 1 diverged (the first divergence is printed), 2 the trace cannot be used: with --check
+    also if its digest is not the one in result.json.
     """
     from snr_sim.cli.answer import guarded
     from snr_sim.recording.compare import Tolerance
-    from snr_sim.recording.folder import trace_path
+    from snr_sim.recording.folder import check_unchanged, trace_path
     from snr_sim.recording.reader import read_trace
 
     tolerances = [Tolerance.parse(text) for text in tolerance]
     trace = read_trace(trace_path(run))
+    if check:
+        check_unchanged(trace)
     folder = trace.path.parent.resolve()
     with guarded(is_json=True):  # what handlers print is not our answer
         replays, calls, notes = _replay(trace, with_file, tolerances, check)

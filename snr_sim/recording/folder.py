@@ -99,11 +99,32 @@ def trace_path(run: Path) -> Path:
     raise TraceError(f"There is no run at {run}.", fix=fix)
 
 
+def check_unchanged(trace: Trace) -> None:
+    """Checks that a trace is the one that was written, as far as its folder can tell.
+
+    Raises:
+        TraceError: it was changed or cut after its result.json was written.
+    """
+    if _is_changed(trace):
+        raise TraceError(
+            f"The trace was changed after the run, so it proves nothing: result.json says its digest is "
+            f"{_digest_in_result(trace)}, but it is {trace.digest}.",
+            fix="replay it without --check to look at it, or run the scenario again: snr resim.",
+        )
+
+
+def _is_changed(trace: Trace) -> bool:
+    return _digest_in_result(trace) not in (None, trace.digest)
+
+
+def _digest_in_result(trace: Trace) -> Any:
+    return read_result(trace.path.parent).get("trace_digest")
+
+
 def remarks(trace: Trace) -> list[str]:
     """Returns what whoever looks at a trace should know: that it was changed, cut, or did not end by itself."""
-    digest = read_result(trace.path.parent).get("trace_digest")
     if trace.is_cut:
         return ["The trace was cut short; what follows stops at its last whole record."]
-    if digest is not None and digest != trace.digest:
+    if _is_changed(trace):
         return ["The trace was changed after the run: its digest is not the one in result.json."]
     return [] if trace.is_ended else ["The run did not end by itself; its trace stops at its last record."]

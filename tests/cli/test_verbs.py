@@ -162,8 +162,15 @@ def test_a_trace_that_was_edited_is_said_to_be(snr: Snr, flown: Path) -> None:
     (flown / FILE_NAME).write_bytes(data.replace(b'"altitude_m":9', b'"altitude_m":8', 1))
     answer = snr("replay", flown)
     assert "The trace was changed after the run" in answer.err
+    assert answer.status in (0, 1)  # something to look at, but nothing to prove by
+    checked = snr("replay", flown, "--check", "--json")
+    assert checked.status == 2
+    assert "so it proves nothing: result.json says its digest is" in checked.json["error"]
+    (flown / FILE_NAME).write_bytes(data[: data.rindex(b"\n", 0, -1) + 1])  # its last record is gone
+    assert snr("replay", flown, "--check").status == 2
     (flown / FILE_NAME).write_bytes(data)
     assert snr("replay", flown).err == ""
+    assert snr("replay", flown, "--check").status == 0
 
 
 def test_a_program_without_a_scenario_replays_and_can_be_replayed_with_a_changed_file(snr: Snr, here: Path) -> None:
