@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     )
     from snr_sim.std_mods.stopwatch import StopwatchEndpointFactory
     from snr_sim.std_mods.timeout import TimeoutLoopFactory
+    from snr_sim.supervision.multi_proc import MultiProcRunner
     from snr_sim.testing.case import SNRTestCase
     from snr_sim.testing.expector import Expector, OrderedExpector
     from snr_sim.testing.expector_endpoint import ExpectorEndpointFactory
@@ -95,6 +96,7 @@ _PLACES = {
     ),
     "snr_sim.std_mods.stopwatch": ("StopwatchEndpointFactory",),
     "snr_sim.std_mods.timeout": ("TimeoutLoopFactory",),
+    "snr_sim.supervision.multi_proc": ("MultiProcRunner",),
     "snr_sim.testing.case": ("SNRTestCase",),
     "snr_sim.testing.expector": ("Expector", "OrderedExpector"),
     "snr_sim.testing.expector_endpoint": ("ExpectorEndpointFactory",),

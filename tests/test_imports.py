@@ -161,7 +161,7 @@ def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
     "names",
     [
         "Task TaskType TaskId SomeTasks TaskHandlerMap Page tasks Config Mode Node Endpoint EndpointFactory",
-        "Loop ThreadLoop LoopFactory SynchronousRunner CliRunner TestRunner SimRunner",
+        "Loop ThreadLoop LoopFactory SynchronousRunner CliRunner TestRunner SimRunner MultiProcRunner",
         "SNRTestCase Expector OrderedExpector ExpectorEndpointFactory ListReplayerFactory",
         "MovingAvgFilter MovingAvgFilterFactory PrinterEndpointFactory TimeoutLoopFactory StopwatchEndpointFactory",
     ],

@@ -107,6 +107,7 @@ class Life:
 
     def on_orphaned(self) -> None:
         """The node's process is gone: nobody will end this one."""
+        spawned.go_quiet()
         self.is_ending.set()
         time.sleep(2.0 * JOIN_TIMEOUT_S)
         os._exit(1)

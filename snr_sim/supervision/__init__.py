@@ -1,0 +1,1 @@
+"""Processes of a robot: started together, watched, ended in order."""

@@ -1,0 +1,243 @@
+"""Roles side by side, each in a process of its own, with one program that starts, watches and ends them all.
+
+    main thread                      a thread per role             the process (supervision/role_process.py)
+    news: signals, ends  <-------    hears messages and lines  <---    runs the node, prints, fails, ends
+    "end", "now", kill   --------------------------------------->      a terminate task; an interrupt; nothing to say
+
+The processes are in groups of their own, so Ctrl-C at the terminal reaches only this program, once.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from queue import Empty, SimpleQueue
+from types import FrameType
+from typing import Any, TextIO, TypeAlias
+
+from snr_sim.core.config import Config
+from snr_sim.core.door import LOOK_UP_S
+from snr_sim.core.packing import pack
+from snr_sim.core.spawn import Spawned, how_it_ended
+from snr_sim.prelude.component import RoleName
+from snr_sim.prelude.errors import ComponentFailed, ConfigError
+from snr_sim.prelude.values import decode_value, encode_value
+
+TARGET = "snr_sim.supervision.role_process:run"
+# How long roles have to halt everything after they were asked, and after they were interrupted.
+GRACE_S = 3.0
+SHORT_GRACE_S = 1.0
+
+# What the main thread is told: ("signal", name), ("failed", role, message, component), ("over", role, status).
+News: TypeAlias = tuple[Any, ...]
+
+
+class MultiProcRunner:
+    """Runs several roles at once, each in a process of its own, until all have ended.
+
+    What a role prints comes through line by line, with its name in front. If one fails, by an exception or because its
+    process dies, the others are ended in order, and `run` raises: so the program's exit status is 1. Ctrl-C, or
+    SIGTERM, ends all in order; a second one interrupts what still runs.
+
+    Args:
+        config: of the robot. Its factories must be such that they can be sent to a process: see `core/packing.py`.
+        roles: all of the config's if not given.
+        seed: of the run.
+        ends_all: roles that end all others when they end, such as the one with the operator's `exit`. Without it the
+            others go on, as nodes of a `SimRunner` do.
+
+    Raises:
+        ConfigError: a role is unknown or named twice.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        roles: Sequence[RoleName] | None = None,
+        *,
+        seed: int = 0,
+        ends_all: Sequence[RoleName] = (),
+    ) -> None:
+        names = [roles] if isinstance(roles, str) else list(config.factories if roles is None else roles)
+        if len(set(names)) != len(names):
+            raise ConfigError(f"A role is named twice: {', '.join(names)}.", fix="each role runs once.")
+        for role in [*names, *ends_all]:
+            config.get(role)
+        self.roles = names
+        self._config = config
+        self._seed = seed
+        self._ends_all = set(ends_all)
+        self._news: SimpleQueue[News] = SimpleQueue()
+        self._running: dict[RoleName, RoleProcess] = {}
+        self._failures: list[ComponentFailed] = []
+        self._signals = 0
+        self._kill_at_s: float | None = None
+
+    def run(self) -> None:
+        """Runs the roles until all have ended.
+
+        Raises:
+            ConfigError: something cannot be sent to a process, so none was started.
+            ComponentFailed: a role failed; all others have been ended.
+        """
+        orders = [self._order(role) for role in self.roles]
+        with _signals_as(self._news):
+            try:
+                for role, order in zip(self.roles, orders, strict=True):
+                    self._running[role] = RoleProcess(role, order, self._news)
+                while self._running:
+                    self._wait()
+            finally:
+                for process in self._running.values():  # only if this program fails itself
+                    process.end_at_once()
+        if self._failures:
+            raise self._failures[0]
+
+    def _order(self, role: RoleName) -> bytes:
+        factories = self._config.get(role)
+        for factory in factories:  # one by one only to name the one that cannot be sent
+            pack(factory, type(factory).__name__, f"Role '{role}'")
+        packed = pack(factories, "its factories", f"Role '{role}'")
+        return encode_value(
+            {"role": role, "factories": packed, "mode": self._config.mode.value, "seed": self._seed},
+        )
+
+    def _wait(self) -> None:
+        wait_s = LOOK_UP_S if self._kill_at_s is None else min(LOOK_UP_S, self._kill_at_s - time.monotonic())
+        try:
+            what, *values = self._news.get(timeout=max(wait_s, 0.0))
+        except Empty:
+            if self._kill_at_s is not None and time.monotonic() >= self._kill_at_s:
+                self._kill_at_s = None
+                for process in self._running.values():
+                    process.is_overdue = True
+                    process.kill()
+            return
+        if what == "signal":
+            self._on_signal(values[0])
+        elif what == "failed":
+            self._on_failure(*values)
+        else:
+            self._on_end(*values)
+
+    def _on_signal(self, name: str) -> None:
+        self._signals += 1
+        if self._signals == 1:
+            self._end_all(name, GRACE_S)
+        elif self._signals == 2:
+            self._end_all("now", SHORT_GRACE_S)
+        else:
+            self._kill_at_s = time.monotonic()
+
+    def _on_failure(self, role: RoleName, message: str, component: str) -> None:
+        if self._failures:
+            message = f"{message}\n  in role '{role}', after another role had failed."
+            _write(sys.stderr, message)
+        else:
+            message = f"{message}\n  in role '{role}'; the other roles have been ended."
+        self._failures.append(ComponentFailed(message, f"{role}_node", component))
+        self._end_all("SIGTERM", GRACE_S)
+
+    def _on_end(self, role: RoleName, status: int) -> None:
+        process = self._running.pop(role)
+        process.listener.join()
+        if process.is_overdue:
+            self._on_failure(role, f"The process of role '{role}' did not end when it was asked, and was killed.", "")
+        elif status and not process.has_failed:
+            self._on_failure(role, process.obituary(status), "")
+        elif role in self._ends_all:
+            self._end_all("SIGTERM", GRACE_S)
+
+    def _end_all(self, how: str, grace_s: float) -> None:
+        for process in self._running.values():
+            process.end(how)
+        kill_at_s = time.monotonic() + grace_s
+        self._kill_at_s = kill_at_s if self._kill_at_s is None else min(self._kill_at_s, kill_at_s)
+
+
+class RoleProcess:
+    """One role's process, and the thread that listens to it.
+
+    Args:
+        role: which.
+        order: what it needs to know.
+        news: where to tell what becomes of it.
+    """
+
+    def __init__(self, role: RoleName, order: bytes, news: SimpleQueue[News]) -> None:
+        self.role = role
+        self.has_failed = False  # and has said so itself
+        self.is_overdue = False
+        self._news = news
+        self._process = Spawned(TARGET, out=self._passed_to(sys.stdout), err=self._passed_to(sys.stderr))
+        self._orders: SimpleQueue[bytes | None] = SimpleQueue()
+        self._orders.put(order)
+        self._speaker = threading.Thread(target=self._speak, name=f"{role} speaker", daemon=True)
+        self._speaker.start()
+        self.listener = threading.Thread(target=self._listen, name=f"{role} listener", daemon=True)
+        self.listener.start()
+
+    def _passed_to(self, stream: TextIO) -> Callable[[str], None]:
+        return lambda line: _write(stream, f"[{self.role}] {line}")
+
+    def _speak(self) -> None:
+        while (order := self._orders.get()) is not None:
+            self._process.say(order)
+
+    def _listen(self) -> None:
+        status = self._process.listen(self._hear)
+        self._orders.put(None)
+        self._news.put(("over", self.role, status))
+
+    def _hear(self, raw: bytes) -> None:
+        _, message, component = decode_value(raw)
+        self.has_failed = True
+        self._news.put(("failed", self.role, message, component))
+
+    def end(self, how: str) -> None:
+        """Asks it to end: by the name of a signal, or "now"."""
+        self._orders.put(encode_value(["end", how]))
+
+    def kill(self) -> None:
+        """Ends it, whatever it does."""
+        self._process.kill()
+
+    def end_at_once(self) -> None:
+        """Ends it and waits until it has gone."""
+        self.kill()
+        self.listener.join()
+
+    def obituary(self, status: int) -> str:
+        """Returns how it ended that did not say so itself."""
+        lines = "".join(f"\n    {line}" for line in self._process.last)
+        return f"The process of role '{self.role}' {how_it_ended(status)}. " + (
+            f"Its last lines:{lines}" if lines else "It had printed nothing on stderr."
+        )
+
+
+def _write(stream: TextIO, line: str) -> None:
+    with suppress(ValueError, OSError):  # nobody reads it any more
+        stream.write(line + "\n")
+        stream.flush()
+
+
+@contextmanager
+def _signals_as(news: SimpleQueue[News]) -> Iterator[None]:
+    """Turns Ctrl-C and SIGTERM into news while it is entered; in another thread than the main one it does nothing."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def on_signal(number: int, frame: FrameType | None) -> None:
+        news.put(("signal", signal.Signals(number).name))  # one step, with no lock that could be left held
+
+    before = {number: signal.signal(number, on_signal) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
