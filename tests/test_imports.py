@@ -35,7 +35,19 @@ FLOOR = {
     "cli": 7,
     "__main__": 8,
 }
-HEAVY = {"mujoco", "pymunk", "gymnasium", "rerun", "rerun_cli", "serial", "PIL", "pyarrow", "scipy", "matplotlib"}
+HEAVY = {
+    "mujoco",
+    "pygame",
+    "pymunk",
+    "gymnasium",
+    "rerun",
+    "rerun_cli",
+    "serial",
+    "PIL",
+    "pyarrow",
+    "scipy",
+    "matplotlib",
+}
 
 
 def modules() -> dict[str, ast.Module]:

@@ -57,3 +57,19 @@ class EngineCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     throttle: float = 0.0
     gimbal_rad: float = 0.0
     attitude: float = 0.0
+
+
+class PadReading(msgspec.Struct, frozen=True):
+    """Where the sticks and buttons of a game controller are, numbered as the system numbers them.
+
+    Args:
+        axes: -1 to 1 each. A stick at rest is near 0; a trigger rests at -1, and many show 0 until first touched.
+        buttons: whether each is pressed.
+        hats: [x, y] of each cross of buttons: -1, 0 or 1, up and right positive.
+        is_connected: whether there is a pad. If not, everything is at rest.
+    """
+
+    axes: list[float]
+    buttons: list[bool]
+    hats: list[list[int]]
+    is_connected: bool = True

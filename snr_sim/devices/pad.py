@@ -1,0 +1,77 @@
+"""A game controller as pages: the loop between any pad and the node. A pad that is unplugged lets go of everything.
+
+The pad itself is behind the promise of a sensor: `devices/pygame_pad.py` is a real one, a `FakeSensor` of readings is
+one that a test plays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import msgspec
+
+from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.node import Node
+from snr_sim.prelude.device import Sensor
+from snr_sim.prelude.errors import SensorLost
+from snr_sim.prelude.signals import PadReading
+
+
+class PadLoopFactory(LoopFactory):
+    """Reads a pad at a rate and stores each reading as a page.
+
+    Args:
+        key: of the page; it holds the fields of a `PadReading`.
+        open_device: opens the pad.
+        rate_hz: how often it is read.
+    """
+
+    def __init__(self, key: str, open_device: Callable[[], Sensor[PadReading]], rate_hz: float = 50.0) -> None:
+        super().__init__()
+        self.key = key
+        self.open_device = open_device
+        self.rate_hz = rate_hz
+
+    def get(self, parent: Node) -> PadLoop:
+        """Returns the loop `<key>_pad`."""
+        return PadLoop(self, parent, f"{self.key}_pad", self.rate_hz)
+
+
+class PadLoop(Loop):
+    """Stores readings; of a pad that is lost, one at rest, in the same tick and for as long as it is lost.
+
+    Other sensors end the run when they are lost. A pad is unplugged by tripping over its cable, and comes back.
+    """
+
+    factory: PadLoopFactory
+
+    def setup(self) -> None:
+        """Opens the pad."""
+        self.pad = self.factory.open_device()
+        self._last = PadReading([], [], [], is_connected=False)
+
+    def loop(self) -> None:
+        """Reads once."""
+        try:
+            self._last = self.pad.read()
+        except SensorLost as lost:
+            if self._last.is_connected:
+                self.log.warning("%s", lost)
+            self._last = at_rest(self._last)
+        self.store_data(self.factory.key, msgspec.to_builtins(self._last))
+
+    def terminate(self) -> None:
+        """Closes the pad."""
+        if "pad" in self.__dict__:
+            self.pad.close()
+
+
+def at_rest(reading: PadReading) -> PadReading:
+    """Returns the reading of a pad that has gone: as many axes and buttons, and nobody touches them.
+
+    >>> at_rest(PadReading([0.5, -1.0], [True], [[0, 1]]))
+    PadReading(axes=[0.0, 0.0], buttons=[False], hats=[[0, 0]], is_connected=False)
+    """
+    return PadReading(
+        [0.0] * len(reading.axes), [False] * len(reading.buttons), [[0, 0]] * len(reading.hats), is_connected=False
+    )

@@ -1,0 +1,92 @@
+"""A real game controller, through pygame-ce: the only door to that package.
+
+SDL, which pygame stands on, tells of pads only while its video part runs. A robot has no window, so that part runs
+without a screen (SDL's "dummy" driver) unless the program has opened a window before.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+from snr_sim.prelude.errors import MissingExtra, SensorLost
+from snr_sim.prelude.signals import PadReading
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from pygame.joystick import JoystickType
+
+_SETTINGS = {
+    "PYGAME_HIDE_SUPPORT_PROMPT": "1",  # standard output belongs to the program
+    "SDL_VIDEODRIVER": "dummy",
+    "SDL_AUDIODRIVER": "dummy",
+    "SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS": "1",  # no window, so no window that could have the focus
+    "SDL_NO_SIGNAL_HANDLERS": "1",  # SDL would take SIGTERM away from the node
+}
+
+
+def start_pygame() -> ModuleType:
+    """Returns pygame, ready to tell of pads. What the environment says already is left as it is.
+
+    Raises:
+        MissingExtra: it is not installed.
+    """
+    for name, value in _SETTINGS.items():
+        os.environ.setdefault(name, value)
+    try:
+        import pygame  # slow, and only a real pad needs it
+    except ImportError:
+        raise MissingExtra("pygame-ce", "pad") from None
+    pygame.display.init()
+    pygame.joystick.init()
+    return pygame
+
+
+class PygamePad:
+    """A game controller. Keeps the promise of Sensor; one that was unplugged is found again by itself.
+
+    Args:
+        index: which, if there are several: 0 is the first.
+
+    Raises:
+        MissingExtra: pygame-ce is not installed.
+    """
+
+    def __init__(self, index: int = 0) -> None:
+        self._pygame = start_pygame()
+        self._has_screen = self._pygame.display.get_driver() != "dummy"
+        self._index = index
+        self._is_open = True
+
+    def read(self) -> PadReading:
+        """Returns where sticks and buttons are.
+
+        Raises:
+            SensorLost: no pad is plugged in, or this one is closed.
+        """
+        if not self._is_open:
+            raise SensorLost("This pad has been closed.", fix="read before close().")
+        pygame = self._pygame
+        pygame.event.pump()  # has SDL look at what is plugged in, and where the sticks are
+        if not self._has_screen:
+            pygame.event.clear()  # nobody else is there to take them
+        count = pygame.joystick.get_count()
+        if count <= self._index:
+            raise SensorLost(
+                f"Game controller {self._index} is not there: {count} are plugged in.", fix="plug it in; it is noticed."
+            )
+        # Anew each time, which costs 1 us if it is open already: a pad that was lost and came back is another one.
+        return _reading_of(pygame.joystick.Joystick(self._index))
+
+    def close(self) -> None:
+        """Lets go of it. Safe to call twice. SDL runs on, for other pads."""
+        self._is_open = False
+
+
+def _reading_of(pad: JoystickType) -> PadReading:
+    return PadReading(
+        [pad.get_axis(i) for i in range(pad.get_numaxes())],
+        [bool(pad.get_button(i)) for i in range(pad.get_numbuttons())],
+        [[int(one) for one in pad.get_hat(i)] for i in range(pad.get_numhats())],
+    )

@@ -1,0 +1,223 @@
+"""Listings 5.3 and A.6 to A.11: a game controller drives a robot over sockets.
+
+    python tests/thesis/test_5_3_game_controller.py robot
+    python tests/thesis/test_5_3_game_controller.py topside        with a pad plugged in
+
+    topside   pad --> page "pad" --> controller --> page "controller_input" --> client --.
+    robot     server --> page "controller_input" --> mixer --> page "thrust" --> motors <-'
+
+What was wrong. The pad's module stood in a folder whose name begins with a dot, so no installation ever held it. It
+opened a window to hear of the pad. It read the newest page and `<key>_prev` to find out what was pressed, which the
+code of the time had in one of its two versions only. Whoever unplugged the pad left the robot with the last command;
+letting go of the sticks did so too, if the page was lost. And the client's key was a text, of which each letter became
+a key (see listing 5.1).
+
+What we changed. The pad is a device like any other (`PadLoopFactory`, and behind it `PygamePad` from the extra `pad`);
+no window. A pad that is unplugged is at rest within one tick. Nothing moves unless the dead man's button is held. The
+motors stop by themselves when commands are older than half a second. What is pressed is told from `<key>_prev` as in
+the thesis.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+import pytest
+
+from snr_sim import (
+    CliRunner,
+    Config,
+    Endpoint,
+    EndpointFactory,
+    FakeActuator,
+    FakeSensor,
+    Node,
+    SimRunner,
+    SocketsPair,
+    SomeTasks,
+    StopwatchEndpointFactory,
+    Task,
+    TaskId,
+    TaskType,
+    tasks,
+)
+from snr_sim.devices.loops import ActuatorLoopFactory
+from snr_sim.devices.pad import PadLoopFactory
+from snr_sim.devices.pygame_pad import PygamePad
+from snr_sim.prelude.device import Actuator, Sensor
+from snr_sim.prelude.errors import SensorLost
+from snr_sim.prelude.signals import PadReading
+from snr_sim.testing.parts import PartFactory
+
+# What each axis and button of this pad means: A.8. Another pad is another table.
+AXES = {"turn": 0, "ahead": 1}
+BUTTONS = {"dead_man": 4, "lights": 0}
+DEAD_BAND = 0.1  # a stick that is let go of does not return to 0 by itself
+RATE_HZ = 20.0
+
+
+class ThrustCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What the two motors are told: -1 to 1 each."""
+
+    left: float = 0.0
+    right: float = 0.0
+
+
+class ControllerFactory(EndpointFactory):
+    """Makes what knows the pad's layout."""
+
+    def get(self, parent: Node) -> Endpoint:
+        return Controller(self, parent, "controller")
+
+
+class Controller(Endpoint):
+    """Turns numbered axes and buttons into named wishes: A.7, A.9."""
+
+    def __init__(self, factory: EndpointFactory, parent: Node, name: str) -> None:
+        super().__init__(factory, parent, name)
+        self.task_handlers = {(TaskType.process_data, "pad"): self.read_pad}
+
+    def read_pad(self, task: Task, task_id: TaskId) -> SomeTasks:
+        pad = self.get_data("pad")
+        is_held = is_down(pad, "dead_man")
+        wish = {name: axis_of(pad, number) if is_held else 0.0 for name, number in AXES.items()}
+        pressed = is_down(pad, "lights") and not is_down(self.get_data("pad_prev"), "lights")
+        wish["ahead"] = -wish["ahead"]  # pushing a stick away gives -1
+        store = self.store_data_task("controller_input", wish | {"lights_pressed": pressed})
+        return [store, tasks.event("lights")] if pressed else store
+
+
+def axis_of(pad: dict[str, Any], number: int) -> float:
+    """An axis, with nothing in the middle; 0 if the pad has none of that number."""
+    position: float = pad["axes"][number] if number < len(pad["axes"]) else 0.0
+    return 0.0 if abs(position) < DEAD_BAND else position
+
+
+def is_down(pad: dict[str, Any] | None, name: str) -> bool:
+    """Whether a button is pressed; there is no pad before the first page."""
+    number = BUTTONS[name]
+    return pad is not None and number < len(pad["buttons"]) and pad["buttons"][number]
+
+
+class MixerFactory(EndpointFactory):
+    """Makes what turns wishes into thrust."""
+
+    def get(self, parent: Node) -> Endpoint:
+        return Mixer(self, parent, "mixer")
+
+
+class Mixer(Endpoint):
+    """Two motors side by side: A.10."""
+
+    def __init__(self, factory: EndpointFactory, parent: Node, name: str) -> None:
+        super().__init__(factory, parent, name)
+        self.task_handlers = {(TaskType.process_data, "controller_input"): self.mix}
+
+    def mix(self, task: Task, task_id: TaskId) -> SomeTasks:
+        wish = self.get_data("controller_input")
+        return self.store_data_task(
+            "thrust", {"left": wish["ahead"] + wish["turn"], "right": wish["ahead"] - wish["turn"]}
+        )
+
+
+def components(
+    open_pad: Callable[[], Sensor[PadReading]], open_motors: Callable[[], Actuator[ThrustCommand]], port: int = 54323
+) -> dict[str, list[Any]]:
+    """Listing 5.3 and A.11: the wiring."""
+    pair = SocketsPair(("127.0.0.1", port), name="tether")
+    return {
+        "topside": [PadLoopFactory("pad", open_pad, RATE_HZ), ControllerFactory(), pair.client("controller_input")],
+        "robot": [pair.server(), MixerFactory(), ActuatorLoopFactory("thrust", open_motors, RATE_HZ)],
+    }
+
+
+def motors() -> FakeActuator[ThrustCommand]:
+    """Motors without a wire: they remember what they were told."""
+    return FakeActuator(ThrustCommand, {"left": (-1.0, 1.0), "right": (-1.0, 1.0)})
+
+
+def pad(ahead: float = 0.0, turn: float = 0.0, held: bool = True, lights: bool = False) -> PadReading:
+    buttons = [False] * 6
+    buttons[BUTTONS["dead_man"]], buttons[BUTTONS["lights"]] = held, lights
+    return PadReading([turn, -ahead], buttons, [])
+
+
+def play(*readings: PadReading | Exception) -> tuple[list[ThrustCommand], Node, list[float]]:
+    """Plays a script on the pad, one reading at each tick, in lock step.
+
+    Returns what the motors were told, the topside, and when the lights were switched.
+    """
+    sensor, actuator, switched = FakeSensor(readings), motors(), list[float]()
+    wiring = components(lambda: sensor, lambda: actuator)
+    wiring["topside"].append(StopwatchEndpointFactory(switched, [(TaskType.event, "lights")]))
+    runner = SimRunner(Config(factories=wiring), until_s=(len(readings) - 1) / RATE_HZ + 0.04)
+    runner.run()
+    return actuator.written, runner.nodes["topside"], switched
+
+
+def test_sticks_drive_the_motors_while_the_dead_mans_button_is_held() -> None:
+    written, _, _ = play(
+        *[pad()] * 10, *[pad(ahead=1.0)] * 3, *[pad(ahead=0.5, turn=0.25)] * 3, *[pad(1.0, held=False)] * 3
+    )
+    seen = list(dict.fromkeys((command.left, command.right) for command in written))
+    assert seen == [(0.0, 0.0), (1.0, 1.0), (0.75, 0.25)]
+    assert written[-1] == ThrustCommand(0.0, 0.0)
+
+
+def test_a_stick_that_does_not_quite_return_to_the_middle_moves_nothing() -> None:
+    written, _, _ = play(*[pad(ahead=0.09, turn=-0.05)] * 12)
+    assert set(written) == {ThrustCommand(0.0, 0.0)}
+
+
+def test_a_button_is_pressed_once_however_long_it_is_held() -> None:
+    lit = [False, True, True, True, False, True, False]
+    _, _, switched = play(*[pad(lights=is_lit) for is_lit in lit])
+    assert switched == [1 / RATE_HZ, 5 / RATE_HZ]
+
+
+def test_a_pad_that_is_unplugged_stops_the_motors_within_a_tick() -> None:
+    written, topside, _ = play(*[pad(ahead=1.0)] * 10, SensorLost("unplugged"))
+    assert topside.get_data("pad")["is_connected"] is False
+    assert topside.get_data("controller_input")["ahead"] == 0.0
+    assert written[-2:] == [ThrustCommand(1.0, 1.0), ThrustCommand(0.0, 0.0)]
+
+
+def test_with_a_scripted_pad_behind_sdl_two_nodes_over_sockets_do_as_it_says(free_ports: Any) -> None:
+    """Each move of the script waits for what the one before it has done to the motors, not for a time."""
+    pytest.importorskip("pygame", reason="the extra 'pad' is not installed")
+    from snr_sim.testing.virtual_pad import VirtualPad
+
+    virtual = VirtualPad()
+    script: list[tuple[float, Callable[[], None]]] = [  # once the left motor turns so fast, do this
+        (0.0, lambda: virtual.press(BUTTONS["dead_man"])),
+        (0.0, lambda: virtual.move(AXES["ahead"], -1.0)),
+        (1.0, virtual.unplug),
+        (0.0, virtual.plug_in),
+    ]
+
+    def follow(task: Task, task_id: TaskId) -> SomeTasks:
+        wanted, action = script[0]
+        if abs(task.val_list[0].data["left"] - wanted) < 0.01:
+            action()
+            script.pop(0)
+        return None if script else tasks.terminate("played")
+
+    wiring = components(PygamePad, motors, *free_ports(1))
+    wiring["robot"].append(PartFactory({(TaskType.store_page, "thrust"): follow}, "follower"))
+    nodes = {role: Node(role, Config(factories=wiring)) for role in ("robot", "topside")}
+    threads = [threading.Thread(target=node.loop, daemon=True) for node in nodes.values()]
+    for thread in threads:
+        thread.start()
+    threads[0].join(60.0)
+    nodes["topside"].enter(tasks.terminate("test is over"), "test")
+    threads[1].join(60.0)
+    virtual.unplug()
+    assert nodes["robot"].exit_reason == "played"
+    assert nodes["topside"].exit_reason == "test is over"
+
+
+if __name__ == "__main__":
+    CliRunner(components(PygamePad, motors)).run()
