@@ -36,7 +36,10 @@ if TYPE_CHECKING:
     from snr_sim.std_mods.comms.pipes import PipeLoopFactory, PipesPair
     from snr_sim.std_mods.comms.security import Tls, secret_from_env, secret_from_file
     from snr_sim.std_mods.comms.sockets import SocketsListenerFactory, SocketsLoopFactory, SocketsPair
+    from snr_sim.std_mods.console.client import ConsoleClient
+    from snr_sim.std_mods.console.command_receiver import CommandReceiver, CommandReceiverFactory
     from snr_sim.std_mods.console.local_console import LocalConsole, LocalConsoleFactory
+    from snr_sim.std_mods.console.remote_console import RemoteConsole
     from snr_sim.std_mods.moving_average import MovingAvgFilter, MovingAvgFilterFactory
     from snr_sim.std_mods.printer import PrinterEndpointFactory
     from snr_sim.std_mods.readers import PageReader, TextReader
@@ -78,10 +81,13 @@ _PLACES = {
     ),
     "snr_sim.std_mods.comms.faults": ("Faults",),
     "snr_sim.std_mods.comms.memory": ("MemoryLink",),
-    "snr_sim.std_mods.console.local_console": ("LocalConsole", "LocalConsoleFactory"),
     "snr_sim.std_mods.comms.pipes": ("PipeLoopFactory", "PipesPair"),
     "snr_sim.std_mods.comms.security": ("Tls", "secret_from_env", "secret_from_file"),
     "snr_sim.std_mods.comms.sockets": ("SocketsListenerFactory", "SocketsLoopFactory", "SocketsPair"),
+    "snr_sim.std_mods.console.client": ("ConsoleClient",),
+    "snr_sim.std_mods.console.command_receiver": ("CommandReceiver", "CommandReceiverFactory"),
+    "snr_sim.std_mods.console.local_console": ("LocalConsole", "LocalConsoleFactory"),
+    "snr_sim.std_mods.console.remote_console": ("RemoteConsole",),
     "snr_sim.std_mods.moving_average": ("MovingAvgFilter", "MovingAvgFilterFactory"),
     "snr_sim.std_mods.printer": ("PrinterEndpointFactory",),
     "snr_sim.std_mods.readers": ("PageReader", "TextReader"),

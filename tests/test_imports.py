@@ -44,6 +44,7 @@ HEAVY = {
     "rerun_cli",
     "serial",
     "PIL",
+    "prompt_toolkit",
     "pyarrow",
     "scipy",
     "matplotlib",

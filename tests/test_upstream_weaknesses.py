@@ -111,7 +111,7 @@ ELSEWHERE = {
     29: ["core/test_handlers.py::test_who_handles_a_task_is_looked_up_once_and_not_at_every_task"],
     30: ["std_mods/test_replayer.py::test_a_line_waits_for_the_answer_to_the_one_before"],
 }
-STILL_TO_SHOW = {6, 7, 8, 10, 11, 13, 14, 16}
+STILL_TO_SHOW = {6, 7, 8, 13, 14, 16}
 
 
 def all_tests() -> set[str]:

@@ -9,7 +9,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from snr_sim import __version__
-from snr_sim.cli import bench, doctor, listing, new, replay, resim, run, trace, view
+from snr_sim.cli import bench, console, doctor, listing, new, replay, resim, run, trace, view
 
 app = typer.Typer(
     name="snr",
@@ -44,6 +44,7 @@ app.command("list")(listing.listing)
 app.command("new")(new.new)
 app.command("doctor")(doctor.doctor)
 app.command("bench")(bench.bench)
+app.command("console", context_settings={"ignore_unknown_options": True})(console.console)  # `store x -1`
 
 
 _TYPER_STOPPED = 130  # what typer returns when it has caught a KeyboardInterrupt before us

@@ -11,7 +11,7 @@ from snr_sim.prelude.page import Page
 from snr_sim.prelude.task import Task
 from snr_sim.std_mods.console import introspection
 from snr_sim.std_mods.console.commands import TABLE
-from snr_sim.std_mods.console.readable import cut_text
+from snr_sim.std_mods.console.readable import bounded, cut_text, printable
 from snr_sim.std_mods.console.table import Answer, completions, parse
 from snr_sim.std_mods.console.words import LINE_MAX_CHARS, CommandRefused
 
@@ -23,6 +23,7 @@ NEW_NAMES_MAX = 1000
 WAITING_MAX = 1000  # tasks at the door from which on a console's are refused: the node does not keep up
 WATCHES_MAX = 16
 WATCH_PERIOD_S = 0.1
+OUTCOME_WAIT_S = 5.0  # for what comes of a reload, before a console is told that nothing has come yet
 
 log = logging.getLogger("snr.console")
 
@@ -78,6 +79,16 @@ class _Watch:
     next_s: float = 0.0
 
 
+@dataclass
+class _Awaited:
+    """A page that will say what came of a command, the one that is there before, and until when to wait."""
+
+    key: str
+    component: str
+    before: Page | None
+    until_s: float | None = None
+
+
 class Session:
     """One console's conversation: its lines, and the pages it watches."""
 
@@ -87,11 +98,17 @@ class Session:
         self.source = processor.source
         self.bring = processor.bring
         self._watches: dict[str, _Watch] = {}
+        self._awaited: _Awaited | None = None
 
     @property
     def is_watching(self) -> bool:
-        """Whether `changes` may have something to say."""
-        return bool(self._watches)
+        """Whether `changes` or `outcome` may have something to say."""
+        return bool(self._watches) or self.is_waiting
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether the last command has been answered only in part: `outcome` will have the rest."""
+        return self._awaited is not None
 
     def answer(self, line: str) -> Answer:
         """Carries out a line. Never raises: a console must not end the node it looks at."""
@@ -112,6 +129,35 @@ class Session:
         except Exception:
             log.exception("a console's completion failed")
             return []
+
+    def expect(self, task: Task) -> None:
+        """Brings a task of which a page will say what came: its own type is the key, and its name stands in it."""
+        key = task.type.value
+        awaited = _Awaited(key, task.name, self.node.datastore.pages.get(key))
+        self.bring(task)
+        self._awaited = awaited
+
+    def outcome(self, now_s: float) -> Answer | None:
+        """Returns what came of the last command, once that is known, or that nothing has come of it so far.
+
+        Args:
+            now_s: as of `changes`.
+        """
+        awaited = self._awaited
+        if awaited is None:
+            return None
+        if awaited.until_s is None:
+            awaited.until_s = now_s + OUTCOME_WAIT_S
+        page = self.node.datastore.pages.get(awaited.key)
+        told = page.data if page is not None and page is not awaited.before else None
+        if isinstance(told, dict) and told.get("component") == awaited.component:
+            self._awaited = None
+            return Answer(cut_text(printable(str(told.get("message")))), bounded(told), is_error=not told.get("ok"))
+        if now_s < awaited.until_s:
+            return None
+        self._awaited = None
+        what = f"{awaited.key} of '{awaited.component}'"
+        return Answer(f"{what} is queued, and nothing has come of it in {OUTCOME_WAIT_S:g} s.", is_error=True)
 
     def changes(self, now_s: float) -> list[Answer]:
         """Returns an answer for each watched page that is another than the one shown last.

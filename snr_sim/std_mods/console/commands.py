@@ -76,7 +76,7 @@ def _reload(session: Session, given: Given) -> Answer:
     name, known = given["NAME"], components_of(session.node)
     if name not in (ALL, *known):
         raise CommandRefused(f"There is no component '{name}' to reload.", fix=nearest(name, [ALL, *known]))
-    session.bring(tasks.reload_component(name))
+    session.expect(tasks.reload_component(name))
     return Answer(f"reload of '{name}' is queued.", {"reload": name})
 
 

@@ -52,8 +52,7 @@ class LocalConsole(Loop):
 
     def begin(self) -> None:
         """Starts the thread."""
-        self._backing = ThreadBacking(self)
-        self._backing.start()
+        self.begin_on(ThreadBacking(self))
 
     def setup(self) -> None:
         """Finds out how to read without waiting for ever."""
@@ -74,7 +73,9 @@ class LocalConsole(Loop):
         for line in lines:
             if line.strip():
                 self._say(self._session.answer(line.decode(errors="replace")).text)
-        for answer in self._session.changes(time.monotonic()):
+        now_s = time.monotonic()
+        outcome = self._session.outcome(now_s)
+        for answer in [*([outcome] if outcome is not None else []), *self._session.changes(now_s)]:
             self._say(answer.text)
 
     def _say(self, text: str) -> None:

@@ -178,6 +178,11 @@ def _cell(value: Any) -> str:
     return _escaped(str(value))
 
 
+def printable(text: str) -> str:
+    """Returns lines of text without what a terminal would obey."""
+    return "\n".join(map(_escaped, text.splitlines()))
+
+
 def cut_text(text: str) -> str:
     """Returns an answer's text, cut with a remark if it is too long."""
     if len(text) <= TEXT_MAX_CHARS:

@@ -8,7 +8,7 @@ import msgspec
 
 from snr_sim.prelude.errors import SnrError
 
-LINE_MAX_CHARS = 64 * 1024
+LINE_MAX_CHARS = 16 * 1024
 NAME_MAX_CHARS = 200
 DEPTH_MAX = 32  # of values: what lies deeper than a student's eye also chokes recorders and links
 _INT_MAX_BITS = 64

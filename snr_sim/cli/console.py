@@ -1,0 +1,92 @@
+"""`snr console HOST:PORT`: commands for a node that runs."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from snr_sim.std_mods.console.client import ConsoleClient
+    from snr_sim.std_mods.console.table import Answer
+
+TOKEN_VARIABLE = "SNR_TOKEN"
+
+
+def console(
+    address: Annotated[str, typer.Argument(metavar="HOST:PORT", help="Of the node's CommandReceiver; or a port here.")],
+    command: Annotated[
+        list[str] | None, typer.Argument(metavar="[COMMAND...]", help="One command; asks for them if not given.")
+    ] = None,
+    token_file: Annotated[Path | None, typer.Option(help=f"Holds the token; or {TOKEN_VARIABLE} does.")] = None,
+    wait: Annotated[float, typer.Option(help="Seconds to wait for a node that is not there.")] = 5.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Give commands to a running node: the one given, those on stdin, or what you type, with history and completion.
+
+    `snr console 54321 help` says which there are. A watch goes on until Ctrl-C.
+
+    Exit status: 0 all were carried out, 1 one was refused, 2 no node answered or the request was wrong.
+    """
+    from snr_sim.std_mods.console.client import ConsoleClient
+    from snr_sim.std_mods.console.remote_console import RemoteConsole
+
+    server, token = _address(address), _token(token_file)
+    if not command and not as_json and sys.stdin.isatty():
+        RemoteConsole(server, token=token).run()
+        return
+    lines: Iterable[str] = [" ".join(command)] if command else sys.stdin
+    is_watching = (command or [""])[0] == "watch" and not as_json
+    with ConsoleClient(server, token, on_change=_print if is_watching else _pass_over) as client:
+        client.wait_until_up(wait)
+        answers = _carried_out(client, lines, as_json)
+        if is_watching and not answers[-1].is_error:
+            client.wait_until_lost()
+    sys.exit(1 if any(answer.is_error for answer in answers) else 0)
+
+
+def _print(answer: Answer) -> None:
+    print(answer.text, file=sys.stderr if answer.is_error else sys.stdout, flush=True)
+
+
+def _pass_over(answer: Answer) -> None:
+    """A page that a script watches and does not wait for."""
+
+
+def _carried_out(client: ConsoleClient, lines: Iterable[str], is_json: bool) -> list[Answer]:
+    answers = []
+    for line in lines:
+        if not line.strip():
+            continue
+        answers.append(client.ask(line.strip()))
+        if not is_json:
+            _print(answers[-1])
+    if is_json:
+        from snr_sim.prelude.values import encode_value
+
+        shown = [{"text": one.text, "data": one.data, "is_error": one.is_error} for one in answers]
+        print(encode_value({"answers": shown}).decode())
+    return answers
+
+
+def _address(text: str) -> tuple[str, int]:
+    from snr_sim.prelude.errors import ParameterError
+
+    host, _, port = text.rpartition(":")
+    if not port.isdecimal() or not 0 < int(port) < 1 << 16:
+        raise ParameterError(f"{text} is no address of a console.", fix="HOST:PORT, such as 127.0.0.1:54321.")
+    return host.strip("[]") or "127.0.0.1", int(port)
+
+
+def _token(path: Path | None) -> bytes | None:
+    """The token, from where other users of this machine do not see it: not from the command line."""
+    import os
+
+    from snr_sim.std_mods.comms.security import secret_from_env, secret_from_file
+
+    if path is not None:
+        return secret_from_file(path)
+    return secret_from_env(TOKEN_VARIABLE) if os.environ.get(TOKEN_VARIABLE) else None

@@ -1,0 +1,202 @@
+"""CommandReceiver: serves consoles over TCP, several at a time, from one thread that waits for all of them at once."""
+
+from __future__ import annotations
+
+import selectors
+import socket
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+from snr_sim.core.backing import ThreadBacking
+from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.node import Node
+from snr_sim.prelude.errors import ConfigError
+from snr_sim.std_mods.comms.security import as_secret, is_loopback
+from snr_sim.std_mods.comms.session import Terms
+from snr_sim.std_mods.comms.sockets import listen
+from snr_sim.std_mods.console.command_processor import CommandProcessor
+from snr_sim.std_mods.console.conversation import Allowance, Conversation
+from snr_sim.std_mods.console.line import Line
+from snr_sim.std_mods.console.wire import DEFAULT_PORT, LINE_FRAME_MAX_BYTES, PURPOSE
+
+CONSOLES_MAX = 8
+STRANGERS_MAX = 16  # connections that have not shown yet whether they are consoles; of more, the oldest goes
+TEND_EVERY_S = 0.1  # time-outs, keep-alives
+WATCH_EVERY_S = 0.05
+BUSY_EVERY_S = 0.01
+LINGER_S = 0.2  # how long a node's end may take to send the last answers
+PAUSE_S = 0.5  # after the system had no descriptor left for a connection
+
+
+class CommandReceiverFactory(LoopFactory):
+    """Lets consoles reach the node: `snr console HOST:PORT`, or a RemoteConsole.
+
+    Args:
+        port: 0 takes a free one, which then stands here.
+        host: an address of this machine; it binds to no other.
+        token: at least 16 bytes that both ends know, see `secret_from_file` and `secret_from_env`. On loopback it may
+            be left out: then every user of this machine may give commands.
+        name: of the loop, and the source of its tasks.
+
+    Raises:
+        ConfigError: without a token, anybody in that network could steer the node; or the token is too short.
+    """
+
+    def __init__(
+        self,
+        port: int = DEFAULT_PORT,
+        host: str = "127.0.0.1",
+        token: str | bytes | None = None,
+        name: str = "console",
+    ) -> None:
+        super().__init__()
+        if not (isinstance(port, int) and 0 <= port < 1 << 16):
+            raise ConfigError(f"A console's port is {port!r}.", fix="a number from 1024 to 65535, or 0 for a free one.")
+        self.token = as_secret(token, "token=")
+        if self.token is None and not is_loopback(host):
+            raise ConfigError(
+                f"A console on {host} without a token would let anybody in that network steer this node.",
+                fix='token=secret_from_file("token.txt") here, and --token-file token.txt for `snr console`.',
+            )
+        self.port = port
+        self.host = host
+        self.name = name
+
+    def get(self, parent: Node) -> CommandReceiver:
+        """Returns the loop."""
+        return CommandReceiver(self, parent, self.name)
+
+
+class CommandReceiver(Loop):
+    """A loop on a thread of its own, in lock step too: consoles live in the world's time, and add no moments."""
+
+    factory: CommandReceiverFactory
+
+    def __init__(self, factory: CommandReceiverFactory, parent: Node, name: str) -> None:
+        super().__init__(factory, parent, name, max_tick_rate_hz=0)
+        self._terms = Terms(
+            parent.name, is_server=True, secret=factory.token, purpose=PURPOSE, max_frame_bytes=LINE_FRAME_MAX_BYTES
+        )
+        self._processor = CommandProcessor(parent, name)
+        self._allowance = Allowance()
+        self._lines: list[Line] = []
+        self._resume_s: float | None = None
+
+    def begin(self) -> None:
+        """Listens, and starts the thread.
+
+        Raises:
+            LinkError: the port is taken, or the host is not this machine.
+        """
+        self._listener = listen(self.factory.host, self.factory.port)
+        self.factory.port = self._listener.getsockname()[1]
+        self._wake_in, self._wake_out = socket.socketpair()
+        self._wake_in.setblocking(False)
+        self._selector = selectors.DefaultSelector()
+        self._selector.register(self._listener, selectors.EVENT_READ)
+        self._selector.register(self._wake_out, selectors.EVENT_READ)
+        self.begin_on(ThreadBacking(self))
+
+    def stop(self) -> None:
+        """Asks for no more rounds; ends the one that waits."""
+        super().stop()
+        if self._backing is not None:
+            with suppress(OSError):
+                self._wake_in.send(b"\0")
+
+    def loop(self) -> None:
+        """One round: waits until something happens, and does what is to be done about it."""
+        for key, events in self._selector.select(self._patience_s()):
+            if key.fileobj is self._listener:
+                self._accept()
+            elif isinstance(key.data, Line) and events & selectors.EVENT_READ:
+                self._guarded(key.data, self._read)
+        if self._resume_s is not None and time.monotonic() >= self._resume_s:
+            self._resume_s = None
+            self._selector.register(self._listener, selectors.EVENT_READ)
+        for line in list(self._lines):
+            self._guarded(line, self._tend)
+
+    def _patience_s(self) -> float:
+        patience_s = WATCH_EVERY_S if any(line.conversation.is_watching for line in self._lines) else TEND_EVERY_S
+        if any(line.conversation.is_busy for line in self._lines):
+            patience_s = BUSY_EVERY_S
+        now_s = time.monotonic()
+        moments_s = [line.due_s for line in self._lines]
+        return max(0.0, min([now_s + patience_s, *moments_s]) - now_s)
+
+    def _guarded(self, line: Line, act: Callable[[Line], None]) -> None:
+        """Does something for one console; what goes wrong costs that console its line, and never the node its life."""
+        try:
+            act(line)
+        except Exception:
+            self.log.exception("a console's line failed")
+            line.is_broken = True
+        if line.is_done(time.monotonic()):
+            self._drop(line)
+
+    def _accept(self) -> None:
+        try:
+            sock, _ = self._listener.accept()
+        except BlockingIOError:
+            return
+        except OSError as error:  # no descriptor left: accepting at once again would only spin
+            self.log.warning("cannot take a connection: %s", error.strerror)
+            self._selector.unregister(self._listener)
+            self._resume_s = time.monotonic() + PAUSE_S
+            return
+        strangers = [line for line in self._lines if not line.is_known]
+        if len(strangers) >= STRANGERS_MAX:
+            self._drop(strangers[0])
+        conversation = Conversation(self._terms, self._processor.session(), time.monotonic(), self._allowance)
+        self._lines.append(Line(sock, conversation))
+
+    def _read(self, line: Line) -> None:
+        was_known = line.is_known
+        line.read()
+        if line.is_known and not was_known:
+            if sum(other.is_known for other in self._lines) > CONSOLES_MAX:
+                line.conversation.refuse(f"{CONSOLES_MAX} consoles are connected to this node, which is the most.")
+            else:
+                self.log.info("a console has connected")
+
+    def _tend(self, line: Line) -> None:
+        """Answers, sends, and has `select` wait for what this line can do next."""
+        wanted = line.tend(time.monotonic())
+        if wanted == line.watched:
+            return
+        if not wanted:
+            self._selector.unregister(line.sock)
+        elif not line.watched:
+            self._selector.register(line.sock, wanted, line)
+        else:
+            self._selector.modify(line.sock, wanted, line)
+        line.watched = wanted
+
+    def _drop(self, line: Line) -> None:
+        if line in self._lines:
+            self._lines.remove(line)
+            if line.watched:
+                self._selector.unregister(line.sock)
+            line.sock.close()
+
+    def halt(self) -> None:
+        """Sends the last answers and says goodbye, not for longer than a moment; closes everything."""
+        if self._resume_s is None:
+            self._selector.unregister(self._listener)
+        self._listener.close()
+        give_up_s = time.monotonic() + LINGER_S
+        for line in self._lines:
+            line.conversation.end(f"node '{self.parent.name}' ended: {self.parent.exit_reason or 'no reason given'}.")
+        while self._lines and (now_s := time.monotonic()) < give_up_s:
+            for line in list(self._lines):
+                self._guarded(line, self._tend)
+            for key, _ in self._selector.select(min(TEND_EVERY_S, give_up_s - now_s) if self._lines else 0.0):
+                if isinstance(key.data, Line):
+                    self._guarded(key.data, self._read)
+        for line in list(self._lines):
+            self._drop(line)
+        self._selector.close()
+        self._wake_in.close()
+        self._wake_out.close()
