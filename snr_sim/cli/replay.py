@@ -156,6 +156,8 @@ def _say(
     print(f"  seq {first.seq}, t = {first.t:.3f} s, node {first.node}, while handling {first.task}")
     print(f"  component {first.component}, handler {first.handler or '-'} ({first.kind})")
     print(f"  {first.field}: recorded {first.recorded!r}, replayed {first.replayed!r}")
+    if first.hint:
+        print(f"  {first.hint}{_hash_seeds(trace)}")
     print("  how it came to that:")
     for cause in first.causes:
         print(f"    {cause}")
@@ -163,6 +165,14 @@ def _say(
     if command is not None:
         print(f"  commands to actuators differ from seq {command.seq}, t = {command.t:.3f} s: {OPEN_LOOP}.")
         print(f"  the closed loop again: snr resim {trace.path.parent}")
+
+
+def _hash_seeds(trace: Trace) -> str:
+    """Says under which order of sets the run was made and replayed, where that tells something."""
+    from snr_sim.recording.records import hash_seed
+
+    then, now = trace.opening.hash_seed, hash_seed()
+    return f" PYTHONHASHSEED was {then} then, and is {now} now." if then else ""
 
 
 def _writable(one: Divergence) -> Divergence:

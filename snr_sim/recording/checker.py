@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
+import msgspec
 from msgspec import Raw
 
 from snr_sim.core.blame import describe_error
@@ -15,7 +16,7 @@ from snr_sim.core.node import INTERRUPTED
 from snr_sim.prelude.errors import ComponentFailed, SnrError
 from snr_sim.prelude.recorder import Handled, Ticket
 from snr_sim.prelude.task import Task, TaskType
-from snr_sim.recording.compare import Tolerance, first_difference
+from snr_sim.recording.compare import Tolerance, first_difference, only_reordered
 from snr_sim.recording.node_trace import encode_values, id_in_words
 from snr_sim.recording.records import (
     BeginRecord,
@@ -33,6 +34,12 @@ MAX_DIVERGENCES = 1000
 # A task that the recording does not have may have this many after it. One that asks for itself for ever is cut off.
 MAX_FOLLOWERS = 100
 
+_encode = msgspec.json.Encoder().encode
+
+ORDER_HINT = (
+    "The same values in another order: the order of a set of texts differs from process to process; "
+    "sort it, for name in sorted(names), or keep a list or a dict."
+)
 HANDLER = "the handler itself"  # the field of a difference: it was called then and is not now, or the other way round
 
 
@@ -49,6 +56,7 @@ class Divergence:
         recorded, replayed: what stood there.
         causes: from the input to the task, one line each.
         is_command: what differs drives an actuator.
+        hint: what it looks like, if it looks like something well known.
     """
 
     seq: int
@@ -63,6 +71,7 @@ class Divergence:
     replayed: Any
     causes: list[str]
     is_command: bool
+    hint: str = ""
 
 
 @dataclass
@@ -241,6 +250,7 @@ class Checker:
         """Pairs outputs with recorded ones and compares; returns their tickets, and them as they stand in a record."""
         encoded = [(task, encode_values(task)) for task in outputs]
         returned = [Returned(*id_in_words(task), Raw(values)) for task, values in encoded]
+        said = len(self.result.divergences)
         pairs = _paired(recorded, returned)
         tickets: list[Ticket] = []
         for (task, values), place in zip(encoded, pairs, strict=True):
@@ -251,6 +261,10 @@ class Checker:
             self._compare_values(record, label, recorded[place], values)
         if record is not None:
             self._compare_order(record, label, recorded, returned)
+        if len(self.result.divergences) > said and only_reordered(*map(_as_json, (recorded, returned))):
+            self.result.divergences[said:] = [
+                replace(divergence, hint=ORDER_HINT) for divergence in self.result.divergences[said:]
+            ]
         return tickets, returned
 
     def _extra_ticket(self, task: Task, values: bytes, cause: int) -> list[Ticket]:
@@ -330,6 +344,10 @@ class Checker:
             elif isinstance(one, (TaskRecord, PageRecord)):
                 handlers = ", ".join(f"{by.by}.{by.handler}" for by in one.handled) or "nobody"
                 yield f"seq {one.seq}: {one.type} '{one.name}' went to {handlers}"
+
+
+def _as_json(returned: Sequence[Returned]) -> list[bytes]:
+    return [_encode(one) for one in returned]
 
 
 def _id(returned: Returned) -> tuple[str, str]:

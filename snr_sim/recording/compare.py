@@ -93,6 +93,22 @@ def first_difference(
     return None
 
 
+def only_reordered(recorded: Sequence[bytes], replayed: Sequence[bytes]) -> bool:
+    """Returns whether values hold the same as others, but for the order of what is in lists, or of the values."""
+    if list(recorded) == list(replayed):
+        return False
+    then, now = (repr(_unordered([_decode(raw) for raw in raws])) for raws in (recorded, replayed))
+    return then == now  # by repr, 1 is not 1.0 and not true
+
+
+def _unordered(value: Any) -> Any:
+    if isinstance(value, list):
+        return sorted(map(_unordered, value), key=repr)
+    if isinstance(value, dict):
+        return {key: _unordered(value[key]) for key in sorted(value)}
+    return value
+
+
 def _roots(kind: str, raw: bytes) -> Any:
     values = _decode(raw)
     if kind == "store_page" and len(values) == 1 and isinstance(values[0], dict) and values[0].get(MARK) == "page":

@@ -9,6 +9,7 @@ classes: a field added here is a new `SCHEMA`.
 from __future__ import annotations
 
 import hashlib
+import os
 import sys
 import time
 from pathlib import Path
@@ -34,6 +35,7 @@ class Opening(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field
         scenario, controller: as they were asked for: a name, or the path of a file; "" is none.
         started: local time, ISO 8601 with the offset to UTC.
         argv: the command line.
+        hash_seed: what PYTHONHASHSEED was: it decides the order of sets of texts. 'random' where it was not set.
     """
 
     schema: int
@@ -41,11 +43,17 @@ class Opening(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field
     controller: str
     started: str
     argv: list[str]
+    hash_seed: str = ""
 
     @staticmethod
     def now(scenario: str, controller: str) -> Opening:
         """Returns the first line of a trace that begins now, in this process."""
-        return Opening(SCHEMA, scenario, controller, time.strftime("%Y-%m-%dT%H:%M:%S%z"), list(sys.argv))
+        return Opening(SCHEMA, scenario, controller, time.strftime("%Y-%m-%dT%H:%M:%S%z"), list(sys.argv), hash_seed())
+
+
+def hash_seed() -> str:
+    """Returns what decides the order of sets in this process: a number, or 'random'."""
+    return os.environ.get("PYTHONHASHSEED") or "random"
 
 
 class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="header"):

@@ -136,6 +136,30 @@ def test_a_check_names_what_asks_the_outside_with_its_line(snr: Snr, here: Path,
     assert (call["file"], call["line"]) == ("mine.py", number)
 
 
+@pytest.mark.parametrize(
+    "line",
+    [
+        "return self.store_data_task('names', list({'port', 'starboard', 'bow', 'stern', 'keel'}))",
+        "return [self.store_data_task(name, 1) for name in {'port', 'starboard', 'bow', 'stern', 'keel'}]",
+        "return [tasks.event('part', [name]) for name in {'port', 'starboard', 'bow', 'stern', 'keel'}]",
+    ],
+)
+def test_a_replay_that_differs_by_the_order_of_a_set_says_so(here: Path, mine: Mine, line: str) -> None:
+    def snr_in(hash_seed: str, *words: str) -> subprocess.CompletedProcess[str]:
+        environment = {**os.environ, "PYTHONHASHSEED": hash_seed}
+        command = [sys.executable, "-m", "snr_sim", *words]
+        return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60)
+
+    path = mine((WIRED, f"        {line}"))
+    done = snr_in("1", "run", "lander_vertical", "--no-rrd", "--json", "--controller", str(path))
+    folder = json.loads(done.stdout)["run_dir"]
+    assert snr_in("1", "replay", folder).returncode == 0
+    replayed = snr_in("2", "replay", folder)
+    assert replayed.returncode == 1
+    assert "The same values in another order: the order of a set of texts differs" in replayed.stdout
+    assert "PYTHONHASHSEED was 1 then, and is 2 now." in replayed.stdout
+
+
 def test_what_handlers_print_is_no_part_of_the_answer(snr: Snr, mine: Mine) -> None:
     path = mine((WIRED, f"        print('altitude', flush=True)\n{WIRED}"))
     flown = snr("run", "lander_vertical", "--no-rrd", "--json", "--controller", path).json["run_dir"]

@@ -9,7 +9,7 @@ import pytest
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.values import encode_value
-from snr_sim.recording.compare import Difference, Tolerance, first_difference
+from snr_sim.recording.compare import Difference, Tolerance, first_difference, only_reordered
 
 
 def page(data: Any, **about: Any) -> bytes:
@@ -94,3 +94,23 @@ def test_a_tolerance_that_is_none_is_refused_with_an_example(text: str) -> None:
 
 def test_a_path_may_itself_hold_an_equals_sign() -> None:
     assert Tolerance.parse("a=b=1e-3") == Tolerance("a=b", absolute=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("recorded", "replayed", "expected"),
+    [
+        ([b"[1,2]"], [b"[2,1]"], True),
+        ([b"[1]", b"[2]"], [b"[2]", b"[1]"], True),
+        ([b'{"a":[{"b":["x","y"]}]}'], [b'{"a":[{"b":["y","x"]}]}'], True),
+        ([b"[1,2]"], [b"[1,2]"], False),
+        ([b"[1,2]"], [b"[1,3]"], False),
+        ([b"[1,2,2]"], [b"[1,1,2]"], False),
+        ([b"[1,2]"], [b"[2,1.0]"], False),
+        ([b'{"a":1,"b":2}'], [b'{"a":2,"b":1}'], False),
+        ([b"[1]"], [b"[1]", b"[1]"], False),
+    ],
+)
+def test_values_in_another_order_are_told_from_other_values(
+    recorded: list[bytes], replayed: list[bytes], expected: bool
+) -> None:
+    assert only_reordered(recorded, replayed) is expected
