@@ -54,9 +54,10 @@ if TYPE_CHECKING:
     )
     from snr_sim.std_mods.stopwatch import StopwatchEndpointFactory
     from snr_sim.std_mods.timeout import TimeoutLoopFactory
+    from snr_sim.std_mods.timer import Timer
     from snr_sim.supervision.multi_proc import MultiProcRunner
     from snr_sim.testing.case import SNRTestCase
-    from snr_sim.testing.expector import Expector, OrderedExpector
+    from snr_sim.testing.expector import Expectations, Expector, OrderedExpector, TaskExpectations
     from snr_sim.testing.expector_endpoint import ExpectorEndpointFactory
     from snr_sim.testing.fakes import FakeActuator, FakeSensor
 
@@ -101,10 +102,11 @@ _PLACES = {
         "TextReplayerFactory",
     ),
     "snr_sim.std_mods.stopwatch": ("StopwatchEndpointFactory",),
+    "snr_sim.std_mods.timer": ("Timer",),
     "snr_sim.std_mods.timeout": ("TimeoutLoopFactory",),
     "snr_sim.supervision.multi_proc": ("MultiProcRunner",),
     "snr_sim.testing.case": ("SNRTestCase",),
-    "snr_sim.testing.expector": ("Expector", "OrderedExpector"),
+    "snr_sim.testing.expector": ("Expectations", "Expector", "OrderedExpector", "TaskExpectations"),
     "snr_sim.testing.expector_endpoint": ("ExpectorEndpointFactory",),
     "snr_sim.testing.fakes": ("FakeActuator", "FakeSensor"),
 }
@@ -122,6 +124,18 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'snr_sim' has no attribute '{name}'")
     globals()[name] = value
     return value
+
+
+def name_in_room(room: str, name: str) -> Any:
+    """Returns a public name of a room, such as `snr_sim.core`; under `__all__` a list of them. For star imports."""
+    names = [name for name, home in _HOME.items() if home.startswith(f"{room}.")]
+    if room == "snr_sim.prelude":
+        names.append("tasks")
+    if name == "__all__":
+        return names
+    if name in names:
+        return __getattr__(name)
+    raise AttributeError(f"module '{room}' has no attribute '{name}'")
 
 
 def __dir__() -> list[str]:
