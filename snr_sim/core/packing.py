@@ -155,13 +155,16 @@ def _read_main(name: str | None, file: str) -> None:
 
 def _culprit(thing: Any, error: Exception) -> tuple[str, str]:
     """Returns the way to the innermost part that cannot be sent, such as "'s attribute `on_tick`", and what it is."""
-    way = ""
+    way, seen = "", {id(thing)}
     while True:
         for step, part in _parts(thing):
+            if id(part) in seen:  # it refers to what it is part of
+                continue
             try:
                 _dump(part)
             except Exception as its_error:
                 way, thing, error = way + step, part, its_error
+                seen.add(id(part))
                 break
         else:
             return (f"'s attribute `{way.lstrip('.')}`" if way else ""), _description(thing, error)

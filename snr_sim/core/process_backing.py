@@ -13,11 +13,13 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from queue import SimpleQueue
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from snr_sim.core.backing import JOIN_TIMEOUT_S
+from snr_sim.core.blame import describe_error
 from snr_sim.core.component import CORE_NAME
 from snr_sim.core.datastore import PREVIOUS
 from snr_sim.core.node_core import NodeCore
@@ -32,6 +34,8 @@ from snr_sim.prelude.values import decode_value, encode_value
 
 if TYPE_CHECKING:
     from snr_sim.core.loop import Loop
+
+Tap: TypeAlias = Callable[[Page], None]
 
 TARGET = "snr_sim.core.loop_process:run"
 # How much longer than a thread a process may take to end: it waits for its thread itself, and then has to say so.
@@ -52,6 +56,7 @@ class ProcessBacking:
         self._is_finished = False  # it has said that all is over
         self._give_up_s: float | None = None
         self._threads: list[threading.Thread] = []
+        self._taps: list[tuple[list[Tap], Tap]] = []  # ours, and the lists they are in
         self.is_stopped = False
         self.ticks = 0
         self.late_s = 0.0
@@ -120,7 +125,12 @@ class ProcessBacking:
     # The listener's thread
 
     def _listen(self) -> None:
-        status = self._process.listen(self._hear)
+        try:
+            status = self._process.listen(self._hear)
+        except Exception as error:
+            self._fail(describe_error(error, f"while the node heard the process of loop '{self._loop.name}'"))
+            self._kill()
+            status = self._process.listen(_nothing)
         self.is_stopped = True
         if not self._is_finished and not self._is_killed:
             self._fail(self._obituary(status))
@@ -165,15 +175,20 @@ class ProcessBacking:
 
     def _watch(self, key: DataKey) -> None:
         """Sends a page from now on whenever it is stored, and once at once."""
-        core = self._node.components[CORE_NAME]
-        assert isinstance(core, NodeCore)
 
         def tap(page: Page) -> None:
             self._tell_of(key)
 
         for stored in {key, key.removesuffix(PREVIOUS)}:
-            core.taps.setdefault(stored, []).append(tap)
+            taps = self._core().taps.setdefault(stored, [])
+            taps.append(tap)
+            self._taps.append((taps, tap))
         self._tell_of(key)
+
+    def _core(self) -> NodeCore:
+        core = self._node.components[CORE_NAME]
+        assert isinstance(core, NodeCore)
+        return core
 
     def _fail(self, message: str) -> None:
         self._node.door.fail(ComponentFailed(message, self._node.name, self._loop.name))
@@ -213,7 +228,10 @@ class ProcessBacking:
                 f"The process of loop '{self._loop.name}' did not end within {JOIN_TIMEOUT_S + _LONGER_S:.1f} s and "
                 "was killed; its halt() may not have been called."
             )
+        while self._taps:  # here and not in the listener: this is the thread that goes through the lists
+            taps, tap = self._taps.pop()
+            taps.remove(tap)
 
 
-def _nothing() -> None:
+def _nothing(*args: Any) -> None:
     """Stands where there is nothing to be done."""

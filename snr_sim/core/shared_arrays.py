@@ -3,7 +3,7 @@
 The memory is a file without a name, which exists as long as one of the two has it open. So nothing is left behind
 whoever dies, and however: named shared memory outlives a process that is killed. It is divided into a few slots. The
 sender copies an array into a free one and sends a note of where it is; the receiver copies it out and gives the slot
-back. If none is free the array goes through the line, as text: slower, and just as right.
+back. If none gets free soon the array goes through the line, as text: slower, and just as right.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from snr_sim.prelude.values import MARK
 SHARED = "shared"  # the mark of a note
 SHARED_FROM_BYTES = 16 * 1024  # below, the text in the line is as quick
 SLOTS = 4
+WAIT_FOR_SLOT_S = 0.1
 _PLAIN_KINDS = "biufc"
 
 
@@ -57,7 +58,7 @@ class ArraySender:
         self._file = file
         self._slots: list[_Slot] = []
         self._free: set[int] = set()
-        self._changing = threading.Lock()
+        self._changing = threading.Condition()
         self._end_bytes = 0
 
     def share(self, value: Any) -> Any:
@@ -70,6 +71,7 @@ class ArraySender:
         """Makes slots free again whose arrays have been copied out."""
         with self._changing:
             self._free.update(slots)
+            self._changing.notify_all()
 
     def _shared(self, value: Any, numpy: Any) -> Any:
         kind = type(value)
@@ -95,6 +97,8 @@ class ArraySender:
 
     def _slot_for(self, size_bytes: int) -> int | None:
         with self._changing:
+            if len(self._slots) == SLOTS:
+                self._changing.wait_for(lambda: self._free, WAIT_FOR_SLOT_S)
             fitting = [number for number in self._free if self._slots[number].size_bytes >= size_bytes]
             if fitting:
                 number = min(fitting, key=lambda fit: self._slots[fit].size_bytes)

@@ -1,0 +1,211 @@
+"""Factories on their way to another process: also those loaded by path, and what is said of those that cannot go."""
+
+import os
+import pickle
+import subprocess
+import sys
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim import Config, Loop, LoopFactory, Mode, Node, TimeoutLoopFactory, library
+from snr_sim.core.packing import pack, unpack
+from snr_sim.prelude.errors import ConfigError
+
+TOP = Path(__file__).parents[2]
+
+ROBOT = """
+from .eye import EyeFactory
+
+ROLES = ("robot",)
+IO = ("sim",)
+
+
+def roles(*args):
+    return {"robot": [EyeFactory()]}
+"""
+EYE = """
+from snr_sim import Loop, LoopFactory, tasks
+
+from .lens import NAME
+
+
+class Eye(Loop):
+    backing = "process"
+
+    def loop(self):
+        self.store_data("lens", NAME)
+        self.schedule(tasks.terminate("seen"))
+
+
+class EyeFactory(LoopFactory):
+    def get(self, parent):
+        return Eye(self, parent, "eye", 10)
+"""
+PROGRAM = """
+import sys
+
+from snr_sim import Config, Loop, LoopFactory, Node, tasks
+
+
+class Eye(Loop):
+    backing = "process"
+
+    def loop(self):
+        self.store_data("name", __name__)
+        self.schedule(tasks.terminate("seen"))
+
+
+class EyeFactory(LoopFactory):
+    def get(self, parent):
+        return Eye(self, parent, "eye", 10)
+
+
+def main():
+    node = Node("r", Config(factories={"r": [EyeFactory()]}))
+    node.loop()
+    print(node.get_data("name"), sys.argv[1:])
+
+"""
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Any:
+    folder = tmp_path / "robots" / "cyclops"
+    folder.mkdir(parents=True)
+    for name, text in {"robot": ROBOT, "eye": EYE, "lens": "NAME = 'fisheye'\n"}.items():
+        (folder / f"{name}.py").write_text(text)
+    return library.load_robot(library.Found("robots", "cyclops", folder, "a test"))
+
+
+def run_program(text: str, *words: str, folder: Path, how: tuple[str, ...] = ("robot.py",)) -> tuple[int, str, str]:
+    (folder / "robot.py").write_text(text)
+    done = subprocess.run(
+        [sys.executable, *how, *words],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env={**os.environ, "PYTHONPATH": str(TOP)},
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+def test_a_robot_that_was_loaded_by_path_is_loaded_from_there_with_its_neighbours(robot: Any) -> None:
+    node = Node("robot", Config(Mode.TEST, {"robot": [*robot.roles()["robot"], TimeoutLoopFactory(seconds=60)]}))
+    node.loop()
+    assert node.exit_reason == "seen"
+    assert node.get_data("lens") == "fisheye"
+
+
+@pytest.mark.parametrize("how", [("robot.py",), ("-m", "robot")])
+def test_what_the_program_itself_defines_is_found_without_running_it_again(
+    how: tuple[str, ...], tmp_path: Path
+) -> None:
+    guarded = PROGRAM + 'print("read")\nif __name__ == "__main__":\n    main()\n'
+    status, out, err = run_program(guarded, "--fast", folder=tmp_path, how=how)
+    assert (status, err) == (0, "")
+    assert "read\n" in out
+    assert out.endswith("['--fast']\n")
+
+
+def test_a_program_that_starts_again_wherever_it_is_read_is_told_what_it_lacks(tmp_path: Path) -> None:
+    status, _, err = run_program(PROGRAM + "main()\n", folder=tmp_path)
+    assert status == 1
+    assert "starts a process again while that process still reads the program" in err
+    assert "if __name__ == '__main__':" in err
+
+
+def test_what_is_defined_at_a_prompt_is_told_to_go_into_a_file(tmp_path: Path) -> None:
+    status, _, err = run_program("", folder=tmp_path, how=("-c", PROGRAM + "main()\n"))
+    assert status == 1
+    assert "EyeFactory is defined where no file is" in err
+    assert "put its class into a file" in err
+
+
+class Inner:
+    def __init__(self, value: Any) -> None:
+        self.value = value
+
+
+class KeepingFactory(LoopFactory):
+    def __init__(self, *kept: Any, **named: Any) -> None:
+        super().__init__(os)
+        self.kept, self.named = list(kept), named
+
+    def get(self, parent: Node) -> Loop:
+        return Loop(self, parent, "keeper")
+
+
+def local_function() -> Any:
+    def inside() -> None:
+        pass
+
+    return inside
+
+
+class Unwilling:
+    def __reduce__(self) -> Any:
+        raise RuntimeError("not me")
+
+
+@pytest.mark.parametrize(
+    ("factory", "said", "fix"),
+    [
+        (
+            KeepingFactory(1, lambda: None),
+            "attribute `kept[1]` cannot be sent there: a lambda (",
+            "top level of a file",
+        ),
+        (KeepingFactory(act=local_function()), "`named['act']` cannot be sent there: a function inside", "top level"),
+        (
+            KeepingFactory(Inner({"a": [threading.Lock()]})),
+            "`kept[0].value['a'][0]` cannot be sent there: lock",
+            "setup()",
+        ),
+        (KeepingFactory(Unwilling()), "`kept[0]` cannot be sent there: Unwilling (not me)", "setup()"),
+    ],
+)
+def test_what_cannot_be_sent_is_named_with_the_way_to_it(factory: Any, said: str, fix: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        pack(factory, "KeepingFactory", "Loop 'eye'")
+    assert str(caught.value).startswith("Loop 'eye' runs in a process of its own, and KeepingFactory's attribute ")
+    assert said in str(caught.value)
+    assert fix in caught.value.fix
+
+
+def test_an_open_file_is_to_be_opened_in_setup(tmp_path: Path) -> None:
+    with open(tmp_path / "x", "w") as file, pytest.raises(ConfigError, match=r"`kept\[0\]` .*TextIOWrapper") as caught:
+        pack(KeepingFactory(file), "KeepingFactory", "Loop 'eye'")
+    assert "setup()" in caught.value.fix
+
+
+def test_a_factory_whose_class_is_inside_a_function_is_told_so() -> None:
+    class LocalFactory(KeepingFactory):
+        pass
+
+    with pytest.raises(ConfigError, match="its class LocalFactory is defined inside a function"):
+        pack(LocalFactory(), "LocalFactory", "Loop 'eye'")
+
+
+def test_what_refers_to_itself_is_sent_and_comes_back_as_it_was() -> None:
+    factory = KeepingFactory(Inner(1), key={"a": (1, 2)})
+    factory.kept.append(factory)
+    before = sys.argv[:], sys.meta_path[:]
+    try:
+        back = unpack(pack(factory, "KeepingFactory", "Loop 'eye'"))
+    finally:
+        sys.argv[:], sys.meta_path[:] = before
+    assert back.kept[1] is back
+    assert back.reload_targets == [os]
+    assert back.named == factory.named
+    assert pickle.loads(pickle.dumps(back.kept[0].value)) == 1
+
+
+def test_what_refers_to_itself_and_cannot_be_sent_is_named_all_the_same() -> None:
+    factory = KeepingFactory()
+    factory.kept += [factory, lambda: None]
+    with pytest.raises(ConfigError, match="a lambda"):
+        pack(factory, "KeepingFactory", "Loop 'eye'")
