@@ -55,8 +55,6 @@ OURS = sorted({name for _, here in rows() for name in here})
 
 @pytest.mark.parametrize("name", OURS)
 def test_what_the_page_says_is_here_is_here(name: str) -> None:
-    if name in ("CommandReceiverFactory", "RemoteConsole") and name not in snr_sim.__all__:
-        pytest.skip("comes with the console over the network")
     assert resolve(name) is not None
 
 

@@ -33,7 +33,6 @@ from snr_sim import (
     tasks,
 )
 from snr_sim.core.endpoint import EndpointFactory
-from snr_sim.core.lockstep import LockStep
 from snr_sim.core.loop import LoopFactory
 from snr_sim.core.runners import CliRunner
 from snr_sim.testing.parts import PartFactory, TickerFactory
@@ -148,23 +147,15 @@ def test_weakness_4_all_of_ten_pages_due_at_once_are_processed_before_exit(tmp_p
     assert len(done) == 10
 
 
-def test_weakness_18_a_recorder_made_anew_in_the_middle_of_a_run_goes_on_where_it_was(tmp_path: Path) -> None:
+def test_weakness_18_a_reload_of_the_recorder_goes_on_where_it_was(tmp_path: Path) -> None:
     file = tmp_path / "x"
-    factory = RecorderEndpointFactory(file, "x")
-
-    config = {
-        "r": [
-            factory,
-            ListReplayerFactory([1, 2, 3], "x", rate_hz=10),
-            TickerFactory(lambda loop: loop.schedule(tasks.reload_component("recorder")), rate_hz=8),
-        ]
-    }
-    clock = SimClock()
-    node = Node("r", Config(factories=config), clock=clock)
-    LockStep([node], clock, until_s=1.0).run()
+    reload_between = TickerFactory(lambda loop: loop.schedule(tasks.reload_component("recorder")), rate_hz=12.5)
+    values = ListReplayerFactory([1, 2, 3], "x", exit_when_done=True, rate_hz=10)
+    node = run(RecorderEndpointFactory(file, "x"), values, reload_between)
     assert [page.data for page in PageReader(file)] == [1, 2, 3]
     assert file.read_text().count('"start"') == 1
-    assert node.get_data("reload")["made"] == ["recorder"]
+    assert node.get_data("reload")["ok"] is True
+    assert node.notes == []
 
 
 def test_weakness_19_an_unknown_object_costs_its_own_page_and_an_array_none(tmp_path: Path) -> None:

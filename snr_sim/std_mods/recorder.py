@@ -15,6 +15,7 @@ import os
 import weakref
 from collections import Counter
 from collections.abc import Sequence
+from io import FileIO
 from pathlib import Path
 
 import msgspec
@@ -64,7 +65,7 @@ class RecorderEndpoint(Endpoint):
 
     def __init__(self, factory: RecorderEndpointFactory, parent: Node, name: str) -> None:
         super().__init__(factory, parent, name)
-        self._file: int | None = None
+        self._file: FileIO | None = None
         self._refused: Counter[DataKey] = Counter()
         self.task_handlers = {(TaskType.store_page, key): self.record for key in factory.keys}
 
@@ -78,8 +79,8 @@ class RecorderEndpoint(Endpoint):
             return
         path = self.factory.path
         try:
-            self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
-            self._finish_cut_line(self._file)
+            self._file = path.open("ab+", buffering=0)
+            _finish_cut_line(self._file)
         except OSError as error:
             raise RecordingError(
                 f"The recording {path} cannot be written: {error.strerror}.", fix="a file in a folder that is there."
@@ -100,7 +101,7 @@ class RecorderEndpoint(Endpoint):
     def terminate(self) -> None:
         """Closes the file."""
         if self._file is not None:
-            os.close(self._file)
+            self._file.close()
             self._file = None
         for key, count in self._refused.items():
             if count > 1:
@@ -110,7 +111,7 @@ class RecorderEndpoint(Endpoint):
         """Writes a line, whole or not at all: in one go, so that two recorders of one file keep out of each other."""
         assert self._file is not None
         try:
-            whole = os.write(self._file, line + b"\n") == len(line) + 1
+            whole = self._file.write(line + b"\n") == len(line) + 1
             reason = "there is no room left"
         except OSError as error:
             whole, reason = False, str(error.strerror)
@@ -120,7 +121,7 @@ class RecorderEndpoint(Endpoint):
     def _stop(self, reason: str) -> None:
         """Ends the recording, but not the robot."""
         assert self._file is not None
-        os.close(self._file)
+        self._file.close()
         self._file = None
         text = f"'{self.name}' ended its recording {self.factory.path} at t = {self.get_time_s():.3f} s: {reason}."
         self.log.error(text)
@@ -133,11 +134,13 @@ class RecorderEndpoint(Endpoint):
             self.log.error(text)
             self.parent.note(text)
 
-    @staticmethod
-    def _finish_cut_line(file: int) -> None:
-        size_bytes = os.fstat(file).st_size
-        if size_bytes and os.pread(file, 1, size_bytes - 1) != b"\n":
-            os.write(file, b"\n")
+
+def _finish_cut_line(file: FileIO) -> None:
+    """Has what comes next begin on a line of its own."""
+    if file.seek(0, os.SEEK_END):
+        file.seek(-1, os.SEEK_END)
+        if file.read(1) != b"\n":
+            file.write(b"\n")
 
 
 def _as_line(page: Page) -> bytes:

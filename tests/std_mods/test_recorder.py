@@ -1,7 +1,7 @@
 """A recording holds each page whole, only ever grows, and never ends the robot it records."""
 
 import errno
-import os
+from io import FileIO
 from pathlib import Path
 from typing import Any
 
@@ -117,21 +117,30 @@ def test_a_recording_that_cannot_be_made_says_so_before_the_robot_moves(tmp_path
     assert ticks == []
 
 
+class SmallDisk(FileIO):
+    """A file on a disk with little room: it takes what fits."""
+
+    room_bytes = 150
+
+    def write(self, data: Any) -> int:
+        if self.room_bytes <= 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        fits = bytes(data)[: self.room_bytes]
+        self.room_bytes -= len(fits)
+        return super().write(fits)
+
+
 def test_a_full_disk_ends_the_recording_and_not_the_robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "x.jsonl"
-    write, left = os.write, [2]
-
-    def full(descriptor: int, data: bytes) -> int:
-        left[0] -= 1
-        if left[0] < 0:
-            raise OSError(errno.ENOSPC, "No space left on device")
-        return write(descriptor, data)
-
-    monkeypatch.setattr("snr_sim.std_mods.recorder.os.write", full)
-    node = record(file, [1, 2, 3])
-    assert [page.data for page in PageReader(file)] == [1]
+    with monkeypatch.context() as context:
+        context.setattr(Path, "open", lambda path, mode, buffering: SmallDisk(path, mode))
+        node = record(file, [1, 2, 3])
     assert node.get_data("x") == 3
-    assert [note for note in node.notes if "ended its recording" in note and "No space left" in note] == node.notes
+    assert len(node.notes) == 1
+    assert "ended its recording" in node.notes[0]
+    assert len(file.read_bytes()) == 150
+    record(file, [4])
+    assert [page.data for page in PageReader(file)] == [1, 4]
 
 
 def test_a_replay_writes_nothing(tmp_path: Path) -> None:
