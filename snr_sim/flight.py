@@ -128,6 +128,7 @@ class Flight:
             tasks=sum(node.machine.executed for node in self.nodes),
             pages=sum(node.datastore.stored for node in self.nodes),
             notes=[
+                *self._simulation.notes,
                 *notes,
                 *([f"{verdict.outcome}: {verdict.why}."] if verdict.why else []),
                 *(note for node in self.nodes for note in node.notes),

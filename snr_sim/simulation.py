@@ -61,6 +61,7 @@ class Simulation:
         self.scenario = scenario
         self.robot_file = robot
         self._controller = controller
+        self.notes: list[str] = []  # of putting it together, for the run's result
         self._found = found
         self._robot = Robot(
             name=scenario.ROBOT,
@@ -117,6 +118,7 @@ class Simulation:
                     f"{place}: factories(robot) returned a list with {factory!r}, which is not a factory.",
                     fix="list instances of your EndpointFactory classes: [MyEndpointFactory()], with the brackets.",
                 )
+        self.notes = [] if made else [f"{place}: factories(robot) returned [], so nobody controls the robot."]
         return list(made)
 
     def plant(self) -> Plant:

@@ -6,11 +6,13 @@ from collections.abc import Iterator, Mapping
 
 from snr_sim.core.component import CORE_NAME
 from snr_sim.core.datastore import Datastore
+from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.handlers import Entry, describe
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import nearest
 from snr_sim.prelude.task import TaskName, TaskType
 
+_STEPS = ("begin", "join", "halt", "terminate")
 Seen = Mapping[TaskType, Mapping[TaskName, tuple[Entry, ...]]]
 
 
@@ -27,6 +29,7 @@ def loose_ends(components: Mapping[str, Component], seen: Seen, datastore: Datas
     return [
         *_unhandled(of_the_robot, seen),
         *_never_called(of_the_robot, seen),
+        *_without_handlers(of_the_robot, seen),
         *_never_stored(datastore),
     ]
 
@@ -53,6 +56,18 @@ def _never_called(components: Mapping[str, Component], seen: Seen) -> Iterator[s
                 verb = "sent" if kind is TaskType.event else "stored" if kind is not TaskType.reload else "asked for"
                 near = nearest(name, seen[kind], f"{verb} were")
                 yield f"'{component.name}' waits for {describe(task_id)}, which nobody {verb}; {near}"
+
+
+def _without_handlers(components: Mapping[str, Component], seen: Seen) -> Iterator[str]:
+    """Endpoints that do nothing at all; one that works in `begin`, `halt` or `terminate` only is well."""
+    called = {entry[0].name for by_name in seen.values() for entries in by_name.values() for entry in entries}
+    for component in components.values():
+        is_idle = isinstance(component, Endpoint) and not component.task_handlers and component.name not in called
+        if is_idle and all(getattr(type(component), step) is getattr(Endpoint, step) for step in _STEPS):
+            yield (
+                f"Endpoint '{component.name}' has no handlers, so nothing calls it; "
+                "set self.task_handlers = {...} in its __init__."
+            )
 
 
 def _never_stored(datastore: Datastore) -> Iterator[str]:

@@ -12,7 +12,7 @@ from snr_sim.core.config import Config
 from snr_sim.core.datastore import Datastore
 from snr_sim.core.door import Door
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
-from snr_sim.core.handlers import Lookup, check_returns
+from snr_sim.core.handlers import Lookup, check_returns, describe
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.loose_ends import loose_ends
 from snr_sim.core.machine import EventMachine, HandlerFailed, as_tasks
@@ -87,6 +87,7 @@ class Node:
         self._thread_id = threading.get_ident()
         self._begun: list[Component] = []
         self._is_over = False
+        self._is_halting = False
         self._failures: list[ComponentFailed] = []  # those that stand in the trace
         self._places: dict[str, int] = {}
         self._last_place = 0
@@ -264,6 +265,7 @@ class Node:
         for component in self._begun:  # all loops are told first: then none waits for another's sleep
             if isinstance(component, Loop):
                 component.stop()
+        self._is_halting = True
         for component in self._begun:
             self._call_last(component, "join", component.join, failures)
             self._call_last(component, "terminate", component.terminate, failures)
@@ -277,6 +279,13 @@ class Node:
             self._recorder.end(self.machine.now_s, self.exit_reason or "", self.summary())
         if failures:
             raise failures[0]
+
+    def _note_too_late(self, component: Component, tasks: SomeTasks) -> None:
+        for task in as_tasks(tasks, component, self.schedule):
+            self.note(
+                f"'{component.name}' scheduled {describe(task.id())} while it was halted, and no task comes "
+                "after that. A handler of TaskType.terminate is called in time."
+            )
 
     def _note_overload(self) -> None:
         if self.machine.longest_queue >= OVERLOAD_TASKS:
@@ -349,6 +358,8 @@ class Node:
             self.enter(tasks, source)
         elif isinstance(running, Loop):
             self.enter(tasks, running.name)
+        elif self._is_halting:
+            self._note_too_late(running, tasks)
         else:
             self.machine.schedule([tasks] if type(tasks) is Task else as_tasks(tasks, running, self.schedule))
 

@@ -352,6 +352,12 @@ def test_a_command_out_of_range_is_clamped_and_said_once(snr: Snr, mine: Mine) -
         assert fields["outcome"] != "error"
 
 
+def test_a_controller_of_no_components_is_said_to_be_one(snr: Snr, mine: Mine) -> None:
+    answer = snr(*RUN, "--controller", mine(("return [MineFactory()]", "return []")), "--json")
+    assert answer.status == 1
+    assert "mine.py: factories(robot) returned [], so nobody controls the robot." in answer.json["notes"]
+
+
 def test_what_hangs_loose_is_said_at_the_end_with_the_nearest_name(snr: Snr, mine: Mine) -> None:
     handlers = '{(TaskType.process_data, "radr"): self.on_radar, (TaskType.event, "ignition"): self.on_radar}'
     path = mine(('{(TaskType.process_data, "radar"): self.on_radar}', handlers))

@@ -330,6 +330,59 @@ def test_a_page_waited_for_that_nobody_stores_is_reported_with_the_nearest_name(
     )
 
 
+class Idle(Endpoint):
+    pass
+
+
+class Greeter(Endpoint):
+    def begin(self) -> None:
+        self.schedule(tasks.event("hello"))
+
+
+class MadeOf(EndpointFactory):
+    def __init__(self, kind: type[Endpoint], name: str) -> None:
+        super().__init__()
+        self.kind, self.name = kind, name
+
+    def get(self, parent: Node) -> Endpoint:
+        return self.kind(self, parent, self.name)
+
+
+def test_an_endpoint_that_nothing_can_call_is_reported_and_one_that_begins_something_is_not() -> None:
+    hears = PartFactory({TaskType.event: lambda task, task_id: None})
+    assert notes_of(MadeOf(Idle, "sleeper"), MadeOf(Greeter, "greeter"), hears) == [
+        "Endpoint 'sleeper' has no handlers, so nothing calls it; set self.task_handlers = {...} in its __init__."
+    ]
+
+
+def test_an_endpoint_that_gave_up_its_handlers_after_its_work_is_not_reported() -> None:
+    class Once(Idle):
+        def __init__(self, factory: EndpointFactory, parent: Node, name: str) -> None:
+            super().__init__(factory, parent, name)
+            self.task_handlers = {(TaskType.event, "hello"): self.on_hello}
+
+        def on_hello(self, task: Any, task_id: Any) -> None:
+            self.task_handlers.clear()
+
+    assert notes_of(MadeOf(Greeter, "greeter"), MadeOf(Once, "once")) == []
+
+
+@pytest.mark.parametrize("step", ["halt", "terminate"])
+def test_what_is_scheduled_while_halted_is_reported_as_too_late(step: str) -> None:
+    late: dict[str, Any] = {step: lambda part: part.schedule([tasks.event("bye"), tasks.event("now")])}
+    (bye, now) = notes_of(PartFactory({TaskType.event: lambda task, task_id: None}, "pilot", **late))
+    assert bye.startswith("'pilot' scheduled event 'bye' while it was halted, and no task comes after that.")
+    assert now.startswith("'pilot' scheduled event 'now' while")
+
+
+def test_what_a_terminate_handler_returns_is_not_too_late() -> None:
+    heard: list[str] = []
+    says = PartFactory({TaskType.terminate: lambda task, task_id: tasks.event("bye")}, "pilot")
+    hears = PartFactory({(TaskType.event, "bye"): lambda task, task_id: heard.append("bye")}, "shore")
+    assert notes_of(says, hears) == []
+    assert heard == ["bye"]
+
+
 def test_a_page_asked_for_that_nobody_stores_is_reported_once() -> None:
     asks = TickerFactory(lambda loop: loop.get_data("dpth"), rate_hz=100)
     (note,) = notes_of(asks, PartFactory(begin=lambda part: part.store_data("depth", 1)))
