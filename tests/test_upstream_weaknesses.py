@@ -73,34 +73,23 @@ WEAKNESSES = {
 }
 
 ELSEWHERE = {
-    1: ["core/test_interrupts.py::test_nodes_interrupted_at_random_moments_all_halt_in_order_and_soon"],
     2: [
-        "core/test_machine.py::test_an_event_that_reschedules_itself_starves_nobody",
         "core/test_machine.py::test_a_terminate_task_from_another_thread_ends_a_node_that_is_busy_for_ever",
     ],
-    3: ["core/test_machine.py::test_events_are_handled_in_the_order_they_were_scheduled"],
     4: [
         "core/test_machine.py::test_pages_stored_just_before_the_end_are_still_processed",
         "std_mods/test_replayer.py::test_whoever_ends_the_run_waits_for_a_slow_handler",
     ],
-    5: [
-        "core/test_threads.py::test_an_idle_node_costs_nothing",
-        "core/test_threads.py::test_a_loop_on_a_thread_keeps_its_mean_rate_although_it_works",
-    ],
     17: [
         "core/test_threads.py::test_a_timeout_does_not_hold_up_the_end",
-        "core/test_threads.py::test_twenty_slow_loops_end_together_and_not_one_after_the_other",
     ],
     18: ["std_mods/test_recorder.py::test_a_second_start_goes_on_in_the_same_file"],
     19: ["std_mods/test_recorder.py::test_a_page_that_cannot_be_recorded_is_named_once_and_the_others_go_on"],
     20: ["core/test_runners.py::test_with_d_the_command_line_shows_all_that_is_logged_and_the_profile"],
-    22: ["core/test_interrupts.py::test_a_signal_is_a_terminate_task_whose_reason_is_its_name"],
     23: ["prelude/test_task.py::test_tasks_with_the_same_contents_are_equal_and_have_one_hash"],
     24: ["prelude/test_task.py::test_each_task_has_a_list_of_its_own"],
     25: ["core/test_threads.py::test_setting_the_computers_clock_does_not_move_node_time"],
-    26: ["core/test_threads.py::test_a_loop_on_a_thread_keeps_its_mean_rate_although_it_works"],
     27: [
-        "core/test_profiler.py::test_the_mean_is_over_all_calls_and_the_largest_is_kept",
         "core/test_profiler.py::test_a_run_in_debug_mode_knows_each_handler_and_each_loop",
     ],
     28: [

@@ -26,7 +26,9 @@ Row = dict[str, Any]
 
 
 def bench(
-    names: Annotated[list[str] | None, typer.Argument(help="Which: dispatch, pages, loops, lander, start_up.")] = None,
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Which: dispatch, pages, loops, processes, lander, ...")
+    ] = None,
     is_quick: Annotated[bool, typer.Option("--quick", help="Measure briefly: to see that it works.")] = False,
     with_install: Annotated[bool, typer.Option("--install", help="Measure the size of a fresh base install.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,

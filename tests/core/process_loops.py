@@ -164,3 +164,11 @@ def start_another(loop: Any) -> None:
         os._exit(0)
     loop.store_data("grandchild", pid)
     os.kill(os.getpid(), signal.SIGKILL)
+
+
+def store_name(loop: Any) -> None:
+    loop.store_data(loop.name, loop.count)
+
+
+def rest(loop: Any) -> None:
+    time.sleep(0.25)

@@ -21,7 +21,7 @@ COUNT = 225
 HERE = Path(__file__).parent
 
 
-def test_nodes_interrupted_at_random_moments_all_halt_in_order_and_soon() -> None:
+def test_weakness_1_nodes_interrupted_at_random_moments_all_halt_in_order_and_soon() -> None:
     command = [sys.executable, str(HERE / "interrupted.py"), str(COUNT), "20261"]
     environment = {**os.environ, "PYTHONPATH": str(HERE.parents[1])}
     children = json.loads(subprocess.check_output(command, env=environment, timeout=120))

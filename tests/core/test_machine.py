@@ -46,14 +46,14 @@ def run(node: Node) -> Node:
     return node
 
 
-def test_events_are_handled_in_the_order_they_were_scheduled(make: Make) -> None:
+def test_weakness_3_events_are_handled_in_the_order_they_were_scheduled(make: Make) -> None:
     heard: list[str] = []
     on_last = PartFactory({(TaskType.event, "e5"): lambda task, task_id: tasks.terminate("done")})
     run(make([listener(heard), starts_with(*events(["e1", "e2", "e3", "e4", "e5"])), on_last]))
     assert heard == ["e1", "e2", "e3", "e4", "e5"]
 
 
-def test_an_event_that_reschedules_itself_starves_nobody(make: Make) -> None:
+def test_weakness_2_an_event_that_reschedules_itself_starves_nobody(make: Make) -> None:
     turns = []
 
     def again(task: Task, task_id: Any) -> Task:

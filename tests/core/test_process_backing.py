@@ -155,6 +155,23 @@ def test_a_process_that_cannot_even_be_asked_is_killed_and_the_run_says_so() -> 
         os.kill(node.get_data("pid"), 0)  # no zombie either
 
 
+def test_loops_in_processes_end_together_and_not_one_after_the_other() -> None:
+    names = [f"loop{i}" for i in range(6)]
+    asked_s: list[float] = []
+    there: set[str] = set()
+
+    def arrived(task: Any, task_id: Any) -> Any:
+        there.add(task.name)
+        if there != set(names):
+            return None
+        asked_s.append(time.monotonic())
+        return tasks.terminate("all there")
+
+    slow = [loops.StepsFactory(loops.store_name, name=name, rate_hz=10, halt=loops.rest) for name in names]
+    run(*slow, PartFactory({TaskType.store_page: arrived}))
+    assert time.monotonic() - asked_s[0] < 6 * 0.25  # what their halts take in turn, each resting
+
+
 def test_large_arrays_arrive_whole_and_in_order_through_shared_memory() -> None:
     node = run(loops.StepsFactory(loops.store_array))
     for i in range(20):

@@ -9,7 +9,7 @@ from snr_sim import Config, Mode, Node, Profiler, SimClock, TaskType, tasks
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 
-def test_the_mean_is_over_all_calls_and_the_largest_is_kept() -> None:
+def test_weakness_27_the_mean_is_over_all_calls_and_the_largest_is_kept() -> None:
     profiler = Profiler()
     for duration_s in [0.001] * 968 + [0.0] * 32:
         profiler.store_task("part.handler", duration_s)
