@@ -99,6 +99,7 @@ class ThreadBacking:
         self._stopping = threading.Event()
         self._halting = threading.Lock()
         self._is_halted = False
+        self._is_refused = False  # its setup failed in a trial: somebody has been told, and the node goes on
         self._give_up_s: float | None = None  # when somebody else asked it to stop, plus the timeout
         # A daemon, so that a loop that hangs cannot keep the process alive.
         self._thread = threading.Thread(target=self._run, name=loop.name, daemon=True)
@@ -118,9 +119,14 @@ class ThreadBacking:
         node, loop = self._loop.parent, self._loop
         try:
             node.call_loop(loop, "setup")
+            if loop.trial is not None:
+                loop.trial.report(None)
             self._tick_on_deadlines()
         except BaseException as error:
-            node.door.fail(node.failure_of(loop, error, "loop"))
+            failure = node.failure_of(loop, error, "loop")
+            self._is_refused = loop.trial is not None and loop.trial.report(failure)
+            if not self._is_refused:
+                node.door.fail(failure)
         finally:
             self._halt_once()
 
@@ -148,7 +154,12 @@ class ThreadBacking:
         try:
             self._loop.halt()
         except BaseException as error:
-            self._loop.parent.door.fail(self._loop.parent.failure_of(self._loop, error, "halt"))
+            node = self._loop.parent
+            failure = node.failure_of(self._loop, error, "halt")
+            if self._is_refused or self._loop.is_taken_out:
+                node.note(str(failure))
+            else:
+                node.door.fail(failure)
 
     def stop(self) -> None:
         """Asks for no more ticks; a loop that waits for its next one wakes."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal
 from snr_sim.core.backing import Backing, ClockBacking, ThreadBacking
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.component import ComponentFactory, NodeComponent
+from snr_sim.core.trial import Trial
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.task import SomeTasks, TaskHandlerMap
 
@@ -57,6 +58,8 @@ class Loop(NodeComponent):
         self.max_tick_rate_hz = max_tick_rate_hz
         self.task_handlers: TaskHandlerMap = {}  # a loop brings tasks in; handling them is an endpoint's work
         self._backing: Backing | None = None
+        self.trial: Trial | None = None  # who waits for its `setup` on a thread, if somebody does
+        self.is_taken_out = False  # its node goes on without it, whatever its `halt` raises
 
     def setup(self) -> None:
         """Called once before the first `loop`, on the thread that will call it."""

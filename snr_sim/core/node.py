@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from snr_sim.core.backing import ThreadBacking
 from snr_sim.core.blame import describe_error, place_of, put_place_first, without_addresses
 from snr_sim.core.clocks import SimClock, WallClock
 from snr_sim.core.config import Config
@@ -19,6 +20,7 @@ from snr_sim.core.machine import EventMachine, HandlerFailed, as_tasks
 from snr_sim.core.node_core import NodeCore
 from snr_sim.core.recording_machine import RecordingMachine
 from snr_sim.core.sources import being_read
+from snr_sim.core.trial import Trial
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import Component, RoleName
 from snr_sim.prelude.errors import ComponentFailed, ConfigError, SnrError, TaskError, TraceError
@@ -34,6 +36,9 @@ INTERRUPTED = "interrupted"  # so begins the message of an error record that is 
 
 # From this many waiting tasks on a run is told that it cannot keep up. A burst of a few hundred is nothing unusual.
 OVERLOAD_TASKS = 1000
+
+# How long a node waits for the setup of a loop that begins on a thread later. Then it is taken to be well.
+SETUP_PATIENCE_S = 0.5
 _STEPS = ("begin", "setup", "loop", "halt", "terminate")  # what a component's author may write, beside handlers
 
 
@@ -205,12 +210,19 @@ class Node:
         """Begins a component while a task is handled; what it schedules follows from that task.
 
         Raises:
-            ComponentFailed: it raised.
+            ComponentFailed: it raised; so did the `setup` of a loop, on whatever thread, if it did so soon.
         """
         running = self.machine.running
         self.machine.running = component
+        trial = Trial()
+        if isinstance(component, Loop):
+            component.trial, component.is_taken_out = trial, False
         try:
             self._begin(component, lambda one: one.begin())
+            if isinstance(component, Loop) and isinstance(component.caller, ThreadBacking):
+                failure = trial.wait(SETUP_PATIENCE_S)
+                if failure is not None:
+                    raise failure
         finally:
             self._begun.sort(key=lambda one: self._places[one.name])
             self.machine.running = running
@@ -221,6 +233,8 @@ class Node:
             return []
         self._begun = [one for one in self._begun if one is not component]
         running, failures = self.machine.running, list[ComponentFailed]()
+        if isinstance(component, Loop):
+            component.is_taken_out = True
         self._call_last(component, "join", component.join, failures)
         self._call_last(component, "terminate", component.terminate, failures)
         self.machine.running = running

@@ -4,6 +4,7 @@ import hashlib
 import importlib
 import re
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from textwrap import dedent
@@ -289,6 +290,50 @@ def test_a_loop_whose_new_setup_fails_goes_on_with_the_old_one(student: Student)
     node, counts = run([factory], [reload(student, broken, "counter")], 0.25, until_s=0.5)
     assert counts == [1, 2, 3, 4, 5, 6]
     assert "self.port.open()" in node.notes[0].splitlines()[0]
+
+
+# Loops on threads
+
+
+def run_on_the_wall_clock(factory: Any, *steps: Callable[[], Any]) -> Node:
+    """Runs a node with one loop; each page `thrust` has the next step done, and the last one ends it."""
+    left = list(steps)
+
+    def on_page(task: Task, task_id: Any) -> Any:
+        return left.pop(0)() if left else tasks.finish("done")
+
+    node = Node("r", Config(factories={"r": [PartFactory({(TaskType.process_data, "thrust"): on_page}), factory]}))
+    node.loop()
+    return node
+
+
+def test_a_loop_on_a_thread_reloads_too(student: Student) -> None:
+    factory = student.load(LOOP).CounterFactory()
+    node = run_on_the_wall_clock(factory, reload(student, LOOP.replace("+= 1", "+= 100"), "counter"))
+    assert outcome(node)["ok"]
+    assert factory.count >= 101
+    assert factory.log == ["setup", "halt", "terminate", "setup", "halt", "terminate"]
+    assert "counter" not in [thread.name for thread in threading.enumerate()]
+
+
+def test_a_loop_whose_new_setup_fails_on_its_thread_goes_on_with_the_old_one(student: Student) -> None:
+    factory = student.load(LOOP).CounterFactory()
+    broken = LOOP.replace('self.factory.log.append("setup")', "self.port.open()").replace(
+        'self.factory.log.append("halt")', "self.port.close()"
+    )
+    node = run_on_the_wall_clock(factory, reload(student, broken, "counter"), lambda: tasks.event("nothing"))
+    assert node.exit_reason == "done"
+    assert factory.count >= 3
+    assert not outcome(node)["ok"]
+    assert any(note.splitlines()[0].endswith("self.port.open()") for note in node.notes)
+    assert factory.log == ["setup", "halt", "terminate", "terminate", "setup", "halt", "terminate"]
+
+
+def test_a_removed_loop_whose_halt_fails_on_its_thread_leaves_the_others_alone(student: Student) -> None:
+    loop = TickerFactory(lambda loop: loop.store_data("thrust", 1), halt=lambda loop: loop.missing())
+    node = run_on_the_wall_clock(loop, lambda: [tasks.remove_component("ticker"), tasks.finish("done")])
+    assert node.exit_reason == "done"
+    assert "in halt() of component 'ticker'" in "".join(node.notes)
 
 
 # Adding and removing
