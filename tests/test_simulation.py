@@ -11,7 +11,7 @@ import pytest
 from snr_sim.cli.run import record_run
 from snr_sim.flight import Flight, Result
 from snr_sim.library import find
-from snr_sim.prelude.errors import ConfigError, UnknownName
+from snr_sim.prelude.errors import ConfigError, TraceError, UnknownName
 from snr_sim.recording.folder import RESULT_NAME, as_json, new_run_folder, read_result, write_result
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
@@ -256,5 +256,6 @@ def test_a_result_is_whole_or_absent(tmp_path: Path) -> None:
     assert read_result(tmp_path) == {"a": 1}
     (tmp_path / RESULT_NAME).write_text('{"a": ')
     assert read_result(tmp_path) == {}
-    write_result(tmp_path / "gone", {"a": 1})  # nowhere to put it: the trace says the same
+    with pytest.raises(TraceError, match=r"result.json could not be written: No such file or directory"):
+        write_result(tmp_path / "gone", {"a": 1})
     assert [path.name for path in tmp_path.iterdir()] == [RESULT_NAME]

@@ -64,7 +64,7 @@ def record_run(
     from snr_sim.core.interrupts import orderly
     from snr_sim.flight import Flight
     from snr_sim.prelude.errors import TraceError
-    from snr_sim.recording.folder import discard, new_run_folder, write_result
+    from snr_sim.recording.folder import discard, new_run_folder
     from snr_sim.recording.trace import FILE_NAME, TraceWriter
     from snr_sim.simulation import prepare
 
@@ -97,14 +97,27 @@ def record_run(
             if recorder_error and not result.error:
                 result.error, result.outcome, result.success = recorder_error, "error", False
             fields = result_fields(simulation.request, result, recorder.digest, place / folder.name)
-            write_result(folder, fields)
             noted = list(result.notes)
+            _keep_result(folder, fields, result)
     if is_viewed:
         _write_view(folder, result)
         if fields["notes"] != noted:
-            write_result(folder, fields)
+            _keep_result(folder, fields, result)
     _say(fields, result, is_quiet)
     return fields, 0 if result.success else 1
+
+
+def _keep_result(folder: Path, fields: dict[str, Any], result: Result) -> None:
+    """Writes result.json; without room for it the run still counts, and that is said."""
+    from snr_sim.prelude.errors import TraceError
+    from snr_sim.recording.folder import write_result
+
+    try:
+        write_result(folder, fields)
+    except TraceError as error:
+        note = f"{error.message} Try: {error.fix}"
+        if note not in result.notes:
+            result.notes.append(note)
 
 
 def _close(recorder: TraceWriter) -> str:

@@ -31,8 +31,19 @@ def _draw(run: Path, png: Path) -> None:
     from snr_sim.recording.folder import read_result, remarks, trace_path
     from snr_sim.recording.picture import draw_run
     from snr_sim.recording.reader import read_trace
+    from snr_sim.recording.records import TruthRecord
 
+    if run.suffix == ".rrd" and run.is_file():
+        raise TraceError(
+            f"{run} is for the rerun viewer; a picture is drawn from a trace.",
+            fix=f"snr view {run.parent} --png {png} draws the recorded run, and snr view {run} shows this one.",
+        )
     trace = read_trace(trace_path(run))
+    if not any(isinstance(record, TruthRecord) for record in trace.records):
+        raise TraceError(
+            f"{run} has no true states of a body to draw: only simulated scenarios have.",
+            fix=f"snr view {run} shows its pages as plots.",
+        )
     for remark in remarks(trace):
         print(f"note: {remark}", file=sys.stderr)
     try:

@@ -50,13 +50,22 @@ def discard(folder: Path) -> None:
 
 
 def write_result(folder: Path, fields: dict[str, Any]) -> None:
-    """Writes result.json; it is whole or absent."""
+    """Writes result.json; it is whole or absent.
+
+    Raises:
+        TraceError: it cannot be written, as on a full disk.
+    """
     part = folder / (RESULT_NAME + ".part")
     try:
         part.write_text(as_json(fields, indent=2) + "\n")
         os.replace(part, folder / RESULT_NAME)
-    except OSError:
-        part.unlink(missing_ok=True)  # a full disk: the trace says the same
+    except OSError as error:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+        raise TraceError(
+            f"{folder / RESULT_NAME} could not be written: {error.strerror}. What it would say is printed here.",
+            fix="make room on the disk, or name another folder with --out.",
+        ) from error
 
 
 def read_result(folder: Path) -> dict[str, Any]:
@@ -94,6 +103,9 @@ def trace_path(run: Path) -> Path:
     path = run / FILE_NAME if run.is_dir() else run
     if path.is_file():
         return path
+    views = sorted(run.glob("*.rrd")) if run.is_dir() else []
+    if views:
+        raise TraceError(f"{run} holds {views[0].name}, but no {FILE_NAME}.", fix=f"snr view {views[0]} shows it.")
     near = sorted(run.glob(f"*/{FILE_NAME}")) if run.is_dir() else sorted(Path("runs").glob(f"*/{FILE_NAME}"))
     fix = f"the newest run here is {near[-1].parent}." if near else "make one: snr run lander_vertical."
     raise TraceError(f"There is no run at {run}.", fix=fix)

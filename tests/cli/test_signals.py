@@ -1,6 +1,8 @@
 """Ctrl-C, SIGTERM and a full disk: whatever ends a run, its files are whole and its engine is off."""
 
+import errno
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -114,6 +116,24 @@ def test_a_disk_that_is_full_from_the_first_line_is_told_too(here: Path) -> None
     assert not (here / "runs").exists()
     assert "Traceback" not in done.stderr
     assert "could not be written" in json.loads(done.stdout)["error"]
+
+
+@pytest.mark.parametrize("step", ["write_text", "replace"])
+@pytest.mark.parametrize("words", [[], ["--no-rrd"]], ids=["with a view", "without"])
+def test_a_result_that_could_not_be_written_is_said_and_the_run_counts(
+    snr: Callable[..., Any], here: Path, monkeypatch: pytest.MonkeyPatch, step: str, words: list[str]
+) -> None:
+    def fail(*given: Any) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(*((Path, "write_text") if step == "write_text" else (os, "replace")), fail)
+    answer = snr("run", "lander_vertical", "--json", *words)
+    assert answer.status == 0
+    (said,) = [note for note in answer.json["notes"] if RESULT_NAME in note]
+    assert "could not be written: No space left on device. What it would say is printed here. Try: make room" in said
+    assert said in answer.err
+    (folder,) = (here / "runs").iterdir()
+    assert {path.name for path in folder.iterdir()} <= {FILE_NAME, "view.rrd"}
 
 
 def test_a_disk_without_room_for_the_view_costs_only_the_view(here: Path) -> None:

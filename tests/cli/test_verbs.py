@@ -233,6 +233,32 @@ if __name__ == "__main__":
     assert (answer.status, "Changed since the run: program/robot.py" in answer.err) == (1, True)
 
 
+# view
+
+
+def test_a_picture_of_what_has_no_trace_or_no_body_says_what_to_type(snr: Snr, here: Path, flown: Path) -> None:
+    (flown / "replayed.rrd").write_bytes(b"RRF2")
+    answer = snr("view", flown / "replayed.rrd", "--png", "a.png")
+    assert (answer.status, "is for the rerun viewer; a picture is drawn from a trace" in answer.err) == (2, True)
+    assert f"Try: snr view {flown} --png a.png draws the recorded run" in answer.err
+    (here / "alone").mkdir()
+    (here / "alone" / "replayed.rrd").write_bytes(b"RRF2")
+    answer = snr("view", "alone", "--png", "a.png")
+    assert (answer.status, "alone holds replayed.rrd, but no trace.jsonl." in answer.err) == (2, True)
+    assert "Try: snr view alone/replayed.rrd shows it." in answer.err
+    (here / "prog.py").write_text(
+        "from snr_sim import Config, SimClock, TimeoutLoopFactory\n"
+        "from snr_sim.program import record_program\n"
+        "config = Config(factories={'r': [TimeoutLoopFactory(seconds=0.1)]})\n"
+        "if __name__ == '__main__':\n    print(record_program('r', config, __file__, clock=SimClock()))\n"
+    )
+    done = subprocess.run([sys.executable, "prog.py"], capture_output=True, text=True, check=True)
+    answer = snr("view", done.stdout.strip(), "--png", "a.png")
+    assert (answer.status, "has no true states of a body to draw: only simulated" in answer.err) == (2, True)
+    assert f"Try: snr view {done.stdout.strip()} shows its pages as plots." in answer.err
+    assert not (here / "a.png").exists()
+
+
 # resim
 
 
