@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, TypeAlias
 
 import msgspec
-import msgspec.structs
 
 from snr_sim.prelude.errors import ValueEncodingError
 from snr_sim.prelude.values import MARK, decode_value, encode_with_marks
@@ -15,7 +14,7 @@ DataKey: TypeAlias = str
 _encode = msgspec.json.Encoder().encode
 
 
-class Page(msgspec.Struct, frozen=True, tag_field=MARK, tag="page"):
+class Page(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="page"):
     """Data with a name, and where and when it came from.
 
     Args:
@@ -56,13 +55,16 @@ class Page(msgspec.Struct, frozen=True, tag_field=MARK, tag="page"):
         """
         data = raw.encode() if isinstance(raw, str) else raw
         try:
-            page = _decode_page(data)
             # More than one mark: the page's own, and those of marked values inside its data.
-            return page if _has_one_mark(data) else msgspec.structs.replace(page, data=_data_of(data))
+            page: Any = _decode_page(data) if _has_one_mark(data) else decode_value(data, KINDS)
         except (msgspec.DecodeError, RecursionError) as error:
-            raise ValueEncodingError(
-                f"This is not a page ({error}): {data[:80]!r}", fix="pages are written by Page.serialize()."
-            ) from error
+            raise ValueEncodingError(f"This is not a page ({error}): {data[:80]!r}", fix=_FIX) from error
+        if not isinstance(page, Page):
+            raise ValueEncodingError(f"This is not a page: {data[:80]!r}", fix=_FIX)
+        return page
+
+
+_FIX = "pages are written by Page.serialize()."
 
 
 def _has_one_mark(raw: bytes) -> bool:
@@ -80,9 +82,9 @@ _decode_page = msgspec.json.Decoder(Page).decode
 _decode_data = msgspec.json.Decoder(_DataOfPage).decode
 
 
-def _data_of(raw: bytes) -> Any:
-    return decode_value(raw, KINDS).data
+def _page_of(**fields: Any) -> Page:
+    return msgspec.convert(fields, Page)
 
 
 # The marks that tasks and traces know beside the plain ones of prelude/values.py.
-KINDS = {"page": Page}
+KINDS = {"page": _page_of}

@@ -11,6 +11,8 @@ Plain JSON stays plain. What JSON would change or lose is wrapped in an object w
                                                        and for what has no JSON number: complex, text, dates
     {"$": "object", "type": "module.Class", "fields": {...}}                readable, but cannot be brought back
 
+docs/formats.md says it exactly, snr_sim/schemas/value.schema.json for machines. What neither allows is refused here.
+
 Almost every value is plain. So the fast path encodes in C, decodes again and compares: two passes in C are
 quicker than one walk in Python, and nothing that JSON would change can slip through.
 """
@@ -19,8 +21,9 @@ from __future__ import annotations
 
 import base64
 import math
+import re
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import msgspec
@@ -32,8 +35,17 @@ _decode = msgspec.json.Decoder().decode
 
 MARK = "$"
 _MARK_BYTES = b'"$":'  # inside a JSON string the quotes would be escaped, so this is always a key
+_NOT_FINITE = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
+_HEX_INT = re.compile(r"-?0x[0-9a-f]+")
+_CONTAINERS: dict[str, Callable[[list[Any]], Any]] = {"tuple": tuple, "set": set, "frozenset": frozenset}
 _ARRAY_AS_TEXT_MAX = 256
 _ARRAY_KINDS = "biufcSUmM"  # numpy's letters: bool, int, uint, float, complex, bytes, text, durations, dates
+_PLAIN_DTYPE = re.compile(r"bool|u?int(?:8|16|32|64)|float(?:16|32|64)")
+_RAW_DTYPE = re.compile(
+    r"<f16|<c(?:8|16|32)|\|S[0-9]{1,9}|<U[0-9]{1,9}"
+    r"|<[mM]8(?:\[(?:[1-9][0-9]{0,8})?(?:Y|M|W|D|h|m|s|ms|us|ns|ps|fs|as)\])?"
+)
+_ITEM_TYPES: dict[str, tuple[type, ...]] = {"b": (bool,), "i": (int,), "u": (int,), "f": (int, float)}
 
 
 def encode_value(value: Any) -> bytes:
@@ -111,7 +123,7 @@ def _marked(value: Any) -> Any:
     if kind is tuple:
         return {MARK: "tuple", "v": [_marked(item) for item in value]}
     if kind in (set, frozenset):
-        return {MARK: kind.__name__, "v": sorted((_marked(item) for item in value), key=repr)}
+        return {MARK: kind.__name__, "v": sorted((_marked(item) for item in value), key=_encode)}
     if kind in (bytes, bytearray):
         return {MARK: "bytes", "v": base64.b64encode(value).decode()}
     return _marked_object(value)
@@ -125,12 +137,19 @@ def _marked_object(value: Any) -> Any:
         return _marked(_plain_parent(value))
     config = getattr(type(value), "__struct_config__", None)
     if config is not None:
+        if config.tag_field == MARK and config.tag == "page":
+            return _marked_page(value)
         fields = {name: _marked(getattr(value, name)) for name in type(value).__struct_fields__}
-        if config.tag_field == MARK:
-            return {MARK: config.tag, **fields}
     else:
         fields = {str(name): _marked(item) for name, item in _attributes(value).items()}
     return {MARK: "object", "type": f"{type(value).__module__}.{type(value).__qualname__}", "fields": fields}
+
+
+def _marked_page(page: Any) -> Any:
+    """A page's own fields are plain numbers and text, also where numpy's were given."""
+    fields = {name: getattr(page, name) for name in type(page).__struct_fields__}
+    plain = {name: item.item() if name != "data" and hasattr(item, "item") else item for name, item in fields.items()}
+    return {MARK: "page", **{name: _marked(item) for name, item in plain.items()}}
 
 
 def _attributes(value: Any) -> dict[str, Any]:
@@ -154,10 +173,10 @@ def _plain_parent(value: Any) -> Any:
 
 def _marked_array(value: Any) -> Any:
     is_plain = value.dtype.kind in "biuf" and value.dtype.itemsize <= 8
-    marked = {MARK: "array", "dtype": value.dtype.name if is_plain else value.dtype.str, "shape": list(value.shape)}
+    little_endian = value.dtype.newbyteorder("<")
+    marked = {MARK: "array", "dtype": value.dtype.name if is_plain else little_endian.str, "shape": list(value.shape)}
     if value.size > _ARRAY_AS_TEXT_MAX or not is_plain:
-        little_endian = value.astype(value.dtype.newbyteorder("<"), copy=False)
-        return {**marked, "b64": base64.b64encode(little_endian.tobytes()).decode()}
+        return {**marked, "b64": base64.b64encode(value.astype(little_endian, copy=False).tobytes()).decode()}
     return {**marked, "data": _marked(value.tolist())}
 
 
@@ -185,18 +204,36 @@ def _unmarked_simple(mark: Any, value: dict[str, Any], kinds: Mapping[str, Calla
             f"A stored value was an object of class {value['type']}, which cannot be brought back from JSON.",
             fix="store a dict, a list, a tuple or a numpy array instead.",
         )
-    inner = value["v"]
-    if mark in ("float", "int"):
-        return float(inner) if mark == "float" else int(inner, 16)
+    inner = _only(value, "v")
+    if mark == "float":
+        return _NOT_FINITE[inner]
+    if mark == "int":
+        return int(_matched(_HEX_INT, inner), 16)
     if mark == "bytes":
         return base64.b64decode(inner, validate=True)
+    if type(inner) is not list:
+        raise ValueError(f"it holds {inner!r} instead of a list")
     items = [_unmarked(item, kinds) for item in inner]
     if mark == "dict":
+        if any(type(pair) is not list for pair in items):
+            raise ValueError("it holds something else than pairs")
         return dict(items)
-    containers: dict[str, Callable[[list[Any]], Any]] = {"tuple": tuple, "set": set, "frozenset": frozenset}
-    if mark not in containers:
-        raise ValueEncodingError(f"A stored value has the unknown kind {mark!r}; known: {', '.join(containers)}, ...")
-    return containers[mark](items)
+    if mark not in _CONTAINERS:
+        raise ValueEncodingError(f"A stored value has the unknown kind {mark!r}; known: {', '.join(_CONTAINERS)}, ...")
+    return _CONTAINERS[mark](items)
+
+
+def _only(value: dict[str, Any], *names: str) -> Any:
+    """Returns the last of these fields; they and the mark must be all there are."""
+    if len(value) != len(names) + 1 or any(name not in value for name in names):
+        raise ValueError(f"it has the fields {', '.join(value)}")
+    return value[names[-1]]
+
+
+def _matched(pattern: re.Pattern[str], text: Any) -> str:
+    if type(text) is not str or not pattern.fullmatch(text):
+        raise ValueError(f"{text!r} is not of this kind")
+    return text
 
 
 def _unmarked_array(value: dict[str, Any]) -> Any:
@@ -205,14 +242,33 @@ def _unmarked_array(value: dict[str, Any]) -> Any:
     except ImportError:
         raise MissingExtra("numpy", "sim") from None
 
-    dtype = np.dtype(value["dtype"])
-    if dtype.kind not in _ARRAY_KINDS:
-        raise ValueEncodingError(f"A stored array has the type {value['dtype']!r}, which holds no plain values.")
+    kept = _only(value, "dtype", "shape", "b64" if "b64" in value else "data")
+    name, shape = value["dtype"], value["shape"]
+    is_plain = type(name) is str and _PLAIN_DTYPE.fullmatch(name) is not None
+    dtype = np.dtype(name if is_plain else _matched(_RAW_DTYPE, name))
+    if type(shape) is not list or any(type(length) is not int or length < 0 for length in shape):
+        raise ValueError(f"its shape is {shape!r}")
     if "b64" in value:
-        little_endian = base64.b64decode(value["b64"], validate=True)
+        little_endian = base64.b64decode(kept, validate=True)
         flat = np.frombuffer(little_endian, dtype.newbyteorder("<")) if little_endian else np.empty(0, dtype)
-        return flat.astype(dtype).reshape(value["shape"])
-    if dtype.kind not in "biuf":  # written as "b64" only; from a wire, one letter could ask for an element of 2 GB
-        raise ValueEncodingError(f"A stored array lists its elements, which the type {value['dtype']!r} does not.")
-    array = np.array(_unmarked(value["data"], {}), dtype=dtype).reshape(value["shape"])
-    return array if value["shape"] else array[()]
+        array = flat.astype(dtype).reshape(shape)
+    elif is_plain:
+        with np.errstate(over="ignore"):  # 1e300 as float32 is infinite, as everywhere in numpy
+            array = np.array(list(_items(kept, shape, _ITEM_TYPES[dtype.kind])), dtype).reshape(shape)
+    else:  # from a wire, one letter could ask for an element of 2 GB
+        raise ValueError(f"an array of {name} needs b64")
+    return array if shape else array[()]
+
+
+def _items(data: Any, shape: list[int], types: tuple[type, ...]) -> Iterator[Any]:
+    """Yields the numbers in lists that are nested as the shape says."""
+    if shape:
+        if type(data) is not list or len(data) != shape[0]:
+            raise ValueError(f"its data are not of shape {shape}")
+        for inner in data:
+            yield from _items(inner, shape[1:], types)
+    else:
+        item = _unmarked(data, {}) if type(data) is dict and float in types else data
+        if type(item) not in types:
+            raise ValueError(f"it holds {item!r} among its numbers")
+        yield item
