@@ -168,11 +168,11 @@ def _say(
 
 
 def _hash_seeds(trace: Trace) -> str:
-    """Says under which order of sets the run was made and replayed, where that tells something."""
+    """Says under which order of sets the run was made and replayed."""
     from snr_sim.recording.records import hash_seed
 
     then, now = trace.opening.hash_seed, hash_seed()
-    return f" PYTHONHASHSEED was {then} then, and is {now} now." if then else ""
+    return f" PYTHONHASHSEED was {then} then, and is {now} now."
 
 
 def _writable(one: Divergence) -> Divergence:

@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 import msgspec
 
 from snr_sim.prelude.errors import ValueEncodingError
-from snr_sim.prelude.values import MARK, decode_value, encode_with_marks
+from snr_sim.prelude.values import MARK, decode_value, encode_with_marks, may_have_marks
 
 DataKey: TypeAlias = str
 
@@ -55,8 +55,9 @@ class Page(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MA
         """
         data = raw.encode() if isinstance(raw, str) else raw
         try:
-            # More than one mark: the page's own, and those of marked values inside its data.
-            page: Any = _decode_page(data) if _has_one_mark(data) else decode_value(data, KINDS)
+            # As we write it, and with no mark beside its own: then C can do it all.
+            is_plain = data.startswith(_OWN_MARK) and not may_have_marks(data, len(_OWN_MARK))
+            page: Any = _decode_page(data) if is_plain else decode_value(data, KINDS)
         except (msgspec.DecodeError, RecursionError) as error:
             raise ValueEncodingError(f"This is not a page ({error}): {data[:80]!r}", fix=_FIX) from error
         if not isinstance(page, Page):
@@ -64,11 +65,12 @@ class Page(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MA
         return page
 
 
+_OWN_MARK = b'{"$":"page"'
 _FIX = "pages are written by Page.serialize()."
 
 
 def _has_one_mark(raw: bytes) -> bool:
-    """Whether the page's own mark is the only one: nearly always its "$" is even the only one of the whole text."""
+    """Whether a page as we write it has no mark but its own: nearly always its "$" is the only one of the text."""
     return raw.rfind(b"$") == 2 or raw.count(b'"$":') == 1
 
 

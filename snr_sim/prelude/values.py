@@ -102,7 +102,12 @@ def decode_value(raw: bytes | str, kinds: Mapping[str, Callable[..., Any]] | Non
         value = _decode(data)
     except (msgspec.DecodeError, RecursionError) as error:
         raise ValueEncodingError(f"This is not JSON ({error}): {data[:80]!r}") from error
-    return _unmarked(value, kinds or {}) if _MARK_BYTES in data else value
+    return _unmarked(value, kinds or {}) if may_have_marks(data) else value
+
+
+def may_have_marks(raw: bytes, start: int = 0) -> bool:
+    """Whether there may be a mark from this place on, in JSON that somebody else may have written with other spaces."""
+    return raw.find(b"$", start) >= 0 or b"\\u0024" in raw
 
 
 def _marked(value: Any) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import msgspec
 
@@ -18,8 +19,7 @@ from snr_sim.recording.records import (
     PageRecord,
     Record,
     TaskRecord,
-    decode_header,
-    decode_opening,
+    decode_beginning,
     decode_record,
     digest_of,
 )
@@ -73,7 +73,7 @@ def read_trace(path: Path) -> Trace:
     if len(lines) == 1:
         raise TraceError(f"The trace {path} has no whole header.", fix=_CUT_TOO_EARLY)
     _check_text(path, lines)
-    header = _read_header(path, lines[1])
+    header = _read_beginning(path, lines[1], Header, "its header")
     records = []
     for number, line in enumerate(lines[2:], start=3):
         try:
@@ -104,17 +104,20 @@ def _read_opening(path: Path, line: bytes) -> Opening:
             f"{path} has trace format {fields.get('schema')!r}; this kit reads format {SCHEMA}.",
             fix="use the kit that wrote it, or run the scenario again.",
         )
-    try:
-        return decode_opening(line)
-    except msgspec.DecodeError as error:
-        raise TraceError(f"{path}: its first line is damaged: {error}.", fix=_DAMAGED) from error
+    return _read_beginning(path, line, Opening, "its first line")
 
 
-def _read_header(path: Path, line: bytes) -> Header:
+_Kind = TypeVar("_Kind", Opening, Header)
+
+
+def _read_beginning(path: Path, line: bytes, kind: type[_Kind], what: str) -> _Kind:
     try:
-        return decode_header(line)
+        read = decode_beginning(line)
     except (msgspec.DecodeError, RecursionError) as error:
-        raise TraceError(f"{path}: its header is damaged: {error}.", fix=_DAMAGED) from error
+        raise TraceError(f"{path}: {what} is damaged: {error}.", fix=_DAMAGED) from error
+    if not isinstance(read, kind):
+        raise TraceError(f"{path}: {what} is damaged: it is of another kind.", fix=_DAMAGED)
+    return read
 
 
 def _check_text(path: Path, lines: Sequence[bytes]) -> None:

@@ -13,11 +13,11 @@ import os
 import sys
 import time
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, Final, TypeAlias
 
 import msgspec
 
-SCHEMA = 2
+SCHEMA: Final = 2
 
 Count: TypeAlias = Annotated[int, msgspec.Meta(ge=0)]
 Seq: TypeAlias = Annotated[int, msgspec.Meta(ge=1)]
@@ -38,12 +38,12 @@ class Opening(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field
         hash_seed: what PYTHONHASHSEED was: it decides the order of sets of texts. 'random' where it was not set.
     """
 
-    schema: int
+    schema: Annotated[int, msgspec.Meta(ge=SCHEMA, le=SCHEMA)]
     scenario: str
     controller: str
     started: str
     argv: list[str]
-    hash_seed: str = ""
+    hash_seed: str
 
     @staticmethod
     def now(scenario: str, controller: str) -> Opening:
@@ -195,8 +195,7 @@ class EndRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fie
 Record: TypeAlias = InputRecord | TaskRecord | PageRecord | TruthRecord | BeginRecord | ErrorRecord | EndRecord
 
 _encode = msgspec.json.Encoder().encode
-decode_opening = msgspec.json.Decoder(Opening).decode
-decode_header = msgspec.json.Decoder(Header).decode
+decode_beginning = msgspec.json.Decoder(Opening | Header).decode
 decode_record = msgspec.json.Decoder(Record).decode
 
 

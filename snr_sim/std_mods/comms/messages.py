@@ -11,7 +11,7 @@ from typing import Annotated, Any, TypeAlias
 import msgspec
 
 from snr_sim.prelude.page import Page
-from snr_sim.prelude.values import MARK
+from snr_sim.prelude.values import MARK, may_have_marks
 
 PROTOCOL = "snr"
 VERSION = 1
@@ -20,13 +20,13 @@ MAX_NAME_CHARS = 200
 MAX_REASON_CHARS = 1000
 
 Name: TypeAlias = Annotated[str, msgspec.Meta(min_length=1, max_length=MAX_NAME_CHARS)]
-Hex16: TypeAlias = Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]{32}$")]
-Hex32: TypeAlias = Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]{64}$")]
+Hex16: TypeAlias = Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]*$", min_length=32, max_length=32)]
+Hex32: TypeAlias = Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]*$", min_length=64, max_length=64)]
 Reason: TypeAlias = Annotated[str, msgspec.Meta(max_length=MAX_REASON_CHARS)]
 
 
 class Hello(msgspec.Struct, frozen=True, tag_field=MARK, tag="hello"):
-    """The first message of each end, sent at once.
+    """The first message of each end, sent at once. Fields that a version does not know are ignored.
 
     Args:
         protocol: "snr".
@@ -47,7 +47,7 @@ class Hello(msgspec.Struct, frozen=True, tag_field=MARK, tag="hello"):
     max_frame_bytes: Annotated[int, msgspec.Meta(ge=1, lt=2**32)]
 
 
-class Auth(msgspec.Struct, frozen=True, tag_field=MARK, tag="auth"):
+class Auth(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="auth"):
     """Proof that the sender knows the secret, which itself never crosses.
 
     Args:
@@ -57,7 +57,7 @@ class Auth(msgspec.Struct, frozen=True, tag_field=MARK, tag="auth"):
     proof: Hex32
 
 
-class Ping(msgspec.Struct, frozen=True, tag_field=MARK, tag="ping"):
+class Ping(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="ping"):
     """Keeps the link alive and asks for an answer.
 
     Args:
@@ -67,7 +67,7 @@ class Ping(msgspec.Struct, frozen=True, tag_field=MARK, tag="ping"):
     stamp_s: float
 
 
-class Pong(msgspec.Struct, frozen=True, tag_field=MARK, tag="pong"):
+class Pong(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="pong"):
     """The answer to a ping.
 
     Args:
@@ -77,7 +77,7 @@ class Pong(msgspec.Struct, frozen=True, tag_field=MARK, tag="pong"):
     stamp_s: float
 
 
-class Bye(msgspec.Struct, frozen=True, tag_field=MARK, tag="bye"):
+class Bye(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="bye"):
     """The last message of an end that leaves in good order.
 
     Args:
@@ -88,7 +88,7 @@ class Bye(msgspec.Struct, frozen=True, tag_field=MARK, tag="bye"):
 
 
 class Refused(msgspec.Struct, frozen=True, tag_field=MARK, tag="refused"):
-    """The last message of an end that does not want to go on with the other.
+    """The last message of an end that does not want to go on with the other. Unknown fields are ignored.
 
     Args:
         reason: in words, with what to try.
@@ -113,8 +113,7 @@ def decode_message(raw: bytes) -> Control | Page:
         RecursionError: it is nested too deeply.
     """
     message = _decode(raw)
-    # A second "$" marks data that JSON alone cannot carry; a page mostly has only its own, right at the beginning.
-    if type(message) is Page and raw.rfind(b'"$":') > 1:
+    if type(message) is Page and may_have_marks(raw, len(b'{"$')):  # beside its own, which mostly stands first
         return Page.deserialize(raw)
     return message
 

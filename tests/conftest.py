@@ -1,17 +1,22 @@
-"""Recorded runs to look at: each is flown once and shared by all tests of this folder."""
+"""Shared by the folders below: recorded runs to look at, each flown once, and the schemas that ship."""
 
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
+from jsonschema import Draft202012Validator, validators
+from referencing import Registry, Resource
 
 from snr_sim.flight import Flight
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.schemas import NAMES, SUFFIX, read_schema
 from snr_sim.simulation import Request, prepare
 
 Fly = Callable[..., Trace]
+IsValid = Callable[[Any], bool]
 
 
 @pytest.fixture(scope="session")
@@ -33,3 +38,21 @@ def fly(tmp_path_factory: pytest.TempPathFactory) -> Fly:
         return trace
 
     return fly
+
+
+@pytest.fixture(scope="session")
+def validator() -> Callable[[str], IsValid]:
+    """Returns a function that makes, from a schema's name and perhaps a part of it, a check of decoded JSON."""
+    registry: Any = Registry().with_resources(
+        [(f"{name}{SUFFIX}", Resource.from_contents(read_schema(name))) for name in NAMES]
+    )
+    # JSON Schema takes 1.0 for an integer; docs/formats.md does not, and here it is known how a number was written.
+    checker = Draft202012Validator.TYPE_CHECKER.redefine("integer", lambda _, value: type(value) is int)
+    strict = validators.extend(Draft202012Validator, type_checker=checker)
+
+    @cache
+    def validator(name: str, part: str = "") -> IsValid:
+        is_valid: IsValid = strict({"$ref": f"{name}{SUFFIX}#{part}"}, registry=registry).is_valid
+        return is_valid
+
+    return validator

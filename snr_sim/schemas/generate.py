@@ -1,0 +1,62 @@
+"""Makes the schemas of traces and links from the classes that read and write them; the others are written by hand.
+
+`python -m snr_sim.schemas --write` after such a class has changed; a test compares.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from snr_sim.recording.records import SCHEMA, Header, Opening, Record
+from snr_sim.schemas import SUFFIX
+from snr_sim.std_mods.comms.messages import VERSION, Control
+
+DRAFT = "https://json-schema.org/draft/2020-12/schema"
+PAGE = {"$ref": f"page{SUFFIX}"}
+
+
+def generated() -> dict[str, str]:
+    """Returns the text of each generated schema by its name."""
+    return {
+        "trace": _text(
+            f"A line of trace.jsonl, format {SCHEMA}",
+            "The first line is of kind trace, the second of kind header; all others are records.",
+            _schema_of(Opening | Header | Record),
+        ),
+        "wire": _text(
+            f"A message between two nodes, protocol version {VERSION}",
+            "What stands in one frame, after its four bytes of length.",
+            _schema_of(Control),
+            PAGE,
+        ),
+    }
+
+
+def write(folder: Path) -> None:
+    """Writes the generated schemas."""
+    for name, text in generated().items():
+        (folder / f"{name}{SUFFIX}").write_text(text, encoding="utf-8")
+
+
+def _schema_of(kinds: Any) -> dict[str, Any]:
+    schema: dict[str, Any] = msgspec.json.schema(kinds)
+    schema.pop("discriminator", None)  # a word of OpenAPI's
+    for definition in schema["$defs"].values():
+        definition["description"] = inspect.cleandoc(definition["description"])
+    return schema
+
+
+def _text(title: str, description: str, schema: dict[str, Any], *others: dict[str, Any]) -> str:
+    whole = {
+        "$schema": DRAFT,
+        "title": title,
+        "description": description,
+        "anyOf": [*schema["anyOf"], *others],
+        "$defs": schema["$defs"],
+    }
+    return json.dumps(whole, indent=2, ensure_ascii=False) + "\n"

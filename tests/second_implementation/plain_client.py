@@ -1,0 +1,100 @@
+"""Reads traces and talks to nodes with Python's standard library alone, written from docs/formats.md. Knows no kit.
+
+plain_client.py trace FILE [KEY]                    checks order and digest, prints the history of a page
+plain_client.py link HOST PORT SECRET PAGES KEY DATA   sends a page of KEY, prints the first PAGES that come
+"""
+
+import base64
+import hashlib
+import hmac
+import json
+import math
+import os
+import pathlib
+import socket
+import struct
+import sys
+
+SIMPLE = {"float": float, "tuple": tuple, "set": set, "frozenset": frozenset, "dict": dict}
+SIMPLE["int"] = lambda v: int(v, 16)
+SIMPLE["bytes"] = lambda v: base64.b64decode(v, validate=True)
+INTEGERS = ("bool", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64")
+FLOATS = ("float16", "float32", "float64", "<c8", "<c16")
+LETTERS = dict(zip((*INTEGERS, *FLOATS), (*"?bhiqBHIQefd", "ff", "dd"), strict=True))
+
+
+def value(fields):
+    """Brings back an object of JSON: json.loads calls it for each, the inner ones first."""
+    mark = fields.get("$")
+    if mark in SIMPLE:
+        return SIMPLE[mark](fields["v"])
+    if mark == "array" and "b64" in fields:  # flat; the shape stands beside it
+        letters, count = LETTERS[fields["dtype"]], math.prod(fields["shape"])
+        return {"shape": fields["shape"], "flat": struct.unpack("<" + letters * count, base64.b64decode(fields["b64"]))}
+    return fields["data"] if mark == "array" else fields
+
+
+def load(line):
+    return json.loads(line, object_hook=value, parse_constant=lambda word: sys.exit(f"{word} is no JSON"))
+
+
+def trace(file, key=None):
+    data = pathlib.Path(file).read_bytes()
+    whole, tail = data[: data.rindex(b"\n") + 1], data[data.rindex(b"\n") + 1 :]
+    opening, header, *records = [load(line) for line in whole.split(b"\n")[:-1]]
+    if opening["kind"] != "trace" or opening["schema"] != 2 or header["kind"] != "header":
+        sys.exit(f"no trace of format 2: {opening}")
+    seqs = [record["seq"] for record in records]
+    if seqs != list(range(1, len(records) + 1)) or any(record.get("cause", 0) >= record["seq"] for record in records):
+        sys.exit("a record is missing or moved")
+    print("digest", hashlib.blake2b(whole[whole.index(b"\n") + 1 :], digest_size=32).hexdigest())
+    print("cut" if tail else "whole", len(records))
+    for record in records:
+        if record["kind"] == "page" and record["name"] == key:
+            print(record["t"], record["values"][0]["created_at_s"], repr(record["values"][0]["data"]))
+
+
+def receive(stream):
+    header = stream.read(4)
+    return load(stream.read(int.from_bytes(header, "big"))) if len(header) == 4 else {"$": "gone"}
+
+
+def link(host, port, secret, pages, key, data):
+    sock = socket.create_connection((host, int(port)), timeout=30)
+    stream = sock.makefile("rb")
+    nonce, name = os.urandom(16).hex(), "plain_node"
+
+    def send(**message):
+        payload = json.dumps({"$" if name == "mark" else name: item for name, item in message.items()}).encode()
+        sock.sendall(len(payload).to_bytes(4, "big") + payload)
+
+    def proof(side):
+        text = f"snr 1 {side} {nonce} {hello['nonce']}"
+        return hmac.new(secret.encode(), text.encode(), "sha256").hexdigest()
+
+    about = {"protocol": "snr", "version": 1, "node": name, "nonce": nonce, "purpose": "pages"}
+    send(mark="hello", **about, auth=bool(secret), max_frame_bytes=1 << 20)
+    hello = message = receive(stream)
+    if secret and hello["$"] == "hello":
+        send(mark="auth", proof=proof("client"))
+        message = receive(stream)
+        if message["$"] == "auth" and not hmac.compare_digest(message["proof"], proof("server")):
+            sys.exit("that is not the server")
+    if message["$"] in ("hello", "auth"):
+        print("up", hello["node"], flush=True)
+        send(mark="page", key=key, data=json.loads(data), origin=name, created_at_s=0.0, process=True)
+    left = int(pages)
+    while left and message["$"] not in ("bye", "refused", "gone"):
+        message = receive(stream)
+        if message["$"] == "ping":
+            send(mark="pong", stamp_s=message["stamp_s"])
+        elif message["$"] == "page":
+            left -= 1
+            print("page", message["key"], message["origin"], repr(message["data"]), flush=True)
+    print(message["$"], message.get("reason", ""), flush=True)
+    if not left:
+        send(mark="bye", reason="that was all.")
+
+
+if __name__ == "__main__":
+    {"trace": trace, "link": link}[sys.argv[1]](*sys.argv[2:])

@@ -1,0 +1,133 @@
+"""A program of the standard library alone, written from docs/formats.md, reads what the kit records."""
+
+import hashlib
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from snr_sim import Config, SimClock, SimRunner
+from snr_sim.prelude.page import KINDS
+from snr_sim.prelude.values import decode_value, encode_value
+from snr_sim.program import program_header
+from snr_sim.recording.reader import Trace, read_trace
+from snr_sim.recording.records import PageRecord
+from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.testing.parts import PartFactory
+
+CLIENT = Path(__file__).parent / "plain_client.py"
+FORMATS = Path(__file__).parents[2] / "docs" / "formats.md"
+BARE = [sys.executable, "-I", "-S"]  # without the kit, and all else that is installed
+
+
+def run(*words: Any) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*BARE, CLIENT, *map(str, words)], capture_output=True, text=True, timeout=60)
+
+
+def test_it_has_a_hundred_lines_and_cannot_see_the_kit() -> None:
+    assert len(CLIENT.read_text().splitlines()) <= 100
+    for package in ("snr_sim", "msgspec"):
+        assert subprocess.run([*BARE, "-c", f"import {package}"], capture_output=True).returncode == 1
+
+
+def test_it_reads_a_run_of_a_scenario(fly: Callable[..., Trace]) -> None:
+    trace = fly("lander_low_gate", "optimal")
+    done = run("trace", trace.path, "engine")
+    assert done.returncode == 0, done.stderr
+    digest, state, *history = done.stdout.splitlines()
+    assert digest == f"digest {trace.digest}"
+    assert state == f"whole {len(trace.records)}"
+    pages = [one for one in trace.records if isinstance(one, PageRecord) and one.name == "engine"]
+    assert len(pages) > 5
+    for one, line in zip(pages, history, strict=True):
+        page = decode_value(bytes(one.values), KINDS)[0]
+        assert line == f"{one.t} {page.created_at_s} {page.data!r}"
+
+
+VALUES: list[Any] = [
+    float("nan"), [float("inf"), -0.0, 1e16], 2**70, -(2**63) - 1, (1, {"a": (2.5,)}), {5}, frozenset({b"\x00\xff"}),
+    {3: "three", "$": None}, "Grüße\u2028\n$", True,
+]  # fmt: skip
+
+
+@pytest.fixture
+def unusual(tmp_path: Path) -> Trace:
+    """A trace of pages with values that JSON alone would lose."""
+
+    def begin(part: Any) -> None:
+        for value in [*VALUES, np.arange(300, dtype=np.int16), np.array([1j, 2]), np.float32([[0.5]])]:
+            part.store_data("x", value)
+
+    config = Config(factories={"r": [PartFactory(begin=begin)]})
+    writer = TraceWriter(tmp_path / FILE_NAME, program_header(["r"], config, __file__, SimClock()))
+    SimRunner(config, clock=SimClock(), recorder=writer, until_s=0.1).run()
+    writer.close()
+    return read_trace(writer.path)
+
+
+def test_it_brings_back_marked_values(unusual: Trace) -> None:
+    done = run("trace", unusual.path, "x")
+    assert done.returncode == 0, done.stderr
+    values = [line.split(" ", 2)[2] for line in done.stdout.splitlines()[2:]]
+    assert values[: len(VALUES)] == [repr(value) for value in VALUES]
+    numbers, complex_numbers, matrix = values[len(VALUES) :]
+    assert numbers == repr({"shape": [300], "flat": tuple(range(300))})
+    assert complex_numbers == repr({"shape": [2], "flat": (0.0, 1.0, 2.0, 0.0)})
+    assert matrix == "[[0.5]]"
+
+
+def test_it_leaves_out_a_cut_tail_and_refuses_a_moved_line(unusual: Trace) -> None:
+    data = unusual.path.read_bytes()
+    unusual.path.write_bytes(data[:-5])
+    cut = read_trace(unusual.path)
+    assert run("trace", unusual.path).stdout.split() == ["digest", cut.digest, "cut", str(len(cut.records))]
+    lines = data.splitlines(keepends=True)
+    unusual.path.write_bytes(b"".join([*lines[:5], lines[6], lines[5], *lines[7:]]))
+    assert "missing or moved" in run("trace", unusual.path).stderr
+
+
+# The examples of the page itself
+
+
+def test_the_digest_of_the_example_is_what_the_page_says(tmp_path: Path) -> None:
+    text = FORMATS.read_text(encoding="utf-8")
+    data = b'{"kind":"trace"}\n{"kind":"header"}\n{"seq":1}\n{"se'
+    for line in data.decode().splitlines()[:3]:
+        assert f"\n    {line}\n" in text
+    digest = hashlib.blake2b(data[data.index(b"\n") + 1 : data.rindex(b"\n") + 1], digest_size=32).hexdigest()
+    assert f"\n    {digest}\n" in text
+
+
+def test_the_digest_is_what_a_shell_computes_too(fly: Callable[..., Trace]) -> None:
+    trace = fly("lander_low_gate", "optimal")
+    command = f"tail -n +2 '{trace.path}' | b2sum -l 256"
+    assert command.replace(f"'{trace.path}'", "trace.jsonl") in FORMATS.read_text(encoding="utf-8")
+    try:
+        done = subprocess.run(["bash", "-c", command], capture_output=True, text=True)
+    except FileNotFoundError:
+        pytest.skip("no bash here")
+    if done.returncode != 0 or not done.stdout.strip():
+        pytest.skip("no b2sum here")
+    assert done.stdout.split()[0] == trace.digest
+
+
+def test_each_value_that_the_page_shows_is_what_the_kit_writes(validator: Any) -> None:
+    shown = {
+        '{"$":"float","v":"nan"}': float("nan"),
+        '{"$":"int","v":"0x10000000000000000"}': 2**64,  # marked among marked ones
+        '{"$":"bytes","v":"AP8="}': b"\x00\xff",
+        '{"$":"tuple","v":[1,2.5]}': (1, 2.5),
+        '{"$":"set","v":[1,2]}': {2, 1},
+        '{"$":"dict","v":[[3,"three"]]}': {3: "three"},
+        '{"$":"array","dtype":"float64","shape":[2],"data":[0.5,1.0]}': np.array([0.5, 1.0]),
+    }
+    text = FORMATS.read_text(encoding="utf-8")
+    for example, value in shown.items():
+        assert f"`{example}`" in text
+        assert encode_value([value, ()]).decode() == f'[{example},{{"$":"tuple","v":[]}}]'
+        assert validator("value")(json.loads(example))
