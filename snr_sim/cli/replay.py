@@ -72,6 +72,7 @@ def _replay(
 
     from snr_sim.recording.folder import remarks
     from snr_sim.recording.outside import watching
+    from snr_sim.recording.reloads import reloads_in_words
     from snr_sim.recording.replay import replay_node
 
     roles = [node.removesuffix("_node") for node in trace.header.nodes]
@@ -79,6 +80,7 @@ def _replay(
         found = stack.enter_context(watching()) if is_checking else {}
         config, notes = _config(trace, with_file)
         replays = [replay_node(trace, role, config, tolerances) for role in roles]
+    notes.extend(reloads_in_words(trace, [record for replay in replays for record in replay.records]))
     notes.extend(remarks(trace))
     return replays, list(found.values()), notes
 

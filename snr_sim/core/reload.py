@@ -135,7 +135,7 @@ class Changes:
             )
         known = self.all()
         if not isinstance(name, str) or name not in known:
-            raise UnknownName(f"Node '{self.node.name}' has no component '{name}':", fix=nearest(str(name), known))
+            raise UnknownName(f"Node '{self.node.name}' has no component '{name}'.", fix=nearest(str(name), known))
         return known[name]
 
     def _chosen(self, names: Sequence[str]) -> list[AnyComponent]:

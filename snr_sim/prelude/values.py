@@ -24,6 +24,8 @@ import math
 import re
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import msgspec
@@ -140,6 +142,9 @@ def _marked_object(value: Any) -> Any:
         return _marked_array(value)
     if isinstance(value, (bool, int, float, str)):  # an Enum, or a class of the student's own on top of a number
         return _marked(_plain_parent(value))
+    if isinstance(value, (type, ModuleType)):  # what they hold is code; of a module its file tells, whoever runs it
+        name = value.__qualname__ if isinstance(value, type) else Path(value.__file__ or value.__name__).stem
+        return {MARK: "object", "type": f"builtins.{type(value).__name__}", "fields": {"name": name}}
     config = getattr(type(value), "__struct_config__", None)
     if config is not None:
         if config.tag_field == MARK and config.tag == "page":

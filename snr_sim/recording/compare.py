@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -72,6 +73,7 @@ class Difference:
 
 
 _ABSENT = "(absent)"
+_PROGRAM = re.compile(r"^(__main__|snr_sim_program_\w+)\.")
 
 
 def first_difference(
@@ -154,7 +156,12 @@ def _mark(value: Any) -> Any:
     mark = value[MARK]
     if mark == "float":
         return None
-    return (mark, value.get("dtype"), value.get("shape"), value.get("type"))
+    return (mark, value.get("dtype"), value.get("shape"), _class(value.get("type")))
+
+
+def _class(name: Any) -> Any:
+    """Returns a class' name without the module of a program, which is called otherwise in a replay."""
+    return _PROGRAM.sub("", name) if isinstance(name, str) else name
 
 
 def _without_mark(value: Any) -> Any:
@@ -164,6 +171,8 @@ def _without_mark(value: Any) -> Any:
     if value[MARK] in ("float", "array", "int", "bytes"):
         plain = decode_value(_encode(value))
         return plain.tolist() if value[MARK] == "array" else plain
+    if value[MARK] == "object":
+        return value["fields"]
     return {key: item for key, item in value.items() if key != MARK} if "v" not in value else value["v"]
 
 

@@ -19,6 +19,7 @@ from snr_sim.core.recording_machine import RecordingMachine
 from snr_sim.prelude.errors import ComponentFailed, TraceError, ValueEncodingError
 from snr_sim.prelude.page import KINDS
 from snr_sim.prelude.task import Task, TaskType
+from snr_sim.prelude.tasks import ADD_COMPONENT_TASK_NAME
 from snr_sim.prelude.values import decode_value
 from snr_sim.recording.checker import Checker, Executed, NodeReplay
 from snr_sim.recording.compare import Tolerance
@@ -30,6 +31,7 @@ from snr_sim.recording.records import (
     Record,
     TaskRecord,
 )
+from snr_sim.recording.reloads import UNCOMPARED
 
 
 class ReplayClock(SimClock):
@@ -55,6 +57,7 @@ def replay_node(trace: Trace, role: str, config: Config, tolerances: Sequence[To
     """
     name = f"{role}_node"
     records = [record for record in trace.records if getattr(record, "node", None) == name]
+    tolerances = [*tolerances, Tolerance.parse(UNCOMPARED)]
     checker = Checker(name, records, trace.header.commands.get(name, []), tolerances)
     clock = ReplayClock()
     node = Node(role, config, clock=clock, recorder=checker, seed=trace.header.seed, is_replay=True)
@@ -149,7 +152,12 @@ def _input_task(record: InputRecord) -> Task:
         values = decode_value(bytes(record.values), KINDS)
         return Task(TaskType(record.type), record.name, values)
     except (ValueEncodingError, ValueError) as error:
+        fix = "loops should store plain data: numbers, text, lists, dicts, numpy arrays."
+        if record.name == ADD_COMPONENT_TASK_NAME:
+            fix = (
+                "let a plain event come from outside, and a handler return tasks.add_component(MyFactory()): "
+                "then a replay makes the factory, too."
+            )
         raise TraceError(
-            f"Input {record.type} '{record.name}' (seq {record.seq}) cannot be brought back: {error}",
-            fix="loops should store plain data: numbers, text, lists, dicts, numpy arrays.",
+            f"Input {record.type} '{record.name}' (seq {record.seq}) cannot be brought back: {error}", fix=fix
         ) from error

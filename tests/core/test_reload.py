@@ -200,7 +200,7 @@ def test_a_bad_file_can_be_mended_and_reloaded(student: Student) -> None:
 
 def test_reloading_an_unknown_name_offers_the_nearest(student: Student) -> None:
     node, thrusts = run([student.load(PILOT).PilotFactory()], [lambda: tasks.reload_component("pilto"), fly])
-    assert "has no component 'pilto':\n  Try: did you mean 'pilot'?" in node.notes[0]
+    assert "has no component 'pilto'.\n  Try: did you mean 'pilot'?" in node.notes[0]
     assert thrusts == [[3, 1]]
 
 

@@ -1,0 +1,58 @@
+"""What a replay has to say of reloads: the run went from one code to another, and a replay has only the newest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import PurePosixPath
+
+from snr_sim.prelude.page import KINDS, Page
+from snr_sim.prelude.task import TaskType
+from snr_sim.prelude.values import decode_value
+from snr_sim.recording.reader import Trace
+from snr_sim.recording.records import PageRecord, Record
+
+# Which code a reload has read is told in words, and is no difference in what the handlers did.
+UNCOMPARED = f"{TaskType.reload}.sources*=ignore"
+
+
+def reloads_in_words(trace: Trace, replayed: Sequence[Record]) -> list[str]:
+    """Returns a sentence for each reload that read other code than the run began with, as far as is known.
+
+    Args:
+        trace: of the run.
+        replayed: records of its replay, with the seqs of those they answer to.
+    """
+    at_first = {PurePosixPath(label).name: sha256 for label, sha256 in trace.header.sources.items()}
+    now = {record.seq: _sources(record) for record in replayed if _is_reload(record)}
+    said = []
+    for record in trace.records:
+        if not (isinstance(record, PageRecord) and _is_reload(record)):
+            continue
+        then = _sources(record)
+        other = [file for file, sha256 in then.items() if at_first.get(PurePosixPath(file).name) != sha256]
+        if other:
+            since = " They have changed again since." if now.get(record.seq, then) != then else ""
+            said.append(
+                f"seq {record.seq}, t = {record.t:.3f} s: '{_page(record).data['component']}' was reloaded with other "
+                f"code than the run began with ({', '.join(other)}). This replay ran what stands in the files now "
+                f"from the beginning.{since}"
+            )
+    return said
+
+
+def _is_reload(record: Record) -> bool:
+    if not (isinstance(record, PageRecord) and record.name == TaskType.reload):
+        return False
+    data = _page(record).data
+    return isinstance(data, dict) and "sources" in data  # a student's own page may have that key, too
+
+
+def _page(record: Record) -> Page:
+    assert isinstance(record, PageRecord)
+    page = decode_value(bytes(record.values), KINDS)[0]
+    assert isinstance(page, Page)
+    return page
+
+
+def _sources(record: Record) -> dict[str, str]:
+    return dict(_page(record).data["sources"])

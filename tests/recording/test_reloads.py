@@ -1,0 +1,157 @@
+"""Replays of runs in which components were reloaded, added and removed."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim import Config, SimClock, tasks
+from snr_sim.library import load_program
+from snr_sim.prelude.errors import TraceError
+from snr_sim.program import record_program
+from snr_sim.recording.checker import NodeReplay
+from snr_sim.recording.reader import Trace, read_trace
+from snr_sim.recording.records import PageRecord
+from snr_sim.recording.reloads import reloads_in_words
+from snr_sim.recording.replay import replay_node
+from snr_sim.recording.trace import FILE_NAME
+from snr_sim.testing.parts import PartFactory, TickerFactory
+
+# A robot that reloads, adds and removes in the middle of its run. Its pilot counts in itself and in its factory, and
+# asks for something when it begins.
+PROGRAM = """
+import sys
+from pathlib import Path
+
+from snr_sim import Config, Endpoint, EndpointFactory, Loop, LoopFactory, SimClock, TaskType, tasks
+from snr_sim.program import record_program
+
+GAIN = 1
+SCRIPT = {
+    3: lambda: tasks.reload_component("pilot"),
+    4: lambda: tasks.reload_component("ticker"),
+    5: lambda: tasks.reload_component("all"),
+    6: lambda: tasks.reload_component("pilto"),
+    7: lambda: tasks.event("more"),
+    9: lambda: tasks.reload_component("late"),
+    10: lambda: tasks.remove_component("late"),
+    11: lambda: tasks.remove_component("ticker 2"),
+    12: lambda: tasks.remove_component("late"),
+    20: lambda: tasks.terminate("done"),
+}
+
+class Pilot(Endpoint):
+    def __init__(self, factory, parent, name):
+        super().__init__(factory, parent, name)
+        self.count = 0
+        self.task_handlers = {(TaskType.event, "tick"): self.on_tick, (TaskType.event, "more"): self.on_more}
+
+    def begin(self):
+        self.schedule(tasks.event(f"{self.name} began"))
+
+    def on_tick(self, task, task_id):
+        self.count += 1
+        self.factory.count += 1
+        return self.store_data_task(f"{self.name} thrust", [GAIN * self.count, self.factory.count])
+
+    def on_more(self, task, task_id):
+        return [tasks.add_component(PilotFactory("late")), tasks.add_component(TickerFactory("ticker 2"))]
+
+class PilotFactory(EndpointFactory):
+    def __init__(self, name):
+        super().__init__(sys.modules[__name__] if name == "late" else None)
+        self.name, self.count = name, 0
+
+    def get(self, parent):
+        return Pilot(self, parent, self.name)
+
+class Ticker(Loop):
+    def loop(self):
+        self.factory.ticks += 1
+        self.schedule(tasks.event("tick"))
+        if self.name == "ticker":
+            edit = Path(__file__).with_name("edit.py")
+            if self.factory.ticks == 3 and edit.exists():
+                Path(__file__).write_text(edit.read_text())
+            self.schedule(SCRIPT.get(self.factory.ticks, lambda: None)())
+
+class TickerFactory(LoopFactory):
+    def __init__(self, name):
+        super().__init__()
+        self.name, self.ticks = name, 0
+
+    def get(self, parent):
+        return Ticker(self, parent, self.name, 100.0)
+
+config = Config(factories={"r": [TickerFactory("ticker"), PilotFactory("pilot")]})
+if __name__ == "__main__":
+    print(record_program("r", config, __file__, clock=SimClock() if "sim" in sys.argv else None))
+"""
+
+
+def record(folder: Path, *words: str) -> Trace:
+    """Runs the program as a script, as a student does."""
+    (folder / "robot.py").write_text(PROGRAM)
+    done = subprocess.run(
+        [sys.executable, "robot.py", *words], cwd=folder, capture_output=True, text=True, timeout=60, check=True
+    )
+    return read_trace(folder / done.stdout.strip() / FILE_NAME)
+
+
+def replay(trace: Trace) -> NodeReplay:
+    config: Config = load_program(trace.opening.controller).config
+    return replay_node(trace, "r", config)
+
+
+def pages(trace: Trace, key: str) -> list[Any]:
+    found = [one for one in trace.records if isinstance(one, PageRecord) and one.name == key]
+    return [json.loads(bytes(one.values))[0]["data"] for one in found]
+
+
+def test_a_run_with_reloads_additions_and_removals_replays_identically(tmp_path: Path) -> None:
+    trace = record(tmp_path, "sim")
+    assert [page["ok"] for page in pages(trace, "reload")] == [True, True, True, False, True]
+    assert pages(trace, "reload")[2]["made"] == ["ticker", "pilot"]
+    assert [page["component"] for page in pages(trace, "add_component")] == ["late", "ticker 2"]
+    assert [page["ok"] for page in pages(trace, "remove_component")] == [True, True, False]
+    assert pages(trace, "late thrust")
+    replayed = replay(trace)
+    assert replayed.is_identical, replayed.divergences[0]
+    assert replayed.executed == replayed.recorded > 60
+    assert reloads_in_words(trace, replayed.records) == []
+
+
+def test_such_a_run_with_its_loops_on_threads_replays_identically_too(tmp_path: Path) -> None:
+    trace = record(tmp_path, "wall")  # what waits for what depends on how busy the computer is; the replay does not
+    assert {page["component"] for page in pages(trace, "reload")} == {"pilot", "ticker", "all", "pilto", "late"}
+    replayed = replay(trace)
+    assert replayed.is_identical, replayed.divergences[0]
+
+
+def test_a_replay_says_that_a_reload_read_other_code_than_the_run_began_with(tmp_path: Path) -> None:
+    (tmp_path / "edit.py").write_text(PROGRAM.replace("GAIN = 1", "GAIN = 5"))
+    trace = record(tmp_path, "sim")
+    assert [thrust[0] for thrust in pages(trace, "pilot thrust")][:6] == [1, 2, 3, 5, 10, 5]
+    replayed = replay(trace)
+    first = replayed.divergences[0]
+    assert (first.field, first.recorded, first.replayed) == ("pilot thrust[0]", 1, 5)
+    said = reloads_in_words(trace, replayed.records)
+    assert len(said) == 4
+    assert "'pilot' was reloaded with other code than the run began with" in said[0]
+    assert f"({tmp_path.name}/robot.py). This replay ran what stands in the files now from the beginning." in said[0]
+    assert "changed again" not in said[0]
+    (tmp_path / "robot.py").write_text(PROGRAM)
+    replayed = replay(trace)
+    assert replayed.divergences[0].seq > first.seq
+    assert "They have changed again since." in reloads_in_words(trace, replayed.records)[0]
+
+
+def test_an_input_that_adds_a_component_cannot_be_brought_back_and_says_what_to_do(tmp_path: Path) -> None:
+    adding = TickerFactory(lambda loop: loop.schedule(tasks.add_component(PartFactory())), rate_hz=1.0)
+    config = Config(factories={"r": [adding]})
+    trace = read_trace(record_program("r", config, __file__, tmp_path, clock=SimClock(), until_s=0.5) / FILE_NAME)
+    with pytest.raises(TraceError, match=r"add_component(.|\n)*a handler return tasks.add_component\(MyFactory\(\)\)"):
+        replay_node(trace, "r", config)
