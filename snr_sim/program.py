@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 from snr_sim import __version__, library
@@ -14,10 +15,12 @@ from snr_sim.core.lockstep import LockStep
 from snr_sim.core.node import Node
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import RoleName
+from snr_sim.prelude.errors import ConfigError
 from snr_sim.recording.folder import discard, new_run_folder
 from snr_sim.recording.records import Header, Opening, name_of
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.simulation import command_keys
+from snr_sim.supervision.multi_proc import MultiProcRunner
 
 
 def record_program(
@@ -46,6 +49,57 @@ def record_program(
         TraceError: the recording cannot be written.
     """
     folder = new_run_folder(Path(out), Path(program).stem, seed)
+    _record(folder, program, role, config, seed, clock=clock, until_s=until_s)
+    return folder
+
+
+def record_roles(
+    config: Config,
+    program: str | Path,
+    roles: Sequence[RoleName] | None = None,
+    out: str | Path = "runs",
+    *,
+    seed: int = 0,
+    ends_all: Sequence[RoleName] = (),
+) -> Path:
+    """Runs several roles, each in a process, as `MultiProcRunner` does, and returns their run folder.
+
+    It has a folder for each role, with the trace of that role: `snr replay FOLDER/ROLE` replays it.
+
+    Args:
+        config: of the robot.
+        program: the file that has this config under the name `config`: `__file__`.
+        roles: all of the config's if not given.
+        out: folder that run folders go into.
+        seed: of the run.
+        ends_all: roles that end all others when they end.
+
+    Raises:
+        ConfigError: something cannot be sent to a process, so none was started.
+        ComponentFailed: a role failed; all were recorded up to there.
+    """
+    folder = new_run_folder(Path(out), Path(program).stem, seed).resolve()
+    try:
+        run = partial(_record_one_of_several, folder, Path(program).resolve())
+        MultiProcRunner(config, roles, seed=seed, ends_all=ends_all, run=run).run()
+    except ConfigError:
+        discard(folder)
+        raise
+    return folder
+
+
+def _record(
+    folder: Path,
+    program: str | Path,
+    role: RoleName,
+    config: Config,
+    seed: int,
+    has_node: Callable[[Node], None] | None = None,
+    *,
+    clock: Clock | None = None,
+    until_s: float | None = None,
+) -> None:
+    """Runs one role and records it; `has_node` is told of its node before it begins."""
     recorder = TraceWriter(
         folder / FILE_NAME, program_header([role], config, program, clock, seed), program_opening(program)
     )
@@ -55,6 +109,8 @@ def record_program(
         recorder.close()
         discard(folder)  # nothing has begun
         raise
+    if has_node is not None:
+        has_node(node)
     try:
         with orderly([node]):
             if isinstance(clock, SimClock):
@@ -63,7 +119,13 @@ def record_program(
                 node.loop()
     finally:
         recorder.close()
-    return folder
+
+
+def _record_one_of_several(
+    folder: Path, program: Path, role: RoleName, config: Config, seed: int, has_node: Callable[[Node], None]
+) -> None:
+    (folder / role).mkdir()
+    _record(folder / role, program, role, config, seed, has_node)
 
 
 def program_header(

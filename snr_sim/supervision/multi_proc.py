@@ -26,6 +26,7 @@ from snr_sim.core.spawn import Spawned, how_it_ended
 from snr_sim.prelude.component import RoleName
 from snr_sim.prelude.errors import ComponentFailed, ConfigError
 from snr_sim.prelude.values import decode_value, encode_value
+from snr_sim.supervision.role_process import RoleRun, run_role
 
 TARGET = "snr_sim.supervision.role_process:run"
 # How long roles have to halt everything after they were asked, and after they were interrupted.
@@ -49,6 +50,7 @@ class MultiProcRunner:
         seed: of the run.
         ends_all: roles that end all others when they end, such as the one with the operator's `exit`. Without it the
             others go on, as nodes of a `SimRunner` do.
+        run: runs one role, in its process: a function at the top level of a file.
 
     Raises:
         ConfigError: a role is unknown or named twice.
@@ -61,6 +63,7 @@ class MultiProcRunner:
         *,
         seed: int = 0,
         ends_all: Sequence[RoleName] = (),
+        run: RoleRun = run_role,
     ) -> None:
         names = [roles] if isinstance(roles, str) else list(config.factories if roles is None else roles)
         if len(set(names)) != len(names):
@@ -70,6 +73,7 @@ class MultiProcRunner:
         self.roles = names
         self._config = config
         self._seed = seed
+        self._run = run
         self._ends_all = set(ends_all)
         self._news: SimpleQueue[News] = SimpleQueue()
         self._running: dict[RoleName, RoleProcess] = {}
@@ -97,14 +101,12 @@ class MultiProcRunner:
         if self._failures:
             raise self._failures[0]
 
-    def _order(self, role: RoleName) -> bytes:
+    def _order(self, role: RoleName) -> dict[str, Any]:
         factories = self._config.get(role)
         for factory in factories:  # one by one only to name the one that cannot be sent
             pack(factory, type(factory).__name__, f"Role '{role}'")
-        packed = pack(factories, "its factories", f"Role '{role}'")
-        return encode_value(
-            {"role": role, "factories": packed, "mode": self._config.mode.value, "seed": self._seed},
-        )
+        packed = pack((factories, self._run), "what it runs", f"Role '{role}'")
+        return {"role": role, "packed": packed, "mode": self._config.mode.value, "seed": self._seed}
 
     def _wait(self) -> None:
         wait_s = LOOK_UP_S if self._kill_at_s is None else min(LOOK_UP_S, self._kill_at_s - time.monotonic())
@@ -147,7 +149,7 @@ class MultiProcRunner:
         process.listener.join()
         if process.is_overdue:
             self._on_failure(role, f"The process of role '{role}' did not end when it was asked, and was killed.", "")
-        elif status and not process.has_failed:
+        elif status and not process.has_failed and not process.is_not_wanted:
             self._on_failure(role, process.obituary(status), "")
         elif role in self._ends_all:
             self._end_all("SIGTERM", GRACE_S)
@@ -168,14 +170,15 @@ class RoleProcess:
         news: where to tell what becomes of it.
     """
 
-    def __init__(self, role: RoleName, order: bytes, news: SimpleQueue[News]) -> None:
+    def __init__(self, role: RoleName, order: dict[str, Any], news: SimpleQueue[News]) -> None:
         self.role = role
         self.has_failed = False  # and has said so itself
         self.is_overdue = False
+        self.is_not_wanted = False  # it was to end before it had begun
         self._news = news
         self._process = Spawned(TARGET, out=self._passed_to(sys.stdout), err=self._passed_to(sys.stderr))
-        self._orders: SimpleQueue[bytes | None] = SimpleQueue()
-        self._orders.put(order)
+        self._orders: SimpleQueue[list[Any] | None] = SimpleQueue()
+        self._orders.put(["begin", order])
         self._speaker = threading.Thread(target=self._speak, name=f"{role} speaker", daemon=True)
         self._speaker.start()
         self.listener = threading.Thread(target=self._listen, name=f"{role} listener", daemon=True)
@@ -185,8 +188,16 @@ class RoleProcess:
         return lambda line: _write(stream, f"[{self.role}] {line}")
 
     def _speak(self) -> None:
+        has_begun = False
         while (order := self._orders.get()) is not None:
-            self._process.say(order)
+            if order[0] == "go":
+                has_begun = not self.is_not_wanted
+            elif order[0] == "end":
+                self.is_not_wanted = not has_begun
+            if self.is_not_wanted:  # it is still starting, and has nothing to put in order
+                self.kill()
+            else:
+                self._process.say(encode_value(order))
 
     def _listen(self) -> None:
         status = self._process.listen(self._hear)
@@ -194,13 +205,17 @@ class RoleProcess:
         self._news.put(("over", self.role, status))
 
     def _hear(self, raw: bytes) -> None:
-        _, message, component = decode_value(raw)
+        what, *values = decode_value(raw)
+        if what == "ready":
+            self._orders.put(["go"])
+            return
+        message, component = values
         self.has_failed = True
         self._news.put(("failed", self.role, message, component))
 
     def end(self, how: str) -> None:
         """Asks it to end: by the name of a signal, or "now"."""
-        self._orders.put(encode_value(["end", how]))
+        self._orders.put(["end", how])
 
     def kill(self) -> None:
         """Ends it, whatever it does."""

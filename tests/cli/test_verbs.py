@@ -233,6 +233,45 @@ if __name__ == "__main__":
     assert (answer.status, "Changed since the run: program/robot.py" in answer.err) == (1, True)
 
 
+def test_roles_in_processes_are_recorded_side_by_side_and_each_replays(snr: Snr, here: Path) -> None:
+    program = """
+from snr_sim import Config, Loop, LoopFactory, TaskType, tasks
+from snr_sim.program import record_roles
+from snr_sim.testing.parts import PartFactory
+
+
+def answer(task, task_id):
+    value = task.val_list[0].data
+    return tasks.terminate("done") if value == 5 else tasks.event("tock", [value])
+
+
+class Eye(Loop):
+    backing = "process"
+    count = 0
+
+    def loop(self):
+        self.count += 1
+        self.store_data("seen", self.count)
+
+
+class EyeFactory(LoopFactory):
+    def get(self, parent):
+        return Eye(self, parent, "eye", 100)
+
+
+config = Config(factories={
+    role: [EyeFactory(), PartFactory({(TaskType.store_page, "seen"): answer})] for role in ("left", "right")
+})
+if __name__ == "__main__":
+    print(record_roles(config, __file__))
+"""
+    (here / "robot.py").write_text(program)
+    done = subprocess.run([sys.executable, "robot.py"], capture_output=True, text=True, check=True)
+    for role in ("left", "right"):
+        answer = snr("replay", Path(done.stdout.strip()) / role, "--check")
+        assert answer.status == 0, answer.err
+
+
 # view
 
 

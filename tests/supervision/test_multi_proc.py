@@ -152,6 +152,7 @@ def test_a_role_that_does_not_return_is_interrupted_a_moment_later_and_all_is_ha
 def test_a_second_signal_does_not_wait_for_what_cannot_be_interrupted() -> None:
     program = Program("stubborn")
     program.wait_for("begun", 2)
+    program.wait_for("stuck")
     program.signal(signal.SIGINT)
     program.signal(signal.SIGTERM)
     status, err = program.finish()
