@@ -113,9 +113,10 @@ class Link(Loop):
         self._brought: dict[int, tuple[Page, object]] = {}  # came by this link, not stored yet: page and who brought it
         self._relayed: dict[bytes | int, None] = {}
         self._largest_bytes = 1  # of the pages that came lately
-        self._is_deaf = False
+        self.is_deaf = False  # whether nothing more is read, because the node has too much to do
         self._told: tuple[Any, ...] = ()
         self._told_s = float("-inf")
+        self._logged: tuple[Any, ...] = ()
 
     def begin(self) -> None:
         """Opens what is needed, and has the node's pages handed over from now on."""
@@ -189,19 +190,21 @@ class Link(Loop):
         """Whether the node has so much to do that nothing more may be let in."""
         tasks = self.parent.machine.queued
         most = min(MAX_TASKS_WAITING, MAX_BYTES_WAITING // (self._largest_bytes + HEADER_BYTES))
-        self._is_deaf = tasks > (most // 2 if self._is_deaf else most)
-        return self._is_deaf
+        self.is_deaf = tasks > (most // 2 if self.is_deaf else most)
+        return self.is_deaf
 
     # How it is
 
     def _report(self, now_s: float) -> None:
         """Stores the link's state, if it has changed or a second has passed."""
         state = self._state(now_s)
-        gist = (state["up"], state["reason"], len(state.get("peers", ())))
+        gist = (state["up"], *state.get("peers", ()))
+        # Not whenever the reason changes: strangers who come and go could then flood the node with reports.
         if gist == self._told and now_s - self._told_s < REPORT_EVERY_S:
             return
-        if gist != self._told:
+        if (*gist, state["reason"]) != self._logged:
             self._log_change(state)
+            self._logged = (*gist, state["reason"])
         self._told, self._told_s = gist, now_s
         self._largest_bytes = max(1, self._largest_bytes // 2)
         self.store_data(self.name, state)
@@ -210,5 +213,5 @@ class Link(Loop):
         if state["up"]:
             self.log.info("up: %s", ", ".join(state.get("peers", ())) or "connected")
         else:
-            is_news = bool(self._told)  # that nobody is there at the very beginning is none
+            is_news = bool(self._logged)  # that nobody is there at the very beginning is none
             self.log.log(logging.WARNING if is_news else logging.INFO, "down: %s", state["reason"])

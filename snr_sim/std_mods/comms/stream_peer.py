@@ -80,6 +80,7 @@ class StreamPeer(Peer):
         self.failure = ""  # what happened to the port, if something did
         self.is_admitted = False
         self.is_blocked = False  # the port takes nothing now
+        self.unread_bytes = 0  # come since the last page
         self.watched = 0  # what `select` waits for on its behalf
         self.leaves_s: float | None = None  # when it is closed at the latest, once the session is over
         self._link = link

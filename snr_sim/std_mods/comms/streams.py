@@ -82,21 +82,19 @@ class StreamLink(PeerLink):
             for key, mask in events:
                 act: Callable[[int], None] = key.data
                 act(mask)
-            if not events or self._is_deaf or now_s >= until_s:
+            if not events or self.is_deaf or now_s >= until_s:
                 break
         self._tend(now())
 
     def _until_s(self, now_s: float) -> float:
-        if self._is_deaf:
+        if self.is_deaf:
             return now_s + DEAF_LOOK_S
         return min([self._tend_s, *(stream.due_s for stream in self.streams)]) if self._is_slow else self._tend_s
 
     def halt(self) -> None:
         """Sends what waits, says goodbye, and closes; not for longer than `LINGER_S`."""
-        for stream in self.streams:
-            stream.session.bye(f"node '{self.parent.name}' ended.")
         self._selector.close()
-        see_off(self.streams, self.get_time_s)
+        see_off(self.streams, self.get_time_s, f"node '{self.parent.name}' ended.")
         for stream in self.streams:
             stream.port.close()
             if stream.is_admitted:
@@ -148,13 +146,15 @@ class StreamLink(PeerLink):
             session.lost("the connection was closed.")
             stream.failure = session.reason
             return
+        stream.unread_bytes += len(data)
         pages = session.receive(data, self.get_time_s())
         if session.is_up and not stream.is_admitted:
             stream.is_admitted = True
             self._admit(stream)
             self._tend_s = 0.0  # tell it now
         if pages:
-            self._note_size(len(data) // len(pages))
+            self._note_size(stream.unread_bytes // len(pages))
+            stream.unread_bytes = 0
             self._bring(pages, stream)
             if self._must_wait():
                 for other in self.streams:
@@ -182,7 +182,7 @@ class StreamLink(PeerLink):
         """Has `select` wait for what this stream can do now."""
         wanted = 0
         if stream in self.streams:
-            is_read = not self._is_deaf or stream.leaves_s is not None
+            is_read = not self.is_deaf or stream.leaves_s is not None
             wanted = (selectors.EVENT_READ if is_read else 0) | (selectors.EVENT_WRITE if stream.is_blocked else 0)
         if wanted == stream.watched:
             return
@@ -197,7 +197,7 @@ class StreamLink(PeerLink):
     def _tend(self, now_s: float) -> None:
         """Does what time asks for."""
         self._pump_all()
-        if self._is_deaf and not self._must_wait():
+        if self.is_deaf and not self._must_wait():
             for stream in self.streams:
                 stream.session.forgive_silence(now_s)
                 self._watch(stream)
@@ -205,14 +205,14 @@ class StreamLink(PeerLink):
             return
         self._tend_s = now_s + TEND_EVERY_S
         for stream in self.streams:
-            if not self._is_deaf:
+            if not self.is_deaf:
                 stream.session.tick(now_s)
         self._pump_all()
         self._report(now_s)
 
 
-def see_off(streams: list[StreamPeer], now_s: Callable[[], float]) -> None:
-    """Sends the rest of what waits and waits for the far ends to close; for `LINGER_S` at most."""
+def see_off(streams: list[StreamPeer], now_s: Callable[[], float], reason: str) -> None:
+    """Sends what waits, says goodbye, and waits for the far ends to close; for `LINGER_S` at most."""
     give_up_s = now_s() + LINGER_S
     with selectors.DefaultSelector() as selector:
         for stream in streams:
@@ -225,6 +225,8 @@ def see_off(streams: list[StreamPeer], now_s: Callable[[], float]) -> None:
                 stream.pump(now_s())
                 if stream.failure or _has_closed(stream):
                     selector.unregister(key.fileobj)
+                elif not stream.has_more and not stream.session.is_closed:
+                    stream.session.bye(reason)
                 elif not stream.has_more:
                     stream.end_writing()
                     selector.modify(key.fileobj, selectors.EVENT_READ, stream)

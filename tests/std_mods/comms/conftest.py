@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import socket
+import struct
 import threading
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
+import msgspec
 import pytest
 
 from snr_sim import Config, Node, Task, TaskType, tasks
 from snr_sim.core.config import AnyFactory
+from snr_sim.std_mods.comms.frames import FrameReader, encode_frame
+from snr_sim.std_mods.comms.messages import Ping, Pong, decode_message
 from snr_sim.testing.parts import PartFactory
 
 LIMIT_S = 30.0  # of any wait: long, because a loaded machine must not fail a test
@@ -96,3 +101,61 @@ def start() -> Iterator[Start]:
     yield begin
     for running in started:
         running.end()
+
+
+class Raw:
+    """A far end made by hand, that does nothing of itself: to say what no node would."""
+
+    def __init__(self, port: int, greets: bool = True, node: str = "raw", **fields: Any) -> None:
+        self.sock = socket.create_connection(("127.0.0.1", port), LIMIT_S)
+        self.reader = FrameReader(1 << 26)
+        if greets:
+            self.say(hello(node, **fields))
+
+    def say(self, *payloads: bytes) -> None:
+        """Sends payloads, each in a frame."""
+        self.sock.sendall(b"".join(encode_frame(payload, 1 << 30) for payload in payloads))
+
+    def messages(self, until: type | None = None) -> list[Any]:
+        """Reads until a message of a kind has come, or to the end; returns all but pings."""
+        came: list[Any] = []
+        while not (until and came and type(came[-1]) is until):
+            try:
+                data = self.sock.recv(1 << 16)
+            except ConnectionResetError:
+                return came
+            if not data:
+                return came
+            came += [
+                message for raw in self.reader.feed(data) if type(message := decode_message(raw)) not in (Ping, Pong)
+            ]
+        return came
+
+    def close(self) -> None:
+        """Closes the socket."""
+        self.sock.close()
+
+    def reset(self) -> None:
+        """Closes it rudely: the other end gets a RST."""
+        self.sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        self.sock.close()
+
+
+def hello(node: str = "raw", **fields: Any) -> bytes:
+    """A greeting."""
+    usual = {"protocol": "snr", "version": 1, "node": node, "nonce": "0" * 32, "purpose": "pages", "auth": False}
+    return msgspec.json.encode({"$": "hello", "max_frame_bytes": 1 << 26, **usual, **fields})
+
+
+@pytest.fixture
+def raw() -> Iterator[Callable[..., Raw]]:
+    """Connects a far end made by hand: `raw(port)`. All are closed after the test."""
+    made: list[Raw] = []
+
+    def connect(port: int, greets: bool = True, node: str = "raw", **fields: Any) -> Raw:
+        made.append(Raw(port, greets, node, **fields))
+        return made[-1]
+
+    yield connect
+    for one in made:
+        one.close()

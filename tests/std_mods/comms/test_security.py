@@ -1,0 +1,169 @@
+"""Who may talk to a node: secrets, addresses, certificates; in words first, then over real sockets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim import SocketsPair, Tls, secret_from_env, secret_from_file
+from snr_sim.prelude.errors import ConfigError
+from snr_sim.std_mods.comms.messages import Refused
+from snr_sim.std_mods.comms.security import as_networks, is_allowed, is_loopback
+
+trustme = pytest.importorskip("trustme")  # part of snr_sim[dev]
+
+HERE = "127.0.0.1"
+Start = Callable[..., Any]
+
+
+def test_a_short_secret_is_refused_with_a_way_to_make_one() -> None:
+    with pytest.raises(ConfigError, match=r"has 6 bytes, and at least 16(.|\n)*token_hex"):
+        SocketsPair((HERE, 0), secret="secret")
+
+
+def test_a_secret_comes_from_a_file_or_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "secret").write_text("0123456789abcdef\n")
+    assert secret_from_file(tmp_path / "secret") == b"0123456789abcdef"
+    monkeypatch.setenv("SNR_SECRET", "fedcba9876543210")
+    assert secret_from_env("SNR_SECRET") == b"fedcba9876543210"
+    with pytest.raises(ConfigError, match="cannot be read"):
+        secret_from_file(tmp_path / "none")
+    with pytest.raises(ConfigError, match="NO_SUCH_SECRET should hold"):
+        secret_from_env("NO_SUCH_SECRET")
+
+
+def test_only_this_machine_and_named_networks_are_allowed() -> None:
+    networks = as_networks(["10.1.0.0/16", "192.168.2.7"])
+    allowed = {
+        "127.0.0.1": True,
+        "::1": True,
+        "::ffff:127.0.0.1": True,
+        "10.1.200.3": True,
+        "::ffff:10.1.200.3": True,
+        "192.168.2.7": True,
+        "192.168.2.8": False,
+        "fe80::1%eth0": False,
+        "nonsense": False,
+    }
+    assert {address: is_allowed(address, networks) for address in allowed} == allowed
+    assert is_loopback("localhost")
+    assert not is_loopback("robot.local")
+    with pytest.raises(ConfigError, match=r"'10\.1\.\*'"):
+        as_networks(["10.1.*"])
+
+
+def test_an_address_that_is_not_allowed_is_told_so_before_it_is_listened_to(
+    start: Start, raw: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Every peer of a test comes from this machine, so the rule itself has to say no here.
+    monkeypatch.setattr("snr_sim.std_mods.comms.sockets.is_allowed", lambda address, networks: False)
+    pair = SocketsPair((HERE, 0), name="t")
+    robot = start("robot", [pair.server()])
+    robot.until_link("t", up=False)
+    last = raw(pair.port).messages(until=Refused)[-1]
+    assert "127.0.0.1 may not connect to node 'robot_node'" in last.reason
+    assert robot.stored["link_t"][-1]["up"] is False
+
+
+def test_a_wrong_secret_is_told_to_both_ends_and_the_right_one_connects(start: Start) -> None:
+    pair = SocketsPair((HERE, 0), name="t", secret="the right secret of this robot")
+    robot = start("robot", [pair.server()])
+    robot.until_link("t", up=False)
+    wrong = SocketsPair((HERE, pair.port), name="t", secret="the wrong secret of this robot")
+    intruder = start("intruder", [wrong.client("x")])
+    intruder.store("x", "evil")
+    intruder.until_link("t", up=False)
+    intruder.until(lambda: "secrets of the two ends differ" in intruder.stored["link_t"][-1]["reason"], "refused")
+    none = start("none", [SocketsPair((HERE, pair.port), name="t").client("x")])
+    none.until(lambda: none.stored["link_t"] and "asks for a shared" in none.stored["link_t"][-1]["reason"], "refused")
+    honest = start("honest", [SocketsPair((HERE, pair.port), name="t", secret=pair.secret).client("x")])
+    honest.until_link("t")
+    honest.store("x", "good")
+    assert robot.until_stored("x") == ["good"]
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Certificates: of a robot, of a student, of an authority, and of a stranger's authority."""
+    folder = tmp_path_factory.mktemp("tls")
+    authority, stranger = trustme.CA(), trustme.CA()
+    robot, student = authority.issue_cert(HERE), authority.issue_cert("student@pool.example")
+    evil = stranger.issue_cert("evil@pool.example")
+    paths = {}
+    for name, cert in (("robot", robot), ("student", student), ("evil", evil)):
+        for kind, blob in (("cert", cert.cert_chain_pems[0]), ("key", cert.private_key_pem)):
+            paths[f"{name}_{kind}"] = str(folder / f"{name}.{kind}")
+            blob.write_to_path(paths[f"{name}_{kind}"])
+    for name, ca in (("authority", authority), ("stranger", stranger)):
+        paths[name] = str(folder / f"{name}.pem")
+        ca.cert_pem.write_to_path(paths[name])
+    return paths
+
+
+def test_pages_large_and_small_cross_tls_both_ways(start: Start, files: dict[str, str]) -> None:
+    tls = Tls(files["robot_cert"], files["robot_key"], files["authority"])
+    pair = SocketsPair((HERE, 0), name="t", tls=tls, max_frame_bytes=1 << 23)
+    robot = start("robot", [pair.server("photo")])
+    robot.until_link("t", up=False)
+    client = start("client", [pair.client("x")])
+    client.until_link("t")
+    robot.until_link("t")
+    robot.store("photo", "y" * 3_000_000)
+    for value in range(2000):
+        client.store("x", value)
+    assert robot.until_stored("x", 2000) == list(range(2000))
+    assert client.until_stored("photo") == ["y" * 3_000_000]
+
+
+def test_a_server_that_the_authority_did_not_sign_is_not_talked_to(start: Start, files: dict[str, str]) -> None:
+    tls = Tls(files["robot_cert"], files["robot_key"], files["stranger"])
+    pair = SocketsPair((HERE, 0), name="t", tls=tls)
+    robot = start("robot", [pair.server()])
+    robot.until_link("t", up=False)
+    client = start("client", [pair.client("x")])
+    client.until_link("t", up=False)
+    client.until(lambda: "certificate verify failed" in client.stored["link_t"][-1]["reason"], "reason")
+    assert robot.thread.is_alive()
+
+
+@pytest.mark.parametrize("who", ["student", "evil", "nobody"])
+def test_with_client_certificates_only_those_of_the_authority_get_in(
+    start: Start, files: dict[str, str], who: str
+) -> None:
+    server = Tls(files["robot_cert"], files["robot_key"], client_authority=files["authority"])
+    pair = SocketsPair((HERE, 0), name="t", tls=server)
+    robot = start("robot", [pair.server()])
+    robot.until_link("t", up=False)
+    own = {} if who == "nobody" else {"client_certificate": files[f"{who}_cert"], "client_key": files[f"{who}_key"]}
+    there = SocketsPair((HERE, pair.port), name="t", tls=Tls(authority=files["authority"], **own))
+    client = start("client", [there.client("x")])
+    client.store("x", who)
+    if who == "student":
+        assert robot.until_stored("x") == ["student"]
+    else:
+        robot.until(lambda: "certificate" in robot.stored["link_t"][-1]["reason"].lower(), "reason")
+        assert not robot.stored["x"]
+
+
+def test_who_does_not_speak_tls_gets_nowhere(start: Start, files: dict[str, str], raw: Callable[..., Any]) -> None:
+    tls = Tls(files["robot_cert"], files["robot_key"], files["authority"])
+    pair = SocketsPair((HERE, 0), name="t", tls=tls)
+    robot = start("robot", [pair.server()])
+    robot.until_link("t", up=False)
+    assert raw(pair.port).sock.recv(100)[:1] in (b"\x15", b"")  # an alert of TLS, or the end
+    client = start("client", [pair.client("x")])
+    client.until_link("t")
+
+
+def test_certificates_that_cannot_be_used_are_an_error_at_construction(files: dict[str, str]) -> None:
+    with pytest.raises(ConfigError, match=r"cannot use its files \(/nowhere\.pem"):
+        SocketsPair((HERE, 0), tls=Tls("/nowhere.pem", files["robot_key"])).server()
+    with pytest.raises(ConfigError, match="cannot use its files"):
+        SocketsPair((HERE, 0), tls=Tls(files["robot_cert"], files["student_key"])).server()
+    with pytest.raises(ConfigError, match="without the server's certificate"):
+        SocketsPair((HERE, 0), tls=Tls(authority=files["authority"])).server()
+    with pytest.raises(ConfigError, match="without the authority"):
+        SocketsPair((HERE, 0), tls=Tls(files["robot_cert"], files["robot_key"])).client()
