@@ -1,6 +1,6 @@
-"""Makes the schemas of traces and links from the classes that read and write them; the others are written by hand.
+"""Makes the schemas of traces, links and consoles from the classes that read and write them.
 
-`python -m snr_sim.schemas --write` after such a class has changed; a test compares.
+The others are written by hand. `python -m snr_sim.schemas --write` after such a class has changed; a test compares.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import msgspec
 from snr_sim.recording.records import SCHEMA, Header, Opening, Record
 from snr_sim.schemas import SUFFIX
 from snr_sim.std_mods.comms.messages import VERSION, Control
+from snr_sim.std_mods.console.wire import Command, Complete, Reply, Words
 
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 PAGE = {"$ref": f"page{SUFFIX}"}
@@ -23,6 +24,11 @@ PAGE = {"$ref": f"page{SUFFIX}"}
 def generated() -> dict[str, str]:
     """Returns the text of each generated schema by its name."""
     return {
+        "console": _text(
+            f"A message between a node and a console, protocol version {VERSION}",
+            "What stands in one frame, after its four bytes of length.",
+            _schema_of(Control | Command | Complete | Reply | Words),
+        ),
         "trace": _text(
             f"A line of trace.jsonl, format {SCHEMA}",
             "The first line is of kind trace, the second of kind header; all others are records.",

@@ -1,4 +1,4 @@
-"""The schema of links: all that sessions send is valid, and what it refuses they refuse, too."""
+"""The schemas of links and consoles: all that is sent is valid, and what they refuse the code refuses, too."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -12,6 +12,18 @@ from snr_sim.prelude.page import Page
 from snr_sim.std_mods.comms.frames import FrameReader, encode_frame
 from snr_sim.std_mods.comms.messages import decode_message
 from snr_sim.std_mods.comms.session import Session, Terms
+from snr_sim.std_mods.console.table import Answer
+from snr_sim.std_mods.console.wire import (
+    Command,
+    Complete,
+    Reply,
+    answer_of,
+    asked,
+    completed,
+    decode_answered,
+    decode_asked,
+    replied,
+)
 
 Validator = Callable[..., Callable[[Any], bool]]
 SECRET = b"correct horse battery staple"
@@ -85,22 +97,50 @@ MESSAGES: list[dict[str, Any]] = [
     {"$": "page", "key": "k", "data": [1], "origin": "n", "created_at_s": 0.5, "process": True},
     {"$": "page", "key": "k", "data": {"$": "tuple", "v": [1]}, "origin": "n", "created_at_s": 0.5},
 ]  # fmt: skip
+CONSOLE_MESSAGES: list[dict[str, Any]] = [
+    {"$": "command", "number": 1, "line": "dump depth"},
+    {"$": "complete", "number": 2, "line": "du"},
+    {"$": "reply", "number": 1, "text": "1.5", "data": {"$": "tuple", "v": [1]}, "is_error": False, "about": "depth"},
+    {
+        "$": "reply",
+        "number": 0,
+        "text": "",
+        "data": {"$": "page", "key": "k", "data": 1, "origin": "n", "created_at_s": 0.5},
+        "is_error": True,
+        "about": "",
+    },
+    {"$": "words", "number": 2, "words": ["dump"]},
+]
 OTHERS: list[Any] = [
     None, True, -1, 0, 2**32, 1.5, "", "x", "0" * 32 + "\n", "A" * 32, "x" * 201, "x" * 1001, [], {}, {"$": "x"}
 ]  # fmt: skip
 
 
-def is_taken(message: Any) -> bool:
+def is_taken(message: Any, decode: Callable[[bytes], Any] = decode_message) -> bool:
     try:
-        decode_message(json.dumps(message).encode())
+        taken = decode(json.dumps(message).encode())
+        if isinstance(taken, Reply):
+            answer_of(taken)
     except (msgspec.DecodeError, SnrError):
         return False
     return True
 
 
-@pytest.mark.parametrize("message", MESSAGES, ids=lambda message: message["$"])
-def test_code_and_schema_refuse_the_same_damages(validator: Validator, message: dict[str, Any]) -> None:
-    is_valid = validator("wire")
+def is_taken_by_a_console(message: Any) -> bool:
+    return any(is_taken(message, decode) for decode in (decode_asked, decode_answered))
+
+
+@pytest.mark.parametrize(
+    ("message", "schema", "is_taken"),
+    [
+        *((message, "wire", is_taken) for message in MESSAGES),
+        *((message, "console", is_taken_by_a_console) for message in [*MESSAGES[:6], *CONSOLE_MESSAGES]),
+    ],
+)
+def test_code_and_schema_refuse_the_same_damages(
+    validator: Validator, message: dict[str, Any], schema: str, is_taken: Callable[[Any], bool]
+) -> None:
+    is_valid = validator(schema)
     assert is_valid(message)
     assert is_taken(message)
     mutants = [{key: value for key, value in message.items() if key != field} for field in message]
@@ -109,6 +149,14 @@ def test_code_and_schema_refuse_the_same_damages(validator: Validator, message: 
     verdicts = [(mutant, is_taken(mutant), is_valid(mutant)) for mutant in mutants]
     assert [verdict for verdict in verdicts if verdict[1] != verdict[2]] == []
     assert sum(not taken for _, taken, _ in verdicts) > 10
+
+
+def test_what_a_console_and_a_node_say_is_valid(validator: Validator) -> None:
+    answer = Answer("nan", data={"depth": float("nan")}, about="depth")
+    frames = [asked(Command(1, "dump")), asked(Complete(2, "d")), replied(1, answer), completed(2, ["dump"])]
+    said = [json.loads(payload) for frame in frames for payload in FrameReader().feed(frame)]
+    assert [message["$"] for message in said] == ["command", "complete", "reply", "words"]
+    assert all(map(validator("console"), said))
 
 
 @pytest.mark.parametrize("kind", ["hello", "refused"])

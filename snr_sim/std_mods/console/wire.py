@@ -10,6 +10,7 @@ from typing import Annotated, Any, TypeAlias
 
 import msgspec
 
+from snr_sim.prelude.page import KINDS
 from snr_sim.prelude.values import MARK, decode_value, encode_value
 from snr_sim.std_mods.comms.frames import MAX_FRAME_BYTES, encode_frame
 from snr_sim.std_mods.comms.messages import decoder_of
@@ -21,33 +22,34 @@ DEFAULT_PORT = 54321
 LINE_FRAME_MAX_BYTES = 8 * LINE_MAX_CHARS  # six bytes at most for a character in JSON, and what stands around them
 
 Line: TypeAlias = Annotated[str, msgspec.Meta(max_length=LINE_MAX_CHARS)]
+Value: TypeAlias = Annotated[msgspec.Raw, msgspec.Meta(extra_json_schema={"$ref": "value.schema.json"})]
 
 
-class Command(msgspec.Struct, frozen=True, tag_field=MARK, tag="command"):
+class Command(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="command"):
     """A line to carry out; a Reply with the same number follows."""
 
     number: int
     line: Line
 
 
-class Complete(msgspec.Struct, frozen=True, tag_field=MARK, tag="complete"):
+class Complete(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="complete"):
     """A line to complete; Words with the same number follow."""
 
     number: int
     line: Line
 
 
-class Reply(msgspec.Struct, frozen=True, tag_field=MARK, tag="reply"):
+class Reply(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="reply"):
     """An answer; number 0 is of a watched page, which nobody asked for just now."""
 
     number: int
     text: str
-    data: msgspec.Raw
+    data: Value
     is_error: bool
     about: str
 
 
-class Words(msgspec.Struct, frozen=True, tag_field=MARK, tag="words"):
+class Words(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="words"):
     """What can stand where a line ends."""
 
     number: int
@@ -85,5 +87,5 @@ def answer_of(reply: Reply) -> Answer:
     Raises:
         ValueEncodingError: its data is damaged.
     """
-    data: Any = decode_value(bytes(reply.data))
+    data: Any = decode_value(bytes(reply.data), KINDS)
     return Answer(reply.text, data, reply.is_error, reply.about)
