@@ -1,7 +1,7 @@
 """JSON Schemas (draft 2020-12) of what leaves this kit as text: traces, pages, links, consoles, results.
 
-docs/formats.md says what they cannot. They ship beside this file, for programs in any language. The code does not need them: it refuses by itself what they
-refuse, and tests hold the two against each other.
+They ship beside this file, for programs in any language; docs/formats.md says what schemas cannot. The code does not
+need them: it refuses by itself what they refuse, and tests hold the two against each other.
 """
 
 from __future__ import annotations
