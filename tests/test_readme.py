@@ -6,6 +6,11 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim import SimRunner
 
 README = Path(__file__).parents[1] / "README.md"
 
@@ -40,3 +45,12 @@ def test_every_command_the_readme_names_exists() -> None:
     known = {command.name for command in app.registered_commands}
     named = set(re.findall(r"\bsnr ([a-z]+)\b", README.read_text()))
     assert named - {"view"} <= known
+
+
+def test_the_two_computers_of_the_readme_meet_in_lock_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SNR_SECRET", "a secret of more than 16 bytes")
+    names: dict[str, Any] = {}
+    exec(blocks()[2], names)
+    runner = SimRunner(names["config"], until_s=2.0)
+    runner.run()
+    assert [runner.nodes[role].get_data("link_tether")["up"] for role in ("robot", "topside")] == [True, True]
