@@ -140,7 +140,7 @@ class ThreadBacking:
             deadline_s = deadline_s + self._period_s if loop.next_tick_at_s is None else loop.next_tick_at_s
             spare_s = deadline_s - clock.now_s()
             if spare_s > 0:
-                self._stopping.wait(spare_s)  # not sleep: stop() ends it at once
+                self._stopping.wait(min(spare_s, threading.TIMEOUT_MAX))  # not sleep: stop() ends it at once
             elif self._period_s:
                 self.late_s = max(self.late_s, -spare_s)
                 missed = int(-spare_s / self._period_s)  # ticks that can no longer be on time are left out, not hurried

@@ -6,6 +6,7 @@ A recording is what `std_mods/recorder.py` writes: a page on each line, and befo
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -173,6 +174,8 @@ class _Times:
 
     def of(self, page: Page) -> float:
         """Returns when it was stored; never before the page before it."""
+        if not math.isfinite(page.created_at_s):
+            return self._now_s
         begins_s = self._start_s
         if self._node and page.origin != self._node:
             begins_s = self._begins_s.setdefault(page.origin, self._now_s - page.created_at_s)

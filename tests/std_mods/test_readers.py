@@ -90,6 +90,11 @@ def test_the_clock_of_another_node_does_not_stretch_the_time(tmp_path: Path) -> 
     assert times(tmp_path / "x", *lines) == [(1.0, "a"), (1.0, "b"), (1.5, "c"), (3.0, "d")]
 
 
+def test_a_page_whose_stamp_is_no_time_came_with_the_one_before_it(tmp_path: Path) -> None:
+    no_time = b'{"$":"page","key":"x","data":"b","origin":"a_node","created_at_s":{"$":"float","v":"inf"}}'
+    assert times(tmp_path / "x", page("a", 1.0), no_time, page("c", 2.0)) == [(1.0, "a"), (1.0, "b"), (2.0, "c")]
+
+
 def test_a_trace_gives_its_pages_when_they_were_stored_of_the_node_asked_for(tmp_path: Path) -> None:
     file = tmp_path / "trace.jsonl"
     config = Config(factories={"a": [ListReplayerFactory([1, 2], "x", rate_hz=4)], "b": [ListReplayerFactory([], "y")]})

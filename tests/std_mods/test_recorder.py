@@ -1,6 +1,7 @@
 """A recording holds each page whole, only ever grows, and never ends the robot it records."""
 
 import errno
+import json
 from io import FileIO
 from pathlib import Path
 from typing import Any
@@ -35,6 +36,14 @@ def test_each_page_is_one_line_as_serialize_writes_it(tmp_path: Path) -> None:
     record(file, [1.5, {"a": [1, 2]}])
     pages = [Page("x", 1.5, "test_node", 0.0), Page("x", {"a": [1, 2]}, "test_node", 0.1)]
     assert file.read_bytes().splitlines() == [START.encode(), *(page.serialize() for page in pages)]
+
+
+def test_a_line_is_a_start_or_a_page_as_the_schema_says(tmp_path: Path, validator: Any) -> None:
+    file = tmp_path / "x.jsonl"
+    for values in ([1, (2.5, float("nan"))], [np.arange(3), {"a": None}]):
+        record(file, values)
+    lines = [json.loads(line) for line in file.read_text().splitlines()]
+    assert [line for line in lines if not validator("page")(line)] == [{"$": "start", "node": "test_node"}] * 2
 
 
 def test_only_the_keys_asked_for_are_recorded_and_one_key_may_be_a_text(tmp_path: Path) -> None:
