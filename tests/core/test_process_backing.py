@@ -231,6 +231,23 @@ def test_a_node_that_ends_while_its_process_still_starts_does_not_wait_for_it(tm
     assert node.notes == []
 
 
+def test_a_loop_in_a_process_can_be_removed_and_made_anew_while_its_node_runs() -> None:
+    pids: list[int] = []
+    factory = loops.StepsFactory(loops.store_pid)
+
+    def seen(task: Any, task_id: Any) -> Any:
+        pid = task.val_list[0].data
+        if pid in pids:
+            return None
+        pids.append(pid)
+        return tasks.terminate("two") if len(pids) == 2 else tasks.reload_component("worker")
+
+    node = run(factory, PartFactory({(TaskType.store_page, "pid"): seen}))
+    assert len(set(pids)) == 2
+    core = node.components["node_core"]
+    assert [taps for taps in core.taps.values() if taps] == []  # type: ignore[attr-defined]
+
+
 def test_no_descriptor_and_no_thread_is_left_behind() -> None:
     run(loops.StepsFactory(loops.store_array))  # what is made once stays
     before, threads = len(os.listdir("/proc/self/fd")), threading.active_count()

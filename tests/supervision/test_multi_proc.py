@@ -77,8 +77,9 @@ def run(*words: str) -> tuple[int, str, str]:
 
 
 def assert_all_halted(out: str) -> None:
+    """What has begun, and what was interrupted just then, has been halted."""
     for name in ("a", "b"):
-        assert out.count(f"[{name}] begun") == out.count(f"[{name}] halted"), out
+        assert out.count(f"[{name}] begun") <= out.count(f"[{name}] halted"), out
 
 
 @pytest.mark.parametrize(
