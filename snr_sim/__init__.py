@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from snr_sim.core.node import Node
     from snr_sim.core.profiler import Profiler
     from snr_sim.core.runners import CliRunner, SimRunner, SynchronousRunner, TestRunner
+    from snr_sim.core.watch import WatchLoopFactory
     from snr_sim.prelude import tasks
     from snr_sim.prelude.errors import SnrError
     from snr_sim.prelude.page import DataKey, Page
@@ -69,6 +70,7 @@ _PLACES = {
     "snr_sim.core.node": ("Node",),
     "snr_sim.core.profiler": ("Profiler",),
     "snr_sim.core.runners": ("CliRunner", "SimRunner", "SynchronousRunner", "TestRunner"),
+    "snr_sim.core.watch": ("WatchLoopFactory",),
     "snr_sim.prelude.errors": ("SnrError",),
     "snr_sim.prelude.page": ("DataKey", "Page"),
     "snr_sim.prelude.task": (

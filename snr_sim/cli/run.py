@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 from contextlib import ExitStack
 from pathlib import Path
@@ -30,6 +31,9 @@ def run(
     show: Annotated[
         bool, typer.Option("--view", help="Show it in rerun: live with --speed, else when it is over.")
     ] = False,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Reload a component when its file is saved; with --speed real.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Run a scenario and record it.
@@ -40,8 +44,14 @@ def run(
 
     request = Request(scenario, seed, engine or None, controller or None, role or None, io, _options(option))
     pace = pace_of(speed)
+    if watch and pace is None:
+        from snr_sim.prelude.errors import ParameterError
+
+        raise ParameterError("A fast run is over before a file is saved.", fix="--watch with --speed real.")
     is_live = show and pace is not None  # a fast run is over before a window is open
-    fields, status = record_run(request, out, pace, is_viewed=not no_rrd, is_live=is_live, is_quiet=as_json)
+    fields, status = record_run(
+        request, out, pace, is_viewed=not no_rrd, is_live=is_live, is_quiet=as_json, is_watched=watch
+    )
     if as_json:
         from snr_sim.recording.folder import as_json as json_of
 
@@ -52,7 +62,14 @@ def run(
 
 
 def record_run(
-    request: Request, out: Path, pace: float | None, *, is_viewed: bool, is_live: bool, is_quiet: bool
+    request: Request,
+    out: Path,
+    pace: float | None,
+    *,
+    is_viewed: bool,
+    is_live: bool,
+    is_quiet: bool,
+    is_watched: bool = False,
 ) -> tuple[dict[str, Any], int]:
     """Runs a request into a new run folder; returns what result.json holds, and the exit status.
 
@@ -62,6 +79,8 @@ def record_run(
     from snr_sim.cli.answer import guarded
     from snr_sim.cli.progress import progress
     from snr_sim.core.interrupts import orderly
+    from snr_sim.core.runners import show_log
+    from snr_sim.core.watch import watched
     from snr_sim.flight import Flight
     from snr_sim.prelude.errors import TraceError
     from snr_sim.recording.folder import discard, new_run_folder
@@ -73,6 +92,9 @@ def record_run(
         simulation = prepare(request)
         plant = simulation.plant()
         config = simulation.config(plant)
+        if is_watched:
+            show_log(logging.INFO)
+            config = watched(config)
         header = simulation.header(plant, config)
         folder = new_run_folder(out, simulation.scenario_name, request.seed)
         try:

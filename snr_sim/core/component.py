@@ -6,7 +6,7 @@ import logging
 from collections.abc import Sequence
 from functools import cached_property
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.rng import rng_for
@@ -45,6 +45,10 @@ class NodeComponent:
         parent: its node.
         name: unique in the node.
     """
+
+    # Whether it belongs to the robot. What a runner puts beside it does not: a replay is without it, so it is neither
+    # reloaded nor removed.
+    is_of_robot: ClassVar[bool] = True
 
     def __init__(self, factory: ComponentFactory, parent: Node, name: str) -> None:
         self.factory = factory

@@ -26,6 +26,8 @@ class NodeCore(Endpoint):
     A page `reload`, `add_component` or `remove_component` tells what came of such a task.
     """
 
+    is_of_robot = False
+
     def __init__(self, parent: Node) -> None:
         super().__init__(EndpointFactory(), parent, CORE_NAME)
         self._put = parent.datastore.put

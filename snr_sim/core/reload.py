@@ -113,12 +113,11 @@ class Changes:
     # The steps of all three
 
     def all(self) -> dict[str, AnyComponent]:
-        """Returns every component but the node's own, in their order; in a replay the loops as well."""
+        """Returns every component of the robot, in their order; in a replay the loops as well."""
         node = self.node
         known: dict[str, AnyComponent] = {
-            name: one for name, one in node.components.items() if isinstance(one, (Endpoint, Loop))
+            name: one for name, one in node.components.items() if isinstance(one, (Endpoint, Loop)) and one.is_of_robot
         }
-        known.pop(CORE_NAME, None)
         known |= self._absent_ones()
         return {name: known[name] for name in sorted(known, key=node.order_of)}
 

@@ -12,6 +12,7 @@ from snr_sim.core.config import ComponentsByRole, Config, Mode
 from snr_sim.core.interrupts import Interrupted, orderly
 from snr_sim.core.lockstep import LockStep
 from snr_sim.core.node import Node
+from snr_sim.core.watch import watched
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import RoleName
 from snr_sim.prelude.errors import ConfigError, nearest
@@ -73,7 +74,9 @@ class SynchronousRunner:
 
 
 class CliRunner:
-    """Runs the role that the command line names: `python robot.py ROLE`; `-d` for DEBUG mode.
+    """Runs the role that the command line names: `python robot.py ROLE`.
+
+    `-d` is for DEBUG mode; with `--watch` a component whose file is saved is reloaded while the robot runs.
 
     Args:
         components: factories by role, or a Config.
@@ -88,15 +91,17 @@ class CliRunner:
         """Runs the role until it ends. Without a known role: says which there are, exit status 2."""
         words = self._argv[1:]
         mode = Mode.DEBUG if "-d" in words else Mode.DEPLOYED
-        roles = [word for word in words if word != "-d"]
+        is_watched = "--watch" in words
+        roles = [word for word in words if word not in ("-d", "--watch")]
         config = self._components if isinstance(self._components, Config) else Config(mode, self._components)
         if mode is Mode.DEBUG:
             config = Config(mode, config.factories)
-            _log_everything()
+        if mode is Mode.DEBUG or is_watched:
+            show_log(logging.DEBUG if mode is Mode.DEBUG else logging.INFO)
         if len(roles) != 1 or roles[0] not in config.factories:
             self._explain(roles, list(config.factories))
             raise SystemExit(2)
-        runner = SynchronousRunner(roles[0], config)
+        runner = SynchronousRunner(roles[0], watched(config) if is_watched else config)
         runner.run()
         if runner.node.profiler is not None:
             print(runner.node.profiler.dump(), file=sys.stderr)
@@ -108,17 +113,17 @@ class CliRunner:
             print(f"One role at a time, not {len(given)}: {' '.join(given)}.", file=sys.stderr)
         else:
             print(f"There is no role '{given[0]}'.\n  Try: {nearest(given[0], known)}", file=sys.stderr)
-        print(f"usage: {self._argv[0] if self._argv else 'robot.py'} [-d] ROLE", file=sys.stderr)
+        print(f"usage: {self._argv[0] if self._argv else 'robot.py'} [-d] [--watch] ROLE", file=sys.stderr)
         print("roles: " + ", ".join(known), file=sys.stderr)
 
 
-def _log_everything() -> None:
-    """Shows what components log, from debug up; without this Python shows warnings and errors only."""
+def show_log(level: int) -> None:
+    """Shows what components log, from this level up; without this Python shows warnings and errors only."""
     handler = logging.StreamHandler()
     handler.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s"))
     logger = logging.getLogger("snr")
     logger.handlers[:] = [handler]
-    logger.setLevel(logging.DEBUG)
+    logger.setLevel(level)
     logger.propagate = False
 
 

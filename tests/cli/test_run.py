@@ -1,10 +1,11 @@
 """`snr run`: what it says and leaves behind, for good requests and for every kind of bad one."""
 
 import json
+import logging
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -416,3 +417,40 @@ def test_without_json_what_a_controller_prints_is_seen(snr: Snr, mine: Mine) -> 
 def test_a_controller_that_stores_what_json_has_no_number_for_gives_strict_json(snr: Snr, mine: Mine) -> None:
     path = mine((WIRED, f"        self.store_data('x', float('nan'))\n{WIRED}"))
     assert "NaN" not in snr(*RUN, "--controller", path, "--json").out
+
+
+# --watch
+
+EDITS_ITSELF = """
+        if self.ticks == 100 and not self.parent.is_replay:
+            with open(__file__, "a") as file:
+                file.write("# what a student does with an editor\\n")
+"""
+
+
+@pytest.fixture
+def snr_log() -> Iterator[None]:
+    logger = logging.getLogger("snr")
+    handlers, level, propagate = logger.handlers[:], logger.level, logger.propagate
+    yield
+    logger.handlers[:], logger.propagate = handlers, propagate
+    logger.setLevel(level)
+
+
+def test_a_watched_run_takes_an_edited_controller_and_its_replay_says_so(
+    snr: Snr, here: Path, mine: Mine, snr_log: None
+) -> None:
+    mine((WIRED, EDITS_ITSELF + WIRED))
+    answer = snr("run", "lander_low_gate", "--controller", "./mine.py", "--speed", "100", "--watch", "--no-rrd")
+    assert "INFO snr.lander_node.node_core: Made anew: mine." in answer.err
+    folder = next(here.glob("runs/*"))
+    replayed = snr("replay", folder)
+    assert replayed.status == 0
+    assert "'mine' was reloaded with other code than the run began with" in replayed.err
+
+
+def test_a_fast_run_cannot_be_watched(snr: Snr, here: Path) -> None:
+    answer = snr(*RUN, "--watch")
+    assert answer.status == 2
+    assert "--watch with --speed real" in answer.err
+    assert list(here.iterdir()) == []

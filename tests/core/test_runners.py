@@ -50,7 +50,7 @@ def test_without_a_known_role_the_command_line_lists_the_roles_and_exits_with_2(
     out, err = capsys.readouterr()
     assert out == ""
     assert said in err
-    assert "usage: robot.py [-d] ROLE" in err
+    assert "usage: robot.py [-d] [--watch] ROLE" in err
     assert "roles: topside, robot" in err
 
 

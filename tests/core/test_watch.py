@@ -1,0 +1,142 @@
+"""`--watch`: a saved file has its components reloaded, once, and a file that was saved halfway is waited for."""
+
+import logging
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim import Config, Node, SimClock, TaskType, TimeoutLoopFactory, WatchLoopFactory, tasks
+from snr_sim.core.lockstep import LockStep
+from snr_sim.core.runners import CliRunner
+from snr_sim.library import load_program
+from snr_sim.testing.parts import PartFactory, TickerFactory
+
+PILOT = """
+from snr_sim import Endpoint, EndpointFactory, TaskType
+GAIN = 1
+class Pilot(Endpoint):
+    def __init__(self, factory, parent, name):
+        super().__init__(factory, parent, name)
+        self.task_handlers = {(TaskType.event, "fly"): self.on_fly}
+    def on_fly(self, task, task_id):
+        return self.store_data_task("thrust", GAIN)
+class PilotFactory(EndpointFactory):
+    def __init__(self, name="pilot"):
+        super().__init__()
+        self.name = name
+    def get(self, parent):
+        return Pilot(self, parent, self.name)
+"""
+FASTER = PILOT.replace("GAIN = 1", "GAIN = 5")
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "watched_pilot.py"
+    path.write_text(PILOT)
+    return path
+
+
+def watch(factories: list[Any], *saves: Callable[[], object], until_s: float = 6.0) -> tuple[Node, list[Any]]:
+    """Runs a watched node in virtual time; each second something is saved. Returns also what reloads there were."""
+    clock = SimClock()
+    node = Node("r", Config(factories={"r": [*factories, WatchLoopFactory(rate_hz=2.0)]}), clock=clock)
+    for i, save in enumerate(saves, 1):
+        clock.call_at(i - 0.1, lambda save=save: save() and None)  # type: ignore[misc]
+    reloads: list[Any] = []
+    node.tap("reload", lambda page: reloads.append((page.created_at_s, page.data["made"], page.data["ok"])))
+    LockStep([node], clock, until_s=until_s).run()
+    return node, reloads
+
+
+def test_a_saved_file_has_its_component_reloaded_at_the_next_look(file: Path) -> None:
+    fly = TickerFactory(lambda loop: loop.schedule(tasks.event("fly")), rate_hz=1.0)
+    node, reloads = watch([load_program(str(file)).PilotFactory(), fly], lambda: file.write_text(FASTER))
+    assert reloads == [(1.0, ["pilot"], True)]
+    assert node.get_data("thrust") == 5
+
+
+def test_a_file_that_was_saved_unchanged_reloads_nothing(file: Path) -> None:
+    _, reloads = watch([load_program(str(file)).PilotFactory()], lambda: file.write_text(PILOT))
+    assert reloads == []
+
+
+def test_all_who_stand_in_a_file_are_reloaded_together_and_the_others_are_not(file: Path) -> None:
+    module = load_program(str(file))
+    factories = [module.PilotFactory("a"), PartFactory(), module.PilotFactory("b")]
+    _, reloads = watch(factories, lambda: file.write_text(FASTER))
+    assert reloads == [(1.0, ["a", "b"], True)]
+
+
+def test_a_file_saved_halfway_is_told_once_and_tried_again_when_the_rest_has_come(file: Path) -> None:
+    def break_it() -> None:
+        file.write_text(FASTER + "x = (")
+
+    def mend_it() -> None:
+        file.write_text(FASTER)
+
+    node, reloads = watch([load_program(str(file)).PilotFactory()], break_it, lambda: None, mend_it)
+    assert reloads == [(1.0, [], False), (3.0, ["pilot"], True)]
+    assert len([note for note in node.notes if "SyntaxError" in note]) == 1
+
+
+def test_a_file_that_an_editor_has_emptied_or_moved_away_is_waited_for(file: Path) -> None:
+    saves = [
+        lambda: file.write_text(""),
+        lambda: file.rename(file.with_suffix(".old")),
+        lambda: file.write_text(FASTER),
+    ]
+    _, reloads = watch([load_program(str(file)).PilotFactory()], *saves)
+    assert reloads == [(3.0, ["pilot"], True)]
+
+
+def test_the_file_of_an_added_component_is_watched_too(file: Path) -> None:
+    factory = load_program(str(file)).PilotFactory("late")
+    adder = PartFactory({(TaskType.event, "more"): lambda task, task_id: tasks.add_component(factory)})
+    once = TimeoutLoopFactory(seconds=0.5, task=tasks.event("more"))
+    _, reloads = watch([adder, once], lambda: None, lambda: file.write_text(FASTER))
+    assert reloads == [(2.0, ["late"], True)]
+
+
+def test_the_watch_is_no_part_of_the_robot_and_goes_on_through_reload_all(file: Path) -> None:
+    def once(loop: Any) -> None:
+        if "is_done" not in vars(loop.factory):  # it is made anew itself
+            loop.factory.is_done = True
+            loop.schedule(tasks.reload_component("all"))
+
+    factories = [load_program(str(file)).PilotFactory(), TickerFactory(once)]
+    _, reloads = watch(factories, lambda: None, lambda: file.write_text(FASTER))
+    assert [made for _, made, _ in reloads] == [["pilot", "ticker"], ["pilot"]]
+
+
+@pytest.fixture
+def logger() -> Iterator[logging.Logger]:
+    logger = logging.getLogger("snr")
+    before = (logger.handlers[:], logger.level, logger.propagate)
+    yield logger
+    logger.handlers[:], logger.level, logger.propagate = before
+    logger.setLevel(before[1])
+
+
+def test_a_robot_started_with_watch_takes_an_edited_file_while_its_threads_run(
+    file: Path, logger: logging.Logger, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Real threads and real time: ends when the new code has answered, or fails after half a minute."""
+    thrusts: list[int] = []
+
+    def on_thrust(task: Any, task_id: Any) -> Any:
+        thrusts.append(task.val_list[0].data)
+        if len(thrusts) == 3:
+            threading.Thread(target=lambda: file.write_text(FASTER)).start()
+        return tasks.terminate("faster") if thrusts[-1] == 5 else None
+
+    ear = PartFactory({(TaskType.store_page, "thrust"): on_thrust})
+    fly = TickerFactory(lambda loop: loop.schedule(tasks.event("fly")), rate_hz=50.0)
+    factories = [load_program(str(file)).PilotFactory(), ear, fly, TimeoutLoopFactory(seconds=30)]
+    CliRunner({"r": factories}, ["robot.py", "--watch", "r"]).run()
+    assert thrusts[:3] == [1, 1, 1]
+    assert thrusts[-1] == 5
+    assert "INFO snr.r_node.node_core: Made anew: pilot." in capsys.readouterr().err
