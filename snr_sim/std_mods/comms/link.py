@@ -186,9 +186,9 @@ class Link(Loop):
         """Remembers how large pages are that come lately; see `_must_wait`."""
         self._largest_bytes = max(self._largest_bytes, page_bytes)
 
-    def _must_wait(self) -> bool:
-        """Whether the node has so much to do that nothing more may be let in."""
-        tasks = self.parent.machine.queued
+    def _must_wait(self, coming: int = 0) -> bool:
+        """Whether the node has so much to do, with what is coming just now, that nothing more may be let in."""
+        tasks = self.parent.machine.queued + coming
         most = min(MAX_TASKS_WAITING, MAX_BYTES_WAITING // (self._largest_bytes + HEADER_BYTES))
         self.is_deaf = tasks > (most // 2 if self.is_deaf else most)
         return self.is_deaf

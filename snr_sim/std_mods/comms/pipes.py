@@ -143,5 +143,6 @@ class PipeLink(StreamLink):
     factory: PipeLoopFactory
 
     def _open(self) -> None:
+        port = PipePort(self.factory.conn)  # first: what raises here leaves nothing open
         super()._open()
-        self._add_stream(PipePort(self.factory.conn), "pipe")
+        self._add_stream(port, "pipe")

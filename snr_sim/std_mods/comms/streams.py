@@ -36,6 +36,7 @@ class StreamLink(PeerLink):
         self.streams: list[StreamPeer] = []  # all, also those that are not up
         self._tend_s = 0.0
         self._is_woken = False
+        self._is_round_over = False
         self._is_slow = options.faults is not None  # then frames are due at moments of their own
 
     def _open(self) -> None:
@@ -56,6 +57,7 @@ class StreamLink(PeerLink):
         with suppress(OSError):
             self._wake_out.recv(4096)
         self._is_woken = False  # before looking, so that what comes after the look wakes again
+        self._is_round_over = True  # perhaps it is to stop
         self._look_around()
 
     def _look_around(self) -> None:
@@ -73,9 +75,10 @@ class StreamLink(PeerLink):
             self.wake()
 
     def loop(self) -> None:
-        """Waits until something happens and does what is to be done about it; again and again, while it happens."""
+        """Waits until something happens and does what is to be done about it; again and again, while pages come."""
         select, now = self._selector.select, self.get_time_s
-        while not self.is_terminated():
+        self._is_round_over = False
+        while not self._is_round_over:
             now_s = now()
             until_s = self._until_s(now_s)
             events = select(max(0.0, until_s - now_s))
@@ -155,10 +158,10 @@ class StreamLink(PeerLink):
         if pages:
             self._note_size(stream.unread_bytes // len(pages))
             stream.unread_bytes = 0
-            self._bring(pages, stream)
-            if self._must_wait():
+            if self._must_wait(len(pages)):
                 for other in self.streams:
                     self._watch(other)
+            self._bring(pages, stream)  # the very last: the node's thread wakes, and can run once we wait again
 
     def _part_from(self, stream: StreamPeer) -> None:
         """The session is over. The far end is given a moment to read why: closing at once could take that back."""
