@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
+    from snr_sim.core.loop import LoopFactory
     from snr_sim.flight import Result
     from snr_sim.recording.records import Header
     from snr_sim.recording.trace import TraceWriter
@@ -34,6 +35,9 @@ def run(
     watch: Annotated[
         bool, typer.Option("--watch", help="Reload a component when its file is saved; with --speed real.")
     ] = False,
+    console: Annotated[
+        int | None, typer.Option(metavar="PORT", help="For `snr console PORT`, on this machine.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Run a scenario and record it.
@@ -50,7 +54,14 @@ def run(
         raise ParameterError("A fast run is over before a file is saved.", fix="--watch with --speed real.")
     is_live = show and pace is not None  # a fast run is over before a window is open
     fields, status = record_run(
-        request, out, pace, is_viewed=not no_rrd, is_live=is_live, is_quiet=as_json, is_watched=watch
+        request,
+        out,
+        pace,
+        is_viewed=not no_rrd,
+        is_live=is_live,
+        is_quiet=as_json,
+        is_watched=watch,
+        console_port=console,
     )
     if as_json:
         from snr_sim.recording.folder import as_json as json_of
@@ -70,6 +81,7 @@ def record_run(
     is_live: bool,
     is_quiet: bool,
     is_watched: bool = False,
+    console_port: int | None = None,
 ) -> tuple[dict[str, Any], int]:
     """Runs a request into a new run folder; returns what result.json holds, and the exit status.
 
@@ -95,6 +107,8 @@ def record_run(
         if is_watched:
             show_log(logging.INFO)
             config = watched(config)
+        if console_port is not None:
+            config.get(simulation.roles[0]).append(_console(console_port))
         header = simulation.header(plant, config)
         folder = new_run_folder(out, simulation.scenario_name, request.seed)
         try:
@@ -140,6 +154,12 @@ def _keep_result(folder: Path, fields: dict[str, Any], result: Result) -> None:
         note = f"{error.message} Try: {error.fix}"
         if note not in result.notes:
             result.notes.append(note)
+
+
+def _console(port: int) -> LoopFactory:
+    from snr_sim.std_mods.console.command_receiver import CommandReceiverFactory
+
+    return CommandReceiverFactory(port)
 
 
 def _close(recorder: TraceWriter) -> str:

@@ -529,5 +529,7 @@ class Node:
             self._recorder.error(self.machine.now_s, interrupt.component, f"{INTERRUPTED}: {interrupt.message}")
 
     def note(self, text: str) -> None:
-        """Keeps a remark for the end of the run."""
-        self.notes.append(without_addresses(text))
+        """Keeps a remark for the end of the run, once: what fails again and again must not fill the memory."""
+        remark = without_addresses(text)
+        if remark not in self.notes:
+            self.notes.append(remark)

@@ -332,8 +332,8 @@ class ServerLink(StreamLink):
         super().halt()
 
 
-def listen(host: str, port: int) -> socket.socket:
-    """Returns a socket that listens at one address.
+def listen(host: str, port: int, who: str = "A link") -> socket.socket:
+    """Returns a socket that listens at one address; `who` wants it, for the words of an error.
 
     Raises:
         LinkError: the port is taken, or the host is not this machine.
@@ -344,7 +344,7 @@ def listen(host: str, port: int) -> socket.socket:
         )[0]
     except OSError as error:
         raise LinkError(
-            f"A link should listen on '{host}', which no name server knows ({error.strerror}).",
+            f"{who} should listen on '{host}', which no name server knows ({error.strerror}).",
             fix="an address of this machine: 127.0.0.1, or one that `ip address` shows.",
         ) from error
     sock = socket.socket(family, kind, protocol)
@@ -358,18 +358,18 @@ def listen(host: str, port: int) -> socket.socket:
         sock.setblocking(False)
     except OSError as error:
         sock.close()
-        raise _cannot_listen(host, port, error) from error
+        raise _cannot_listen(who, host, port, error) from error
     return sock
 
 
-def _cannot_listen(host: str, port: int, error: OSError) -> LinkError:
+def _cannot_listen(who: str, host: str, port: int, error: OSError) -> LinkError:
     if error.errno == errno.EADDRINUSE:
         fix = f"end the program that uses it (`ss -tlnp | grep {port}` names it), or take another port."
     elif error.errno == errno.EACCES:
         fix = "a port above 1023."
     else:
         fix = "an address of this machine: 127.0.0.1, or one that `ip address` shows."
-    return LinkError(f"A link cannot listen on {host} port {port}: {error.strerror}.", fix=fix)
+    return LinkError(f"{who} cannot listen on {host} port {port}: {error.strerror}.", fix=fix)
 
 
 class ClientLink(StreamLink):

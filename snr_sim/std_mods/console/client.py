@@ -66,12 +66,12 @@ class ConsoleClient:
         self._calls = 0  # that have come to an end, whichever
         self._is_ending = False
         self._thread = threading.Thread(target=self._run, name="console client", daemon=True)
+
+    def __enter__(self) -> ConsoleClient:
         self._wake_in, self._wake_out = socket.socketpair()
         self._wake_out.setblocking(False)
         self._selector = selectors.DefaultSelector()
         self._selector.register(self._wake_out, selectors.EVENT_READ)
-
-    def __enter__(self) -> ConsoleClient:
         self._thread.start()
         return self
 
@@ -151,8 +151,7 @@ class ConsoleClient:
             with self._changed:
                 was_up, self._is_up = self._is_up, False
                 self._calls += 1
-                self._outbox.clear()
-                self._answers.clear()
+                self._outbox.clear()  # but not the answers: whoever asked may not have looked yet
                 self.reason = sentence
                 self._changed.notify_all()
             if was_up and not self._is_ending:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,7 @@ from snr_sim.prelude.page import Page
 from snr_sim.prelude.task import Task
 from snr_sim.std_mods.console import introspection
 from snr_sim.std_mods.console.commands import TABLE
-from snr_sim.std_mods.console.readable import bounded, cut_text, printable
+from snr_sim.std_mods.console.readable import cut_text
 from snr_sim.std_mods.console.table import Answer, completions, parse
 from snr_sim.std_mods.console.words import LINE_MAX_CHARS, CommandRefused
 
@@ -23,7 +24,7 @@ NEW_NAMES_MAX = 1000
 WAITING_MAX = 1000  # tasks at the door from which on a console's are refused: the node does not keep up
 WATCHES_MAX = 16
 WATCH_PERIOD_S = 0.1
-OUTCOME_WAIT_S = 5.0  # for what comes of a reload, before a console is told that nothing has come yet
+OUTCOME_WAIT_S = 5.0  # for what comes of a command, before a console is told that nothing has come yet
 
 log = logging.getLogger("snr.console")
 
@@ -81,11 +82,10 @@ class _Watch:
 
 @dataclass
 class _Awaited:
-    """A page that will say what came of a command, the one that is there before, and until when to wait."""
+    """What a command has asked for: how to see what came of it, and until when to look."""
 
-    key: str
-    component: str
-    before: Page | None
+    what: str
+    look: Callable[[], Answer | None]
     until_s: float | None = None
 
 
@@ -130,12 +130,16 @@ class Session:
             log.exception("a console's completion failed")
             return []
 
-    def expect(self, task: Task) -> None:
-        """Brings a task of which a page will say what came: its own type is the key, and its name stands in it."""
-        key = task.type.value
-        awaited = _Awaited(key, task.name, self.node.datastore.pages.get(key))
+    def expect(self, task: Task, what: str, look: Callable[[], Answer | None]) -> None:
+        """Brings a task of which something will come that can be seen.
+
+        Args:
+            task: to bring.
+            what: was asked for, in words.
+            look: returns what came of it, or None as long as nothing has.
+        """
         self.bring(task)
-        self._awaited = awaited
+        self._awaited = _Awaited(what, look)
 
     def outcome(self, now_s: float) -> Answer | None:
         """Returns what came of the last command, once that is known, or that nothing has come of it so far.
@@ -148,16 +152,13 @@ class Session:
             return None
         if awaited.until_s is None:
             awaited.until_s = now_s + OUTCOME_WAIT_S
-        page = self.node.datastore.pages.get(awaited.key)
-        told = page.data if page is not None and page is not awaited.before else None
-        if isinstance(told, dict) and told.get("component") == awaited.component:
+        answer = awaited.look()
+        if answer is None and now_s >= awaited.until_s:
+            text = f"{awaited.what} is queued, and nothing has come of it in {OUTCOME_WAIT_S:g} s."
+            answer = Answer(text, is_error=True)
+        if answer is not None:
             self._awaited = None
-            return Answer(cut_text(printable(str(told.get("message")))), bounded(told), is_error=not told.get("ok"))
-        if now_s < awaited.until_s:
-            return None
-        self._awaited = None
-        what = f"{awaited.key} of '{awaited.component}'"
-        return Answer(f"{what} is queued, and nothing has come of it in {OUTCOME_WAIT_S:g} s.", is_error=True)
+        return answer
 
     def changes(self, now_s: float) -> list[Answer]:
         """Returns an answer for each watched page that is another than the one shown last.

@@ -25,6 +25,7 @@ STRANGERS_MAX = 16  # connections that have not shown yet whether they are conso
 TEND_EVERY_S = 0.1  # time-outs, keep-alives
 WATCH_EVERY_S = 0.05
 BUSY_EVERY_S = 0.01
+OUTCOME_EVERY_S = 0.002  # the node mostly does at once what it was asked for
 LINGER_S = 0.2  # how long a node's end may take to send the last answers
 PAUSE_S = 0.5  # after the system had no descriptor left for a connection
 
@@ -89,7 +90,7 @@ class CommandReceiver(Loop):
         Raises:
             LinkError: the port is taken, or the host is not this machine.
         """
-        self._listener = listen(self.factory.host, self.factory.port)
+        self._listener = listen(self.factory.host, self.factory.port, "A console")
         self.factory.port = self._listener.getsockname()[1]
         self._wake_in, self._wake_out = socket.socketpair()
         self._wake_in.setblocking(False)
@@ -122,6 +123,8 @@ class CommandReceiver(Loop):
         patience_s = WATCH_EVERY_S if any(line.conversation.is_watching for line in self._lines) else TEND_EVERY_S
         if any(line.conversation.is_busy for line in self._lines):
             patience_s = BUSY_EVERY_S
+        if any(line.conversation.is_waiting for line in self._lines):
+            patience_s = OUTCOME_EVERY_S
         now_s = time.monotonic()
         moments_s = [line.due_s for line in self._lines]
         return max(0.0, min([now_s + patience_s, *moments_s]) - now_s)

@@ -16,7 +16,7 @@ from snr_sim.prelude.errors import nearest
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.task import Task, TaskType
 from snr_sim.std_mods.console import introspection
-from snr_sim.std_mods.console.readable import short
+from snr_sim.std_mods.console.readable import bounded, cut_text, printable, short
 from snr_sim.std_mods.console.table import Answer, Argument, Command, Given, help_text
 from snr_sim.std_mods.console.words import CommandRefused, shown
 
@@ -68,7 +68,13 @@ def _event(session: Session, name: str, values: list[object]) -> Answer:
 def _store(session: Session, given: Given) -> Answer:
     key, value = given["KEY"], given["JSON"]
     session.processor.admit_name(f"page {key}", key in session.node.datastore.pages)
-    session.bring(session.node.store_data_task(key, value))
+    pages = session.node.datastore.pages
+    before = pages.get(key)
+
+    def stored() -> Answer | None:
+        return None if pages.get(key) is before else Answer(f"{key} = {short(value)} is stored.", {"store": key})
+
+    session.expect(session.node.store_data_task(key, value), f"{key} = {short(value)}", stored)
     return Answer(f"{key} = {short(value)} is queued.", {"store": key})
 
 
@@ -76,7 +82,17 @@ def _reload(session: Session, given: Given) -> Answer:
     name, known = given["NAME"], components_of(session.node)
     if name not in (ALL, *known):
         raise CommandRefused(f"There is no component '{name}' to reload.", fix=nearest(name, [ALL, *known]))
-    session.expect(tasks.reload_component(name))
+    pages, key = session.node.datastore.pages, TaskType.reload.value
+    before = pages.get(key)
+
+    def reloaded() -> Answer | None:
+        page = pages.get(key)
+        told = page.data if page is not None and page is not before else None
+        if not isinstance(told, dict) or told.get("component") != name:
+            return None
+        return Answer(cut_text(printable(str(told.get("message")))), bounded(told), is_error=not told.get("ok"))
+
+    session.expect(tasks.reload_component(name), f"reload of '{name}'", reloaded)
     return Answer(f"reload of '{name}' is queued.", {"reload": name})
 
 

@@ -105,6 +105,11 @@ class Conversation:
         """Whether it has to look at pages now and then."""
         return self._session.is_watching
 
+    @property
+    def is_waiting(self) -> bool:
+        """Whether the node has been asked for something, and what came of it is not known yet."""
+        return self._session.is_waiting
+
     def _answer(self, asked: Command | Complete) -> None:
         if isinstance(asked, Command):
             answer = self._session.answer(asked.line)

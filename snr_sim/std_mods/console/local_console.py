@@ -7,6 +7,7 @@ import select
 import sys
 import threading
 import time
+from collections import deque
 from queue import Empty, SimpleQueue
 from typing import TextIO
 
@@ -14,9 +15,11 @@ from snr_sim.core.backing import ThreadBacking
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.std_mods.console.command_processor import CommandProcessor
+from snr_sim.std_mods.console.table import Answer
 from snr_sim.std_mods.console.words import LINE_MAX_CHARS
 
 LOOK_S = 0.05  # how long a node's end may have to wait for us
+SOON_S = 0.005
 _READ_BYTES = 4096
 
 
@@ -49,6 +52,8 @@ class LocalConsole(Loop):
         super().__init__(factory, parent, name, max_tick_rate_hz=0)
         self._session = CommandProcessor(parent, name).session()
         self._rest = b""
+        self._lines: deque[str] = deque()
+        self._is_at_end = False
 
     def begin(self) -> None:
         """Starts the thread."""
@@ -65,17 +70,30 @@ class LocalConsole(Loop):
 
     def loop(self) -> None:
         """Answers what has been typed, and shows watched pages that have changed."""
-        data = self._read()
-        if data == b"":
-            self.stop()  # the terminal is gone, or the file at its end; the node goes on
-        *lines, self._rest = (self._rest + (data or b"")).split(b"\n")
-        self._rest = self._rest[: LINE_MAX_CHARS + 1]  # one too many is refused; more is only more
-        for line in lines:
-            if line.strip():
-                self._say(self._session.answer(line.decode(errors="replace")).text)
+        if self._lines or self._is_at_end:
+            time.sleep(SOON_S)  # what was typed before has not been carried out yet
+        else:
+            self._take(self._read())
         now_s = time.monotonic()
-        outcome = self._session.outcome(now_s)
-        for answer in [*([outcome] if outcome is not None else []), *self._session.changes(now_s)]:
+        self._show(self._session.outcome(now_s))
+        while self._lines and not self._session.is_waiting:
+            answer = self._session.answer(self._lines.popleft())
+            self._show(None if self._session.is_waiting else answer)
+        if self._is_at_end and not (self._lines or self._session.is_waiting):
+            self.stop()  # the terminal is gone, or the file at its end; the node goes on
+        for answer in self._session.changes(now_s):
+            self._show(answer)
+
+    def _take(self, data: bytes | None) -> None:
+        self._is_at_end = data == b""
+        *lines, self._rest = (self._rest + (data or b"")).split(b"\n")
+        if self._is_at_end:
+            lines.append(self._rest)
+        self._rest = self._rest[: LINE_MAX_CHARS + 1]  # one too many is refused; more is only more
+        self._lines += [line.decode(errors="replace") for line in lines if line.strip()]
+
+    def _show(self, answer: Answer | None) -> None:
+        if answer is not None:
             self._say(answer.text)
 
     def _say(self, text: str) -> None:

@@ -42,6 +42,8 @@ class Talk:
         answer = self.session.answer(line)
         assert not answer.is_error, answer.text
         self.settle()
+        answer = self.session.outcome(0.0) or answer
+        assert not self.session.is_waiting
         return answer.text
 
     def refused(self, line: str) -> str:

@@ -52,7 +52,7 @@ def test_a_command_typed_at_the_terminal_is_answered_and_carried_out(
     said = screen.getvalue()
     assert "did you mean 'store'" in said
     assert "Nothing has stored a page 'depth_m'" in said
-    assert "depth_m = 2.5 is queued" in said
+    assert "depth_m = 2.5 is stored" in said
 
 
 def test_a_node_ends_at_once_although_nobody_types(keyboard: tuple[IO[str], IO[str]]) -> None:
@@ -77,6 +77,17 @@ def test_the_end_of_the_input_ends_the_console_and_not_the_node(keyboard: tuple[
     node = Node("r", Config(factories={"r": [LocalConsoleFactory(reads, io.StringIO()), closed]}))
     node.loop()
     assert node.exit_reason == "console is over"
+
+
+def test_commands_from_a_file_are_carried_out_one_after_another_to_its_end(keyboard: tuple[IO[str], IO[str]]) -> None:
+    reads, types = keyboard
+    types.write("store depth_m 2.5\ndump depth_m\nexit read")
+    types.close()
+    screen = io.StringIO()
+    node = Node("r", Config(factories={"r": [LocalConsoleFactory(reads, screen)]}))
+    node.loop()
+    assert node.exit_reason == "read"
+    assert "depth_m = 2.5  (" in screen.getvalue()
 
 
 def test_without_a_terminal_the_node_runs_all_the_same() -> None:
