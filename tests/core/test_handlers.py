@@ -110,7 +110,7 @@ def test_handlers_of_the_class_are_methods_and_belong_to_each_object() -> None:
     assert second.count == 2
 
 
-def test_who_handles_a_task_is_looked_up_once_and_not_at_every_task() -> None:
+def test_weakness_29_who_handles_a_task_is_looked_up_once_and_not_at_every_task() -> None:
     looked: list[None] = []
 
     class Watched(Part):
