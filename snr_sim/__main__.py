@@ -1,5 +1,5 @@
 """`python -m snr_sim` is `snr`."""
 
-from snr_sim.cli.main import main
+from snr_sim.cli.entry import main
 
 main()

@@ -94,7 +94,6 @@ def record_run(
     from snr_sim.core.runners import show_log
     from snr_sim.core.watch import watched
     from snr_sim.flight import Flight
-    from snr_sim.prelude.errors import TraceError
     from snr_sim.recording.folder import discard, new_run_folder
     from snr_sim.recording.trace import FILE_NAME, TraceWriter
     from snr_sim.simulation import prepare
@@ -113,7 +112,7 @@ def record_run(
         folder = new_run_folder(out, simulation.scenario_name, request.seed)
         try:
             recorder = TraceWriter(folder / FILE_NAME, header, simulation.opening())
-        except TraceError:
+        except BaseException:
             discard(folder)
             raise
         try:
@@ -121,20 +120,21 @@ def record_run(
                 stack.callback(_live_view(header, recorder).close)
             tick = stack.enter_context(progress(simulation.scenario_name, is_shown=pace is not None))
             flight = Flight(simulation, plant, config, recorder, pace, tick)
+            # From here on a signal ends the run in order, and the files are finished, also if it comes after the run.
+            signals = stack.enter_context(orderly(flight.nodes))
         except BaseException:
             _close(recorder)
             discard(folder)  # the request was wrong, and nothing has begun
             raise
-        with orderly(flight.nodes) as signals:  # the files are finished, also if a signal comes after the run
-            try:
-                result = flight.run(signals)
-            finally:
-                recorder_error = _close(recorder)
-            if recorder_error and not result.error:
-                result.error, result.outcome, result.success = recorder_error, "error", False
-            fields = result_fields(simulation.request, result, recorder.digest, place / folder.name)
-            noted = list(result.notes)
-            _keep_result(folder, fields, result)
+        try:
+            result = flight.run(signals)
+        finally:
+            recorder_error = _close(recorder)
+        if recorder_error and not result.error:
+            result.error, result.outcome, result.success = recorder_error, "error", False
+        fields = result_fields(simulation.request, result, recorder.digest, place / folder.name)
+        noted = list(result.notes)
+        _keep_result(folder, fields, result)
     if is_viewed:
         _write_view(folder, result)
         if fields["notes"] != noted:

@@ -88,6 +88,56 @@ def test_a_handler_that_never_returns_is_named_with_its_line_and_its_run_replays
     assert replayed.returncode == 0, replayed.stdout
 
 
+def signalled_in(phase: str, kind: str, *words: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, Path(__file__).with_name("phased.py"), kind, phase, "run", "lander_vertical", *words]
+    return subprocess.run(command, capture_output=True, text=True, timeout=100)
+
+
+EARLY = [
+    ("cli/main.py:<module>", "SIGINT"), ("typer/main.py:<module>", "SIGTERM"), ("cli/main.py:main", "SIGINT"),
+    ("snr_sim/simulation.py:<module>", "SIGTERM"), ("snr_sim/simulation.py:prepare", "SIGINT"),
+    ("library.py:load_controller", "SIGTERM"), ("trace.py:__init__", "SIGINT"), ("flight.py:__init__", "SIGTERM"),
+    ("interrupts.py:orderly", "SIGINT"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("phase", "kind"), EARLY)
+def test_a_signal_before_anything_has_begun_ends_it_in_a_word_and_leaves_nothing(
+    here: Path, phase: str, kind: str
+) -> None:
+    done = signalled_in(phase, kind)
+    assert (done.returncode, done.stdout, done.stderr) == ({"SIGINT": 130, "SIGTERM": 143}[kind], "", "Stopped.\n")
+    assert not (here / "runs").exists()
+
+
+@pytest.mark.parametrize(
+    ("phase", "kind"), [("flight.py:run", "SIGINT"), ("node.py:begin", "SIGTERM"), ("lander_1d.py:step", "SIGINT")]
+)
+def test_a_signal_at_the_first_tick_ends_the_run_in_order(here: Path, phase: str, kind: str) -> None:
+    done = signalled_in(phase, kind, "--json")
+    fields = json.loads(done.stdout)
+    assert (done.returncode, fields["outcome"], fields["signal"]) == (1, "interrupted", kind)
+    assert "Traceback" not in done.stderr
+    assert_whole(here / fields["run_dir"], fields)
+
+
+@pytest.mark.parametrize(
+    ("phase", "kind", "status"),
+    [("view.py:write_view", "SIGTERM", 0), ("run.py:_say", "SIGINT", 130), ("run.py:_write_view", "SIGTERM", 143)],
+)
+def test_a_signal_after_the_run_costs_only_what_was_not_yet_written(
+    here: Path, phase: str, kind: str, status: int
+) -> None:
+    pytest.importorskip("rerun")
+    done = signalled_in(phase, kind)
+    assert done.returncode == status
+    assert "Traceback" not in done.stderr
+    assert ("Stopped." in done.stderr) is (status > 0)
+    (folder,) = (here / "runs").iterdir()
+    assert json.loads((folder / RESULT_NAME).read_bytes())["outcome"] == "landed"
+    assert not list(folder.glob("part-*"))
+
+
 @pytest.mark.parametrize("room", [2_000, 100_000])
 def test_a_full_disk_stops_the_run_with_a_sentence_and_a_whole_trace(here: Path, room: int) -> None:
     run_limited(10**9, "run", "lander_pad", "--no-rrd", "--out", "first")
