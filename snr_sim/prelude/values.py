@@ -208,7 +208,7 @@ def _unmarked(value: Any, kinds: Mapping[str, Callable[..., Any]]) -> Any:
         if mark == "array":
             return _unmarked_array(value)
         return _unmarked_simple(mark, value, kinds)
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError, msgspec.ValidationError) as error:
         raise ValueEncodingError(f"A stored value of kind {mark!r} is damaged: {error}.") from error
 
 
