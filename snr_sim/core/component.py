@@ -25,7 +25,9 @@ class ComponentFactory:
     """Makes one component for a node. What it keeps itself survives when the component is made anew.
 
     Args:
-        reload_targets: modules whose code is read again when the component is reloaded.
+        reload_targets: modules whose code is read again when the component is reloaded, in this order: list helpers
+            first, then the module of the component. If there are none: the student's own files that define the
+            classes of component and factory.
     """
 
     def __init__(self, reload_targets: ModuleType | Sequence[ModuleType] | None = None) -> None:

@@ -55,7 +55,8 @@ class Node:
 
     Raises:
         UnknownName: the config has no such role.
-        ConfigError: a factory makes no component, or two components have one name.
+        ConfigError: a factory makes no component, two components have one name, or the file that makes the node is
+            only read again for a reload.
     """
 
     def __init__(
@@ -68,6 +69,11 @@ class Node:
         seed: int = 0,
         is_replay: bool = False,
     ) -> None:
+        if being_read.get():
+            raise ConfigError(
+                f"{being_read.get()} makes a node while it is read again for a reload.",
+                fix="put what starts the robot under: if __name__ == '__main__':",
+            )
         self.role = role
         self.config = config
         self.mode = config.mode
@@ -181,13 +187,8 @@ class Node:
 
         Raises:
             ComponentFailed: a component could not begin.
-            ConfigError: the node has run before, or a file that is read again for a reload starts it.
+            ConfigError: the node has run before.
         """
-        if being_read.get():
-            raise ConfigError(
-                f"{being_read.get()} starts a node while it is read again for a reload.",
-                fix="put what starts the robot under: if __name__ == '__main__':",
-            )
         if self._begun or self._is_over:
             raise ConfigError(f"Node '{self.name}' has already run.", fix="make a new Node for a new run.")
         self._thread_id = threading.get_ident()

@@ -444,8 +444,8 @@ def test_a_watched_run_takes_an_edited_controller_and_its_replay_says_so(
     answer = snr("run", "lander_low_gate", "--controller", "./mine.py", "--speed", "100", "--watch", "--no-rrd")
     assert "INFO snr.lander_node.node_core: Made anew: mine." in answer.err
     folder = next(here.glob("runs/*"))
-    replayed = snr("replay", folder)
-    assert replayed.status == 0
+    replayed = snr("replay", folder, "--check")
+    assert (replayed.status, "asks the outside" in replayed.out) == (0, False)
     assert "'mine' was reloaded with other code than the run began with" in replayed.err
 
 
