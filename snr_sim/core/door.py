@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from queue import Empty, SimpleQueue
 
+from snr_sim.core.lookout import Lookout
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.task import Task, TaskType
 
@@ -25,12 +27,44 @@ class Door:
         self.failure: SnrError | None = None
         self._wake: SimpleQueue[None] = SimpleQueue()
         self._asleep = False
+        self._lookout: Lookout | None = None
+        self.visits = 0  # how often the node has come to wait
+
+    @property
+    def is_waited_at(self) -> bool:
+        """Whether the node's thread waits here now."""
+        return self._asleep
+
+    def watch(self, descriptor: int, serve: Callable[[], None]) -> None:
+        """Has `serve` called on the node's thread when there is something to read, while it waits at the door.
+
+        What comes for a node that has nothing else to do costs no change of threads then. A node that has much to do
+        does not come to its door, so who watches needs another way to read in the long run.
+        """
+        if self._lookout is None:
+            self._lookout = Lookout()
+            self._wake.put(None)  # whoever waits already waits for this
+        self._lookout.watch(descriptor, serve)
+
+    def unwatch(self, descriptor: int) -> None:
+        """Ends watching; from any thread."""
+        if self._lookout is not None:
+            self._lookout.unwatch(descriptor)
+
+    def close(self) -> None:
+        """Lets go of what waiting for descriptors needs; nobody waits here any more."""
+        if self._lookout is not None:
+            self._lookout.close()
 
     def put(self, task: Task, source: str) -> None:
         """Lets a task in; `source` is the name of the loop, link or person that brought it."""
         self.waiting.append((task, source))
         if self._asleep:
-            self._wake.put(None)
+            self._asleep = False  # one call is enough, however many tasks come before it is heard
+            if self._lookout is None:
+                self._wake.put(None)
+            else:
+                self._lookout.wake()
 
     def fail(self, failure: SnrError) -> None:
         """Tells the node that something outside its thread has failed; the first one counts."""
@@ -40,11 +74,20 @@ class Door:
 
     def wait(self, timeout_s: float | None = None) -> None:
         """Returns when something is at the door, or after the timeout; now and then also before."""
+        timeout_s = LOOK_UP_S if timeout_s is None else min(timeout_s, LOOK_UP_S)
+        self.visits += 1
+        lookout = self._lookout
+        seen: list[Callable[[], None]] = []
         self._asleep = True  # before the last look, so that what comes after the look wakes us
         try:
             if not self.waiting:
-                self._wake.get(timeout=LOOK_UP_S if timeout_s is None else min(timeout_s, LOOK_UP_S))
+                if lookout is None:
+                    self._wake.get(timeout=timeout_s)
+                else:
+                    seen = lookout.wait(timeout_s)
         except Empty:
             pass
         finally:
             self._asleep = False
+        for serve in seen:
+            serve()

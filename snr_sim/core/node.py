@@ -284,6 +284,7 @@ class Node:
         for component in self._begun:
             self._call_last(component, "join", component.join, failures)
             self._call_last(component, "terminate", component.terminate, failures)
+        self.door.close()
         if isinstance(self.door.failure, ComponentFailed):  # a loop's thread failed, perhaps only now, in its halt
             failures.append(self.door.failure)
         self._note_overload()

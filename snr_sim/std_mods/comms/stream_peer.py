@@ -82,6 +82,7 @@ class StreamPeer(Peer):
         self.is_blocked = False  # the port takes nothing now
         self.unread_bytes = 0  # come since the last page
         self.watched = 0  # what `select` waits for on its behalf
+        self.is_at_door = False  # whether the node's thread reads it while it waits at its door
         self.leaves_s: float | None = None  # when it is closed at the latest, once the session is over
         self._link = link
         self._sending = threading.Lock()  # held for one call to the port, which does not block

@@ -1,9 +1,15 @@
-"""StreamLink: a link over streams of bytes, sockets or pipes. All its waiting happens in one `select` on its thread."""
+"""StreamLink: a link over streams of bytes, sockets or pipes.
+
+What has come is read by the node's own thread while that waits at its door, because a change of threads takes longer
+than all the rest. Everything else (connecting, greeting, keeping alive, sending what could not be sent at once) is done
+by the link's thread in one `select`. It also reads, when the node is too busy to come to its door.
+"""
 
 from __future__ import annotations
 
 import selectors
 import socket
+import threading
 from collections.abc import Callable
 from contextlib import suppress
 
@@ -16,13 +22,13 @@ from snr_sim.std_mods.comms.stream_peer import FEW_TASKS, Port, StreamPeer
 
 READ_BYTES = 1 << 17
 TEND_EVERY_S = 0.05  # time-outs, keep-alives, reports
-DEAF_LOOK_S = 0.002  # how often a link that does not read looks whether the node has caught up
+LOOK_EVERY_S = 0.002  # how often a busy node is looked after: does it come to its door, has it caught up?
 # How long the end of a link may take to send what waits and to hear that it has come. Less than a loop is waited for.
 LINGER_S = 0.3
 
 
 class StreamLink(PeerLink):
-    """Waits for all its streams at once.
+    """Waits for all its streams at once, and shares them with the node's thread: whoever holds the lock may touch them.
 
     Args:
         factory: who made it.
@@ -38,6 +44,9 @@ class StreamLink(PeerLink):
         self._is_woken = False
         self._is_round_over = False
         self._is_slow = options.faults is not None  # then frames are due at moments of their own
+        self._lock = threading.Lock()  # held for steps that do not wait
+        self._visits = -1  # of the node at its door, when last seen
+        self._is_node_busy = True
 
     def _open(self) -> None:
         self._selector: selectors.BaseSelector = selectors.DefaultSelector()
@@ -82,20 +91,26 @@ class StreamLink(PeerLink):
             now_s = now()
             until_s = self._until_s(now_s)
             events = select(max(0.0, until_s - now_s))
-            for key, mask in events:
-                act: Callable[[int], None] = key.data
-                act(mask)
+            with self._lock:
+                for key, mask in events:
+                    act: Callable[[int], None] = key.data
+                    act(mask)
             if not events or self.is_deaf or now_s >= until_s:
                 break
-        self._tend(now())
+        with self._lock:
+            self._stand_in()
+            self._tend(now())
 
     def _until_s(self, now_s: float) -> float:
-        if self.is_deaf:
-            return now_s + DEAF_LOOK_S
+        if self.is_deaf or self._is_node_busy:
+            return now_s + LOOK_EVERY_S
         return min([self._tend_s, *(stream.due_s for stream in self.streams)]) if self._is_slow else self._tend_s
 
     def halt(self) -> None:
         """Sends what waits, says goodbye, and closes; not for longer than `LINGER_S`."""
+        with self._lock:
+            for stream in self.streams:
+                self._leave_door(stream)
         self._selector.close()
         see_off(self.streams, self.get_time_s, f"node '{self.parent.name}' ended.")
         for stream in self.streams:
@@ -132,23 +147,41 @@ class StreamLink(PeerLink):
     def _serve(self, stream: StreamPeer, events: int) -> None:
         if events & selectors.EVENT_READ and stream.watched & selectors.EVENT_READ:
             self._read(stream)
-            if not (stream.failure or stream.is_blocked or stream.session.wants_attention):
-                return  # mostly: nothing to answer. The node's thread waits for us to be done.
         self._pump(stream)
 
-    def _read(self, stream: StreamPeer) -> None:
+    def _serve_at_door(self, stream: StreamPeer) -> None:
+        """Reads what has come, on the node's thread, which has nothing else to do."""
+        with self._lock:
+            if not stream.is_at_door or self.is_deaf:
+                return
+            self._read(stream)
+            if not (stream.failure or stream.session.wants_attention or self.is_deaf):
+                return
+        self.wake()
+
+    def _stand_in(self) -> None:
+        """Reads what has come for a node that has not been at its door since the last look."""
+        door = self.parent.door
+        is_absent = not door.is_waited_at and door.visits == self._visits
+        self._is_node_busy, self._visits = not door.is_waited_at, door.visits
+        for stream in self.streams if is_absent else ():
+            while stream.is_at_door and not self.is_deaf and self._read(stream):
+                pass
+
+    def _read(self, stream: StreamPeer) -> bool:
+        """Lets in what has come; returns whether there was something."""
         session = stream.session
         try:
             data = stream.port.read(READ_BYTES)
         except BlockingIOError:
-            return
+            return False
         except OSError as error:
             stream.failure = stream.failure or error.strerror or str(error)
-            return
+            return False
         if not data:
             session.lost("the connection was closed.")
             stream.failure = session.reason
-            return
+            return False
         stream.unread_bytes += len(data)
         pages = session.receive(data, self.get_time_s())
         if session.is_up and not stream.is_admitted:
@@ -158,10 +191,9 @@ class StreamLink(PeerLink):
         if pages:
             self._note_size(stream.unread_bytes // len(pages))
             stream.unread_bytes = 0
-            if self._must_wait(len(pages)):
-                for other in self.streams:
-                    self._watch(other)
-            self._bring(pages, stream)  # the very last: the node's thread wakes, and can run once we wait again
+            self._must_wait(len(pages))
+            self._bring(pages, stream)
+        return True
 
     def _part_from(self, stream: StreamPeer) -> None:
         """The session is over. The far end is given a moment to read why: closing at once could take that back."""
@@ -185,8 +217,16 @@ class StreamLink(PeerLink):
         """Has `select` wait for what this stream can do now."""
         wanted = 0
         if stream in self.streams:
-            is_read = not self.is_deaf or stream.leaves_s is not None
+            is_leaving = stream.leaves_s is not None
+            is_read = not self.is_deaf or is_leaving
+            if is_read and stream.is_admitted and stream.port.is_shareable and not is_leaving:
+                self._bring_to_door(stream)
+                is_read = False
+            else:
+                self._leave_door(stream)
             wanted = (selectors.EVENT_READ if is_read else 0) | (selectors.EVENT_WRITE if stream.is_blocked else 0)
+        else:
+            self._leave_door(stream)
         if wanted == stream.watched:
             return
         if not wanted:
@@ -196,6 +236,16 @@ class StreamLink(PeerLink):
         else:
             self._selector.modify(stream.port.fileno(), wanted, lambda events: self._serve(stream, events))
         stream.watched = wanted
+
+    def _bring_to_door(self, stream: StreamPeer) -> None:
+        if not stream.is_at_door:
+            stream.is_at_door = True
+            self.parent.door.watch(stream.port.fileno(), lambda: self._serve_at_door(stream))
+
+    def _leave_door(self, stream: StreamPeer) -> None:
+        if stream.is_at_door:
+            stream.is_at_door = False
+            self.parent.door.unwatch(stream.port.fileno())
 
     def _tend(self, now_s: float) -> None:
         """Does what time asks for."""

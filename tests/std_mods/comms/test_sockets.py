@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import socket
+import threading
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 
-from snr_sim import Config, SimRunner, SocketsPair
-from snr_sim.testing.parts import TickerFactory
+from snr_sim import Config, SimRunner, SocketsPair, TaskType, tasks
+from snr_sim.testing.parts import PartFactory, TickerFactory
 
 HERE = "127.0.0.1"
 
@@ -54,3 +55,32 @@ def test_the_same_config_runs_in_lock_step_without_sockets() -> None:
     runner.run()
     assert runner.nodes["topside"].get_data("x") == 19
     assert runner.nodes["topside"].get_data("link_tether")["received"] >= 10
+
+
+def test_a_node_that_never_rests_still_hears_its_links(start: Callable[..., Any]) -> None:
+    """Its own thread reads them at the door; if it does not come there, the link's thread does."""
+    pair = SocketsPair(("127.0.0.1", 0), name="wire")
+    busy = PartFactory({(TaskType.event, "again"): lambda task, task_id: tasks.event("again")}, "busy")
+    server = start("server", [pair.server(), busy])
+    server.until_link("wire", up=False)
+    server.node.schedule(tasks.event("again"))
+    client = start("client", [pair.client("depth")])
+    client.until_link("wire")
+    client.store("depth", *range(2_000))
+    assert server.until_stored("depth", 2_000) == list(range(2_000))
+
+
+def test_a_handler_that_takes_long_does_not_cost_the_link(start: Callable[..., Any]) -> None:
+    """The link's thread keeps it alive meanwhile: longer than the far end would wait for a silent one."""
+    pair = SocketsPair(("127.0.0.1", 0), name="wire", keep_alive_s=0.05, timeout_s=1.0)
+    done = threading.Event()
+    slow = PartFactory({(TaskType.process_data, "depth"): lambda task, task_id: done.wait(30.0) and None}, "slow")
+    server = start("server", [pair.server(), slow])
+    server.until_link("wire", up=False)
+    client = start("client", [pair.client("depth")])
+    client.until_link("wire")
+    client.store("depth", 1)
+    reports = len(client.stored["link_wire"])
+    client.until(lambda: len(client.stored["link_wire"]) >= reports + 3, "three reports, one a second")
+    done.set()
+    assert all(report["up"] for report in client.stored["link_wire"][reports:])

@@ -1,0 +1,265 @@
+"""Links: how long a page takes to the node of another process and back, and how many go one way.
+
+Beside it, in the same run and in turns, the same bytes through bare TCP, ZeroMQ and Zenoh. Wall time, on loopback.
+Run by `snr bench links`, or by itself: python tests/bench/bench_links.py [--quick] [--json]
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
+from statistics import median, quantiles
+
+import peers
+from bench_pages import PAGE
+from harness import Row, report
+
+from snr_sim import (
+    Config,
+    Endpoint,
+    EndpointFactory,
+    LoopFactory,
+    Mode,
+    Node,
+    SocketsPair,
+    SomeTasks,
+    Task,
+    TaskId,
+    tasks,
+)
+from snr_sim import TaskType as T
+from snr_sim.std_mods.comms.link import LinkOptions
+from snr_sim.std_mods.comms.pipes import PipeLoopFactory
+
+ROUND_TRIP_P50_US = 80.0
+ROUND_TRIP_P99_US = 300.0
+SOCKETS_PAGES_PER_S = 100e3
+PIPE_PAGES_PER_S = 80e3
+BURST = 100  # pages stored by one task of the flood: a handler that has much to say
+WARM_UP = 200
+LINK = "link_bench"
+
+
+class Echo(Endpoint):
+    """Answers each ping with its data."""
+
+    def __init__(self, factory: EndpointFactory, parent: Node) -> None:
+        super().__init__(factory, parent, "echo")
+        self.task_handlers = {(T.process_data, "ping"): self.answer}
+
+    def answer(self, task: Task, task_id: TaskId) -> SomeTasks:
+        return self.store_data_task("pong", self.get_data("ping"))
+
+
+class EchoFactory(EndpointFactory):
+    """Makes it."""
+
+    def get(self, parent: Node) -> Endpoint:
+        return Echo(self, parent)
+
+
+class Pinger(Endpoint):
+    """Sends a page, waits for its echo, sends the next."""
+
+    factory: PingerFactory
+
+    def __init__(self, factory: PingerFactory, parent: Node) -> None:
+        super().__init__(factory, parent, "pinger")
+        self.sent_s = 0.0
+        self.task_handlers = {(T.process_data, LINK): self.look, (T.process_data, "pong"): self.receive}
+
+    def look(self, task: Task, task_id: TaskId) -> SomeTasks:
+        return self.send() if self.get_data(LINK)["up"] and not self.sent_s else None
+
+    def send(self) -> Task:
+        self.sent_s = time.perf_counter()
+        return self.store_data_task("ping", PAGE.data)
+
+    def receive(self, task: Task, task_id: TaskId) -> SomeTasks:
+        self.factory.times_s.append(time.perf_counter() - self.sent_s)
+        return self.send() if len(self.factory.times_s) < self.factory.count else tasks.terminate("done")
+
+
+class PingerFactory(EndpointFactory):
+    """Makes it, and keeps its times."""
+
+    def __init__(self, count: int) -> None:
+        super().__init__()
+        self.count = count
+        self.times_s: list[float] = []
+
+    def get(self, parent: Node) -> Endpoint:
+        return Pinger(self, parent)
+
+
+class Flood(Endpoint):
+    """Stores pages as fast as it can, once the link is up."""
+
+    factory: FloodFactory
+
+    def __init__(self, factory: FloodFactory, parent: Node) -> None:
+        super().__init__(factory, parent, "flood")
+        self.stored = 0
+        self.task_handlers = {(T.process_data, LINK): self.look, (T.event, "more"): self.more}
+
+    def look(self, task: Task, task_id: TaskId) -> SomeTasks:
+        return self.more(task, task_id) if self.get_data(LINK)["up"] and not self.stored else None
+
+    def more(self, task: Task, task_id: TaskId) -> SomeTasks:
+        count = min(BURST, self.factory.count - self.stored)
+        first, self.stored = self.stored, self.stored + count
+        pages: list[Task] = [self.store_data_task("number", i, process=False) for i in range(first, first + count)]
+        return [*pages, tasks.event("more")] if count else self.store_data_task("flood_is_over", self.stored)
+
+
+class FloodFactory(EndpointFactory):
+    """Makes it."""
+
+    def __init__(self, count: int) -> None:
+        super().__init__()
+        self.count = count
+
+    def get(self, parent: Node) -> Endpoint:
+        return Flood(self, parent)
+
+
+class Counter(Endpoint):
+    """Counts the pages that arrive, and checks their order."""
+
+    factory: CounterFactory
+
+    def __init__(self, factory: CounterFactory, parent: Node) -> None:
+        super().__init__(factory, parent, "counter")
+        self.task_handlers = {
+            (T.store_page, "number"): self.count,
+            (T.process_data, "flood_is_over"): lambda task, task_id: tasks.terminate("done"),
+        }
+
+    def count(self, task: Task, task_id: TaskId) -> SomeTasks:
+        factory, number = self.factory, task.val_list[0].data
+        if number <= factory.newest:
+            raise AssertionError(f"page {number} came after {factory.newest}")
+        factory.newest = number
+        factory.last_s = time.perf_counter()
+        factory.first_s = factory.first_s or factory.last_s
+        factory.arrived += 1
+        return None
+
+
+class CounterFactory(EndpointFactory):
+    """Makes it, and keeps what it counted."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.arrived, self.newest, self.first_s, self.last_s = 0, -1, 0.0, 0.0
+
+    def get(self, parent: Node) -> Endpoint:
+        return Counter(self, parent)
+
+
+def run(*factories: EndpointFactory | LoopFactory) -> None:
+    """Runs a node of these until it ends."""
+    Node("near", Config(Mode.TEST, {"near": list(factories)})).loop()
+
+
+def link_round_trips_s(count: int) -> list[float]:
+    """Returns round trips from page to page [s]: stored here, handled there, stored there, handled here."""
+    port, pinger = peers.free_port(), PingerFactory(count)
+    with far_end("echo", port):
+        run(SocketsPair((peers.HOST, port), name="bench").server("ping"), pinger)
+    return pinger.times_s
+
+
+def sockets_flood(count: int) -> CounterFactory:
+    """Returns what arrives of so many pages through TCP."""
+    port, counter = peers.free_port(), CounterFactory()
+    with far_end("flood", port, count):
+        run(SocketsPair((peers.HOST, port), name="bench").server(), counter)
+    return counter
+
+
+def pipe_flood(count: int) -> CounterFactory:
+    """Returns what arrives of so many pages through a pipe."""
+    near, far = Pipe()
+    counter = CounterFactory()
+    with far_end("pipe_flood", far.fileno(), count, descriptors=[far.fileno()]):
+        far.close()
+        run(PipeLoopFactory(near, name="bench"), counter)
+    return counter
+
+
+def far_end(kind: str, *numbers: int, descriptors: Sequence[int] = ()) -> peers.FarEnd:
+    """Runs a far end in a process of its own meanwhile."""
+    return peers.FarEnd([sys.executable, __file__, "--far", kind, *map(str, numbers)], descriptors)
+
+
+def be_far_end(kind: str, *numbers: int) -> None:
+    """What the other process does."""
+    factories: list[EndpointFactory | LoopFactory]
+    if kind == "echo":
+        factories = [EchoFactory(), SocketsPair((peers.HOST, numbers[0]), name="bench").client("pong")]
+    else:
+        keys, count = ["number", "flood_is_over"], numbers[1]
+        link: LoopFactory = (
+            SocketsPair((peers.HOST, numbers[0]), name="bench", queue_pages=count + 1).client(keys)
+            if kind == "flood"
+            else PipeLoopFactory(Connection(numbers[0]), keys, options=LinkOptions("bench", queue_pages=count + 1))
+        )
+        factories = [link, FloodFactory(count)]
+    Node("far", Config(Mode.TEST, {"far": factories})).loop()
+
+
+def percentiles_us(times_s: Sequence[float]) -> tuple[float, float]:
+    """Returns the 50th and the 99th percentile [us]."""
+    parts = quantiles(times_s[WARM_UP:], n=100)
+    return 1e6 * parts[49], 1e6 * parts[98]
+
+
+def measure(is_quick: bool) -> Iterator[Row]:
+    """Yields the rows."""
+    yield from measure_round_trips(rounds=1 if is_quick else 5, count=1_000 if is_quick else 4_000)
+    count = 20_000 if is_quick else 500_000
+    for name, flood, limit in (
+        ("TCP link, one way", sockets_flood, SOCKETS_PAGES_PER_S),
+        ("pipe link, one way", pipe_flood, PIPE_PAGES_PER_S),
+    ):
+        counter = flood(count)
+        pages_per_s = (counter.arrived - 1) / (counter.last_s - counter.first_s)
+        note = f"{counter.arrived} of {count} pages arrived, in order"
+        yield Row(name, pages_per_s, "pages/s", limit=limit, more_is_better=True, note=note)
+
+
+def measure_round_trips(rounds: int, count: int) -> Iterator[Row]:
+    """Yields the round trips; all means take turns, and of the rounds the median counts."""
+    payload = PAGE.serialize()
+    found: dict[str, list[tuple[float, float]]] = {}
+    for _ in range(rounds):
+        found.setdefault("link", []).append(percentiles_us(link_round_trips_s(count)))
+        for name, round_trips_s in peers.ROUND_TRIPS.items():
+            found.setdefault(name, []).append(percentiles_us(round_trips_s(payload, count)))
+    p50_us = {name: median(p50 for p50, _ in pairs) for name, pairs in found.items()}
+    p99_us = {name: median(p99 for _, p99 in pairs) for name, pairs in found.items()}
+    note = f"{len(payload)} bytes, {rounds} x {count} round trips"
+    for percentile, values, limit in (("p50", p50_us, ROUND_TRIP_P50_US), ("p99", p99_us, ROUND_TRIP_P99_US)):
+        mine = values.pop("link")
+        yield Row(f"TCP link, round trip page to page, {percentile}", mine, "us", limit=limit, note=note)
+        for name, theirs in values.items():
+            yield Row(
+                f"round trip {percentile} beside {name}",
+                mine,
+                "us",
+                baseline=theirs,
+                compared_to=name,
+                ratio=mine / theirs,
+                ratio_limit=None if name == "bare TCP" else 1.0,
+            )
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["--far"]:
+        be_far_end(sys.argv[2], *map(int, sys.argv[3:]))
+    else:
+        report(measure)
