@@ -64,6 +64,7 @@ class ConsoleClient:
         self._outbox: list[bytes] = []
         self._is_up = False
         self._calls = 0  # that have come to an end, whichever
+        self._line = 0  # how many had when `wait_until_up` returned
         self._is_ending = False
         self._thread = threading.Thread(target=self._run, name="console client", daemon=True)
 
@@ -93,11 +94,12 @@ class ConsoleClient:
                     f"No console at {self.host}:{self.port}: {self.reason}",
                     fix="does the node run, with CommandReceiverFactory(port)? The same port, the same token?",
                 )
+            self._line = self._calls
 
     def wait_until_lost(self) -> None:
-        """Returns once there is no line."""
+        """Returns once the line that `wait_until_up` waited for is gone, also if there is another one by now."""
         with self._changed:
-            self._changed.wait_for(lambda: not self._is_up)
+            self._changed.wait_for(lambda: self._calls != self._line)
 
     def ask(self, line: str, timeout_s: float = ANSWER_TIMEOUT_S) -> Answer:
         """Has a line carried out, and returns the answer.

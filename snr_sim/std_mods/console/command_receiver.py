@@ -190,8 +190,12 @@ class CommandReceiver(Loop):
             self._selector.unregister(self._listener)
         self._listener.close()
         give_up_s = time.monotonic() + LINGER_S
+        node = self.parent
+        reason = f"node '{node.name}' ended: {node.exit_reason or 'no reason given'}."
+        if not node.is_over:  # reloaded, or removed
+            reason = f"node '{node.name}' makes its console anew, or takes it out."
         for line in self._lines:
-            line.conversation.end(f"node '{self.parent.name}' ended: {self.parent.exit_reason or 'no reason given'}.")
+            line.conversation.end(reason)
         while self._lines and (now_s := time.monotonic()) < give_up_s:
             for line in list(self._lines):
                 self._guarded(line, self._tend)

@@ -10,6 +10,7 @@ from collections import deque
 from snr_sim.std_mods.comms.session import Session as WireSession
 from snr_sim.std_mods.comms.session import Terms
 from snr_sim.std_mods.console.command_processor import Session
+from snr_sim.std_mods.console.table import Answer
 from snr_sim.std_mods.console.wire import Command, Complete, completed, decode_asked, replied
 
 OUTPUT_MAX_BYTES = 1 << 17  # from which on no more lines are answered, nor bytes read, until the console has read
@@ -91,7 +92,10 @@ class Conversation:
         self._flush()
 
     def end(self, reason: str) -> None:
-        """Says goodbye."""
+        """Says goodbye; whoever waits for what comes of a command is told that it will not come this way."""
+        if self.wire.is_up and self.is_waiting:
+            text = f"This line ends before it is known what came of the command; {reason} Try: dump, on a new line."
+            self.output += replied(self._waiting_number, Answer(text, is_error=True))
         self.wire.bye(reason)
         self._flush()
 

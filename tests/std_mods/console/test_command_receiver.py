@@ -110,6 +110,17 @@ def test_a_reload_is_answered_with_what_came_of_it() -> None:
         assert answer.is_error is not answer.data["ok"]
 
 
+def test_a_console_can_be_reloaded_from_itself_and_consoles_call_again() -> None:
+    with running() as (node, address), ConsoleClient(address, retry_wait_s=0.01) as client:
+        client.wait_until_up(PATIENCE_S)
+        cut_off = client.ask("reload all")
+        assert "console anew" in cut_off.text
+        client.wait_until_lost()
+        client.wait_until_up(PATIENCE_S)
+        wait_for(lambda: node.get_data("reload"))
+        assert sorted(client.ask("dump reload").data["data"]["made"]) == ["console", "part"]
+
+
 def test_several_consoles_are_served_and_one_that_leaves_takes_nobody_along() -> None:
     with running() as (node, address), ConsoleClient(address) as one, ConsoleClient(address) as other:
         for client in (one, other):
