@@ -134,7 +134,9 @@ class Changes:
             )
         known = self.all()
         if not isinstance(name, str) or name not in known:
-            raise UnknownName(f"Node '{self.node.name}' has no component '{name}'.", fix=nearest(str(name), known))
+            raise UnknownName(
+                f"Node '{self.node.name}' has no component '{str(name)[:80]}'.", fix=nearest(str(name), known)
+            )
         return known[name]
 
     def _chosen(self, names: Sequence[str]) -> list[AnyComponent]:

@@ -422,6 +422,14 @@ def test_weakness_10_removing_an_unknown_component_is_told_and_the_node_goes_on(
     assert list(node.components) == ["node_core", "part"]
 
 
+def test_a_thousand_wrong_requests_are_answered_and_fill_no_memory() -> None:
+    wrong = [*(tasks.reload_component(f"{i}" + "x" * 10_000) for i in range(500)), *[tasks.remove_component("y")] * 500]
+    node, _ = run([PartFactory()], [lambda: [*wrong, tasks.finish("done")]])
+    assert node.exit_reason == "done"
+    assert len(node.notes) == 100 + 1  # and that there were so many
+    assert max(map(len, node.notes)) < 300
+
+
 def test_removing_the_node_itself_is_refused() -> None:
     node, _ = run([PartFactory()], [lambda: tasks.remove_component("node_core")])
     assert "is the node itself" in node.notes[0]
