@@ -74,7 +74,8 @@ class Way:
     def __init__(self, faults: Faults, seed: int, name: str) -> None:
         self.faults = faults
         self.free_s = 0.0  # when the last thing has left
-        self.lost = 0
+        self.lost = 0  # pages
+        self.duplicated = 0  # pages
         self._last_arrival_s = 0.0
         seed = seed if faults.seed is None else faults.seed
         # Two generators, and each draws for every page: so more of one fault does not shift the luck of another.
@@ -108,7 +109,10 @@ class Way:
             arrival_s = self.free_s + delay_s + share * (self.faults.latency_s + self.faults.jitter_s)
         else:
             arrival_s = self._in_order_s(delay_s)
-        return (arrival_s, arrival_s) if for_duplication < self.faults.duplication else (arrival_s,)
+        if for_duplication >= self.faults.duplication:
+            return (arrival_s,)
+        self.duplicated += 1
+        return (arrival_s, arrival_s)
 
     def _in_order_s(self, delay_s: float) -> float:
         """One that jitter holds up holds up those behind it, as over TCP."""

@@ -67,6 +67,7 @@ class PeerLink(Link):
         self.terms = terms
         self.peers: tuple[Peer, ...] = ()  # those that are up; never changed in place, so any thread may read it
         self.reason = "nobody has connected yet."
+        self._lost = self._duplicated = 0  # by faults, on the ways to far ends that have gone
         self._unsent: dict[DataKey, tuple[Page, bytes]] = {}  # stored while nobody was there
         self._numbers = itertools.count(1)
         self._meeting = threading.Lock()  # held for a few steps when a page finds nobody and when a peer comes or goes
@@ -102,6 +103,9 @@ class PeerLink(Link):
             self.peers = tuple(other for other in self.peers if other is not peer)
         self.dropped += peer.all_dropped + len(peer.queue)
         self.sent += peer.sent
+        if peer.way is not None:
+            self._lost += peer.way.lost
+            self._duplicated += peer.way.duplicated
         self.reason = peer.session.reason
 
     def _new_way(self) -> Way:
@@ -125,7 +129,7 @@ class PeerLink(Link):
             }
         ages_s = [now_s - peer.session.heard_s for peer in peers]
         trips_s = [peer.session.rtt_s for peer in peers if peer.session.rtt_s is not None]
-        return {
+        state = {
             "up": bool(peers),
             "age_s": max(0.0, *ages_s) if ages_s else None,
             "dropped": self.dropped + sum(peer.all_dropped for peer in peers),
@@ -136,3 +140,8 @@ class PeerLink(Link):
             "reason": "" if peers else self.reason,
             "peers": each,
         }
+        if self.options.faults is not None:
+            ways = [peer.way for peer in peers if peer.way is not None]
+            state["lost"] = self._lost + sum(way.lost for way in ways)
+            state["duplicated"] = self._duplicated + sum(way.duplicated for way in ways)
+        return state

@@ -1,0 +1,191 @@
+"""A soak: two nodes of two processes send each other pages over a bad link, for as long as one likes.
+
+Neither memory nor descriptors nor threads may grow, and every page must be accounted for: it arrived, or a fault is
+known to have lost it, or the queue to have dropped it. Run: python tests/bench/soak_links.py [--minutes 30]
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import peers
+
+from snr_sim import (
+    Config,
+    Endpoint,
+    EndpointFactory,
+    Loop,
+    LoopFactory,
+    Mode,
+    Node,
+    SocketsPair,
+    SomeTasks,
+    Task,
+    TaskId,
+    TaskType,
+    tasks,
+)
+from snr_sim.std_mods.comms.faults import Faults
+
+RATE_HZ = 500.0
+REST_S = 3.0  # at the end nothing is sent any more, so that what is on its way arrives
+WARM_UP_S = 60.0  # caches fill, and the first garbage is made; shorter runs take a fifth of themselves
+LINK = "link_soak"
+# Cuts shorter than the time after which the other end counts as gone: the connection stays, and counts are exact.
+CUTS = tuple((20.0 * i, 20.0 * i + 1.0) for i in range(1, 10_000))
+FAULTS = Faults(0.005, 0.01, loss=0.01, duplication=0.01, reordering=0.02, cut=CUTS, bandwidth_bps=10e6)
+
+
+class Source(Loop):
+    """Stores numbered pages until it is time to rest."""
+
+    factory: SourceFactory
+
+    def loop(self) -> None:
+        factory = self.factory
+        if factory.count < factory.most:
+            self.store_data(f"{self.parent.role}_number", [factory.count, "x" * (factory.count % 200)])
+            factory.count += 1
+
+
+class SourceFactory(LoopFactory):
+    """Makes it, and keeps its count."""
+
+    def __init__(self, most: int) -> None:
+        super().__init__()
+        self.most = most
+        self.count = 0
+
+    def get(self, parent: Node) -> Loop:
+        return Source(self, parent, "source", RATE_HZ)
+
+
+class Sink(Endpoint):
+    """Notes what arrives, in as many bytes as there are pages: the notes must not look like a leak."""
+
+    factory: SinkFactory
+
+    def __init__(self, factory: SinkFactory, parent: Node) -> None:
+        super().__init__(factory, parent, "sink")
+        self.task_handlers = {(TaskType.store_page, factory.key): self.note}
+
+    def note(self, task: Task, task_id: TaskId) -> SomeTasks:
+        self.factory.arrivals[task.val_list[0].data[0]] += 1
+        return None
+
+
+class SinkFactory(EndpointFactory):
+    """Makes it, and keeps its notes."""
+
+    def __init__(self, key: str, most: int) -> None:
+        super().__init__()
+        self.key = key
+        self.arrivals = bytearray(most)
+
+    def get(self, parent: Node) -> Endpoint:
+        return Sink(self, parent)
+
+
+def use_of_this_process() -> dict[str, int]:
+    """Returns what the process holds: memory [KiB], descriptors, threads."""
+    status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines() if ":" in line)
+    return {
+        "memory_kib": int(status["VmRSS"].split()[0]),
+        "descriptors": len(os.listdir("/proc/self/fd")),
+        "threads": int(status["Threads"]),
+    }
+
+
+def run(role: str, port: int, most: int) -> dict[str, Any]:
+    """Runs one of the two nodes; returns its counts, and what the process held every ten seconds."""
+    other = "robot" if role == "topside" else "topside"
+    pair = SocketsPair((peers.HOST, port), name="soak", faults=FAULTS)
+    key = f"{role}_number"
+    source, sink = SourceFactory(most), SinkFactory(f"{other}_number", most)
+    link = pair.server(key) if role == "robot" else pair.client(key)
+    node = Node(role, Config(Mode.DEPLOYED, {role: [link, sink, source]}))
+    uses: list[dict[str, int]] = []
+
+    def watch() -> None:
+        rest_s = 0.0
+        while rest_s < REST_S:
+            time.sleep(min(10.0, 0.2 * most / RATE_HZ))
+            uses.append(use_of_this_process())
+            rest_s += 10.0 if source.count == most else 0.0
+        node.enter(tasks.terminate("the soak is over"), "soak")
+
+    threading.Thread(target=watch, daemon=True).start()
+    node.loop()
+    state = node.get_data(LINK)
+    return {
+        "stored": source.count,
+        "arrived": sum(map(bool, sink.arrivals)),
+        "twice": sum(count - 1 for count in sink.arrivals if count),
+        "lost": state["lost"],
+        "duplicated": state["duplicated"],
+        "dropped": state["dropped"],
+        "uses": uses,
+    }
+
+
+def judge(topside: dict[str, Any], robot: dict[str, Any]) -> list[str]:
+    """Returns what is wrong, in words."""
+    wrong = []
+    for sender, receiver, way in ((topside, robot, "topside to robot"), (robot, topside, "robot to topside")):
+        known = receiver["arrived"] + sender["lost"] + sender["dropped"]
+        if known != sender["stored"]:
+            wrong.append(f"{way}: {sender['stored']} pages were stored, {known} are accounted for.")
+        if receiver["twice"] != sender["duplicated"]:
+            wrong.append(f"{way}: {receiver['twice']} came twice, {sender['duplicated']} were sent twice.")
+    for role, found in (("topside", topside), ("robot", robot)):
+        uses = found["uses"][max(1, min(int(WARM_UP_S / 10.0), len(found["uses"]) // 5)) :]
+        third = max(1, len(uses) // 3)
+        for what, spare in (("memory_kib", 2048), ("descriptors", 0), ("threads", 0)):
+            early = max(use[what] for use in uses[:third])
+            late = max(use[what] for use in uses[-third:])
+            if late > early + spare:
+                wrong.append(f"{role}: {what} grew from {early} to {late}.")
+    return wrong
+
+
+def option(name: str, otherwise: str = "") -> str:
+    """Returns the word after an option of the command line."""
+    return sys.argv[sys.argv.index(name) + 1] if name in sys.argv else otherwise
+
+
+def main() -> None:
+    """Starts both, and says what was found; exit status 1 if something is wrong."""
+    if "--role" in sys.argv:
+        print(json.dumps(run(option("--role"), int(option("--port")), int(option("--pages")))))
+        return
+    minutes = float(option("--minutes", "30"))
+    command = [
+        sys.executable,
+        __file__,
+        "--port",
+        str(peers.free_port()),
+        "--pages",
+        str(round(minutes * 60 * RATE_HZ)),
+    ]
+    processes = [
+        subprocess.Popen([*command, "--role", role], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        for role in ("topside", "robot")
+    ]
+    topside, robot = (json.loads(process.communicate()[0]) for process in processes)
+    for role, found in (("topside", topside), ("robot", robot)):
+        uses, counts = found["uses"], {name: value for name, value in found.items() if name != "uses"}
+        print(f"{role}: {counts}\n  at the beginning {uses[0]}\n  at the end {uses[-1]}")
+    wrong = judge(topside, robot)
+    print("\n".join(wrong) or f"all pages of {minutes:g} minutes are accounted for, and nothing grew")
+    sys.exit(bool(wrong))
+
+
+if __name__ == "__main__":
+    main()
