@@ -23,14 +23,12 @@ class Peer:
         session: with it.
         options: of the link.
         way: what faults do to what is sent to it, if any.
-        where: its address, in words.
     """
 
-    def __init__(self, session: Session, options: LinkOptions, way: Way | None, where: str) -> None:
+    def __init__(self, session: Session, options: LinkOptions, way: Way | None) -> None:
         self.session = session
         self.queue = SendQueue(options.queue_pages, options.policy)
         self.way = way
-        self.where = where
         self.sent = 0
         self.dropped = 0  # beside those its queue dropped
 

@@ -102,6 +102,7 @@ class PipeLoopFactory(LoopFactory):
             max_frame_bytes=options.max_frame_bytes,
             keep_alive_s=options.keep_alive_s,
             timeout_s=options.timeout_s,
+            greeting_s=float("inf"),  # the other process may take its time to start, and a pipe is made only once
         )
         if isinstance(parent.clock, SimClock):
             return SimulatedLink(self, parent, options, terms, self.meeting)

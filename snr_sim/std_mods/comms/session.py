@@ -64,7 +64,8 @@ class Terms:
         purpose: what the port is for.
         max_frame_bytes: the longest payload it takes.
         keep_alive_s: how often it asks whether the other is there.
-        timeout_s: how long it may hear nothing, and how long a greeting may take.
+        timeout_s: how long it may hear nothing.
+        greeting_s: how long a greeting may take; `timeout_s` if None.
     """
 
     node: str
@@ -74,6 +75,7 @@ class Terms:
     max_frame_bytes: int = MAX_FRAME_BYTES
     keep_alive_s: float = 0.5
     timeout_s: float = 3.0
+    greeting_s: float | None = None
 
 
 class Session:
@@ -184,10 +186,14 @@ class Session:
         """Does what time asks for: asks whether the other end is there; closes if it has not been for too long."""
         if self.state is State.closed:
             return
-        since_s = self.heard_s if self.state is State.up else self._begun_s
-        if now_s - since_s > self.terms.timeout_s:
-            what = "nothing was heard" if self.state is State.up else "the greeting was not completed"
-            self._close(f"{what} for {self.terms.timeout_s:g} s.")
+        terms = self.terms
+        if self.state is State.up:
+            what, since_s, most_s = "nothing was heard", self.heard_s, terms.timeout_s
+        else:
+            what, since_s = "the greeting was not completed", self._begun_s
+            most_s = terms.timeout_s if terms.greeting_s is None else terms.greeting_s
+        if now_s - since_s > most_s:
+            self._close(f"{what} for {most_s:g} s.")
         elif self.state is State.up and (self._ping_s is None or now_s - self._ping_s >= self.terms.keep_alive_s):
             self._ping_s = now_s
             self._say(Ping(now_s))

@@ -43,14 +43,14 @@ class SimulatedPeer(Peer):
     """A far end in the same process: each frame is delivered when its way says so.
 
     Args:
-        session, way, where: as of Peer.
+        session, way: as of Peer.
         link: whose it is.
     """
 
     far: SimulatedPeer
 
-    def __init__(self, session: Session, link: SimulatedLink, way: Way, where: str) -> None:
-        super().__init__(session, link.options, way, where)
+    def __init__(self, session: Session, link: SimulatedLink, way: Way) -> None:
+        super().__init__(session, link.options, way)
         self.link = link
         self.is_admitted = False
         self.is_gone = False
@@ -125,7 +125,7 @@ class SimulatedLink(PeerLink):
         # The same in every run; a secret that nobody listens to needs no better one.
         nonce = hashlib.blake2b(f"{self.parent.role} {far_role}".encode(), digest_size=NONCE_BYTES).digest()
         session = Session(self.terms, self.clock.now_s(), nonce=nonce)
-        peer = SimulatedPeer(session, self, self._new_way(), far_role)
+        peer = SimulatedPeer(session, self, self._new_way())
         self._far_ends.append(peer)
         return peer
 

@@ -70,12 +70,14 @@ class StreamPeer(Peer):
 
     Args:
         port: to it.
-        session, way, where: as of Peer.
+        session, way: as of Peer.
         link: whose it is.
+        where: its address, in words.
     """
 
     def __init__(self, port: Port, session: Session, link: Owner, way: Way | None, where: str) -> None:
-        super().__init__(session, link.options, way, where)
+        super().__init__(session, link.options, way)
+        self.where = where
         self.port = port
         self.failure = ""  # what happened to the port, if something did
         self.is_admitted = False

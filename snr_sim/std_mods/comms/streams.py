@@ -202,6 +202,7 @@ class StreamLink(PeerLink):
             if stream.is_admitted:
                 self._dismiss(stream)
             self.reason = stream.session.reason
+            self.log.info("%s: %s", stream.where, self.reason)
             self._tend_s = 0.0
             stream.end_writing()
         if stream.failure or self.get_time_s() >= stream.leaves_s:

@@ -14,7 +14,7 @@ from snr_sim.core.node import Node
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.std_mods.comms.security import as_secret, is_loopback
 from snr_sim.std_mods.comms.session import Terms
-from snr_sim.std_mods.comms.sockets import listen
+from snr_sim.std_mods.comms.socket_port import listen
 from snr_sim.std_mods.console.command_processor import CommandProcessor
 from snr_sim.std_mods.console.conversation import Allowance, Conversation
 from snr_sim.std_mods.console.line import Line

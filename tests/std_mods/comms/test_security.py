@@ -59,7 +59,7 @@ def test_an_address_that_is_not_allowed_is_told_so_before_it_is_listened_to(
     start: Start, raw: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Every peer of a test comes from this machine, so the rule itself has to say no here.
-    monkeypatch.setattr("snr_sim.std_mods.comms.sockets.is_allowed", lambda address, networks: False)
+    monkeypatch.setattr("snr_sim.std_mods.comms.tcp_server.is_allowed", lambda address, networks: False)
     pair = SocketsPair((HERE, 0), name="t")
     robot = start("robot", [pair.server()])
     robot.until_link("t", up=False)

@@ -6,6 +6,7 @@ import tracemalloc
 from typing import Any
 
 import msgspec
+import numpy  # noqa: F401 - here, so that its import is not counted as what a hostile array costs
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -191,6 +192,12 @@ def test_a_greeting_that_drips_is_given_up_however_often_it_drips() -> None:
         server.tick(i / 10)
     assert server.is_closed
     assert "greeting was not completed for 3 s" in server.reason
+
+
+def test_a_greeting_may_be_given_more_time_than_silence() -> None:
+    _, server = ends(None, {"greeting_s": float("inf")})
+    server.tick(1e6)
+    assert not server.is_closed
 
 
 def test_half_a_frame_and_then_silence_is_given_up() -> None:

@@ -1,0 +1,140 @@
+"""ClientLink: the end of a TCP link that calls, and calls again whenever the connection is gone."""
+
+from __future__ import annotations
+
+import random
+import socket
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from queue import Empty, SimpleQueue
+from typing import TYPE_CHECKING
+
+from snr_sim.core.loop import LoopFactory
+from snr_sim.core.node import Node
+from snr_sim.std_mods.comms.link import LinkOptions
+from snr_sim.std_mods.comms.session import Terms
+from snr_sim.std_mods.comms.socket_port import Address, SocketPort
+from snr_sim.std_mods.comms.stream_peer import StreamPeer
+from snr_sim.std_mods.comms.streams import StreamLink
+
+if TYPE_CHECKING:
+    import ssl
+
+CONNECT_TIMEOUT_S = 5.0
+RETRY_FIRST_S = 0.05
+RETRY_MOST_S = 2.0
+STEADY_S = 5.0  # a connection that lasted this long was a good one: the next try comes soon
+
+
+class ClientLink(StreamLink):
+    """Calls, and calls again whenever the connection is gone.
+
+    Args:
+        factory, parent, options, terms: as of StreamLink.
+        address: of the server; its port may become known only once that listens.
+        context: of TLS, if wanted.
+        server_name: what the server's certificate must say; its host if empty.
+    """
+
+    def __init__(
+        self,
+        factory: LoopFactory,
+        parent: Node,
+        options: LinkOptions,
+        terms: Terms,
+        address: Address,
+        context: ssl.SSLContext | None,
+        server_name: str,
+    ) -> None:
+        super().__init__(factory, parent, options, terms)
+        self._address = address
+        self._context = context
+        self._server_name = server_name or address.host
+
+    def _open(self) -> None:
+        super()._open()
+        self._call_s: float | None = 0.0  # when to call next; None while somebody does, or the line is open
+        self._tries = 0
+        self._up_s = 0.0
+        self._calls = Calls(self.wake)
+        self._luck = random.Random()  # not the run's chance: two clients must not call at the same moments
+
+    def _tend(self, now_s: float) -> None:
+        if self._call_s is not None and now_s >= self._call_s:
+            self._call_s = None
+            self._calls.begin(self._address.host, self._address.port)
+        super()._tend(now_s)
+
+    def _look_around(self) -> None:
+        super()._look_around()
+        with suppress(Empty):
+            answer = self._calls.answers.get_nowait()
+            if isinstance(answer, socket.socket):
+                self._connected(answer)
+            else:
+                self._call_again(f"waits for {self._address}: {answer}.")
+
+    def _connected(self, sock: socket.socket) -> None:
+        try:
+            port = SocketPort(sock, self._context, self._server_name)
+        except OSError as error:
+            sock.close()
+            self._call_again(f"waits for {self._address}: {error}.")
+            return
+        self._up_s = self.get_time_s()
+        self._add_stream(port, str(self._address))
+
+    def _gone(self, stream: StreamPeer) -> None:
+        if self.get_time_s() - self._up_s >= STEADY_S:
+            self._tries = 0
+        self._call_again(stream.session.reason)
+
+    def _call_again(self, reason: str) -> None:
+        self.reason = reason
+        most_s = min(RETRY_MOST_S, RETRY_FIRST_S * 2.0**self._tries)
+        self._tries = min(self._tries + 1, 30)
+        self._call_s = self.get_time_s() + most_s * self._luck.uniform(0.5, 1.0)
+        self._tend_s = min(self._tend_s, self._call_s)
+
+    def halt(self) -> None:
+        """Calls no more, and says goodbye."""
+        self._calls.give_up()
+        super().halt()
+
+
+class Calls:
+    """Resolves names and connects on threads of their own: both may hang for as long as they like.
+
+    Args:
+        tell: is called when there is an answer.
+    """
+
+    def __init__(self, tell: Callable[[], None]) -> None:
+        self.answers: SimpleQueue[socket.socket | str] = SimpleQueue()
+        self._tell = tell
+        self._has_given_up = False
+
+    def begin(self, host: str, port: int) -> None:
+        """Begins to connect; the answer is a socket, or what went wrong."""
+        threading.Thread(target=self._connect, args=(host, port), name=f"call {host}:{port}", daemon=True).start()
+
+    def _connect(self, host: str, port: int) -> None:
+        try:
+            answer: socket.socket | str = socket.create_connection((host, port), CONNECT_TIMEOUT_S)
+        except (OSError, UnicodeError) as error:  # a host of more than 63 characters without a dot is a UnicodeError
+            answer = getattr(error, "strerror", None) or str(error)
+        self.answers.put(answer)
+        if self._has_given_up:
+            self.give_up()
+        else:
+            self._tell()
+
+    def give_up(self) -> None:
+        """Wants no more answers; a socket that comes all the same is closed."""
+        self._has_given_up = True
+        with suppress(Empty):
+            while True:
+                answer = self.answers.get_nowait()
+                if isinstance(answer, socket.socket):
+                    answer.close()

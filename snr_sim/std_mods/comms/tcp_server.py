@@ -1,0 +1,103 @@
+"""ServerLink: the end of a TCP link that is called, by one client or several."""
+
+from __future__ import annotations
+
+import selectors
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from snr_sim.core.loop import LoopFactory
+from snr_sim.core.node import Node
+from snr_sim.std_mods.comms.link import LinkOptions
+from snr_sim.std_mods.comms.security import Network, is_allowed
+from snr_sim.std_mods.comms.session import Terms
+from snr_sim.std_mods.comms.socket_port import Address, SocketPort, listen
+from snr_sim.std_mods.comms.streams import StreamLink
+
+if TYPE_CHECKING:
+    import ssl
+
+MAX_STREAMS = 64  # per server, known or not; for one more, the stranger who waits longest has to go
+PAUSE_S = 0.5  # after the system had no descriptor left for a connection
+
+
+@dataclass(frozen=True)
+class Gate:
+    """Who may connect.
+
+    Args:
+        asks_who: clients have to prove who they are, and may come from anywhere.
+        allow: otherwise only from here, and from this machine.
+        context: of TLS, if wanted.
+    """
+
+    asks_who: bool
+    allow: tuple[Network, ...]
+    context: ssl.SSLContext | None
+
+
+class ServerLink(StreamLink):
+    """Listens, and serves each client by itself.
+
+    Args:
+        factory, parent, options, terms: as of StreamLink.
+        address: where it listens.
+        gate: who may connect.
+    """
+
+    def __init__(
+        self, factory: LoopFactory, parent: Node, options: LinkOptions, terms: Terms, address: Address, gate: Gate
+    ) -> None:
+        super().__init__(factory, parent, options, terms)
+        self._address = address
+        self._gate = gate
+        self._resume_s: float | None = None
+
+    def _open(self) -> None:
+        self._listener = listen(self._address.host, self._address.port)
+        self._address.port = self._listener.getsockname()[1]  # for those who asked for any
+        super()._open()
+        self._selector.register(self._listener, selectors.EVENT_READ, self._accept)
+
+    def _accept(self, events: int) -> None:
+        try:
+            sock, address = self._listener.accept()
+        except BlockingIOError:
+            return
+        except OSError as error:  # no descriptor left: accepting at once again would only spin
+            self.log.warning("cannot take a connection: %s", error.strerror)
+            self._selector.unregister(self._listener)
+            self._resume_s = self.get_time_s() + PAUSE_S
+            return
+        if len(self.streams) >= MAX_STREAMS:
+            strangers = [stream for stream in self.streams if not stream.is_admitted]
+            if not strangers:
+                sock.close()
+                return
+            strangers[0].failure = "others came while it said nothing."
+            self._pump(strangers[0])
+        where = f"{address[0]}:{address[1]}"
+        try:
+            port = SocketPort(sock, self._gate.context)
+        except OSError:
+            sock.close()
+            return
+        self._add_stream(port, where)
+        if not (self._gate.asks_who or is_allowed(address[0], self._gate.allow)):
+            self.log.warning("refused %s, which is not in allow=.", where)
+            self.streams[-1].session.refuse(
+                f"{address[0]} may not connect to node '{self.parent.name}'. "
+                'Try: allow=["' + address[0] + '"] there, or a secret= on both ends.'
+            )
+            self._pump(self.streams[-1])
+
+    def _tend(self, now_s: float) -> None:
+        if self._resume_s is not None and now_s >= self._resume_s:
+            self._resume_s = None
+            self._selector.register(self._listener, selectors.EVENT_READ, self._accept)
+        super()._tend(now_s)
+
+    def halt(self) -> None:
+        """Takes nobody any more, and says goodbye to each."""
+        self._listener.close()
+        super().halt()
