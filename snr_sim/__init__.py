@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from snr_sim.std_mods.comms.pipes import PipeLoopFactory, PipesPair
     from snr_sim.std_mods.comms.security import Tls, secret_from_env, secret_from_file
     from snr_sim.std_mods.comms.sockets import SocketsListenerFactory, SocketsLoopFactory, SocketsPair
+    from snr_sim.std_mods.comms.zenoh_net import ZenohNet
     from snr_sim.std_mods.console.client import ConsoleClient
     from snr_sim.std_mods.console.command_receiver import CommandReceiver, CommandReceiverFactory
     from snr_sim.std_mods.console.local_console import LocalConsole, LocalConsoleFactory
@@ -87,6 +88,7 @@ _PLACES = {
     "snr_sim.std_mods.comms.pipes": ("PipeLoopFactory", "PipesPair"),
     "snr_sim.std_mods.comms.security": ("Tls", "secret_from_env", "secret_from_file"),
     "snr_sim.std_mods.comms.sockets": ("SocketsListenerFactory", "SocketsLoopFactory", "SocketsPair"),
+    "snr_sim.std_mods.comms.zenoh_net": ("ZenohNet",),
     "snr_sim.std_mods.console.client": ("ConsoleClient",),
     "snr_sim.std_mods.console.command_receiver": ("CommandReceiver", "CommandReceiverFactory"),
     "snr_sim.std_mods.console.local_console": ("LocalConsole", "LocalConsoleFactory"),

@@ -49,6 +49,7 @@ HEAVY = {
     "pyarrow",
     "scipy",
     "matplotlib",
+    "zenoh",
 }
 
 

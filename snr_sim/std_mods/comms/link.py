@@ -93,6 +93,21 @@ def wire_form(page: Page) -> bytes:
     return raw
 
 
+def by_name(peers: Iterable[tuple[str, dict[str, Any]]]) -> dict[str, Any]:
+    """Returns what there is to say of each peer, by its name; of several with one name, all but the first get a number.
+
+    >>> by_name([("a", {"sent": 1}), ("a", {"sent": 2})])
+    {'a': {'sent': 1}, 'a#2': {'sent': 2}}
+    """
+    said: dict[str, Any] = {}
+    for name, state in peers:
+        label, count = name, 2
+        while label in said:
+            label, count = f"{name}#{count}", count + 1
+        said[label] = state
+    return said
+
+
 class Link(Loop):
     """What all links share. A kind of link says how pages get across (`_carry`) and how it is (`_state`).
 

@@ -11,7 +11,7 @@ from snr_sim.core.node import Node
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.std_mods.comms.faults import Faults, Way
 from snr_sim.std_mods.comms.frames import HEADER_BYTES
-from snr_sim.std_mods.comms.link import Link, LinkOptions
+from snr_sim.std_mods.comms.link import Link, LinkOptions, by_name
 from snr_sim.std_mods.comms.send_queue import SendQueue
 from snr_sim.std_mods.comms.session import Session, Terms
 
@@ -27,7 +27,7 @@ class Peer:
 
     def __init__(self, session: Session, options: LinkOptions, way: Way | None) -> None:
         self.session = session
-        self.queue = SendQueue(options.queue_pages, options.policy)
+        self.queue: SendQueue[bytes] = SendQueue(options.queue_pages, options.policy)
         self.way = way
         self.sent = 0
         self.dropped = 0  # beside those its queue dropped
@@ -113,18 +113,19 @@ class PeerLink(Link):
 
     def _state(self, now_s: float) -> dict[str, Any]:
         peers = self.peers
-        each = {}
-        for peer in peers:
-            name, count = peer.session.peer_node, 2
-            while name in each:  # two nodes of one name: both are served
-                name, count = f"{peer.session.peer_node}#{count}", count + 1
-            each[name] = {
-                "age_s": max(0.0, now_s - peer.session.heard_s),
-                "rtt_s": peer.session.rtt_s,
-                "dropped": peer.all_dropped,
-                "sent": peer.sent,
-                "waiting": len(peer.queue),
-            }
+        each = by_name(
+            (
+                peer.session.peer_node,
+                {
+                    "age_s": max(0.0, now_s - peer.session.heard_s),
+                    "rtt_s": peer.session.rtt_s,
+                    "dropped": peer.all_dropped,
+                    "sent": peer.sent,
+                    "waiting": len(peer.queue),
+                },
+            )
+            for peer in peers
+        )
         ages_s = [now_s - peer.session.heard_s for peer in peers]
         trips_s = [peer.session.rtt_s for peer in peers if peer.session.rtt_s is not None]
         state = {

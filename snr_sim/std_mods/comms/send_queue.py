@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import Literal, TypeAlias, get_args
+from collections.abc import Sized
+from typing import Generic, Literal, TypeAlias, TypeVar, get_args
 
 from snr_sim.prelude.errors import ParameterError
 
 Policy: TypeAlias = Literal["drop_oldest", "refuse"]
+Frame = TypeVar("Frame", bound=Sized)  # bytes, or what has their number as its length
 
 MAX_WAITING_BYTES = 1 << 26  # 64 MiB: of all frames that wait, whatever their number
 
 
-class SendQueue:
+class SendQueue(Generic[Frame]):
     """First in, first out; when it is full, a page is dropped and counted, and nobody waits.
 
     Args:
@@ -36,12 +38,12 @@ class SendQueue:
         self.policy = policy
         self.dropped = 0
         self.waiting_bytes = 0
-        self._frames: deque[bytes] = deque()
+        self._frames: deque[Frame] = deque()
 
     def __len__(self) -> int:
         return len(self._frames)
 
-    def put(self, frame: bytes) -> bool:
+    def put(self, frame: Frame) -> bool:
         """Takes a frame in; returns whether it now waits. Frames that had to go for it are counted in `dropped`.
 
         >>> queue = SendQueue(max_pages=2)
@@ -57,14 +59,15 @@ class SendQueue:
         self.waiting_bytes += len(frame)
         return True
 
-    def take(self, max_bytes: int | None = None) -> list[bytes]:
+    def take(self, max_bytes: int | None = None) -> list[Frame]:
         """Returns the oldest frames and forgets them: at least one if any waits, and not many more bytes than asked."""
-        frames, taken_bytes = [], 0
+        frames: list[Frame] = []
+        taken_bytes = 0
         while self._frames and (max_bytes is None or taken_bytes < max_bytes):
             frames.append(self._frames.popleft())
             taken_bytes += len(frames[-1])
         self.waiting_bytes -= taken_bytes
         return frames
 
-    def _has_room_for(self, frame: bytes) -> bool:
+    def _has_room_for(self, frame: Frame) -> bool:
         return len(self._frames) < self.max_pages and self.waiting_bytes + len(frame) <= self.max_bytes

@@ -1,0 +1,368 @@
+"""ZenohLink: one node's link to a ZenohNet. The one door to the package `zenoh`.
+
+What Zenoh sees, for each node of a net:
+
+    snr/<net>/<robot>/<node>/<id>/alive        a liveliness token: goes when the node does, however that may be
+    snr/<net>/<robot>/<node>/<id>/page/<key>   its pages, exactly as Page.serialize writes them; a number is attached
+    snr/<net>/<robot>/<node>/<id>/ping         answers anybody, with nothing
+
+Zenoh calls back on threads of its own. They only put things down, in bounded places; the link's thread does the rest,
+and also what may block: sending. Who comes late is sent the newest page of each key once more, in line with all
+others; the numbers tell the rest that they have had it, and everybody what was lost.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from queue import Empty, SimpleQueue
+from typing import Any
+from urllib.parse import quote, unquote
+
+from snr_sim.core.loop import LoopFactory
+from snr_sim.core.node import Node
+from snr_sim.prelude.errors import LinkError, MissingExtra, SnrError
+from snr_sim.prelude.page import DataKey, Page
+from snr_sim.std_mods.comms.fleet import FleetLink, Hearing, Member
+from snr_sim.std_mods.comms.link import LinkOptions, by_name
+from snr_sim.std_mods.comms.send_queue import SendQueue
+
+TEND_EVERY_S = 0.05
+DEAF_LOOK_S = 0.002  # how often a link that lets nothing in looks whether the node has caught up
+LINGER_S = 0.3  # how long the end of a link may take to send what waits
+BATCH_BYTES = 1 << 17
+MAX_MEMBERS = 1000  # of a net; more are not listened to
+MAX_KEYS = 10_000  # remembered of each member, to know what has come already
+NUMBER_BYTES = 8
+
+
+class Letter:
+    """A page on its way. Its length is that of its page.
+
+    Args:
+        key: of the page.
+        raw: the page, as Page.serialize writes it.
+        far: whose it is; None is this node's own.
+        number: of the page among those of its key; 0 if it has none.
+    """
+
+    __slots__ = ("far", "key", "number", "raw")
+
+    def __init__(self, key: DataKey, raw: bytes, far: Far | None = None, number: int = 0) -> None:
+        self.key = key
+        self.raw = raw
+        self.far = far
+        self.number = number
+
+    def __len__(self) -> int:
+        return len(self.raw)
+
+
+class Far:
+    """Another node of the net.
+
+    Args:
+        member: which.
+        now_s: when it came.
+    """
+
+    def __init__(self, member: Member, now_s: float) -> None:
+        self.member = member
+        self.heard_s = now_s
+        self.rtt_s: float | None = None
+        self.is_here = False  # its token is
+        self.received = 0
+        self.missed = 0
+        self.numbers: dict[str, int] = {}  # of the newest page of each key
+
+
+class ZenohLink(FleetLink):
+    """Sends and hears pages over Zenoh.
+
+    Args:
+        factory, parent, options, member, hearing: as of FleetLink.
+        settings: returns Zenoh's configuration for a net whose keys begin so.
+    """
+
+    def __init__(
+        self,
+        factory: LoopFactory,
+        parent: Node,
+        options: LinkOptions,
+        member: Member,
+        hearing: Hearing,
+        settings: Callable[[str], dict[str, Any]],
+    ) -> None:
+        super().__init__(factory, parent, options, member, hearing)
+        self.reason = "nobody else is in the net."
+        self._settings = settings
+        self._prefix = f"snr/{quote(options.name, safe='')}"
+        self._outbox: SendQueue[Letter] = SendQueue(options.queue_pages, options.policy)
+        self._inbox: SendQueue[Letter] = SendQueue(options.queue_pages, options.policy)
+        self._fars: dict[str, Far] = {}  # by their place among Zenoh's keys
+        self._guard = threading.Lock()  # held for a few steps: of the three above
+        self._newest: dict[DataKey, Letter] = {}
+        self._publishers: dict[DataKey, Any] = {}
+        self._has_newcomer = False
+        self._bell: SimpleQueue[None] = SimpleQueue()
+        self._is_rung = False
+        self._tend_s = 0.0
+        self._ping_s = 0.0
+
+    def _open(self) -> None:
+        self._zenoh = zenoh = _zenoh()
+        config = zenoh.Config()
+        for name, value in self._settings(self._prefix).items():
+            config.insert_json5(name, json.dumps(value))
+        try:
+            self._session = zenoh.open(config)
+        except zenoh.ZError as error:
+            raise LinkError(
+                f"The net '{self.options.name}' cannot be opened: {str(error).split(' at /')[0]}",
+                fix="is another program listening there, and is it an address of this machine?",
+            ) from error
+        robot, node = (quote(name, safe="") for name in (self.member.robot, self.member.node))
+        self._place = f"{self._prefix}/{robot}/{node}/{self._session.zid()}"
+
+    def setup(self) -> None:
+        """Listens first and shows itself last: who sees this node can already be heard by it."""
+        session, accept, robots = self._session, self.options.accept, self.hearing.robots
+        remote = self._zenoh.Locality.REMOTE
+        for robot in ["*"] if robots is None else [quote(robot, safe="") for robot in sorted(robots)]:
+            for key in ["*"] if accept is None else [quote(key, safe="") for key in sorted(accept)]:
+                session.declare_subscriber(
+                    f"{self._prefix}/{robot}/*/*/page/{key}", self._background(self._came), allowed_origin=remote
+                )
+        session.declare_queryable(f"{self._place}/ping", self._background(self._asked), allowed_origin=remote)
+        alive = session.liveliness()
+        alive.declare_subscriber(f"{self._prefix}/*/*/*/alive", self._background(self._seen), history=True)
+        self._token = alive.declare_token(f"{self._place}/alive")
+
+    def _background(self, callback: Callable[[Any], None]) -> Any:
+        return self._zenoh.handlers.Callback(callback)
+
+    # On Zenoh's threads. None of these may raise: Zenoh would only print it.
+
+    def _came(self, sample: Any) -> None:
+        """A page, perhaps."""
+        place, _, key = str(sample.key_expr).rpartition("/page/")
+        size_bytes = len(sample.payload)
+        attached = b"" if sample.attachment is None else sample.attachment.to_bytes()[: NUMBER_BYTES + 1]
+        number = int.from_bytes(attached, "big") if len(attached) == NUMBER_BYTES else 0
+        raw = sample.payload.to_bytes() if size_bytes <= self.options.max_frame_bytes else b""
+        with self._guard:
+            far = self._far_at(place)
+            if far is None or not raw:
+                self.unwanted += 1
+                return
+            far.heard_s = self.get_time_s()
+            if self._is_new(far, key, number):
+                self._inbox.put(Letter(key, raw, far))
+        self._ring()
+
+    def _is_new(self, far: Far, key: str, number: int) -> bool:
+        """Whether a page of this number has not come yet; those that should have come before it are counted."""
+        if not number:
+            return True  # of a program that does not count
+        last = far.numbers.get(key)
+        if last is not None and number <= last:
+            return False
+        if last is not None:
+            far.missed += number - last - 1
+        elif len(far.numbers) >= MAX_KEYS:
+            return True
+        far.numbers[key] = number
+        return True
+
+    def _far_at(self, place: str) -> Far | None:
+        """Returns who is at a place, known or new; None if that is nobody."""
+        far = self._fars.get(place)
+        if far is not None:
+            return far
+        parts = place.split("/")
+        if len(parts) != 5 or "*" in place or len(self._fars) >= MAX_MEMBERS:
+            return None
+        far = self._fars[place] = Far(Member(unquote(parts[2]), unquote(parts[3])), self.get_time_s())
+        return far
+
+    def _seen(self, sample: Any) -> None:
+        """Somebody has come or gone."""
+        place = str(sample.key_expr).removesuffix("/alive")
+        if place == self._place:
+            return
+        with self._guard:
+            if sample.kind == self._zenoh.SampleKind.DELETE:
+                far = self._fars.pop(place, None)
+                if far is not None:
+                    self.dropped += far.missed
+                    self.reason = f"'{far.member.name}' left."
+            elif (far := self._far_at(place)) is not None:
+                far.is_here = True
+                self._has_newcomer = True
+        self._tend_s = 0.0
+        self._ring()
+
+    def _asked(self, query: Any) -> None:
+        """Somebody asks whether this node is there."""
+        with suppress(self._zenoh.ZError):  # whoever asked is gone
+            query.reply(f"{self._place}/ping", b"")
+
+    def _answered(self, asked_s: float, reply: Any) -> None:
+        if reply.ok is None:
+            return
+        with self._guard:
+            far = self._fars.get(str(reply.ok.key_expr).removesuffix("/ping"))
+            if far is not None:
+                far.heard_s = self.get_time_s()
+                far.rtt_s = max(0.0, far.heard_s - asked_s)
+
+    # On the node's thread
+
+    def _send(self, key: DataKey, raw: bytes, frame: bytes) -> None:
+        with self._guard:
+            self._outbox.put(Letter(key, raw))
+        self._ring()
+
+    def _ring(self) -> None:
+        """Has the link's thread look around; from any thread."""
+        if not self._is_rung:
+            self._is_rung = True
+            self._bell.put(None)
+
+    def stop(self) -> None:
+        """Asks for no more rounds; ends the one that waits."""
+        super().stop()
+        self._ring()
+
+    # On the link's thread
+
+    def loop(self) -> None:
+        """Waits until there is something to do, and does it."""
+        wait_s = DEAF_LOOK_S if self.is_deaf else self._tend_s - self.get_time_s()
+        if wait_s > 0:
+            with suppress(Empty):
+                self._bell.get(timeout=wait_s)
+        self._is_rung = False  # before looking, so that what comes after the look rings again
+        self._take_in()
+        self._send_out()
+        self._tend(self.get_time_s())
+
+    def _take_in(self) -> None:
+        while not self._must_wait():
+            with self._guard:
+                letters = self._inbox.take(BATCH_BYTES)
+            if not letters:
+                return
+            for letter in letters:
+                self._read(letter)
+
+    def _read(self, letter: Letter) -> None:
+        far = letter.far
+        assert far is not None
+        try:
+            page = Page.deserialize(letter.raw)
+        except (SnrError, ValueError, RecursionError, MemoryError, OverflowError):
+            page = None
+        if page is None or quote(page.key, safe="", errors="replace") != letter.key:
+            self.unwanted += 1
+            return
+        self._note_size(len(letter))
+        far.received += 1
+        self._bring_from(far.member, [page], far)
+
+    def _send_out(self) -> None:
+        """Sends what waits; blocks as long as a far end does not read."""
+        with self._guard:
+            is_again, self._has_newcomer = self._has_newcomer, False
+        if is_again:
+            for letter in list(self._newest.values()):
+                self._put(letter)
+        while True:
+            with self._guard:
+                letters = self._outbox.take(BATCH_BYTES)
+            if not letters:
+                return
+            for letter in letters:
+                last = self._newest.pop(letter.key, None)  # taken out, so that the order is that of storing
+                letter.number = last.number + 1 if last is not None else 1
+                self._newest[letter.key] = letter
+                self._put(letter)
+                self.sent += 1
+
+    def _put(self, letter: Letter) -> None:
+        publisher = self._publishers.get(letter.key)
+        if publisher is None:
+            publisher = self._publishers[letter.key] = self._session.declare_publisher(
+                f"{self._place}/page/{quote(letter.key, safe='')}",
+                encoding=self._zenoh.Encoding.APPLICATION_JSON,
+                congestion_control=self._zenoh.CongestionControl.BLOCK,
+                allowed_destination=self._zenoh.Locality.REMOTE,
+            )
+        publisher.put(letter.raw, attachment=letter.number.to_bytes(NUMBER_BYTES, "big"))
+
+    def _tend(self, now_s: float) -> None:
+        """Does what time asks for."""
+        if now_s < self._tend_s:
+            return
+        self._tend_s = now_s + TEND_EVERY_S
+        if now_s >= self._ping_s:
+            self._ping_s = now_s + self.options.keep_alive_s
+            self._session.get(
+                f"{self._prefix}/*/*/*/ping",
+                self._background(lambda reply: self._answered(now_s, reply)),
+                target=self._zenoh.QueryTarget.ALL,
+                consolidation=self._zenoh.ConsolidationMode.NONE,
+                timeout=self.options.timeout_s,
+                allowed_destination=self._zenoh.Locality.REMOTE,
+            )
+        self._report(now_s)
+
+    def _state(self, now_s: float) -> dict[str, Any]:
+        with self._guard:
+            here = [far for far in self._fars.values() if far.is_here]
+            missed = sum(far.missed for far in self._fars.values())
+            dropped = self.dropped + self._outbox.dropped + self._inbox.dropped + missed
+        trips_s = [far.rtt_s for far in here if far.rtt_s is not None]
+        return {
+            "up": bool(here),
+            "age_s": max((max(0.0, now_s - far.heard_s) for far in here), default=None),
+            "dropped": dropped,
+            "rtt_s": max(trips_s, default=None),
+            "sent": self.sent,
+            "received": self.received,
+            "unwanted": self.unwanted,
+            "reason": "" if here else self.reason,
+            "peers": by_name(
+                (
+                    far.member.name,
+                    {
+                        "age_s": max(0.0, now_s - far.heard_s),
+                        "rtt_s": far.rtt_s,
+                        "dropped": far.missed,
+                        "received": far.received,
+                    },
+                )
+                for far in here
+            ),
+        }
+
+    def halt(self) -> None:
+        """Sends what waits and leaves; not for longer than `LINGER_S`, for either may block."""
+        leaving = threading.Thread(target=self._leave, name=f"{self.name} leaves", daemon=True)
+        leaving.start()
+        leaving.join(LINGER_S)
+
+    def _leave(self) -> None:
+        with suppress(self._zenoh.ZError):
+            self._send_out()
+        self._session.close()
+
+
+def _zenoh() -> Any:
+    try:
+        import zenoh
+    except ImportError:
+        raise MissingExtra("eclipse-zenoh", "zenoh") from None
+    return zenoh

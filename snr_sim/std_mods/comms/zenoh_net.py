@@ -1,0 +1,340 @@
+"""ZenohNet: links for several robots and several networks, over Zenoh. Every node of a net hears every other.
+
+    net = ZenohNet(name="fleet", listen=["tls/192.168.2.1:7447"], tls=Tls(...))       # on shore
+    net = ZenohNet(name="fleet", robot="rov1", connect=["tls/192.168.2.1:7447"], tls=Tls(...))
+    Config(factories={"auv": [net.link("depth", accept=["mission"])]})
+
+Whoever listens also passes on what it hears, so nodes that cannot reach each other meet through one that both can.
+Under a SimClock the links of one ZenohNet meet in memory. `docs/formats.md` says which keys Zenoh sees.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+from snr_sim.core.clocks import SimClock
+from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.node import Node
+from snr_sim.prelude.errors import ConfigError
+from snr_sim.prelude.page import DataKey
+from snr_sim.std_mods.comms.faults import Faults
+from snr_sim.std_mods.comms.fleet import Hearing, Member
+from snr_sim.std_mods.comms.frames import MAX_FRAME_BYTES
+from snr_sim.std_mods.comms.link import LinkOptions, as_keys
+from snr_sim.std_mods.comms.messages import MAX_NAME_CHARS
+from snr_sim.std_mods.comms.security import Tls, is_loopback
+from snr_sim.std_mods.comms.send_queue import Policy
+from snr_sim.std_mods.comms.simulated_fleet import Gathering, SimulatedFleetLink
+from snr_sim.std_mods.comms.zenoh_link import ZenohLink
+
+LOOPBACK_INTERFACES = frozenset({"lo", "lo0"})
+# A far end that reads nothing for so long is left; until then it holds up the pages to all others.
+STUCK_S = 1.0
+MESSAGE_EXTRA_BYTES = 1 << 12  # what Zenoh itself may add to a page
+_ENDPOINT = re.compile(r"(?P<protocol>[a-z]+)/(?P<host>\[[^\]]+\]|[^:/\[\]]+):(?P<port>\d{1,5})")
+_ALL_MESSAGES = (
+    "put",
+    "declare_subscriber",
+    "query",
+    "reply",
+    "declare_queryable",
+    "liveliness_token",
+    "liveliness_query",
+    "declare_liveliness_subscriber",
+)
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """An address as Zenoh writes it: tcp/127.0.0.1:7447.
+
+    Args:
+        text: all of it.
+        protocol: "tcp" or "tls".
+        host: without brackets.
+    """
+
+    text: str
+    protocol: str
+    host: str
+
+
+def as_endpoints(what: str, endpoints: str | Iterable[str], tls: Tls | None) -> tuple[Endpoint, ...]:
+    """Returns addresses, checked: beyond this machine, only TLS with certificates on both sides is good enough.
+
+    Raises:
+        ConfigError: one is no address, or anybody could listen in there.
+    """
+    found = []
+    for text in [endpoints] if isinstance(endpoints, str) else endpoints:
+        match = _ENDPOINT.fullmatch(text) if isinstance(text, str) else None
+        if match is None or match["protocol"] not in ("tcp", "tls") or int(match["port"]) >= 1 << 16:
+            raise ConfigError(
+                f"{what} holds {text!r}, which is no address.", fix='"tcp/127.0.0.1:7447" or "tls/192.168.2.1:7447".'
+            )
+        endpoint = Endpoint(text, match["protocol"], match["host"].strip("[]"))
+        if endpoint.protocol == "tcp" and not is_loopback(endpoint.host):
+            raise ConfigError(
+                f"{what} holds {text}: without TLS, anybody in that network could steer this node.",
+                fix=f'"tls/{text.removeprefix("tcp/")}" and tls=Tls(...) with certificates for both sides.',
+            )
+        if endpoint.protocol == "tls" and tls is None:
+            raise ConfigError(f"{what} holds {text}, and there is no tls=.", fix="tls=Tls(...).")
+        found.append(endpoint)
+    return tuple(found)
+
+
+class ZenohNet:
+    """A net of nodes, which may be on several robots.
+
+    Args:
+        listen: addresses of this machine where others may connect; no others are opened.
+        connect: addresses of those that listen; they may come and go.
+        name: of the net: the link is component and page `link_<name>`, and nets of different names never meet.
+        robot: the robot this program runs on, if it is one of several; a node stands for itself if not given.
+        tls: certificates, needed beyond this machine. Each side shows one: a listener needs `certificate`, `key` and
+            `client_authority`; who connects needs `authority`, `client_certificate` and `client_key`.
+        discover: whether to look for others by multicast.
+        interfaces: where to look; loopback if not given.
+        max_page_bytes: the longest page.
+        queue_pages: how many pages may wait to be sent, and as many to be let in.
+        policy: what happens when more would: "drop_oldest", or "refuse" the newest.
+        faults: what is to go wrong on the way.
+        keep_alive_s: how often each node asks which others are there.
+        timeout_s: after how much silence one counts as gone.
+
+    Raises:
+        ConfigError: a name or an address is none, or is open to anybody; certificates are missing.
+    """
+
+    def __init__(
+        self,
+        *,
+        listen: str | Iterable[str] = (),
+        connect: str | Iterable[str] = (),
+        name: str = "zenoh",
+        robot: str = "",
+        tls: Tls | None = None,
+        discover: bool = False,
+        interfaces: Iterable[str] = ("lo",),
+        max_page_bytes: int = MAX_FRAME_BYTES,
+        queue_pages: int = 10_000,
+        policy: Policy = "drop_oldest",
+        faults: Faults | None = None,
+        keep_alive_s: float = 0.5,
+        timeout_s: float = 3.0,
+    ) -> None:
+        self.name = _as_name("name", name)
+        self.robot = _as_name("robot", robot) if robot else ""
+        self.tls = tls
+        self.listen = as_endpoints("listen=", listen, tls)
+        self.connect = as_endpoints("connect=", connect, tls)
+        self.interfaces = (interfaces,) if isinstance(interfaces, str) else tuple(interfaces)
+        self.discover = discover
+        self.gathering = Gathering()
+        self.options = LinkOptions(
+            name,
+            max_frame_bytes=max_page_bytes,
+            queue_pages=queue_pages,
+            policy=policy,
+            keep_alive_s=keep_alive_s,
+            timeout_s=timeout_s,
+            faults=faults,
+        )
+        abroad = [interface for interface in self.interfaces if interface not in LOOPBACK_INTERFACES]
+        if discover and abroad and tls is None:
+            raise ConfigError(
+                f"discover=True on {', '.join(abroad)}: without TLS, whoever answers there could steer this node.",
+                fix="tls=Tls(...) with certificates for both sides, or interfaces=['lo'].",
+            )
+
+    def link(
+        self,
+        keys: DataKey | Iterable[DataKey] = (),
+        accept: Iterable[DataKey] | None = None,
+        *,
+        robots: str | Iterable[str] | None = None,
+        apart: bool = False,
+        robot: str | None = None,
+        listen: str | Iterable[str] | None = None,
+        connect: str | Iterable[str] | None = None,
+    ) -> ZenohLinkFactory:
+        """Returns the factory of a node's link to all others of the net.
+
+        Args:
+            keys: pages of these go to all others.
+            accept: pages of these may come in; any if not given.
+            robots: whose pages may come in; every robot's if not given.
+            apart: have pages of other robots come in as `<robot>/<key>`, so that `depth` of one does not take the
+                place of `depth` of another.
+            robot, listen, connect: of this node, if other than the net's: so that one net serves a whole config.
+
+        Raises:
+            ConfigError: as for the net.
+        """
+        return ZenohLinkFactory(
+            self,
+            replace(self.options, keys=as_keys(keys), accept=None if accept is None else frozenset(as_keys(accept))),
+            Hearing(None if robots is None else frozenset([robots] if isinstance(robots, str) else robots), apart),
+            self.robot if robot is None else _as_name("robot", robot),
+            self.listen if listen is None else as_endpoints("listen=", listen, self.tls),
+            self.connect if connect is None else as_endpoints("connect=", connect, self.tls),
+        )
+
+    def settings(self, listen: tuple[Endpoint, ...], connect: tuple[Endpoint, ...], prefix: str) -> dict[str, Any]:
+        """Returns Zenoh's configuration.
+
+        Args:
+            listen: addresses to open.
+            connect: addresses to call, again and again.
+            prefix: of all keys this net has to do with; nothing else gets in or out.
+        """
+        timeout_ms = int(self.options.timeout_s * 1000)
+        return {
+            # A router passes on between those connected to it, which peers do not; and unlike a client it begins,
+            # and goes on, with nobody to connect to.
+            "mode": "router",
+            "listen": {"endpoints": [each.text for each in listen], "timeout_ms": 0, "exit_on_failure": True},
+            "connect": {
+                "endpoints": [each.text for each in connect],
+                "timeout_ms": -1,
+                "exit_on_failure": False,
+                "retry": {"period_init_ms": 50, "period_max_ms": 1000, "period_increase_factor": 2},
+            },
+            "scouting": {
+                "multicast": {
+                    "enabled": self.discover,
+                    "interface": ",".join(self.interfaces),
+                    "autoconnect": {"router": ["router"]},
+                },
+                "gossip": {"enabled": False},
+            },
+            "transport": {
+                "unicast": {"open_timeout": timeout_ms, "accept_timeout": timeout_ms},
+                "link": {
+                    "protocols": ["tcp"] if self.tls is None else ["tls"],
+                    "tx": {
+                        "lease": timeout_ms,
+                        "queue": {"congestion_control": {"block": {"wait_before_close": int(STUCK_S * 1e6)}}},
+                    },
+                    "rx": {"max_message_size": self.options.max_frame_bytes + MESSAGE_EXTRA_BYTES},
+                    **({} if self.tls is None else {"tls": _tls_settings(self.tls, bool(listen), bool(connect))}),
+                },
+                "shared_memory": {"enabled": False},
+            },
+            "access_control": {
+                "enabled": True,
+                "default_permission": "deny",
+                "rules": [
+                    {
+                        "id": "net",
+                        "permission": "allow",
+                        "messages": list(_ALL_MESSAGES),
+                        "flows": ["ingress", "egress"],
+                        "key_exprs": [f"{prefix}/**"],
+                    }
+                ],
+                "subjects": [{"id": "all"}],
+                "policies": [{"rules": ["net"], "subjects": ["all"]}],
+            },
+        }
+
+
+def _as_name(what: str, name: str) -> str:
+    if not isinstance(name, str) or not 0 < len(name) <= MAX_NAME_CHARS:
+        raise ConfigError(f"A net's {what} is {str(name)[:80]!r}.", fix=f"1 to {MAX_NAME_CHARS} characters.")
+    return name
+
+
+def _tls_settings(tls: Tls, listens: bool, connects: bool) -> dict[str, Any]:
+    """Returns Zenoh's names for the certificates. It takes one authority for both sides."""
+    return {
+        "root_ca_certificate": str(tls.client_authority or tls.authority),
+        "enable_mtls": True,
+        "verify_name_on_connect": True,
+        **({"listen_certificate": str(tls.certificate), "listen_private_key": str(tls.key)} if listens else {}),
+        **(
+            {
+                "connect_certificate": str(tls.client_certificate),
+                "connect_private_key": str(tls.client_key),
+            }
+            if connects
+            else {}
+        ),
+    }
+
+
+class ZenohLinkFactory(LoopFactory):
+    """Makes a node's link to a net.
+
+    Args:
+        net: of which.
+        options: of the link.
+        hearing: what the node wants to hear.
+        robot: it belongs to, or "".
+        listen: addresses it opens.
+        connect: addresses it calls.
+
+    Raises:
+        ConfigError: certificates are missing.
+    """
+
+    def __init__(
+        self,
+        net: ZenohNet,
+        options: LinkOptions,
+        hearing: Hearing,
+        robot: str,
+        listen: tuple[Endpoint, ...],
+        connect: tuple[Endpoint, ...],
+    ) -> None:
+        super().__init__()
+        self.net = net
+        self.options = options
+        self.hearing = hearing
+        self.robot = robot
+        self.listen = listen
+        self.connect = connect
+        if net.tls is not None:
+            _check_tls(net.tls, bool(listen), bool(connect) or net.discover)
+
+    def get(self, parent: Node) -> Loop:
+        """Returns the link."""
+        member = Member(self.robot or parent.name, parent.name)
+        if isinstance(parent.clock, SimClock):
+            return SimulatedFleetLink(self, parent, self.options, member, self.hearing, self.net.gathering)
+        return ZenohLink(self, parent, self.options, member, self.hearing, self.settings)
+
+    def settings(self, prefix: str) -> dict[str, Any]:
+        """Returns Zenoh's configuration for this link; see ZenohNet.settings."""
+        return self.net.settings(self.listen, self.connect, prefix)
+
+
+def _check_tls(tls: Tls, listens: bool, connects: bool) -> None:
+    if listens:
+        if tls.client_authority is None:
+            raise ConfigError(
+                "A net that listens with TLS takes only those who show a certificate, and knows no authority for them.",
+                fix="Tls(certificate=..., key=..., client_authority=...).",
+            )
+        tls.server_context()  # says what is wrong with the files, in words
+    if connects:
+        if tls.client_certificate is None:
+            raise ConfigError(
+                "A net that connects with TLS has to show a certificate.",
+                fix="Tls(authority=..., client_certificate=..., client_key=...).",
+            )
+        tls.client_context()
+    if listens and connects and str(tls.authority) != str(tls.client_authority):
+        raise ConfigError(
+            "A net that listens and connects has two authorities, and Zenoh takes one.",
+            fix="one authority for all certificates of a net: Tls(authority=A, client_authority=A, ...).",
+        )
+    if tls.server_name:
+        raise ConfigError(
+            f"A net with server_name='{tls.server_name}': Zenoh expects the name it calls in the certificate.",
+            fix="that name in connect=.",
+        )
