@@ -35,8 +35,10 @@ from snr_sim import (
 from snr_sim.std_mods.comms.faults import Faults
 
 RATE_HZ = 500.0
-REST_S = 3.0  # at the end nothing is sent any more, so that what is on its way arrives
-WARM_UP_S = 60.0  # caches fill, and the first garbage is made; shorter runs take a fifth of themselves
+REST_S = 10.0  # the end has come when nothing has arrived for so long
+LOOK_EVERY_S = 0.5
+USE_EVERY_S = 10.0
+WARM_UP_USES = 12  # two minutes, in which caches fill; what a shorter run holds is not judged
 LINK = "link_soak"
 # Cuts shorter than the time after which the other end counts as gone: the connection stays, and counts are exact.
 CUTS = tuple((20.0 * i, 20.0 * i + 1.0) for i in range(1, 10_000))
@@ -104,7 +106,7 @@ def use_of_this_process() -> dict[str, int]:
 
 
 def run(role: str, port: int, most: int) -> dict[str, Any]:
-    """Runs one of the two nodes; returns its counts, and what the process held every ten seconds."""
+    """Runs one of the nodes; returns its counts, and what it held every ten seconds while it stored pages."""
     other = "robot" if role == "topside" else "topside"
     pair = SocketsPair((peers.HOST, port), name="soak", faults=FAULTS)
     key = f"{role}_number"
@@ -112,13 +114,16 @@ def run(role: str, port: int, most: int) -> dict[str, Any]:
     link = pair.server(key) if role == "robot" else pair.client(key)
     node = Node(role, Config(Mode.DEPLOYED, {role: [link, sink, source]}))
     uses: list[dict[str, int]] = []
+    begun_s = time.monotonic()
 
     def watch() -> None:
-        rest_s = 0.0
+        rest_s, arrived = 0.0, 0
         while rest_s < REST_S:
-            time.sleep(min(10.0, 0.2 * most / RATE_HZ))
-            uses.append(use_of_this_process())
-            rest_s += 10.0 if source.count == most else 0.0
+            time.sleep(LOOK_EVERY_S)
+            if source.count < most and len(uses) < int(time.monotonic() - begun_s) // USE_EVERY_S:
+                uses.append(use_of_this_process())
+            before, arrived = arrived, sum(sink.arrivals)
+            rest_s = rest_s + LOOK_EVERY_S if source.count == most and arrived == before else 0.0
         node.enter(tasks.terminate("the soak is over"), "soak")
 
     threading.Thread(target=watch, daemon=True).start()
@@ -145,9 +150,9 @@ def judge(topside: dict[str, Any], robot: dict[str, Any]) -> list[str]:
         if receiver["twice"] != sender["duplicated"]:
             wrong.append(f"{way}: {receiver['twice']} came twice, {sender['duplicated']} were sent twice.")
     for role, found in (("topside", topside), ("robot", robot)):
-        uses = found["uses"][max(1, min(int(WARM_UP_S / 10.0), len(found["uses"]) // 5)) :]
-        third = max(1, len(uses) // 3)
-        for what, spare in (("memory_kib", 2048), ("descriptors", 0), ("threads", 0)):
+        uses = found["uses"][WARM_UP_USES:]
+        third = len(uses) // 3
+        for what, spare in (("memory_kib", 2048), ("descriptors", 0), ("threads", 0)) if third else ():
             early = max(use[what] for use in uses[:third])
             late = max(use[what] for use in uses[-third:])
             if late > early + spare:
@@ -180,8 +185,9 @@ def main() -> None:
     ]
     topside, robot = (json.loads(process.communicate()[0]) for process in processes)
     for role, found in (("topside", topside), ("robot", robot)):
-        uses, counts = found["uses"], {name: value for name, value in found.items() if name != "uses"}
-        print(f"{role}: {counts}\n  at the beginning {uses[0]}\n  at the end {uses[-1]}")
+        print(f"{role}: { {name: value for name, value in found.items() if name != 'uses'} }")
+        for use in found["uses"][WARM_UP_USES :: max(1, len(found["uses"]) // 5)]:
+            print(f"  {use}")
     wrong = judge(topside, robot)
     print("\n".join(wrong) or f"all pages of {minutes:g} minutes are accounted for, and nothing grew")
     sys.exit(bool(wrong))
