@@ -38,7 +38,8 @@ if TYPE_CHECKING:
 Tap: TypeAlias = Callable[[Page], None]
 
 TARGET = "snr_sim.core.loop_process:run"
-# How much longer than a thread a process may take to end: it waits for its thread itself, and then has to say so.
+# How much longer than a thread a process may take to end: it waits for its thread itself, halts it from outside if need
+# be, and has to say so. There is nothing that SIGTERM could add to that, so who is later is killed.
 _LONGER_S = 0.3
 _STOP: list[Any] = ["stop"]
 

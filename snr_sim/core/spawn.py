@@ -13,9 +13,11 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from multiprocessing.connection import Pipe, wait
 from typing import TextIO
 
@@ -26,6 +28,8 @@ LAST_LINES = 20
 _LINE_MAX_BYTES = 64 * 1024  # a longer one is passed on in pieces
 # A process that has closed its line has this long to end.
 _END_S = 1.0
+
+_printing = threading.Lock()
 
 
 class Printed:
@@ -86,7 +90,7 @@ class Spawned:
             raise ConfigError("Loops and roles in processes need Linux or macOS.", fix="let them be threads here.")
         self.line, far = Pipe()
         self.last: deque[str] = deque(maxlen=LAST_LINES)
-        self._err = err or _print_on(sys.stderr)
+        self._err = err or partial(print_line, sys.stderr)
         with far, _signals_held_back():
             self._process = subprocess.Popen(
                 [sys.executable, "-c", spawned.command(target, far.fileno())],
@@ -182,12 +186,12 @@ def how_it_ended(status: int) -> str:
         return f"was ended by signal {-status}"
 
 
-def _print_on(stream: TextIO) -> Callable[[str], None]:
-    def print_line(line: str) -> None:
-        with suppress(ValueError, OSError):  # closed: then nobody wants to read it
-            print(line, file=stream, flush=True)
-
-    return print_line
+def print_line(stream: TextIO, line: str) -> None:
+    """Prints a line, whole, from any thread; nothing happens if nobody reads any more."""
+    # One at a time: Python's text streams have lost a line when a second thread wrote while the first one flushed.
+    with _printing, suppress(ValueError, OSError):
+        stream.write(line + "\n")
+        stream.flush()
 
 
 @contextmanager

