@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import random
 import socket
 import threading
@@ -121,7 +122,7 @@ class Calls:
 
     def _connect(self, host: str, port: int) -> None:
         try:
-            answer: socket.socket | str = socket.create_connection((host, port), CONNECT_TIMEOUT_S)
+            answer: socket.socket | str = connect(host, port)
         except (OSError, UnicodeError) as error:  # a host of more than 63 characters without a dot is a UnicodeError
             answer = getattr(error, "strerror", None) or str(error)
         self.answers.put(answer)
@@ -138,3 +139,18 @@ class Calls:
                 answer = self.answers.get_nowait()
                 if isinstance(answer, socket.socket):
                     answer.close()
+
+
+def connect(host: str, port: int) -> socket.socket:
+    """Returns a socket that is connected to a server.
+
+    Raises:
+        OSError: there is none, or no such host.
+    """
+    sock = socket.create_connection((host, port), CONNECT_TIMEOUT_S)
+    if sock.getsockname() == sock.getpeername():
+        # On one machine, where the system takes our own port from the same range, a call to a port that nobody
+        # listens at can reach itself; and then hold the port against the server that comes.
+        sock.close()
+        raise ConnectionRefusedError(errno.ECONNREFUSED, "nobody listens")
+    return sock

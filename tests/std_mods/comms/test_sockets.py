@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+import random
 import socket
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import pytest
 
 from snr_sim import Config, SimRunner, SocketsPair, TaskType, tasks
+from snr_sim.std_mods.comms.tcp_client import connect
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 HERE = "127.0.0.1"
 
 
 def free_port() -> int:
-    """A port that nobody has just now."""
-    with socket.socket() as sock:
-        sock.bind((HERE, 0))
-        return int(sock.getsockname()[1])
+    """A port that nobody has, below those that systems give to whoever connects to something meanwhile."""
+    while True:
+        port = random.randrange(20_000, 32_000)
+        with socket.socket() as sock, suppress(OSError):
+            sock.bind((HERE, port))
+            return port
 
 
 @pytest.mark.parametrize("order", ["robot first", "topside first"])
@@ -84,3 +89,15 @@ def test_a_handler_that_takes_long_does_not_cost_the_link(start: Callable[..., A
     client.until(lambda: len(client.stored["link_wire"]) >= reports + 3, "three reports, one a second")
     done.set()
     assert all(report["up"] for report in client.stored["link_wire"][reports:])
+
+
+def test_a_client_does_not_take_itself_for_the_server(monkeypatch: pytest.MonkeyPatch) -> None:
+    def call_oneself(address: tuple[str, int], timeout_s: float) -> socket.socket:
+        sock = socket.socket()
+        sock.bind((HERE, 0))
+        sock.connect(sock.getsockname())  # what a client does by chance when both ports are one
+        return sock
+
+    monkeypatch.setattr(socket, "create_connection", call_oneself)
+    with pytest.raises(ConnectionRefusedError, match="nobody listens"):
+        connect(HERE, 1)
