@@ -2,6 +2,7 @@
 
 import socket
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -79,8 +80,15 @@ def test_a_script_may_start_before_its_node() -> None:
     assert len(answers) == 1
 
 
-@pytest.mark.parametrize("said", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", encode_frame(b'{"$":"words"}')])
-def test_a_port_that_is_no_console_is_said_in_words(said: bytes) -> None:
+@pytest.mark.parametrize(
+    ("said", "reason"),
+    [
+        (b"", "closed"),
+        (b"HTTP/1.1 400 Bad Request\r\n\r\n", "does not speak this protocol"),
+        (encode_frame(b'{"$":"words"}'), "that is none"),
+    ],
+)
+def test_a_port_that_is_no_console_is_said_in_words(said: bytes, reason: str) -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
 
         def answer() -> None:
@@ -91,19 +99,33 @@ def test_a_port_that_is_no_console_is_said_in_words(said: bytes) -> None:
 
         thread = threading.Thread(target=answer)
         thread.start()
-        remote = RemoteConsole(listener.getsockname(), ["list"], retry_wait_s=60.0, wait_s=1.0)
-        with pytest.raises(LinkError, match="No console at 127") as caught:
-            remote.run()
-        thread.join(PATIENCE_S)
-    assert "nobody has been called" not in str(caught.value)
+        with ConsoleClient(listener.getsockname(), retry_wait_s=60.0) as client:
+            thread.join(PATIENCE_S)
+            until_s = time.monotonic() + PATIENCE_S
+            while "nobody has been called" in client.reason and time.monotonic() < until_s:
+                time.sleep(0.005)
+            with pytest.raises(LinkError, match="No console at 127") as caught:
+                client.wait_until_up(0.0)
+    assert reason in str(caught.value)
 
 
-@pytest.mark.parametrize("host", ["no.such.host.invalid", "x" * 70, ""])
-def test_a_host_that_does_not_resolve_is_said(host: str) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as other:
-        port = other.getsockname()[1]
+def test_a_host_that_does_not_resolve_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    def nobody_knows(*args: object, **options: object) -> None:
+        raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+
+    monkeypatch.setattr(socket, "getaddrinfo", nobody_knows)
+    with ConsoleClient(("robot.local", 1), retry_wait_s=0.01) as client:
+        until_s = time.monotonic() + PATIENCE_S
+        while "not known" not in client.reason and time.monotonic() < until_s:
+            time.sleep(0.005)
+        with pytest.raises(LinkError, match=r"No console at robot\.local:1: Name or service not known"):
+            client.wait_until_up(0.0)
+
+
+@pytest.mark.parametrize("host", ["x" * 70, "\0"])
+def test_a_host_that_can_be_none_is_said(host: str) -> None:
     with pytest.raises(LinkError, match="No console"):
-        RemoteConsole((host, port), ["list"], wait_s=0.2).run()
+        RemoteConsole((host, 1), ["list"], wait_s=0.1).run()
 
 
 def test_a_token_that_is_none_is_refused_when_it_is_given() -> None:
