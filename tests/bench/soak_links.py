@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -40,9 +41,9 @@ LOOK_EVERY_S = 0.5
 USE_EVERY_S = 10.0
 WARM_UP_USES = 12  # two minutes, in which caches fill; what a shorter run holds is not judged
 LINK = "link_soak"
-# Cuts shorter than the time after which the other end counts as gone: the connection stays, and counts are exact.
-CUTS = tuple((20.0 * i, 20.0 * i + 1.0) for i in range(1, 10_000))
-FAULTS = Faults(0.005, 0.01, loss=0.01, duplication=0.01, reordering=0.02, cut=CUTS, bandwidth_bps=10e6)
+CUT_EVERY_S = 20.0
+CUT_S = 1.0  # shorter than the time after which the other end counts as gone: the connection stays, counts are exact
+FAULTS = Faults(0.005, 0.01, loss=0.01, duplication=0.01, reordering=0.02, bandwidth_bps=10e6)
 
 
 class Source(Loop):
@@ -108,7 +109,9 @@ def use_of_this_process() -> dict[str, int]:
 def run(role: str, port: int, most: int) -> dict[str, Any]:
     """Runs one of the nodes; returns its counts, and what it held every ten seconds while it stored pages."""
     other = "robot" if role == "topside" else "topside"
-    pair = SocketsPair((peers.HOST, port), name="soak", faults=FAULTS)
+    cuts = [CUT_EVERY_S * i for i in range(1, int(most / RATE_HZ / CUT_EVERY_S) + 1)]
+    faults = replace(FAULTS, cut=tuple((cut_s, cut_s + CUT_S) for cut_s in cuts))
+    pair = SocketsPair((peers.HOST, port), name="soak", faults=faults)
     key = f"{role}_number"
     source, sink = SourceFactory(most), SinkFactory(f"{other}_number", most)
     link = pair.server(key) if role == "robot" else pair.client(key)
