@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -31,7 +32,7 @@ main()
 def run_limited(limit: int, *words: str) -> subprocess.CompletedProcess[str]:
     """Runs `snr` where no file may be longer than this: what a full disk looks like from a program."""
     code = LIMITED.format(limit=limit, words=list(words))
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300)
 
 
 def assert_whole(folder: Path, fields: dict[str, Any]) -> None:
@@ -46,7 +47,7 @@ def test_a_run_ends_in_order_at_a_signal_at_any_moment(here: Path, mine: Mine) -
     spins = mine((WIRED, f"        while self.ticks == 2:\n            pass\n{WIRED}"), name="spins.py")
     sleeps = mine((WIRED, f"        import time; time.sleep(30 if self.ticks == 3 else 0)\n{WIRED}"), name="sleeps.py")
     command = [sys.executable, Path(__file__).with_name("signalled.py"), "8", "7", here / "runs"]
-    done = subprocess.run([*command, "optimal", spins, "optimal", sleeps], capture_output=True, text=True, timeout=100)
+    done = subprocess.run([*command, "optimal", spins, "optimal", sleeps], capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     reports = json.loads(done.stdout)
     assert len(reports) == 8  # with 40 the slowest took 0.13 s
@@ -61,22 +62,22 @@ def test_a_run_ends_in_order_at_a_signal_at_any_moment(here: Path, mine: Mine) -
         assert (fields["outcome"], fields["signal"]) == ("interrupted", report["signal"])
         assert_whole(folders[0], fields)
     took_s = sorted(report["took_s"] for report in reports)
-    assert took_s[len(took_s) // 2] < 1.0  # each does alone; four at a time on a busy computer have to wait
+    assert took_s[len(took_s) // 2] < 1.0  # without what a busy computer made it stand in line for a core
     assert took_s[-1] < 3.0
 
 
 def test_a_handler_that_never_returns_is_named_with_its_line_and_its_run_replays(here: Path, mine: Mine) -> None:
-    spins = mine((WIRED, f"        while self.ticks == 5:\n            pass  # for ever\n{WIRED}"))
+    stuck = "        if self.ticks == 5:\n            open('stuck', 'w').close()\n"
+    spins = mine((WIRED, f"{stuck}        while self.ticks == 5:\n            pass  # for ever\n{WIRED}"))
     words = ["run", "lander_vertical", "--no-rrd", "--json", "--controller", str(spins)]
     child = subprocess.Popen(
         [sys.executable, "-m", "snr_sim", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
-    while not list(here.glob("runs/*/trace.jsonl")):
+    while not (here / "stuck").exists():
         assert child.poll() is None
-    with pytest.raises(subprocess.TimeoutExpired):
-        child.wait(0.5)
+        time.sleep(0.005)
     child.terminate()
-    out, _ = child.communicate(timeout=10)
+    out, _ = child.communicate(timeout=100)
     fields = json.loads(out)
     assert (child.returncode, fields["signal"]) == (1, "SIGTERM")
     assert "mine.py, line 2" in fields["notes"][0]
@@ -84,7 +85,7 @@ def test_a_handler_that_never_returns_is_named_with_its_line_and_its_run_replays
     folder = here / fields["run_dir"]
     assert_whole(folder, fields)
     assert any(isinstance(one, ErrorRecord) and "mine" in one.message for one in read_trace(folder / FILE_NAME).records)
-    replayed = subprocess.run([sys.executable, "-m", "snr_sim", "replay", folder], capture_output=True, timeout=20)
+    replayed = subprocess.run([sys.executable, "-m", "snr_sim", "replay", folder], capture_output=True, timeout=100)
     assert replayed.returncode == 0, replayed.stdout
 
 
