@@ -17,6 +17,8 @@ from snr_sim.core.node import Node
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.std_mods.comms.link import MAX_KEY_CHARS, Link, LinkOptions
 
+PING_BYTES = 64  # about what asking whether somebody is there costs on a wire
+
 
 @dataclass(frozen=True)
 class Member:

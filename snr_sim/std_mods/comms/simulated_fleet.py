@@ -11,10 +11,8 @@ from snr_sim.core.loop import LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.std_mods.comms.faults import Faults, Way
-from snr_sim.std_mods.comms.fleet import FleetLink, Hearing, Member
+from snr_sim.std_mods.comms.fleet import PING_BYTES, FleetLink, Hearing, Member
 from snr_sim.std_mods.comms.link import BEFORE_LOOPS, LinkOptions, by_name
-
-PING_BYTES = 64  # about what asking whether somebody is there costs on a wire
 
 
 class Gathering:

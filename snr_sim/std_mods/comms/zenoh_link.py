@@ -4,7 +4,7 @@ What Zenoh sees, for each node of a net:
 
     snr/<net>/<robot>/<node>/<id>/alive        a liveliness token: goes when the node does, however that may be
     snr/<net>/<robot>/<node>/<id>/page/<key>   its pages, exactly as Page.serialize writes them; a number is attached
-    snr/<net>/<robot>/<node>/<id>/ping         answers anybody, with nothing
+    snr/<net>/<robot>/<node>/<id>/ping         answers, with nothing, whoever asks; who asks says who it is
 
 Zenoh calls back on threads of its own. They only put things down, in bounded places; the link's thread does the rest,
 and also what may block: sending. Who comes late is sent the newest page of each key once more, in line with all
@@ -13,8 +13,10 @@ others; the numbers tell the rest that they have had it, and everybody what was 
 
 from __future__ import annotations
 
+import heapq
 import json
 import threading
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from queue import Empty, SimpleQueue
@@ -25,7 +27,8 @@ from snr_sim.core.loop import LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.prelude.errors import LinkError, MissingExtra, SnrError
 from snr_sim.prelude.page import DataKey, Page
-from snr_sim.std_mods.comms.fleet import FleetLink, Hearing, Member
+from snr_sim.std_mods.comms.faults import Way
+from snr_sim.std_mods.comms.fleet import PING_BYTES, FleetLink, Hearing, Member
 from snr_sim.std_mods.comms.link import LinkOptions, by_name
 from snr_sim.std_mods.comms.send_queue import SendQueue
 
@@ -35,6 +38,10 @@ LINGER_S = 0.3  # how long the end of a link may take to send what waits
 BATCH_BYTES = 1 << 17
 MAX_MEMBERS = 1000  # of a net; more are not listened to
 MAX_KEYS = 10_000  # remembered of each member, to know what has come already
+MAX_GONE = 100  # remembered, so that what they sent last does not bring them back
+RETRY_FIRST_S = 0.05
+RETRY_MOST_S = 1.0
+MAX_PLACE_BYTES = 1 << 13
 NUMBER_BYTES = 8
 
 
@@ -48,13 +55,14 @@ class Letter:
         number: of the page among those of its key; 0 if it has none.
     """
 
-    __slots__ = ("far", "key", "number", "raw")
+    __slots__ = ("far", "is_sent", "key", "number", "raw")
 
     def __init__(self, key: DataKey, raw: bytes, far: Far | None = None, number: int = 0) -> None:
         self.key = key
         self.raw = raw
         self.far = far
         self.number = number
+        self.is_sent = False  # to anybody
 
     def __len__(self) -> int:
         return len(self.raw)
@@ -72,7 +80,7 @@ class Far:
         self.member = member
         self.heard_s = now_s
         self.rtt_s: float | None = None
-        self.is_here = False  # its token is
+        self.is_here = False  # shows itself, or answers
         self.received = 0
         self.missed = 0
         self.numbers: dict[str, int] = {}  # of the newest page of each key
@@ -84,6 +92,7 @@ class ZenohLink(FleetLink):
     Args:
         factory, parent, options, member, hearing: as of FleetLink.
         settings: returns Zenoh's configuration for a net whose keys begin so.
+        waits_for: whom it has to connect to before it can do anything, in words; "" if it listens itself.
     """
 
     def __init__(
@@ -94,18 +103,30 @@ class ZenohLink(FleetLink):
         member: Member,
         hearing: Hearing,
         settings: Callable[[str], dict[str, Any]],
+        waits_for: str = "",
     ) -> None:
         super().__init__(factory, parent, options, member, hearing)
-        self.reason = "nobody else is in the net."
+        self.reason = f"waits for {waits_for}." if waits_for else "nobody else is in the net."
+        self._waits_for = waits_for
+        self._session: Any = None
+        self._place = ""
+        self._tries = 0
+        self._try_s = 0.0
         self._settings = settings
         self._prefix = f"snr/{quote(options.name, safe='')}"
         self._outbox: SendQueue[Letter] = SendQueue(options.queue_pages, options.policy)
         self._inbox: SendQueue[Letter] = SendQueue(options.queue_pages, options.policy)
         self._fars: dict[str, Far] = {}  # by their place among Zenoh's keys
-        self._guard = threading.Lock()  # held for a few steps: of the three above
+        self._gone: deque[str] = deque(maxlen=MAX_GONE)
+        self._guard = threading.Lock()  # held for a few steps: of the four above
         self._newest: dict[DataKey, Letter] = {}
         self._publishers: dict[DataKey, Any] = {}
         self._has_newcomer = False
+        self._way = (
+            None if options.faults is None else Way(options.faults, parent.seed, f"link:{self.name}:{parent.role}")
+        )
+        self._delayed: list[tuple[float, int, Callable[[], None]]] = []  # what is on the way: when it arrives
+        self._count = 0
         self._bell: SimpleQueue[None] = SimpleQueue()
         self._is_rung = False
         self._tend_s = 0.0
@@ -113,22 +134,42 @@ class ZenohLink(FleetLink):
 
     def _open(self) -> None:
         self._zenoh = zenoh = _zenoh()
-        config = zenoh.Config()
+        self._config = zenoh.Config()
         for name, value in self._settings(self._prefix).items():
-            config.insert_json5(name, json.dumps(value))
+            self._config.insert_json5(name, json.dumps(value))
+        if self._waits_for:
+            return  # that may take long, and is the link's thread's business
         try:
-            self._session = zenoh.open(config)
+            self._session = zenoh.open(self._config)
         except zenoh.ZError as error:
             raise LinkError(
-                f"The net '{self.options.name}' cannot be opened: {str(error).split(' at /')[0]}",
+                f"The net '{self.options.name}' cannot be opened: {_in_words(error)}",
                 fix="is another program listening there, and is it an address of this machine?",
             ) from error
-        robot, node = (quote(name, safe="") for name in (self.member.robot, self.member.node))
-        self._place = f"{self._prefix}/{robot}/{node}/{self._session.zid()}"
 
     def setup(self) -> None:
+        """Shows itself, if it is connected already."""
+        if self._session is not None:
+            self._join_net()
+
+    def _connect(self) -> None:
+        """Tries to connect; on the link's thread, which has nothing better to do."""
+        try:
+            session = self._zenoh.open(self._config)
+        except self._zenoh.ZError as error:
+            self.reason = f"waits for {self._waits_for}: {_in_words(error)}"
+            self._try_s = self.get_time_s() + min(RETRY_MOST_S, RETRY_FIRST_S * 2.0**self._tries)
+            self._tries = min(self._tries + 1, 30)
+            return
+        self._session = session
+        self._join_net()
+
+    def _join_net(self) -> None:
         """Listens first and shows itself last: who sees this node can already be heard by it."""
         session, accept, robots = self._session, self.options.accept, self.hearing.robots
+        robot, node = (quote(name, safe="") for name in (self.member.robot, self.member.node))
+        self._place = f"{self._prefix}/{robot}/{node}/{session.zid()}"
+        self.reason = "nobody else is in the net."
         remote = self._zenoh.Locality.REMOTE
         for robot in ["*"] if robots is None else [quote(robot, safe="") for robot in sorted(robots)]:
             for key in ["*"] if accept is None else [quote(key, safe="") for key in sorted(accept)]:
@@ -182,51 +223,93 @@ class ZenohLink(FleetLink):
         if far is not None:
             return far
         parts = place.split("/")
-        if len(parts) != 5 or "*" in place or len(self._fars) >= MAX_MEMBERS:
+        if len(parts) != 5 or "*" in place or not place.startswith(f"{self._prefix}/"):
             return None
+        if len(self._fars) >= MAX_MEMBERS:
+            unseen = next((place for place, far in self._fars.items() if not far.is_here), None)
+            if unseen is None:
+                return None
+            del self._fars[unseen]
         far = self._fars[place] = Far(Member(unquote(parts[2]), unquote(parts[3])), self.get_time_s())
         return far
 
     def _seen(self, sample: Any) -> None:
         """Somebody has come or gone."""
         place = str(sample.key_expr).removesuffix("/alive")
-        if place == self._place:
+        if sample.kind != self._zenoh.SampleKind.DELETE:
+            self._hear(place)
             return
         with self._guard:
-            if sample.kind == self._zenoh.SampleKind.DELETE:
-                far = self._fars.pop(place, None)
-                if far is not None:
-                    self.dropped += far.missed
-                    self.reason = f"'{far.member.name}' left."
-            elif (far := self._far_at(place)) is not None:
-                far.is_here = True
-                self._has_newcomer = True
+            far = self._fars.pop(place, None)
+            if far is not None:
+                self._gone.append(place)
+                self.dropped += far.missed
+                self.reason = f"'{far.member.name}' left."
+        self._tend_soon()
+
+    def _hear(self, place: str) -> Far | None:
+        """Somebody is there: it shows itself, asks or answers. Tokens alone would do, if Zenoh never missed one."""
+        if place == self._place:
+            return None
+        with self._guard:
+            far = None if place in self._gone else self._far_at(place)
+            if far is None:
+                return None
+            far.heard_s = self.get_time_s()
+            is_new, far.is_here = not far.is_here, True
+            self._has_newcomer = self._has_newcomer or is_new
+        if is_new:
+            self._tend_soon()
+        return far
+
+    def _tend_soon(self) -> None:
         self._tend_s = 0.0
         self._ring()
 
     def _asked(self, query: Any) -> None:
         """Somebody asks whether this node is there."""
+        if query.payload is not None and len(query.payload) <= MAX_PLACE_BYTES:
+            self._hear(query.payload.to_bytes().decode(errors="replace"))
+        self._put_on_the_way(PING_BYTES, lambda: self._answer(query), is_page=False)
+
+    def _answer(self, query: Any) -> None:
         with suppress(self._zenoh.ZError):  # whoever asked is gone
             query.reply(f"{self._place}/ping", b"")
 
     def _answered(self, asked_s: float, reply: Any) -> None:
-        if reply.ok is None:
-            return
-        with self._guard:
-            far = self._fars.get(str(reply.ok.key_expr).removesuffix("/ping"))
-            if far is not None:
-                far.heard_s = self.get_time_s()
-                far.rtt_s = max(0.0, far.heard_s - asked_s)
+        far = None if reply.ok is None else self._hear(str(reply.ok.key_expr).removesuffix("/ping"))
+        if far is not None:
+            far.rtt_s = max(0.0, far.heard_s - asked_s)
 
     # On the node's thread
 
     def _send(self, key: DataKey, raw: bytes, frame: bytes) -> None:
+        letter = Letter(key, raw)
+        self._put_on_the_way(len(raw), lambda: self._post(letter), is_page=True)
+
+    def _post(self, letter: Letter) -> None:
         with self._guard:
-            self._outbox.put(Letter(key, raw))
+            self._outbox.put(letter)
+        self._ring()
+
+    # From any thread
+
+    def _put_on_the_way(self, size_bytes: int, arrive: Callable[[], None], is_page: bool) -> None:
+        """Has something happen when what this link sends arrives: at once, unless there are faults."""
+        if self._way is None:
+            arrive()
+            return
+        with self._guard:
+            if len(self._delayed) >= self._outbox.max_pages:
+                self.dropped += is_page
+                return
+            for arrival_s in self._way.arrivals_s(size_bytes, self.get_time_s(), is_page):
+                self._count += 1
+                heapq.heappush(self._delayed, (arrival_s, self._count, arrive))
         self._ring()
 
     def _ring(self) -> None:
-        """Has the link's thread look around; from any thread."""
+        """Has the link's thread look around."""
         if not self._is_rung:
             self._is_rung = True
             self._bell.put(None)
@@ -240,14 +323,26 @@ class ZenohLink(FleetLink):
 
     def loop(self) -> None:
         """Waits until there is something to do, and does it."""
-        wait_s = DEAF_LOOK_S if self.is_deaf else self._tend_s - self.get_time_s()
+        due_s = min(self._tend_s, self._delayed[0][0]) if self._delayed else self._tend_s
+        wait_s = DEAF_LOOK_S if self.is_deaf else due_s - self.get_time_s()
         if wait_s > 0:
             with suppress(Empty):
                 self._bell.get(timeout=wait_s)
         self._is_rung = False  # before looking, so that what comes after the look rings again
+        now_s = self.get_time_s()
+        if self._session is None and now_s >= self._try_s:
+            self._connect()
+        self._arrive()
         self._take_in()
         self._send_out()
         self._tend(self.get_time_s())
+
+    def _arrive(self) -> None:
+        now_s = self.get_time_s()
+        while self._delayed and self._delayed[0][0] <= now_s:
+            with self._guard:
+                _, _, arrive = heapq.heappop(self._delayed)
+            arrive()
 
     def _take_in(self) -> None:
         while not self._must_wait():
@@ -276,9 +371,10 @@ class ZenohLink(FleetLink):
         """Sends what waits; blocks as long as a far end does not read."""
         with self._guard:
             is_again, self._has_newcomer = self._has_newcomer, False
+            is_heard = any(far.is_here for far in self._fars.values())
         if is_again:
             for letter in list(self._newest.values()):
-                self._put(letter)
+                self._put(letter, is_heard)
         while True:
             with self._guard:
                 letters = self._outbox.take(BATCH_BYTES)
@@ -286,12 +382,18 @@ class ZenohLink(FleetLink):
                 return
             for letter in letters:
                 last = self._newest.pop(letter.key, None)  # taken out, so that the order is that of storing
+                if last is not None and not last.is_sent:
+                    self.dropped += 1
                 letter.number = last.number + 1 if last is not None else 1
                 self._newest[letter.key] = letter
-                self._put(letter)
-                self.sent += 1
+                self._put(letter, is_heard)
 
-    def _put(self, letter: Letter) -> None:
+    def _put(self, letter: Letter, is_heard: bool) -> None:
+        if self._session is None:
+            return
+        if is_heard and not letter.is_sent:
+            letter.is_sent = True
+            self.sent += 1
         publisher = self._publishers.get(letter.key)
         if publisher is None:
             publisher = self._publishers[letter.key] = self._session.declare_publisher(
@@ -309,21 +411,32 @@ class ZenohLink(FleetLink):
         self._tend_s = now_s + TEND_EVERY_S
         if now_s >= self._ping_s:
             self._ping_s = now_s + self.options.keep_alive_s
-            self._session.get(
-                f"{self._prefix}/*/*/*/ping",
-                self._background(lambda reply: self._answered(now_s, reply)),
-                target=self._zenoh.QueryTarget.ALL,
-                consolidation=self._zenoh.ConsolidationMode.NONE,
-                timeout=self.options.timeout_s,
-                allowed_destination=self._zenoh.Locality.REMOTE,
-            )
+            self._put_on_the_way(PING_BYTES, lambda: self._ask(now_s), is_page=False)
         self._report(now_s)
+
+    def _ask(self, now_s: float) -> None:
+        """Asks all others whether they are there."""
+        if self._session is None:
+            return
+        self._session.get(
+            f"{self._prefix}/*/*/*/ping",
+            self._background(lambda reply: self._answered(now_s, reply)),
+            target=self._zenoh.QueryTarget.ALL,
+            consolidation=self._zenoh.ConsolidationMode.NONE,
+            timeout=self.options.timeout_s,
+            payload=self._place,
+            allowed_destination=self._zenoh.Locality.REMOTE,
+        )
 
     def _state(self, now_s: float) -> dict[str, Any]:
         with self._guard:
-            here = [far for far in self._fars.values() if far.is_here]
+            shown = [far for far in self._fars.values() if far.is_here]
             missed = sum(far.missed for far in self._fars.values())
             dropped = self.dropped + self._outbox.dropped + self._inbox.dropped + missed
+        dropped += 0 if self._way is None else self._way.lost
+        here = [far for far in shown if now_s - far.heard_s <= self.options.timeout_s]
+        if shown and not here:
+            self.reason = f"nothing was heard for {self.options.timeout_s:g} s."
         trips_s = [far.rtt_s for far in here if far.rtt_s is not None]
         return {
             "up": bool(here),
@@ -350,6 +463,8 @@ class ZenohLink(FleetLink):
 
     def halt(self) -> None:
         """Sends what waits and leaves; not for longer than `LINGER_S`, for either may block."""
+        if self._session is None:
+            return
         leaving = threading.Thread(target=self._leave, name=f"{self.name} leaves", daemon=True)
         leaving.start()
         leaving.join(LINGER_S)
@@ -358,6 +473,11 @@ class ZenohLink(FleetLink):
         with suppress(self._zenoh.ZError):
             self._send_out()
         self._session.close()
+
+
+def _in_words(error: Exception) -> str:
+    """Returns what Zenoh says, without where in its own source."""
+    return str(error).partition(" at /")[0].strip()
 
 
 def _zenoh() -> Any:

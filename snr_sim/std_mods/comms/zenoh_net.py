@@ -33,6 +33,7 @@ from snr_sim.std_mods.comms.zenoh_link import ZenohLink
 LOOPBACK_INTERFACES = frozenset({"lo", "lo0"})
 # A far end that reads nothing for so long is left; until then it holds up the pages to all others.
 STUCK_S = 1.0
+SCOUT_S = 1.0  # how long who does not listen looks for others at a time
 MESSAGE_EXTRA_BYTES = 1 << 12  # what Zenoh itself may add to a page
 _ENDPOINT = re.compile(r"(?P<protocol>[a-z]+)/(?P<host>\[[^\]]+\]|[^:/\[\]]+):(?P<port>\d{1,5})")
 _ALL_MESSAGES = (
@@ -194,21 +195,23 @@ class ZenohNet:
         """
         timeout_ms = int(self.options.timeout_s * 1000)
         return {
-            # A router passes on between those connected to it, which peers do not; and unlike a client it begins,
-            # and goes on, with nobody to connect to.
-            "mode": "router",
+            # Between those connected to a router it passes on, which it does not between peers. Who does not listen is
+            # a client and no router, because routers miss who comes within 0.1 s of another's going (1.10).
+            "mode": "router" if listen else "client",
             "listen": {"endpoints": [each.text for each in listen], "timeout_ms": 0, "exit_on_failure": True},
             "connect": {
                 "endpoints": [each.text for each in connect],
-                "timeout_ms": -1,
-                "exit_on_failure": False,
+                "timeout_ms": -1 if listen else 0,  # for ever, behind the scenes; a client's link tries again itself
+                "exit_on_failure": not listen,
                 "retry": {"period_init_ms": 50, "period_max_ms": 1000, "period_increase_factor": 2},
             },
             "scouting": {
+                "delay": 0,
+                "timeout": int(SCOUT_S * 1000),
                 "multicast": {
                     "enabled": self.discover,
                     "interface": ",".join(self.interfaces),
-                    "autoconnect": {"router": ["router"]},
+                    "autoconnect": {"router": ["router"], "client": ["router"]},
                 },
                 "gossip": {"enabled": False},
             },
@@ -298,6 +301,11 @@ class ZenohLinkFactory(LoopFactory):
         self.robot = robot
         self.listen = listen
         self.connect = connect
+        if not (listen or connect or net.discover):
+            raise ConfigError(
+                f"A node of the net '{net.name}' neither listens nor connects, so it would meet nobody.",
+                fix='listen="tcp/127.0.0.1:7447" for one node, connect="tcp/127.0.0.1:7447" for the others.',
+            )
         if net.tls is not None:
             _check_tls(net.tls, bool(listen), bool(connect) or net.discover)
 
@@ -306,7 +314,8 @@ class ZenohLinkFactory(LoopFactory):
         member = Member(self.robot or parent.name, parent.name)
         if isinstance(parent.clock, SimClock):
             return SimulatedFleetLink(self, parent, self.options, member, self.hearing, self.net.gathering)
-        return ZenohLink(self, parent, self.options, member, self.hearing, self.settings)
+        where = ", ".join(each.text for each in self.connect) or "anybody to be discovered"
+        return ZenohLink(self, parent, self.options, member, self.hearing, self.settings, "" if self.listen else where)
 
     def settings(self, prefix: str) -> dict[str, Any]:
         """Returns Zenoh's configuration for this link; see ZenohNet.settings."""

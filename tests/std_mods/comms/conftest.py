@@ -159,3 +159,22 @@ def raw() -> Iterator[Callable[..., Raw]]:
     yield connect
     for one in made:
         one.close()
+
+
+@pytest.fixture(scope="session")
+def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Certificates: of a robot, of a student, of an authority, and of a stranger's authority."""
+    trustme = pytest.importorskip("trustme")  # part of snr_sim[dev]
+    folder = tmp_path_factory.mktemp("tls")
+    authority, stranger = trustme.CA(), trustme.CA()
+    robot, student = authority.issue_cert("127.0.0.1"), authority.issue_cert("student@pool.example")
+    evil = stranger.issue_cert("evil@pool.example")
+    paths = {}
+    for name, cert in (("robot", robot), ("student", student), ("evil", evil)):
+        for kind, blob in (("cert", cert.cert_chain_pems[0]), ("key", cert.private_key_pem)):
+            paths[f"{name}_{kind}"] = str(folder / f"{name}.{kind}")
+            blob.write_to_path(paths[f"{name}_{kind}"])
+    for name, ca in (("authority", authority), ("stranger", stranger)):
+        paths[name] = str(folder / f"{name}.pem")
+        ca.cert_pem.write_to_path(paths[name])
+    return paths

@@ -13,8 +13,6 @@ from snr_sim.prelude.errors import ConfigError
 from snr_sim.std_mods.comms.messages import Refused
 from snr_sim.std_mods.comms.security import as_networks, is_allowed, is_loopback
 
-trustme = pytest.importorskip("trustme")  # part of snr_sim[dev]
-
 HERE = "127.0.0.1"
 Start = Callable[..., Any]
 
@@ -83,24 +81,6 @@ def test_a_wrong_secret_is_told_to_both_ends_and_the_right_one_connects(start: S
     honest.until_link("t")
     honest.store("x", "good")
     assert robot.until_stored("x") == ["good"]
-
-
-@pytest.fixture(scope="module")
-def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Certificates: of a robot, of a student, of an authority, and of a stranger's authority."""
-    folder = tmp_path_factory.mktemp("tls")
-    authority, stranger = trustme.CA(), trustme.CA()
-    robot, student = authority.issue_cert(HERE), authority.issue_cert("student@pool.example")
-    evil = stranger.issue_cert("evil@pool.example")
-    paths = {}
-    for name, cert in (("robot", robot), ("student", student), ("evil", evil)):
-        for kind, blob in (("cert", cert.cert_chain_pems[0]), ("key", cert.private_key_pem)):
-            paths[f"{name}_{kind}"] = str(folder / f"{name}.{kind}")
-            blob.write_to_path(paths[f"{name}_{kind}"])
-    for name, ca in (("authority", authority), ("stranger", stranger)):
-        paths[name] = str(folder / f"{name}.pem")
-        ca.cert_pem.write_to_path(paths[name])
-    return paths
 
 
 def test_pages_large_and_small_cross_tls_both_ways(start: Start, files: dict[str, str]) -> None:

@@ -2,25 +2,37 @@
 
 from __future__ import annotations
 
+import json
+import os
+import signal
 import socket
-from collections.abc import Callable
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from snr_sim import Config, SimRunner, ZenohNet
-from snr_sim.testing.parts import TickerFactory
+from snr_sim import Faults, Tls, ZenohNet
+from snr_sim.prelude.errors import MissingExtra
+from snr_sim.prelude.page import Page
+from snr_sim.std_mods.comms import zenoh_link
 
 zenoh = pytest.importorskip("zenoh")  # part of snr_sim[dev]
 
 Start = Callable[..., Any]
+LIMIT_S = 30.0
+NODE = Path(__file__).with_name("zenoh_node.py")
 
 
-def free_address() -> str:
+def free_address(protocol: str = "tcp") -> str:
     """An address that nobody has just now."""
     with socket.socket() as sock:
         sock.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{sock.getsockname()[1]}"
+        return f"{protocol}/127.0.0.1:{sock.getsockname()[1]}"
 
 
 @pytest.fixture
@@ -33,9 +45,111 @@ def joins(net: ZenohNet, keys: Any = (), **options: Any) -> Any:
     return net.link(keys, listen=(), connect=[net.listen[0].text], **options)
 
 
+def names(running: Any) -> list[str]:
+    """Whom a node's link has told of last."""
+    pages = running.stored["link_fleet"]
+    return sorted(pages[-1]["peers"]) if pages else []
+
+
+class Process:
+    """A node in a process of its own, which joins a net; see zenoh_node.py."""
+
+    def __init__(self, net: ZenohNet, role: str, keys: Any = (), **options: Any) -> None:
+        where = {"name": net.name, "connect": [net.listen[0].text], **options}
+        command = [sys.executable, str(NODE), role, json.dumps(where), json.dumps({"keys": keys})]
+        self.popen = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        self.stored: dict[str, list[Any]] = {}
+        self.news = threading.Condition()
+        self.reader = threading.Thread(target=self._read, daemon=True)
+        self.reader.start()
+
+    def _read(self) -> None:
+        assert self.popen.stdout is not None
+        for line in self.popen.stdout:
+            key, data, _ = json.loads(line)
+            with self.news:
+                self.stored.setdefault(key, []).append(data)
+                self.news.notify_all()
+
+    def until_stored(self, key: str, count: int = 1) -> list[Any]:
+        """Waits until so many pages of a key have been stored there, and returns their data."""
+        with self.news:
+            assert self.news.wait_for(lambda: len(self.stored.get(key, ())) >= count, LIMIT_S), self.stored
+            return list(self.stored[key])
+
+    def until_peers(self, *wanted: str) -> None:
+        """Waits until its link tells of exactly these."""
+
+        def tells() -> bool:
+            pages = self.stored.get("link_fleet")
+            return bool(pages) and sorted(pages[-1]["peers"]) == sorted(wanted)
+
+        with self.news:
+            assert self.news.wait_for(tells, LIMIT_S), self.stored
+
+    def store(self, key: str, *values: Any) -> None:
+        """Has values stored there."""
+        assert self.popen.stdin is not None
+        print(json.dumps([key, values]), file=self.popen.stdin, flush=True)
+
+    def end(self) -> None:
+        """Ends the node in good order."""
+        assert self.popen.stdin is not None
+        self.popen.stdin.close()
+        assert self.popen.wait(LIMIT_S) == 0
+
+    def kill(self) -> None:
+        """Ends it at once."""
+        self.popen.kill()
+        self.popen.wait()
+
+
+@pytest.fixture
+def process() -> Iterator[Callable[..., Process]]:
+    """Starts a node in a process: `process(net, "role", keys)`. All are killed after the test."""
+    started: list[Process] = []
+
+    def begin(*args: Any, **options: Any) -> Process:
+        started.append(Process(*args, **options))
+        return started[-1]
+
+    yield begin
+    for one in started:
+        one.kill()
+        one.reader.join(LIMIT_S)
+        assert one.popen.stdin is not None
+        assert one.popen.stdout is not None
+        one.popen.stdin.close()
+        one.popen.stdout.close()
+
+
+@pytest.fixture
+def stranger(net: ZenohNet) -> Iterator[Callable[[], Any]]:
+    """Connects a program with Zenoh and without snr_sim to the net's first node, which must be there."""
+    sessions: list[Any] = []
+
+    def connect() -> Any:
+        config = zenoh.Config()
+        for name, value in {
+            "mode": "client",
+            "connect": {"endpoints": [net.listen[0].text]},
+            "scouting": {"multicast": {"enabled": False}},
+        }.items():
+            config.insert_json5(name, json.dumps(value))
+        sessions.append(zenoh.open(config))
+        return sessions[-1]
+
+    yield connect
+    for session in sessions:
+        session.close()
+
+
+# Who hears whom
+
+
 def test_pages_go_both_ways_and_either_node_starts_first(start: Start, net: ZenohNet) -> None:
     rov = start("rov", [joins(net, "depth")])
-    assert rov.until_link("fleet", up=False)["reason"] == "nobody else is in the net."
+    assert rov.until_link("fleet", up=False)["reason"].startswith(f"waits for {net.listen[0].text}")
     rov.store("depth", 1.5)  # before anybody hears it
     shore = start("shore", [net.link("mission")])
     assert list(shore.until_link("fleet")["peers"]) == ["rov_node"]
@@ -45,18 +159,64 @@ def test_pages_go_both_ways_and_either_node_starts_first(start: Start, net: Zeno
     assert shore.until_stored("depth") == [1.5]
 
 
-def test_nodes_that_only_connect_hear_each_other_through_the_one_that_listens(start: Start, net: ZenohNet) -> None:
+def test_three_processes_hear_each_other_through_the_one_that_listens(
+    start: Start, process: Callable[..., Process], net: ZenohNet
+) -> None:
     shore = start("shore", [net.link()])
-    a, b = start("a", [joins(net, "x")]), start("b", [joins(net, "y")])
-    a.until(lambda: len(a.until_link("fleet")["peers"]) == 2)
-    b.until(lambda: len(b.until_link("fleet")["peers"]) == 2)
+    a, b = process(net, "a", "x"), process(net, "b", "y")
+    a.until_peers("shore_node", "b_node")
+    b.until_peers("shore_node", "a_node")
     a.store("x", 1)
     b.store("y", 2)
     assert b.until_stored("x") == [1]
     assert a.until_stored("y") == [2]
     assert shore.until_stored("x") == [1]
+    assert shore.until_stored("y") == [2]
     b.end()
-    a.until(lambda: list(a.until_link("fleet")["peers"]) == ["shore_node"])
+    a.until_peers("shore_node")
+    shore.until(lambda: names(shore) == ["a_node"])
+
+
+def test_robots_with_the_same_program_are_told_apart(start: Start, net: ZenohNet) -> None:
+    shore = start("shore", [net.link("mission", apart=True)])
+    rov1 = start("auv", [joins(net, "depth", robot="rov1", robots="shore_node")])
+    rov2 = start("auv", [joins(net, "depth", robot="rov2", robots="shore_node")])
+    shore.until(lambda: names(shore) == ["rov1/auv_node", "rov2/auv_node"])
+    rov1.store("depth", 1.0)
+    rov2.store("depth", 2.0)
+    assert shore.until_stored("rov1/depth") == [1.0]
+    assert shore.until_stored("rov2/depth") == [2.0]
+    assert shore.node.get_page("rov1/depth").origin == "rov1/auv_node"
+    shore.store("mission", "dive")
+    assert rov1.until_stored("mission") == rov2.until_stored("mission") == ["dive"]
+    assert rov1.stored["depth"] == [1.0]
+
+
+def test_nets_with_different_names_never_meet(start: Start, net: ZenohNet) -> None:
+    other = ZenohNet(name="other fleet?", connect=net.listen[0].text)
+    shore = start("shore", [net.link()])
+    alien = start("alien", [other.link("x")])
+    alien.store("x", "theirs")
+    alien.until_link("other fleet?", up=False, reason="nobody else is in the net.")  # connected, and not heard
+    friend = start("friend", [joins(net, "x")])
+    friend.until_link("fleet")
+    friend.store("x", "ours")
+    assert shore.until_stored("x") == ["ours"]
+    assert names(shore) == ["friend_node"]
+    assert alien.stored["link_other fleet?"][-1]["up"] is False
+
+
+def test_others_are_discovered_on_the_interface_that_was_named_and_only_there(start: Start) -> None:
+    # Multicast is the whole machine's, so this net's name is nobody else's.
+    name = f"fleet {os.getpid()}"
+    rov = start("rov", [ZenohNet(name=name, discover=True, listen=free_address()).link("x")])
+    shore = start("shore", [ZenohNet(name=name, discover=True, listen=free_address()).link()])
+    rov.until_link(name)
+    rov.store("x", 1)
+    assert shore.until_stored("x") == [1]
+
+
+# When and what
 
 
 def test_who_comes_late_hears_the_newest_of_each_key_and_nobody_hears_it_twice(start: Start, net: ZenohNet) -> None:
@@ -75,29 +235,249 @@ def test_who_comes_late_hears_the_newest_of_each_key_and_nobody_hears_it_twice(s
     assert early.stored["heading"] == [0.5]
 
 
-def test_ten_thousand_pages_arrive_in_order(start: Start, net: ZenohNet) -> None:
-    rov = start("rov", [net.link("x")])
-    shore = start("shore", [joins(net)])
-    rov.until_link("fleet")
+def test_ten_thousand_pages_reach_another_process_in_order(
+    start: Start, process: Callable[..., Process], net: ZenohNet
+) -> None:
+    shore = start("shore", [net.link()])
+    rov = process(net, "rov", "x")
+    rov.until_peers("shore_node")
     rov.store("x", *range(10_000))
     assert shore.until_stored("x", 10_000) == list(range(10_000))
+    state = shore.until_link("fleet")
+    assert state["dropped"] == 0
 
 
-def test_the_same_config_runs_in_lock_step_without_zenoh() -> None:
-    net = ZenohNet(name="fleet", listen="tcp/127.0.0.1:7447")
-    values = iter(range(100))
-    config = Config(
-        factories={
-            "a": [TickerFactory(lambda loop: loop.store_data("x", next(values)), rate_hz=10), net.link("x")],
-            "b": [net.link("y")],
-            "c": [net.link(accept=["y"])],
-        }
-    )
-    runner = SimRunner(config, until_s=1.95)
-    runner.run()
-    assert runner.nodes["b"].get_data("x") == 19
-    assert runner.nodes["c"].get_data("x") is None
-    state = runner.nodes["a"].get_data("link_fleet")
-    assert state["up"]
-    assert sorted(state["peers"]) == ["b_node", "c_node"]
-    assert runner.nodes["c"].get_data("link_fleet")["unwanted"] >= 10
+def test_any_text_may_be_a_key(start: Start, net: ZenohNet) -> None:
+    keys = ["depth/of rov", "*", "**", "$x?#", "@me", "Tiefe ü", "a" * 256]
+    rov = start("rov", [net.link(keys)])
+    shore = start("shore", [joins(net, accept=keys)])
+    rov.until_link("fleet")
+    for number, key in enumerate(keys):
+        rov.store(key, number)
+    assert [shore.until_stored(key) for key in keys] == [[number] for number in range(len(keys))]
+
+
+def test_only_what_is_accepted_comes_in(start: Start, net: ZenohNet) -> None:
+    rov = start("rov", [net.link(["x", "y"])])
+    shore = start("shore", [joins(net, accept=["y"])])
+    rov.until_link("fleet")
+    rov.store("x", 1)
+    rov.store("y", 2)
+    assert shore.until_stored("y") == [2]
+    assert shore.stored["x"] == []
+
+
+def test_the_link_says_how_long_a_round_trip_takes(start: Start, net: ZenohNet) -> None:
+    start("rov", [net.link("x")])
+    shore = start("shore", [joins(net)])
+    shore.until(lambda: shore.stored["link_fleet"] and shore.stored["link_fleet"][-1]["rtt_s"] is not None)
+    state = shore.stored["link_fleet"][-1]
+    assert 0 < state["rtt_s"] < LIMIT_S
+    assert 0 <= state["age_s"] < LIMIT_S
+
+
+def test_faults_delay_and_lose_pages_and_say_how_many(start: Start, net: ZenohNet) -> None:
+    bad = ZenohNet(name="fleet", connect=net.listen[0].text, faults=Faults(latency_s=0.2, loss=0.5, seed=1))
+    shore = start("shore", [net.link()])
+    rov = start("rov", [bad.link("x")], seed=1)
+    rov.until_link("fleet")
+    rov.store("x", *range(40), "last?")
+    rov.until(lambda: rov.stored["link_fleet"][-1]["sent"] + rov.stored["link_fleet"][-1]["dropped"] == 41)
+    state = rov.stored["link_fleet"][-1]
+    assert 5 < state["dropped"] < 35
+    assert len(shore.until_stored("x", state["sent"])) == state["sent"]
+    rov.until(lambda: rov.stored["link_fleet"][-1]["rtt_s"] is not None)
+    assert rov.stored["link_fleet"][-1]["rtt_s"] >= 0.2
+
+
+# Comings and goings
+
+
+def test_a_process_that_is_killed_is_seen_and_its_successor_too(
+    start: Start, process: Callable[..., Process], net: ZenohNet
+) -> None:
+    shore = start("shore", [net.link("mission")])
+    rov = process(net, "rov", "x")
+    shore.until_link("fleet")
+    rov.kill()
+    assert shore.until_link("fleet", up=False)["reason"] == "'rov_node' left."
+    shore.store("mission", "come back")
+    again = process(net, "rov", "x")
+    assert again.until_stored("mission") == ["come back"]
+    shore.until_link("fleet")
+    again.store("x", 1)
+    assert shore.until_stored("x") == [1]
+
+
+def test_the_one_that_listens_may_be_killed_and_come_back(
+    start: Start, process: Callable[..., Process], net: ZenohNet
+) -> None:
+    rov = start("rov", [joins(net, "x")])
+    listens = {"listen": [net.listen[0].text], "connect": []}
+    shore = process(net, "shore", **listens)
+    rov.until_link("fleet")
+    shore.kill()
+    rov.until_link("fleet", up=False)
+    rov.store("x", 1)
+    again = process(net, "shore", **listens)
+    assert again.until_stored("x") == [1]
+    rov.until_link("fleet")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="stops a process, as POSIX does")
+def test_a_process_that_hangs_neither_holds_up_a_node_nor_its_end(
+    start: Start, process: Callable[..., Process], net: ZenohNet
+) -> None:
+    shore = start("shore", [net.link("x")])
+    rov, friend = process(net, "rov"), process(net, "friend")
+    shore.until(lambda: names(shore) == ["friend_node", "rov_node"])
+    os.kill(rov.popen.pid, signal.SIGSTOP)
+    text = "x" * 1000
+    shore.store("x", *([text] * 20_000), "last")  # far more than the system keeps for somebody who does not read
+    shore.until(lambda: shore.stored["x"] and shore.stored["x"][-1] == "last")
+    friend.until_stored("x")
+    shore.until(lambda: names(shore) == ["friend_node"])
+    with friend.news:
+        assert friend.news.wait_for(lambda: friend.stored["x"][-1] == "last", LIMIT_S)
+    began_s = time.monotonic()
+    shore.end()
+    assert time.monotonic() - began_s < 3.0  # 0.3 s, and this machine's load; Zenoh itself takes 6 s and more
+
+
+def test_twenty_links_leave_neither_threads_nor_descriptors_behind(start: Start, net: ZenohNet) -> None:
+    def left() -> tuple[int, int]:
+        return len(os.listdir("/proc/self/task")), len(os.listdir("/proc/self/fd"))
+
+    shore = start("shore", [net.link("x")])
+    counts = []
+    for number in range(20):
+        rov = start("rov", [joins(net)])
+        rov.until_link("fleet")
+        shore.store("x", number)
+        rov.until(lambda number=number, rov=rov: rov.stored["x"] and rov.stored["x"][-1] == number)
+        rov.end()
+        shore.until_link("fleet", up=False)
+        counts.append(left())
+    assert max(threads for threads, _ in counts[10:]) <= max(threads for threads, _ in counts[:10])
+    assert max(descriptors for _, descriptors in counts[10:]) <= max(descriptors for _, descriptors in counts[:10])
+
+
+# Strangers
+
+
+def test_what_is_no_page_is_counted_and_changes_nothing(
+    start: Start, net: ZenohNet, stranger: Callable[[], Any]
+) -> None:
+    shore = start("shore", [net.link(accept=["x", "y", "last"])])
+    shore.until_link("fleet", up=False)
+    session, place = stranger(), "snr/fleet/evil/evil/1"
+    page = Page("x", 1, "evil", 0.0).serialize()
+    hostile = [
+        (f"{place}/page/x", b""),
+        (f"{place}/page/x", b"not a page"),
+        (f"{place}/page/x", b'{"$":"bytes","data":"="}'),
+        (f"{place}/page/x", b"[" * 100_000),
+        (f"{place}/page/x", page[:-1]),
+        (f"{place}/page/x", b"\xff" * 1000),
+        (f"{place}/page/y", page),  # of another key than it says
+        ("snr/fleet/**", page),  # to everywhere at once
+        (f"{place}/more/page/x", page),
+        (f"{place}/page/x", Page("x", 1, "shore_node", 0.0).serialize()),  # as if it were the node's own
+        (f"{place}/page/x", Page("x", "x" * (1 << 20), "evil", 0.0).serialize()),  # longer than pages may be
+    ]
+    for key, payload in hostile:
+        session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
+    session.put(f"{place}/page/x", page, attachment=b"long" * 1000, congestion_control=zenoh.CongestionControl.BLOCK)
+    assert shore.until_stored("x") == [1]
+    shore.until(lambda: shore.stored["link_fleet"][-1]["unwanted"] >= 8)
+    assert shore.stored["y"] == []
+    assert shore.stored["link_fleet"][-1]["received"] == 1
+    assert shore.failure is None
+    friend = start("friend", [joins(net, "last")])
+    friend.store("last", True)
+    assert shore.until_stored("last") == [True]
+
+
+def test_a_page_far_too_long_is_not_even_kept(start: Start, net: ZenohNet, stranger: Callable[[], Any]) -> None:
+    shore = start("shore", [net.link()])
+    shore.until_link("fleet", up=False)
+    session, place = stranger(), "snr/fleet/evil/evil/1"
+    session.put(f"{place}/page/x", bytes(1 << 26), congestion_control=zenoh.CongestionControl.BLOCK)
+    friend = start("friend", [joins(net, "y")])
+    friend.store("y", 1)
+    assert shore.until_stored("y") == [1]
+    assert shore.stored["x"] == []
+    assert shore.failure is None
+
+
+def test_only_keys_of_the_net_pass_the_node_that_listens(
+    start: Start, net: ZenohNet, stranger: Callable[[], Any]
+) -> None:
+    shore = start("shore", [net.link()])
+    shore.until_link("fleet", up=False)
+    came: list[str] = []
+    news = threading.Condition()
+
+    def take(sample: Any) -> None:
+        with news:
+            came.append(str(sample.key_expr))
+            news.notify_all()
+
+    ear, mouth = stranger(), stranger()
+    for keys in ("**", "foreign/**", "snr/other/**", "snr/fleet/**"):
+        ear.declare_subscriber(keys, take)
+
+    def has_heard_the_last() -> bool:
+        # Again and again, because a subscription takes its time to get around.
+        for key in ("foreign/x", "snr/other/a/a/1/page/x", "snr/fleet/a/a/1/page/x"):
+            mouth.put(key, b"hello", congestion_control=zenoh.CongestionControl.BLOCK)
+        return "snr/fleet/a/a/1/page/x" in came
+
+    with news:
+        assert news.wait_for(has_heard_the_last, LIMIT_S) or any(
+            news.wait(0.1) and has_heard_the_last() for _ in range(100)
+        )
+    assert set(came) == {"snr/fleet/a/a/1/page/x"}
+
+
+def test_with_certificates_on_both_sides_only_those_of_the_authority_get_in(
+    start: Start, files: dict[str, str]
+) -> None:
+    address = free_address("tls")
+    ours = {"authority": files["authority"], "client_authority": files["authority"]}
+    shore_tls = Tls(certificate=files["robot_cert"], key=files["robot_key"], **ours)
+    shore = start("shore", [ZenohNet(name="fleet", listen=address, tls=shore_tls).link("x")])
+    shore.until_link("fleet", up=False)
+
+    def connects(role: str, **certificates: str) -> Any:
+        tls = Tls(**certificates)
+        return start(role, [ZenohNet(name="fleet", connect=address, tls=tls).link("y")])
+
+    student = {"client_certificate": files["student_cert"], "client_key": files["student_key"]}
+    evil = {"client_certificate": files["evil_cert"], "client_key": files["evil_key"]}
+    intruder = connects("intruder", authority=files["authority"], **evil)
+    doubter = connects("doubter", authority=files["stranger"], **student)
+    rov = connects("rov", authority=files["authority"], **student)
+    rov.until_link("fleet")
+    rov.store("y", 1)
+    shore.store("x", 2)
+    assert shore.until_stored("y") == [1]
+    assert rov.until_stored("x") == [2]
+    for other in (intruder, doubter):
+        other.store("y", "evil")
+        assert other.until_link("fleet", up=False)["reason"].startswith(f"waits for {address}: ")
+    assert names(shore) == ["rov_node"]
+    assert shore.stored["y"] == [1]
+
+
+def test_a_port_in_use_is_said_where_the_node_begins(start: Start, net: ZenohNet) -> None:
+    start("shore", [net.link()]).until_link("fleet", up=False)
+    second = start("second", [net.link()])
+    second.until(lambda: second.failure)
+    assert "The net 'fleet' cannot be opened" in str(second.failure)
+
+
+def test_a_missing_package_says_what_to_install(net: ZenohNet, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "zenoh", None)
+    with pytest.raises(MissingExtra, match=r"eclipse-zenoh(.|\n)*snr_sim\[zenoh\]"):
+        zenoh_link._zenoh()
