@@ -6,6 +6,7 @@ without a screen (SDL's "dummy" driver) unless the program has opened a window b
 
 from __future__ import annotations
 
+import importlib
 import os
 from typing import TYPE_CHECKING
 
@@ -35,7 +36,7 @@ def start_pygame() -> ModuleType:
     for name, value in _SETTINGS.items():
         os.environ.setdefault(name, value)
     try:
-        import pygame  # slow, and only a real pad needs it
+        pygame = importlib.import_module("pygame")  # slow, and only a real pad needs it
     except ImportError:
         raise MissingExtra("pygame-ce", "pad") from None
     pygame.display.init()
