@@ -1,10 +1,10 @@
 """ZenohLink: one node's link to a ZenohNet. The one door to the package `zenoh`.
 
-What Zenoh sees, for each node of a net:
+What Zenoh sees of each node, at its place in the net (see roster.py):
 
-    snr/<net>/<robot>/<node>/<id>/alive        a liveliness token: goes when the node does, however that may be
-    snr/<net>/<robot>/<node>/<id>/page/<key>   its pages, exactly as Page.serialize writes them; a number is attached
-    snr/<net>/<robot>/<node>/<id>/ping         answers, with nothing, whoever asks; who asks says who it is
+    <place>/alive        a liveliness token: goes when the node does, however that may be
+    <place>/page/<key>   its pages, exactly as Page.serialize writes them; a number is attached
+    <place>/ping         answers, with nothing, whoever asks; who asks says who it is
 
 Zenoh calls back on threads of its own. They only put things down, in bounded places; the link's thread does the rest,
 and also what may block: sending. Who comes late is sent the newest page of each key once more, in line with all
@@ -16,12 +16,10 @@ from __future__ import annotations
 import heapq
 import json
 import threading
-from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import Any
-from urllib.parse import quote, unquote
 
 from snr_sim.core.loop import LoopFactory
 from snr_sim.core.node import Node
@@ -30,15 +28,15 @@ from snr_sim.prelude.page import DataKey, Page
 from snr_sim.std_mods.comms.faults import Way
 from snr_sim.std_mods.comms.fleet import PING_BYTES, FleetLink, Hearing, Member
 from snr_sim.std_mods.comms.link import LinkOptions, by_name
+from snr_sim.std_mods.comms.roster import Far, Roster, encoded
 from snr_sim.std_mods.comms.send_queue import SendQueue
+from snr_sim.std_mods.comms.zenoh_settings import ZenohSettings
 
+ALONE = "nobody else is in the net."
 TEND_EVERY_S = 0.05
 DEAF_LOOK_S = 0.002  # how often a link that lets nothing in looks whether the node has caught up
 LINGER_S = 0.3  # how long the end of a link may take to send what waits
 BATCH_BYTES = 1 << 17
-MAX_MEMBERS = 1000  # of a net; more are not listened to
-MAX_KEYS = 10_000  # remembered of each member, to know what has come already
-MAX_GONE = 100  # remembered, so that what they sent last does not bring them back
 RETRY_FIRST_S = 0.05
 RETRY_MOST_S = 1.0
 MAX_PLACE_BYTES = 1 << 13
@@ -68,31 +66,12 @@ class Letter:
         return len(self.raw)
 
 
-class Far:
-    """Another node of the net.
-
-    Args:
-        member: which.
-        now_s: when it came.
-    """
-
-    def __init__(self, member: Member, now_s: float) -> None:
-        self.member = member
-        self.heard_s = now_s
-        self.rtt_s: float | None = None
-        self.is_here = False  # shows itself, or answers
-        self.received = 0
-        self.missed = 0
-        self.numbers: dict[str, int] = {}  # of the newest page of each key
-
-
 class ZenohLink(FleetLink):
     """Sends and hears pages over Zenoh.
 
     Args:
         factory, parent, options, member, hearing: as of FleetLink.
-        settings: returns Zenoh's configuration for a net whose keys begin so.
-        waits_for: whom it has to connect to before it can do anything, in words; "" if it listens itself.
+        settings: what it may do on the network.
     """
 
     def __init__(
@@ -102,26 +81,21 @@ class ZenohLink(FleetLink):
         options: LinkOptions,
         member: Member,
         hearing: Hearing,
-        settings: Callable[[str], dict[str, Any]],
-        waits_for: str = "",
+        settings: ZenohSettings,
     ) -> None:
         super().__init__(factory, parent, options, member, hearing)
-        self.reason = f"waits for {waits_for}." if waits_for else "nobody else is in the net."
-        self._waits_for = waits_for
+        self._waits_for = ", ".join(each.text for each in settings.connect) or "anybody to be discovered"
+        self.reason = ALONE if settings.listen else f"waits for {self._waits_for}."
         self._session: Any = None
-        self._place = ""
         self._tries = 0
         self._try_s = 0.0
         self._settings = settings
-        self._prefix = f"snr/{quote(options.name, safe='')}"
+        self._roster = Roster(f"snr/{encoded(options.name)}")
         self._outbox: SendQueue[Letter] = SendQueue(options.queue_pages, options.policy)
         self._inbox: SendQueue[Letter] = SendQueue(options.queue_pages, options.policy)
-        self._fars: dict[str, Far] = {}  # by their place among Zenoh's keys
-        self._gone: deque[str] = deque(maxlen=MAX_GONE)
-        self._guard = threading.Lock()  # held for a few steps: of the four above
+        self._guard = threading.Lock()  # held for a few steps: of the two above, and what is on the way
         self._newest: dict[DataKey, Letter] = {}
         self._publishers: dict[DataKey, Any] = {}
-        self._has_newcomer = False
         self._way = (
             None if options.faults is None else Way(options.faults, parent.seed, f"link:{self.name}:{parent.role}")
         )
@@ -135,9 +109,9 @@ class ZenohLink(FleetLink):
     def _open(self) -> None:
         self._zenoh = zenoh = _zenoh()
         self._config = zenoh.Config()
-        for name, value in self._settings(self._prefix).items():
+        for name, value in self._settings.config(self._roster.prefix).items():
             self._config.insert_json5(name, json.dumps(value))
-        if self._waits_for:
+        if not self._settings.listen:
             return  # that may take long, and is the link's thread's business
         try:
             self._session = zenoh.open(self._config)
@@ -161,25 +135,28 @@ class ZenohLink(FleetLink):
             self._try_s = self.get_time_s() + min(RETRY_MOST_S, RETRY_FIRST_S * 2.0**self._tries)
             self._tries = min(self._tries + 1, 30)
             return
+        if self.is_terminated():
+            session.close()
+            return
         self._session = session
         self._join_net()
 
     def _join_net(self) -> None:
         """Listens first and shows itself last: who sees this node can already be heard by it."""
         session, accept, robots = self._session, self.options.accept, self.hearing.robots
-        robot, node = (quote(name, safe="") for name in (self.member.robot, self.member.node))
-        self._place = f"{self._prefix}/{robot}/{node}/{session.zid()}"
-        self.reason = "nobody else is in the net."
+        prefix = self._roster.prefix
+        self._roster.own_place = place = self._roster.place_of(self.member, str(session.zid()))
+        self.reason = ALONE
         remote = self._zenoh.Locality.REMOTE
-        for robot in ["*"] if robots is None else [quote(robot, safe="") for robot in sorted(robots)]:
-            for key in ["*"] if accept is None else [quote(key, safe="") for key in sorted(accept)]:
+        for robot in ["*"] if robots is None else [encoded(robot) for robot in sorted(robots)]:
+            for key in ["*"] if accept is None else [encoded(key) for key in sorted(accept)]:
                 session.declare_subscriber(
-                    f"{self._prefix}/{robot}/*/*/page/{key}", self._background(self._came), allowed_origin=remote
+                    f"{prefix}/{robot}/*/*/page/{key}", self._background(self._came), allowed_origin=remote
                 )
-        session.declare_queryable(f"{self._place}/ping", self._background(self._asked), allowed_origin=remote)
+        session.declare_queryable(f"{place}/ping", self._background(self._asked), allowed_origin=remote)
         alive = session.liveliness()
-        alive.declare_subscriber(f"{self._prefix}/*/*/*/alive", self._background(self._seen), history=True)
-        self._token = alive.declare_token(f"{self._place}/alive")
+        alive.declare_subscriber(f"{prefix}/*/*/*/alive", self._background(self._seen), history=True)
+        self._token = alive.declare_token(f"{place}/alive")
 
     def _background(self, callback: Callable[[Any], None]) -> Any:
         return self._zenoh.handlers.Callback(callback)
@@ -193,74 +170,22 @@ class ZenohLink(FleetLink):
         attached = b"" if sample.attachment is None else sample.attachment.to_bytes()[: NUMBER_BYTES + 1]
         number = int.from_bytes(attached, "big") if len(attached) == NUMBER_BYTES else 0
         raw = sample.payload.to_bytes() if size_bytes <= self.options.max_frame_bytes else b""
-        with self._guard:
-            far = self._far_at(place)
-            if far is None or not raw:
-                self.unwanted += 1
-                return
-            far.heard_s = self.get_time_s()
-            if self._is_new(far, key, number):
+        far, is_new = self._roster.takes(place, key, number, self.get_time_s())
+        if far is None or not raw:
+            self.unwanted += 1
+        elif is_new:
+            with self._guard:
                 self._inbox.put(Letter(key, raw, far))
-        self._ring()
-
-    def _is_new(self, far: Far, key: str, number: int) -> bool:
-        """Whether a page of this number has not come yet; those that should have come before it are counted."""
-        if not number:
-            return True  # of a program that does not count
-        last = far.numbers.get(key)
-        if last is not None and number <= last:
-            return False
-        if last is not None:
-            far.missed += number - last - 1
-        elif len(far.numbers) >= MAX_KEYS:
-            return True
-        far.numbers[key] = number
-        return True
-
-    def _far_at(self, place: str) -> Far | None:
-        """Returns who is at a place, known or new; None if that is nobody."""
-        far = self._fars.get(place)
-        if far is not None:
-            return far
-        parts = place.split("/")
-        if len(parts) != 5 or "*" in place or not place.startswith(f"{self._prefix}/"):
-            return None
-        if len(self._fars) >= MAX_MEMBERS:
-            unseen = next((place for place, far in self._fars.items() if not far.is_here), None)
-            if unseen is None:
-                return None
-            del self._fars[unseen]
-        far = self._fars[place] = Far(Member(unquote(parts[2]), unquote(parts[3])), self.get_time_s())
-        return far
+            self._ring()
 
     def _seen(self, sample: Any) -> None:
         """Somebody has come or gone."""
         place = str(sample.key_expr).removesuffix("/alive")
-        if sample.kind != self._zenoh.SampleKind.DELETE:
-            self._hear(place)
-            return
-        with self._guard:
-            far = self._fars.pop(place, None)
-            if far is not None:
-                self._gone.append(place)
-                self.dropped += far.missed
-                self.reason = f"'{far.member.name}' left."
+        if sample.kind == self._zenoh.SampleKind.DELETE:
+            self._roster.leaves(place)
+        else:
+            self._roster.shows(place, self.get_time_s())
         self._tend_soon()
-
-    def _hear(self, place: str) -> Far | None:
-        """Somebody is there: it shows itself, asks or answers. Tokens alone would do, if Zenoh never missed one."""
-        if place == self._place:
-            return None
-        with self._guard:
-            far = None if place in self._gone else self._far_at(place)
-            if far is None:
-                return None
-            far.heard_s = self.get_time_s()
-            is_new, far.is_here = not far.is_here, True
-            self._has_newcomer = self._has_newcomer or is_new
-        if is_new:
-            self._tend_soon()
-        return far
 
     def _tend_soon(self) -> None:
         self._tend_s = 0.0
@@ -269,17 +194,20 @@ class ZenohLink(FleetLink):
     def _asked(self, query: Any) -> None:
         """Somebody asks whether this node is there."""
         if query.payload is not None and len(query.payload) <= MAX_PLACE_BYTES:
-            self._hear(query.payload.to_bytes().decode(errors="replace"))
+            self._roster.hears(query.payload.to_bytes().decode(errors="replace"), self.get_time_s())
         self._put_on_the_way(PING_BYTES, lambda: self._answer(query), is_page=False)
 
     def _answer(self, query: Any) -> None:
         with suppress(self._zenoh.ZError):  # whoever asked is gone
-            query.reply(f"{self._place}/ping", b"")
+            query.reply(f"{self._roster.own_place}/ping", b"")
 
     def _answered(self, asked_s: float, reply: Any) -> None:
-        far = None if reply.ok is None else self._hear(str(reply.ok.key_expr).removesuffix("/ping"))
+        if reply.ok is None:
+            return
+        now_s = self.get_time_s()
+        far = self._roster.hears(str(reply.ok.key_expr).removesuffix("/ping"), now_s)
         if far is not None:
-            far.rtt_s = max(0.0, far.heard_s - asked_s)
+            far.rtt_s = max(0.0, now_s - asked_s)
 
     # On the node's thread
 
@@ -360,7 +288,7 @@ class ZenohLink(FleetLink):
             page = Page.deserialize(letter.raw)
         except (SnrError, ValueError, RecursionError, MemoryError, OverflowError):
             page = None
-        if page is None or quote(page.key, safe="", errors="replace") != letter.key:
+        if page is None or encoded(page.key) != letter.key:
             self.unwanted += 1
             return
         self._note_size(len(letter))
@@ -369,10 +297,8 @@ class ZenohLink(FleetLink):
 
     def _send_out(self) -> None:
         """Sends what waits; blocks as long as a far end does not read."""
-        with self._guard:
-            is_again, self._has_newcomer = self._has_newcomer, False
-            is_heard = any(far.is_here for far in self._fars.values())
-        if is_again:
+        is_heard = bool(self._roster.here())
+        if self._roster.take_newcomer():
             for letter in list(self._newest.values()):
                 self._put(letter, is_heard)
         while True:
@@ -397,9 +323,10 @@ class ZenohLink(FleetLink):
         publisher = self._publishers.get(letter.key)
         if publisher is None:
             publisher = self._publishers[letter.key] = self._session.declare_publisher(
-                f"{self._place}/page/{quote(letter.key, safe='')}",
+                f"{self._roster.own_place}/page/{encoded(letter.key)}",
                 encoding=self._zenoh.Encoding.APPLICATION_JSON,
-                congestion_control=self._zenoh.CongestionControl.BLOCK,
+                # Not BLOCK: with it, one who does not read can bring Zenoh's routing to a halt for all (1.10).
+                congestion_control=self._zenoh.CongestionControl.DROP,
                 allowed_destination=self._zenoh.Locality.REMOTE,
             )
         publisher.put(letter.raw, attachment=letter.number.to_bytes(NUMBER_BYTES, "big"))
@@ -419,24 +346,22 @@ class ZenohLink(FleetLink):
         if self._session is None:
             return
         self._session.get(
-            f"{self._prefix}/*/*/*/ping",
+            f"{self._roster.prefix}/*/*/*/ping",
             self._background(lambda reply: self._answered(now_s, reply)),
             target=self._zenoh.QueryTarget.ALL,
             consolidation=self._zenoh.ConsolidationMode.NONE,
             timeout=self.options.timeout_s,
-            payload=self._place,
+            payload=self._roster.own_place,
+            congestion_control=self._zenoh.CongestionControl.DROP,
             allowed_destination=self._zenoh.Locality.REMOTE,
         )
 
     def _state(self, now_s: float) -> dict[str, Any]:
-        with self._guard:
-            shown = [far for far in self._fars.values() if far.is_here]
-            missed = sum(far.missed for far in self._fars.values())
-            dropped = self.dropped + self._outbox.dropped + self._inbox.dropped + missed
-        dropped += 0 if self._way is None else self._way.lost
+        shown = self._roster.here()
         here = [far for far in shown if now_s - far.heard_s <= self.options.timeout_s]
-        if shown and not here:
-            self.reason = f"nothing was heard for {self.options.timeout_s:g} s."
+        reason = f"nothing was heard for {self.options.timeout_s:g} s." if shown else self._roster.news or self.reason
+        dropped = self.dropped + self._outbox.dropped + self._inbox.dropped + self._roster.missed
+        dropped += 0 if self._way is None else self._way.lost
         trips_s = [far.rtt_s for far in here if far.rtt_s is not None]
         return {
             "up": bool(here),
@@ -446,7 +371,7 @@ class ZenohLink(FleetLink):
             "sent": self.sent,
             "received": self.received,
             "unwanted": self.unwanted,
-            "reason": "" if here else self.reason,
+            "reason": "" if here else reason,
             "peers": by_name(
                 (
                     far.member.name,

@@ -10,10 +10,8 @@ Under a SimClock the links of one ZenohNet meet in memory. `docs/formats.md` say
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.loop import Loop, LoopFactory
@@ -25,67 +23,11 @@ from snr_sim.std_mods.comms.fleet import Hearing, Member
 from snr_sim.std_mods.comms.frames import MAX_FRAME_BYTES
 from snr_sim.std_mods.comms.link import LinkOptions, as_keys
 from snr_sim.std_mods.comms.messages import MAX_NAME_CHARS
-from snr_sim.std_mods.comms.security import Tls, is_loopback
+from snr_sim.std_mods.comms.security import Tls
 from snr_sim.std_mods.comms.send_queue import Policy
 from snr_sim.std_mods.comms.simulated_fleet import Gathering, SimulatedFleetLink
 from snr_sim.std_mods.comms.zenoh_link import ZenohLink
-
-LOOPBACK_INTERFACES = frozenset({"lo", "lo0"})
-# A far end that reads nothing for so long is left; until then it holds up the pages to all others.
-STUCK_S = 1.0
-SCOUT_S = 1.0  # how long who does not listen looks for others at a time
-MESSAGE_EXTRA_BYTES = 1 << 12  # what Zenoh itself may add to a page
-_ENDPOINT = re.compile(r"(?P<protocol>[a-z]+)/(?P<host>\[[^\]]+\]|[^:/\[\]]+):(?P<port>\d{1,5})")
-_ALL_MESSAGES = (
-    "put",
-    "declare_subscriber",
-    "query",
-    "reply",
-    "declare_queryable",
-    "liveliness_token",
-    "liveliness_query",
-    "declare_liveliness_subscriber",
-)
-
-
-@dataclass(frozen=True)
-class Endpoint:
-    """An address as Zenoh writes it: tcp/127.0.0.1:7447.
-
-    Args:
-        text: all of it.
-        protocol: "tcp" or "tls".
-        host: without brackets.
-    """
-
-    text: str
-    protocol: str
-    host: str
-
-
-def as_endpoints(what: str, endpoints: str | Iterable[str], tls: Tls | None) -> tuple[Endpoint, ...]:
-    """Returns addresses, checked: beyond this machine, only TLS with certificates on both sides is good enough.
-
-    Raises:
-        ConfigError: one is no address, or anybody could listen in there.
-    """
-    found = []
-    for text in [endpoints] if isinstance(endpoints, str) else endpoints:
-        match = _ENDPOINT.fullmatch(text) if isinstance(text, str) else None
-        if match is None or match["protocol"] not in ("tcp", "tls") or int(match["port"]) >= 1 << 16:
-            raise ConfigError(
-                f"{what} holds {text!r}, which is no address.", fix='"tcp/127.0.0.1:7447" or "tls/192.168.2.1:7447".'
-            )
-        endpoint = Endpoint(text, match["protocol"], match["host"].strip("[]"))
-        if endpoint.protocol == "tcp" and not is_loopback(endpoint.host):
-            raise ConfigError(
-                f"{what} holds {text}: without TLS, anybody in that network could steer this node.",
-                fix=f'"tls/{text.removeprefix("tcp/")}" and tls=Tls(...) with certificates for both sides.',
-            )
-        if endpoint.protocol == "tls" and tls is None:
-            raise ConfigError(f"{what} holds {text}, and there is no tls=.", fix="tls=Tls(...).")
-        found.append(endpoint)
-    return tuple(found)
+from snr_sim.std_mods.comms.zenoh_settings import ZenohSettings, as_endpoints
 
 
 class ZenohNet:
@@ -108,7 +50,7 @@ class ZenohNet:
         timeout_s: after how much silence one counts as gone.
 
     Raises:
-        ConfigError: a name or an address is none, or is open to anybody; certificates are missing.
+        ConfigError: a name or an address is none, or an address is open to anybody.
     """
 
     def __init__(
@@ -145,12 +87,6 @@ class ZenohNet:
             timeout_s=timeout_s,
             faults=faults,
         )
-        abroad = [interface for interface in self.interfaces if interface not in LOOPBACK_INTERFACES]
-        if discover and abroad and tls is None:
-            raise ConfigError(
-                f"discover=True on {', '.join(abroad)}: without TLS, whoever answers there could steer this node.",
-                fix="tls=Tls(...) with certificates for both sides, or interfaces=['lo'].",
-            )
 
     def link(
         self,
@@ -174,100 +110,29 @@ class ZenohNet:
             robot, listen, connect: of this node, if other than the net's: so that one net serves a whole config.
 
         Raises:
-            ConfigError: as for the net.
+            ConfigError: as for the net; or certificates are missing, or this node could meet nobody.
         """
         return ZenohLinkFactory(
             self,
             replace(self.options, keys=as_keys(keys), accept=None if accept is None else frozenset(as_keys(accept))),
             Hearing(None if robots is None else frozenset([robots] if isinstance(robots, str) else robots), apart),
             self.robot if robot is None else _as_name("robot", robot),
-            self.listen if listen is None else as_endpoints("listen=", listen, self.tls),
-            self.connect if connect is None else as_endpoints("connect=", connect, self.tls),
+            ZenohSettings(
+                self.listen if listen is None else as_endpoints("listen=", listen, self.tls),
+                self.connect if connect is None else as_endpoints("connect=", connect, self.tls),
+                self.tls,
+                self.discover,
+                self.interfaces,
+                self.options.max_frame_bytes,
+                self.options.timeout_s,
+            ),
         )
-
-    def settings(self, listen: tuple[Endpoint, ...], connect: tuple[Endpoint, ...], prefix: str) -> dict[str, Any]:
-        """Returns Zenoh's configuration.
-
-        Args:
-            listen: addresses to open.
-            connect: addresses to call, again and again.
-            prefix: of all keys this net has to do with; nothing else gets in or out.
-        """
-        timeout_ms = int(self.options.timeout_s * 1000)
-        return {
-            # Between those connected to a router it passes on, which it does not between peers. Who does not listen is
-            # a client and no router, because routers miss who comes within 0.1 s of another's going (1.10).
-            "mode": "router" if listen else "client",
-            "listen": {"endpoints": [each.text for each in listen], "timeout_ms": 0, "exit_on_failure": True},
-            "connect": {
-                "endpoints": [each.text for each in connect],
-                "timeout_ms": -1 if listen else 0,  # for ever, behind the scenes; a client's link tries again itself
-                "exit_on_failure": not listen,
-                "retry": {"period_init_ms": 50, "period_max_ms": 1000, "period_increase_factor": 2},
-            },
-            "scouting": {
-                "delay": 0,
-                "timeout": int(SCOUT_S * 1000),
-                "multicast": {
-                    "enabled": self.discover,
-                    "interface": ",".join(self.interfaces),
-                    "autoconnect": {"router": ["router"], "client": ["router"]},
-                },
-                "gossip": {"enabled": False},
-            },
-            "transport": {
-                "unicast": {"open_timeout": timeout_ms, "accept_timeout": timeout_ms},
-                "link": {
-                    "protocols": ["tcp"] if self.tls is None else ["tls"],
-                    "tx": {
-                        "lease": timeout_ms,
-                        "queue": {"congestion_control": {"block": {"wait_before_close": int(STUCK_S * 1e6)}}},
-                    },
-                    "rx": {"max_message_size": self.options.max_frame_bytes + MESSAGE_EXTRA_BYTES},
-                    **({} if self.tls is None else {"tls": _tls_settings(self.tls, bool(listen), bool(connect))}),
-                },
-                "shared_memory": {"enabled": False},
-            },
-            "access_control": {
-                "enabled": True,
-                "default_permission": "deny",
-                "rules": [
-                    {
-                        "id": "net",
-                        "permission": "allow",
-                        "messages": list(_ALL_MESSAGES),
-                        "flows": ["ingress", "egress"],
-                        "key_exprs": [f"{prefix}/**"],
-                    }
-                ],
-                "subjects": [{"id": "all"}],
-                "policies": [{"rules": ["net"], "subjects": ["all"]}],
-            },
-        }
 
 
 def _as_name(what: str, name: str) -> str:
     if not isinstance(name, str) or not 0 < len(name) <= MAX_NAME_CHARS:
         raise ConfigError(f"A net's {what} is {str(name)[:80]!r}.", fix=f"1 to {MAX_NAME_CHARS} characters.")
     return name
-
-
-def _tls_settings(tls: Tls, listens: bool, connects: bool) -> dict[str, Any]:
-    """Returns Zenoh's names for the certificates. It takes one authority for both sides."""
-    return {
-        "root_ca_certificate": str(tls.client_authority or tls.authority),
-        "enable_mtls": True,
-        "verify_name_on_connect": True,
-        **({"listen_certificate": str(tls.certificate), "listen_private_key": str(tls.key)} if listens else {}),
-        **(
-            {
-                "connect_certificate": str(tls.client_certificate),
-                "connect_private_key": str(tls.client_key),
-            }
-            if connects
-            else {}
-        ),
-    }
 
 
 class ZenohLinkFactory(LoopFactory):
@@ -278,11 +143,7 @@ class ZenohLinkFactory(LoopFactory):
         options: of the link.
         hearing: what the node wants to hear.
         robot: it belongs to, or "".
-        listen: addresses it opens.
-        connect: addresses it calls.
-
-    Raises:
-        ConfigError: certificates are missing.
+        settings: what it may do on the network.
     """
 
     def __init__(
@@ -291,59 +152,18 @@ class ZenohLinkFactory(LoopFactory):
         options: LinkOptions,
         hearing: Hearing,
         robot: str,
-        listen: tuple[Endpoint, ...],
-        connect: tuple[Endpoint, ...],
+        settings: ZenohSettings,
     ) -> None:
         super().__init__()
         self.net = net
         self.options = options
         self.hearing = hearing
         self.robot = robot
-        self.listen = listen
-        self.connect = connect
-        if not (listen or connect or net.discover):
-            raise ConfigError(
-                f"A node of the net '{net.name}' neither listens nor connects, so it would meet nobody.",
-                fix='listen="tcp/127.0.0.1:7447" for one node, connect="tcp/127.0.0.1:7447" for the others.',
-            )
-        if net.tls is not None:
-            _check_tls(net.tls, bool(listen), bool(connect) or net.discover)
+        self.settings = settings
 
     def get(self, parent: Node) -> Loop:
         """Returns the link."""
         member = Member(self.robot or parent.name, parent.name)
         if isinstance(parent.clock, SimClock):
             return SimulatedFleetLink(self, parent, self.options, member, self.hearing, self.net.gathering)
-        where = ", ".join(each.text for each in self.connect) or "anybody to be discovered"
-        return ZenohLink(self, parent, self.options, member, self.hearing, self.settings, "" if self.listen else where)
-
-    def settings(self, prefix: str) -> dict[str, Any]:
-        """Returns Zenoh's configuration for this link; see ZenohNet.settings."""
-        return self.net.settings(self.listen, self.connect, prefix)
-
-
-def _check_tls(tls: Tls, listens: bool, connects: bool) -> None:
-    if listens:
-        if tls.client_authority is None:
-            raise ConfigError(
-                "A net that listens with TLS takes only those who show a certificate, and knows no authority for them.",
-                fix="Tls(certificate=..., key=..., client_authority=...).",
-            )
-        tls.server_context()  # says what is wrong with the files, in words
-    if connects:
-        if tls.client_certificate is None:
-            raise ConfigError(
-                "A net that connects with TLS has to show a certificate.",
-                fix="Tls(authority=..., client_certificate=..., client_key=...).",
-            )
-        tls.client_context()
-    if listens and connects and str(tls.authority) != str(tls.client_authority):
-        raise ConfigError(
-            "A net that listens and connects has two authorities, and Zenoh takes one.",
-            fix="one authority for all certificates of a net: Tls(authority=A, client_authority=A, ...).",
-        )
-    if tls.server_name:
-        raise ConfigError(
-            f"A net with server_name='{tls.server_name}': Zenoh expects the name it calls in the certificate.",
-            fix="that name in connect=.",
-        )
+        return ZenohLink(self, parent, self.options, member, self.hearing, self.settings)
