@@ -133,9 +133,8 @@ class ZenohSettings:
             "listen": {"endpoints": [each.text for each in self.listen], "timeout_ms": 0, "exit_on_failure": True},
             "connect": {
                 "endpoints": [each.text for each in self.connect],
-                "timeout_ms": -1
-                if self.listen
-                else 0,  # for ever, behind the scenes; a client's link tries again itself
+                # For ever, in the background; but a client would block for so long, so its link tries again itself.
+                "timeout_ms": -1 if self.listen else 0,
                 "exit_on_failure": not self.listen,
                 "retry": {"period_init_ms": 50, "period_max_ms": 1000, "period_increase_factor": 2},
             },
