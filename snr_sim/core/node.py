@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -116,6 +117,12 @@ class Node:
         """
         name = type(factory).__name__
         if not isinstance(factory, (EndpointFactory, LoopFactory)):
+            owner = getattr(factory, "__self__", None)
+            if inspect.ismethod(factory) and owner is not None and not isinstance(owner, type):
+                raise ConfigError(
+                    f"Role '{self.role}' lists {type(owner).__name__}.{factory.__name__} where a factory belongs.",
+                    fix=f'call it: .{factory.__name__}(...), as in tether.server("depth").',
+                )
             raise ConfigError(
                 f"Role '{self.role}' lists {factory!r} where a factory belongs.",
                 fix="list instances: [MyFactory()], not the class and not the endpoint itself.",

@@ -14,7 +14,7 @@ from __future__ import annotations
 import os
 import weakref
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from io import FileIO
 from pathlib import Path
 
@@ -22,7 +22,7 @@ import msgspec
 
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.node import Node
-from snr_sim.prelude.errors import RecordingError, SnrError, ValueEncodingError
+from snr_sim.prelude.errors import ConfigError, RecordingError, SnrError, ValueEncodingError
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 from snr_sim.prelude.values import MARK
@@ -38,12 +38,15 @@ class RecorderEndpointFactory(EndpointFactory):
         file: where to; made if it is not there, continued if it is.
         keys: of the pages: a list, or one key.
         name: of the endpoint; give each recorder of a node its own.
+
+    Raises:
+        ConfigError: a key is not text.
     """
 
     def __init__(self, file: str | Path, keys: Sequence[DataKey] | DataKey, name: str = "recorder") -> None:
         super().__init__()
         self.path = Path(file)
-        self.keys = [keys] if isinstance(keys, str) else list(keys)
+        self.keys = _as_keys(keys)
         self.name = name
         self._newest: weakref.ref[Node] | None = None
 
@@ -133,6 +136,19 @@ class RecorderEndpoint(Endpoint):
             text = f"'{self.name}' could not record page '{page.key}' at t = {self.get_time_s():.3f} s: {error}"
             self.log.error(text)
             self.parent.note(text)
+
+
+def _as_keys(keys: object) -> list[DataKey]:
+    if isinstance(keys, str):
+        return [keys]
+    fix = '"depth" or ["depth", "heading"].'
+    if not isinstance(keys, Iterable):
+        raise ConfigError(f"A RecorderEndpointFactory's keys are {repr(keys)[:80]}.", fix=fix)
+    listed = list(keys)
+    for key in listed:
+        if not isinstance(key, str):
+            raise ConfigError(f"A RecorderEndpointFactory's keys hold {repr(key)[:80]}, which is no key.", fix=fix)
+    return listed
 
 
 def _finish_cut_line(file: FileIO) -> None:

@@ -20,7 +20,7 @@ from snr_sim import (
     SNRTestCase,
 )
 from snr_sim.core.lockstep import LockStep
-from snr_sim.prelude.errors import ComponentFailed
+from snr_sim.prelude.errors import ComponentFailed, ConfigError
 from snr_sim.testing.parts import TickerFactory
 
 case = SNRTestCase()
@@ -182,3 +182,9 @@ def test_two_nodes_may_record_into_one_file(tmp_path: Path) -> None:
         ("b_node", 1),
         ("b_node", 2),
     ]
+
+
+@pytest.mark.parametrize(("keys", "said"), [(3, "are 3"), (["depth", 3], "hold 3, which is no key")])
+def test_what_is_no_key_is_refused_when_the_recorder_is_made(keys: Any, said: str) -> None:
+    with pytest.raises(ConfigError, match=f"RecorderEndpointFactory's keys {said}"):
+        RecorderEndpointFactory("f", keys)

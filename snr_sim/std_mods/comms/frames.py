@@ -9,7 +9,8 @@ import struct
 
 from snr_sim.prelude.errors import FrameTooLarge
 
-MAX_FRAME_BYTES = 1 << 20  # of a payload, if nobody says otherwise; 32 bits of length would allow 4 GiB
+MAX_FRAME_BYTES = 1 << 20  # of a payload, if nobody says otherwise
+MOST_FRAME_BYTES = (1 << 32) - 1  # what the length can say
 _LENGTH = struct.Struct(">I")
 HEADER_BYTES = _LENGTH.size
 

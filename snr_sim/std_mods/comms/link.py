@@ -10,16 +10,16 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
-from snr_sim.prelude.errors import ConfigError
+from snr_sim.prelude.errors import ConfigError, ParameterError
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.task import Task, TaskType
 from snr_sim.std_mods.comms.faults import Faults
-from snr_sim.std_mods.comms.frames import HEADER_BYTES, MAX_FRAME_BYTES, encode_frame
+from snr_sim.std_mods.comms.frames import HEADER_BYTES, MAX_FRAME_BYTES, MOST_FRAME_BYTES, encode_frame
 from snr_sim.std_mods.comms.send_queue import Policy
 
 BEFORE_LOOPS = -1  # under a SimClock, of what is due at one moment, pages arrive first, so that loops find them
@@ -49,6 +49,9 @@ class LinkOptions:
         keep_alive_s: how often the far end is asked whether it is there.
         timeout_s: after how much silence it counts as gone.
         faults: of what this end sends.
+
+    Raises:
+        ParameterError: a number or the policy makes no sense; or a far end would count as gone between two signs of it.
     """
 
     name: str
@@ -61,6 +64,29 @@ class LinkOptions:
     timeout_s: float = 3.0
     faults: Faults | None = None
 
+    def __post_init__(self) -> None:
+        _check_count("queue_pages", self.queue_pages, None)
+        _check_count("max_frame_bytes", self.max_frame_bytes, MOST_FRAME_BYTES)
+        if self.policy not in get_args(Policy):
+            raise ParameterError(f"A link with policy={self.policy!r}.", fix=f"one of {', '.join(get_args(Policy))}.")
+        for name, value in (("keep_alive_s", self.keep_alive_s), ("timeout_s", self.timeout_s)):
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not value > 0.0:
+                raise ParameterError(f"A link with {name}={value!r}.", fix="a number of seconds above 0.")
+        if not self.timeout_s >= 2 * self.keep_alive_s:
+            raise ParameterError(
+                f"A link with timeout_s={self.timeout_s!r} and keep_alive_s={self.keep_alive_s!r}: the far end would "
+                "count as gone between two signs of it.",
+                fix=f"timeout_s={2 * self.keep_alive_s:g} or more, or a smaller keep_alive_s.",
+            )
+        if self.faults is not None and not isinstance(self.faults, Faults):
+            raise ParameterError(f"A link with faults={self.faults!r}.", fix="Faults(loss=0.1), or None.")
+
+
+def _check_count(name: str, value: object, most: int | None) -> None:
+    if isinstance(value, bool) or not isinstance(value, int) or value < 1 or (most is not None and value > most):
+        fix = "a whole number, 1 or more." if most is None else f"a whole number from 1 to {most}."
+        raise ParameterError(f"A link with {name}={value!r}.", fix=fix)
+
 
 def as_keys(keys: DataKey | Iterable[DataKey]) -> tuple[DataKey, ...]:
     """Returns one key or several as a tuple, each once.
@@ -71,14 +97,18 @@ def as_keys(keys: DataKey | Iterable[DataKey]) -> tuple[DataKey, ...]:
     >>> as_keys("depth"), as_keys(["depth", "depth", "heading"])
     (('depth',), ('depth', 'heading'))
     """
-    listed = (keys,) if isinstance(keys, str) else tuple(dict.fromkeys(keys))
+    if isinstance(keys, str):
+        keys = (keys,)
+    if not isinstance(keys, Iterable):
+        raise ConfigError(f"A link's keys are {repr(keys)[:80]}.", fix='"depth" or ["depth", "heading"].')
+    listed = tuple(keys)
     for key in listed:
         if not isinstance(key, str) or not 0 < len(key) <= MAX_KEY_CHARS:
             raise ConfigError(
-                f"A link's keys hold {str(key)[:80]!r}, which is no key.",
+                f"A link's keys hold {repr(key)[:80]}, which is no key.",
                 fix=f"text of 1 to {MAX_KEY_CHARS} characters.",
             )
-    return listed
+    return tuple(dict.fromkeys(listed))
 
 
 def wire_form(page: Page) -> bytes:
@@ -226,7 +256,8 @@ class Link(Loop):
 
     def _log_change(self, state: Mapping[str, Any]) -> None:
         if state["up"]:
-            self.log.info("up: %s", ", ".join(state.get("peers", ())) or "connected")
+            self.log.info("%s is up: %s", self.name, ", ".join(state.get("peers", ())) or "connected")
         else:
             is_news = bool(self._logged)  # that nobody is there at the very beginning is none
-            self.log.log(logging.WARNING if is_news else logging.INFO, "down: %s", state["reason"])
+            level = logging.WARNING if is_news else logging.INFO
+            self.log.log(level, "%s is down: %s", self.name, state["reason"])

@@ -24,11 +24,16 @@ def as_secret(secret: str | bytes | None, source: str = "secret=") -> bytes | No
     """Returns a shared secret as bytes; None stays None.
 
     Raises:
-        ConfigError: it is too short to be one.
+        ConfigError: it is neither text nor bytes, or too short to be one.
     """
     if secret is None:
         return None
-    raw = secret.encode() if isinstance(secret, str) else bytes(secret)
+    if not isinstance(secret, (str, bytes)):  # bytes(20) would be twenty zeros, which everybody knows
+        raise ConfigError(
+            f"The shared secret ({source}) is of type {type(secret).__name__}.",
+            fix="text or bytes; secret_from_file(path) and secret_from_env(name) read one.",
+        )
+    raw = secret.encode() if isinstance(secret, str) else secret
     if len(raw) < MIN_SECRET_BYTES:
         raise ConfigError(
             f"The shared secret ({source}) has {len(raw)} bytes, and at least {MIN_SECRET_BYTES} are needed.",

@@ -45,13 +45,14 @@ class SocketsPair:
         timeout_s: after how much silence it counts as gone.
 
     Raises:
-        ConfigError: the address, the secret or a network is none.
+        ConfigError: the address, the secret, the certificates or a network are none.
+        ParameterError: another option makes no sense; see LinkOptions.
     """
 
     def __init__(
         self,
         server_tuple: tuple[str, int],
-        *,
+        *more: object,
         name: str = "",
         secret: str | bytes | None = None,
         tls: Tls | None = None,
@@ -63,15 +64,10 @@ class SocketsPair:
         keep_alive_s: float = 0.5,
         timeout_s: float = 3.0,
     ) -> None:
-        try:
-            host, port = server_tuple
-            self.address = Address(host, int(port))
-            is_address = isinstance(host, str) and bool(host) and 0 <= self.address.port < 1 << 16
-        except (TypeError, ValueError):
-            is_address = False
-        if not is_address:
-            raise ConfigError(f"A link's address is {server_tuple!r}.", fix='("127.0.0.1", 9120): host and port.')
+        self.address = _as_address(server_tuple, more)
         self.secret = as_secret(secret)
+        if tls is not None and not isinstance(tls, Tls):
+            raise ConfigError(f"A link with tls={tls!r}.", fix="Tls(certificate=..., key=..., authority=...), or None.")
         self.tls = tls
         self.allow = as_networks(allow)
         self.meeting = Meeting()
@@ -136,6 +132,24 @@ class SocketsPair:
             keep_alive_s=options.keep_alive_s,
             timeout_s=options.timeout_s,
         )
+
+
+def _as_address(server_tuple: object, more: tuple[object, ...]) -> Address:
+    """Returns host and port, checked; `more` is what stood behind them and belongs to them, or has no name."""
+    fix = 'SocketsPair(("127.0.0.1", 9120), name="tether"): host and port in parentheses, all else by its name.'
+    if more:
+        raise ConfigError(f"A SocketsPair of {server_tuple!r} and {', '.join(map(repr, more))}.", fix=fix)
+    if not isinstance(server_tuple, (tuple, list)) or len(server_tuple) != 2:
+        raise ConfigError(f"A link's address is {server_tuple!r}.", fix=fix)
+    host, port = server_tuple
+    if not isinstance(host, str) or not host:
+        raise ConfigError(f"A link's address is {server_tuple!r}, and its host is {host!r}.", fix=fix)
+    if isinstance(port, bool) or not isinstance(port, int) or not 0 <= port < 1 << 16:
+        raise ConfigError(
+            f"A link's address is {server_tuple!r}, and its port is {port!r}.",
+            fix="a whole number from 0 to 65535; 0 takes a free one.",
+        )
+    return Address(host, port)
 
 
 class SocketsLoopFactory(LoopFactory):

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim import SocketsPair, Tls, secret_from_env, secret_from_file
+from snr_sim import CommandReceiverFactory, SocketsPair, Tls, secret_from_env, secret_from_file
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.std_mods.comms.messages import Refused
 from snr_sim.std_mods.comms.security import as_networks, is_allowed, is_loopback
@@ -20,6 +20,14 @@ Start = Callable[..., Any]
 def test_a_short_secret_is_refused_with_a_way_to_make_one() -> None:
     with pytest.raises(ConfigError, match=r"has 6 bytes, and at least 16(.|\n)*token_hex"):
         SocketsPair((HERE, 0), secret="secret")
+
+
+@pytest.mark.parametrize("secret", [20, [0] * 16, 1234567890123456789, True, bytearray(16), Path("secret")])
+def test_only_text_and_bytes_are_a_secret(secret: Any) -> None:
+    with pytest.raises(ConfigError, match=f"secret=.* is of type {type(secret).__name__}"):
+        SocketsPair((HERE, 0), secret=secret)
+    with pytest.raises(ConfigError, match=f"token=.* is of type {type(secret).__name__}"):
+        CommandReceiverFactory(0, token=secret)
 
 
 def test_a_secret_comes_from_a_file_or_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
