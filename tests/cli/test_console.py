@@ -105,7 +105,7 @@ def test_the_token_comes_from_a_file_or_a_variable(
 ) -> None:
     refused = snr("console", port, "list")
     assert refused.status == 2
-    assert "secret" in refused.err
+    assert "SNR_TOKEN" in refused.err
     (here / "token.txt").write_text(f"{TOKEN}\n")
     assert snr("console", port, "--token-file", "token.txt", "list").status == 0
     monkeypatch.setenv("SNR_TOKEN", TOKEN)

@@ -66,6 +66,7 @@ class Terms:
         keep_alive_s: how often it asks whether the other is there.
         timeout_s: how long it may hear nothing.
         greeting_s: how long a greeting may take; `timeout_s` if None.
+        secret_is: what people know the secret as, and how it is given.
     """
 
     node: str
@@ -76,6 +77,7 @@ class Terms:
     keep_alive_s: float = 0.5
     timeout_s: float = 3.0
     greeting_s: float | None = None
+    secret_is: tuple[str, str] = ("shared secret", "the same secret= on both ends")
 
 
 class Session:
@@ -258,7 +260,9 @@ class Session:
             )
         elif hello.auth != has_secret:
             who, other = (terms.node, hello.node) if has_secret else (hello.node, terms.node)
-            self.refuse(f"node '{who}' asks for a shared secret, node '{other}' has none. Try: secret= on both ends.")
+            self.peer = hello  # it is what it should be, and only not to be trusted
+            what, fix = terms.secret_is
+            self.refuse(f"node '{who}' asks for a {what}, node '{other}' has none. Try: {fix}.")
         else:
             self.peer = hello
             if not has_secret:
@@ -271,7 +275,8 @@ class Session:
     def _check(self, auth: Auth) -> None:
         is_server = self.terms.is_server
         if not hmac.compare_digest(auth.proof, self._proof(of_server=not is_server)):
-            self.refuse("the shared secrets of the two ends differ.")
+            what, fix = self.terms.secret_is
+            self.refuse(f"the {what}s of the two ends differ. Try: {fix}.")
             return
         if is_server:
             self._say(Auth(self._proof(of_server=True)))

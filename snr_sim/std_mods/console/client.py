@@ -13,7 +13,17 @@ from snr_sim.prelude.errors import LinkError, ValueEncodingError
 from snr_sim.std_mods.comms.security import as_secret
 from snr_sim.std_mods.comms.session import Session, Terms
 from snr_sim.std_mods.console.table import Answer
-from snr_sim.std_mods.console.wire import PURPOSE, Command, Complete, Reply, Words, answer_of, asked, decode_answered
+from snr_sim.std_mods.console.wire import (
+    PURPOSE,
+    SECRET_IS,
+    Command,
+    Complete,
+    Reply,
+    Words,
+    answer_of,
+    asked,
+    decode_answered,
+)
 from snr_sim.std_mods.console.words import LINE_MAX_CHARS
 
 CONNECT_TIMEOUT_S = 3.0
@@ -53,7 +63,9 @@ class ConsoleClient:
         self.reason = "nobody has been called yet."  # why there is no line
         self.was_refused = False  # the node does not want us: calling again is of no use
         self.node = ""  # name of the node at the other end
-        self._terms = Terms("console", is_server=False, secret=as_secret(token, "token="), purpose=PURPOSE)
+        self._terms = Terms(
+            "console", is_server=False, secret=as_secret(token, "token="), purpose=PURPOSE, secret_is=SECRET_IS
+        )
         self._retry_wait_s = retry_wait_s
         self._on_change = on_change
         self._on_state = on_state
@@ -63,6 +75,7 @@ class ConsoleClient:
         self._number = 0
         self._outbox: list[bytes] = []
         self._is_up = False
+        self._has_met = False  # what refused us, or was refused, is a console
         self._calls = 0  # that have come to an end, whichever
         self._line = 0  # how many had when `wait_until_up` returned
         self._is_ending = False
@@ -89,10 +102,12 @@ class ConsoleClient:
         """
         with self._changed:
             self._changed.wait_for(lambda: self._is_up or self.was_refused, timeout_s)
+            if not self._is_up and self._has_met:
+                raise LinkError(f"The console at {self.host}:{self.port} cannot be used: {self.reason}")
             if not self._is_up:
                 raise LinkError(
                     f"No console at {self.host}:{self.port}: {self.reason}",
-                    fix="does the node run, with CommandReceiverFactory(port)? The same port, the same token?",
+                    fix="does the node run, with CommandReceiverFactory(port)? The same port?",
                 )
             self._line = self._calls
 
@@ -181,7 +196,7 @@ class ConsoleClient:
                 self._serve(sock, session)
             finally:
                 self._selector.unregister(sock)
-            self.was_refused = session.was_refused
+            self.was_refused, self._has_met = session.was_refused, session.was_refused and session.peer is not None
             return session.reason or "the connection was closed."
 
     def _rest(self) -> None:

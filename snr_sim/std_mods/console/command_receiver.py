@@ -18,7 +18,7 @@ from snr_sim.std_mods.comms.socket_port import listen
 from snr_sim.std_mods.console.command_processor import CommandProcessor
 from snr_sim.std_mods.console.conversation import Allowance, Conversation
 from snr_sim.std_mods.console.line import Line
-from snr_sim.std_mods.console.wire import DEFAULT_PORT, LINE_FRAME_MAX_BYTES, PURPOSE
+from snr_sim.std_mods.console.wire import DEFAULT_PORT, LINE_FRAME_MAX_BYTES, PURPOSE, SECRET_IS
 
 CONSOLES_MAX = 8
 STRANGERS_MAX = 16  # connections that have not shown yet whether they are consoles; of more, the oldest goes
@@ -77,7 +77,12 @@ class CommandReceiver(Loop):
     def __init__(self, factory: CommandReceiverFactory, parent: Node, name: str) -> None:
         super().__init__(factory, parent, name, max_tick_rate_hz=0)
         self._terms = Terms(
-            parent.name, is_server=True, secret=factory.token, purpose=PURPOSE, max_frame_bytes=LINE_FRAME_MAX_BYTES
+            parent.name,
+            is_server=True,
+            secret=factory.token,
+            purpose=PURPOSE,
+            max_frame_bytes=LINE_FRAME_MAX_BYTES,
+            secret_is=SECRET_IS,
         )
         self._processor = CommandProcessor(parent, name)
         self._allowance = Allowance()

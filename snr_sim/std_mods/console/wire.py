@@ -17,6 +17,7 @@ from snr_sim.std_mods.comms.messages import decoder_of
 from snr_sim.std_mods.console.table import Answer
 from snr_sim.std_mods.console.words import LINE_MAX_CHARS
 
+SECRET_IS = ("token", "the node's token, by --token-file FILE or the variable SNR_TOKEN; in a program by token=")
 PURPOSE = "console"
 DEFAULT_PORT = 54321
 LINE_FRAME_MAX_BYTES = 8 * LINE_MAX_CHARS  # six bytes at most for a character in JSON, and what stands around them

@@ -71,7 +71,11 @@ def test_it_sends_a_page_gets_pages_and_answers_pings(
 @pytest.mark.parametrize(
     ("ours", "theirs", "said"),
     [
-        (SECRET, SECRET + "r", "refused the shared secrets of the two ends differ."),
+        (
+            SECRET,
+            SECRET + "r",
+            "refused the shared secrets of the two ends differ. Try: the same secret= on both ends.",
+        ),
         (SECRET, "", "refused node 'rov_node' asks for a shared secret"),
         (None, SECRET, "refused node 'plain_node' asks for a shared secret"),
     ],

@@ -162,16 +162,19 @@ def test_the_right_token_opens_and_never_crosses_the_wire() -> None:
     assert TOKEN.encode() not in heard
 
 
-@pytest.mark.parametrize("token", [None, "another token of sixteen bytes"])
-def test_a_wrong_token_or_none_is_refused_in_words(token: str | None) -> None:
+@pytest.mark.parametrize(
+    ("token", "said"),
+    [(None, "asks for a token"), ("another token of sixteen bytes", "the tokens of the two ends differ")],
+)
+def test_a_wrong_token_or_none_is_refused_in_words(token: str | None, said: str) -> None:
     with running(token=TOKEN) as (node, address):
-        with pytest.raises(LinkError, match="secret"):
+        with pytest.raises(LinkError, match=f"^The console at .*: .*{said}.*Try: .*--token-file FILE.*SNR_TOKEN"):
             RemoteConsole(address, ["exit gotcha"], token=token, wait_s=PATIENCE_S).run()
         assert not node.is_terminated
 
 
 def test_a_token_where_none_is_asked_for_is_said() -> None:
-    with running() as (_, address), pytest.raises(LinkError, match="secret"):
+    with running() as (_, address), pytest.raises(LinkError, match="asks for a token"):
         RemoteConsole(address, ["list"], token=TOKEN, wait_s=PATIENCE_S).run()
 
 
