@@ -36,6 +36,19 @@ def authors_of(key: DataKey, components: Iterable[Component]) -> list[Author]:
     return storing or found
 
 
+def who_stored(key: DataKey, components: Iterable[Component]) -> tuple[str, str]:
+    """Returns the lines that could have stored a page, to stand before an error, and in words whose they are.
+
+    If no such line is found, the text is empty and the words name those that remain.
+    """
+    components = list(components)
+    authors = authors_of(key, components)
+    lines = "".join(f"{author.place}\n  " for author in authors)
+    names = dict.fromkeys(f"{author.function}() of component '{author.component}'" for author in authors)
+    one_of = ", ".join(component.name for component in components)
+    return lines, " or ".join(names) or (f"one of {one_of}" if one_of else "somebody outside")
+
+
 def _mentions(key: DataKey, component: Component) -> Iterator[Author]:
     own = vars(component)
     for function in _functions(component):

@@ -10,7 +10,7 @@ from typing import Any
 
 import msgspec
 
-from snr_sim.core.authors import authors_of
+from snr_sim.core.authors import who_stored
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.devices.commands import command_of, in_words
@@ -125,10 +125,7 @@ class ActuatorLoop(Loop):
         if page.origin != self.parent.name:
             return CommandError(f"{what}\n  It was made {when} by node '{page.origin}'.", fix=error.fix)
         others = [component for component in self.parent.components.values() if component is not self]
-        authors = authors_of(page.key, others)
-        lines = "".join(f"{author.place}\n  " for author in authors)
-        names = dict.fromkeys(f"{author.function}() of component '{author.component}'" for author in authors)
-        who = " or ".join(names) or f"one of {', '.join(component.name for component in others)}"
+        lines, who = who_stored(page.key, others)
         return CommandError(f"{lines}{what}\n  It was stored {when} by {who}.", fix=error.fix)
 
     def _say_clamped(self, command: Any, applied: Any) -> None:

@@ -104,7 +104,8 @@ class FleetLink(Link):
         wanted = []
         for page in pages:
             is_mine = page.origin == self.member.name  # came round, by another way
-            if is_mine or not (robots is None or member.robot in robots) or not (accept is None or page.key in accept):
+            is_heard = not is_mine and (robots is None or member.robot in robots)
+            if not is_heard or not (accept is None or self._is_accepted(page.key, accept)):
                 self.unwanted += 1
             else:
                 wanted.append(member.brings(page, self.member, self.hearing.apart))

@@ -12,10 +12,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, get_args
 
+from snr_sim.core.authors import who_stored
 from snr_sim.core.clocks import SimClock
+from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
-from snr_sim.prelude.errors import ConfigError, ParameterError
+from snr_sim.prelude.errors import ConfigError, ParameterError, SnrError, nearest
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.task import Task, TaskType
 from snr_sim.std_mods.comms.faults import Faults
@@ -31,6 +33,7 @@ MAX_TASKS_WAITING = 10_000
 MAX_BYTES_WAITING = 1 << 26
 # Remembered of pages of other nodes that were passed on, so that none goes round in a mesh for ever.
 _RELAYED_REMEMBERED = 4096
+KEPT_OUT_REMEMBERED = 20  # keys of the far end that `accept` keeps out, for a note
 _STORE_PAGE = TaskType.store_page
 _OBJECT_MARK = b'"$":"object"'
 
@@ -123,6 +126,17 @@ def wire_form(page: Page) -> bytes:
     return raw
 
 
+def unsendable(page: Page, error: SnrError, node: Node, link: str) -> SnrError:
+    """Returns the error of a page that cannot be sent; the line that stored it comes first, if it is known."""
+    what = f"{link} cannot send page '{page.key}': {error.message}"
+    when = f"at t = {page.created_at_s:.3f} s"
+    if page.origin != node.name:
+        return type(error)(f"{what}\n  It was made {when} by node '{page.origin}'.", fix=error.fix)
+    authors = [one for one in node.components.values() if isinstance(one, (Endpoint, Loop)) and one.is_of_robot]
+    lines, who = who_stored(page.key, authors)
+    return type(error)(f"{lines}{what}\n  It was stored {when} by {who}.", fix=error.fix)
+
+
 def by_name(peers: Iterable[tuple[str, dict[str, Any]]]) -> dict[str, Any]:
     """Returns what there is to say of each peer, by its name; of several with one name, all but the first get a number.
 
@@ -159,6 +173,8 @@ class Link(Loop):
         self._relayed: dict[bytes | int, None] = {}
         self._largest_bytes = 1  # of the pages that came lately
         self.is_deaf = False  # whether nothing more is read, because the node has too much to do
+        self._accepted: set[DataKey] = set()  # those of `accept` that came
+        self._kept_out: set[DataKey] = set()  # the first few that came and are not in it
         self._told: tuple[Any, ...] = ()
         self._told_s = float("-inf")
         self._logged: tuple[Any, ...] = ()
@@ -177,6 +193,19 @@ class Link(Loop):
             for key in self.options.keys:
                 self.parent.untap(key, self._out)
 
+    def terminate(self) -> None:
+        """Tells at the end of the run which keys came to nothing: perhaps they are misspelt."""
+        if not self.parent.is_over:
+            return  # only taken out: what was not stored yet may still be
+        stored = self.parent.datastore.pages
+        for key in self.options.keys:
+            if key not in stored:
+                near = nearest(key, stored.keys() - {self.name}, "stored were")
+                self.parent.note(f"'{self.name}' waits for store_page '{key}', which nobody stored; {near}")
+        for key in sorted((self.options.accept or frozenset()) - self._accepted) if self._kept_out else ():
+            near = nearest(key, self._kept_out, "kept out were")
+            self.parent.note(f"'{self.name}' accepts '{key}', of which no page came; {near}")
+
     # What a kind of link does in its own way.
 
     def _open(self) -> None:
@@ -194,8 +223,11 @@ class Link(Loop):
 
     def _out(self, page: Page) -> None:
         _, by = self._brought.pop(id(page), (page, None))
-        raw = wire_form(page)
-        frame = encode_frame(raw, self.options.max_frame_bytes)
+        try:
+            raw = wire_form(page)
+            frame = encode_frame(raw, self.options.max_frame_bytes)
+        except SnrError as error:
+            raise unsendable(page, error, self.parent, f"'{self.name}'") from error
         if page.origin == self.parent.name or not self._has_relayed(raw):
             self._carry(page, raw, frame, by)
 
@@ -225,7 +257,16 @@ class Link(Loop):
         self.received += len(pages)
 
     def _is_wanted(self, key: DataKey, accept: frozenset[DataKey] | None) -> bool:
-        return key in accept if accept is not None else 0 < len(key) <= MAX_KEY_CHARS
+        return self._is_accepted(key, accept) if accept is not None else 0 < len(key) <= MAX_KEY_CHARS
+
+    def _is_accepted(self, key: DataKey, accept: frozenset[DataKey]) -> bool:
+        """Whether a key is one of `accept`; remembered for notes at the end, of others only as many as one holds."""
+        if key in accept:
+            self._accepted.add(key)
+            return True
+        if len(self._kept_out) < KEPT_OUT_REMEMBERED and len(key) <= MAX_KEY_CHARS:
+            self._kept_out.add(key)
+        return False
 
     def _note_size(self, page_bytes: int) -> None:
         """Remembers how large pages are that come lately; see `_must_wait`."""

@@ -12,11 +12,11 @@ from functools import partial
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.node import Node
 from snr_sim.prelude.component import RoleName
-from snr_sim.prelude.errors import ConfigError, UnknownName, nearest
+from snr_sim.prelude.errors import ConfigError, SnrError, UnknownName, nearest
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.task import Task
 from snr_sim.std_mods.comms.faults import Faults, Way
-from snr_sim.std_mods.comms.link import BEFORE_LOOPS, wire_form
+from snr_sim.std_mods.comms.link import BEFORE_LOOPS, unsendable, wire_form
 
 
 class MemoryLink:
@@ -116,7 +116,11 @@ class OneWay:
         if page.origin == self.receiver.name or (self.back is not None and self.back.has_brought(page)):
             return
         self.sent += 1
-        raw = wire_form(page)
+        try:
+            raw = wire_form(page)
+        except SnrError as error:
+            link = f"The link from '{self.sender.role}' to '{self.receiver.role}'"
+            raise unsendable(page, error, self.sender, link) from error
         for arrival_s in self._way.arrivals_s(len(raw), self._clock.now_s()):
             self._clock.call_at(arrival_s, partial(self._deliver, raw), BEFORE_LOOPS)
 

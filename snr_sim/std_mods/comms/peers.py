@@ -37,6 +37,11 @@ class Peer:
         """Pages that did not get across, as far as this end knows."""
         return self.dropped + self.queue.dropped
 
+    @property
+    def waiting(self) -> int:
+        """Pages that wait to be sent."""
+        return len(self.queue)
+
     def takes(self, frame: bytes) -> bool:
         """Whether the far end takes a frame of this length; counted as dropped if not."""
         hello = self.session.peer
@@ -99,7 +104,7 @@ class PeerLink(Link):
         """A session is over: what still waited for it is dropped."""
         with self._meeting:
             self.peers = tuple(other for other in self.peers if other is not peer)
-        self.dropped += peer.all_dropped + len(peer.queue)
+        self.dropped += peer.all_dropped + peer.waiting
         self.sent += peer.sent
         if peer.way is not None:
             self._lost += peer.way.lost
@@ -121,7 +126,7 @@ class PeerLink(Link):
                     "rtt_s": peer.session.rtt_s,
                     "dropped": peer.all_dropped,
                     "sent": peer.sent,
-                    "waiting": len(peer.queue),
+                    "waiting": peer.waiting,
                 },
             )
             for peer in peers

@@ -161,6 +161,12 @@ class StreamPeer(Peer):
             self.port.end_writing()
 
     @property
+    def waiting(self) -> int:
+        """Pages that wait to be sent, also those that faults delay."""
+        with self._sending:
+            return len(self.queue) + sum(is_page for _, _, _, is_page in self._delayed)
+
+    @property
     def has_more(self) -> bool:
         """Whether something still waits to be sent."""
         return bool(len(self._cut_off) or self._control or len(self.queue) or self._delayed)

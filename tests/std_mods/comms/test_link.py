@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from typing import Any
 
 import pytest
 
-from snr_sim import Config, Node, SocketsPair
-from snr_sim.prelude.errors import ConfigError, ParameterError
-from snr_sim.std_mods.comms.link import LinkOptions
+from snr_sim import Config, Faults, MemoryLink, Node, SimRunner, SocketsPair
+from snr_sim.core.config import AnyFactory
+from snr_sim.prelude.errors import ComponentFailed, ConfigError, ParameterError
+from snr_sim.std_mods.comms.link import KEPT_OUT_REMEMBERED, LinkOptions
+from snr_sim.testing.parts import PartFactory, TickerFactory
 
 HERE = "127.0.0.1"
 
@@ -75,3 +79,94 @@ def test_a_role_that_lists_an_end_without_calling_it_is_told_to_call_it() -> Non
     listed: Any = SocketsPair((HERE, 0)).server
     with pytest.raises(ConfigError, match=r"lists SocketsPair\.server(.|\n)*call it: .*\.server\(\.\.\.\)"):
         Node("robot", Config(factories={"robot": [listed]}))
+
+
+def test_a_key_that_nobody_stores_is_noted_with_the_nearest_name() -> None:
+    tether = SocketsPair((HERE, 1), name="tether")
+    depths = TickerFactory(lambda loop: loop.store_data("depth", 1.5), rate_hz=10)
+    runner = SimRunner(
+        Config(factories={"robot": [depths, tether.server(["dept", "depth"])], "topside": [tether.client()]}),
+        until_s=1.0,
+    )
+    runner.run()
+    (note,) = [note for note in runner.nodes["robot"].notes if "link_tether" in note]
+    assert note.startswith("'link_tether' waits for store_page 'dept', which nobody stored; did you mean 'depth'?")
+    assert not any("link_tether" in note for note in runner.nodes["topside"].notes)
+
+
+@pytest.mark.parametrize(("accept", "has_note"), [("dept", True), ("depth", False), ("key_1", False)])
+def test_an_accepted_key_that_never_comes_is_noted_with_those_that_were_kept_out(accept: str, has_note: bool) -> None:
+    def store(loop: Any) -> None:
+        loop.store_data("depth", 1.5)
+        for number in range(50):
+            loop.store_data(f"key_{number}", number)
+
+    tether = SocketsPair((HERE, 1), name="tether")
+    keys = ["depth", *(f"key_{number}" for number in range(50))]
+    roles = {
+        "robot": [TickerFactory(store, rate_hz=10), tether.server(keys)],
+        "topside": [tether.client(accept=[accept])],
+    }
+    runner = SimRunner(Config(factories=roles), until_s=1.0)
+    runner.run()
+    link = runner.nodes["topside"].components["link_tether"]
+    notes = [note for note in runner.nodes["topside"].notes if "link_tether" in note]
+    assert len(link._kept_out) == KEPT_OUT_REMEMBERED  # type: ignore[attr-defined]
+    assert len(notes) == has_note
+    said = "'link_tether' accepts 'dept', of which no page came; did you mean 'depth'? Kept out were: "
+    assert all(note.startswith(said) for note in notes)
+
+
+def store_photo(size: int) -> AnyFactory:
+    def take(part: Any) -> None:
+        part.schedule(part.store_data_task("photo", "x" * size if size else {"camera": object()}))
+
+    return PartFactory(begin=take, name="camera")
+
+
+@pytest.mark.parametrize(("size", "said"), [(1 << 21, "more than a frame"), (0, "object")])
+def test_a_page_that_cannot_be_sent_is_blamed_on_the_line_that_stored_it(size: int, said: str) -> None:
+    tether = SocketsPair((HERE, 1), name="tether")
+    runner = SimRunner(Config(factories={"robot": [store_photo(size), tether.server("photo")]}), until_s=1.0)
+    with pytest.raises(ComponentFailed) as raised:
+        runner.run()
+    first, second = str(raised.value).splitlines()[:2]
+    assert re.search(r"test_link\.py, line \d+: part\.schedule\(part\.store_data_task\(.photo.", first)
+    assert "'link_tether' cannot send page 'photo': " in second
+    assert "take() of component 'camera'" in str(raised.value)
+    assert said in str(raised.value)
+
+
+def test_a_page_that_cannot_cross_memory_is_blamed_on_the_line_that_stored_it() -> None:
+    config = Config(factories={"robot": [store_photo(0)], "topside": []})
+    with pytest.raises(ComponentFailed, match=r"(?s)test_link\.py, line .*link from 'robot' to 'topside' cannot send"):
+        SimRunner(config, links=[MemoryLink(["photo"], "robot", "topside")], until_s=1.0).run()
+
+
+def test_pages_that_faults_still_delay_count_as_dropped_when_the_session_ends(
+    start: Callable[..., Any], raw: Callable[..., Any]
+) -> None:
+    pair = SocketsPair((HERE, 0), name="t", faults=Faults(latency_s=60.0))
+    robot = start("robot", [pair.server("depth")])
+    robot.until_link("t", up=False)
+    far = raw(pair.port)
+    robot.until_link("t")
+    robot.store("depth", *range(7))
+    robot.until_stored("depth", 7)
+    far.reset()
+    state = robot.until_link("t", up=False)
+    assert (state["sent"], state["dropped"]) == (0, 7)
+
+
+def test_the_log_names_the_link_that_is_up_or_down(start: Callable[..., Any], caplog: pytest.LogCaptureFixture) -> None:
+    pair = SocketsPair((HERE, 0), name="tether")
+    with caplog.at_level("INFO"):
+        robot = start("robot", [pair.server()])
+        robot.until_link("tether", up=False)
+        topside = start("topside", [pair.client()])
+        robot.until_link("tether")
+        topside.end()
+        robot.until_link("tether", up=False)
+    said = [record.getMessage() for record in caplog.records]
+    assert "link_tether is down: nobody has connected yet." in said
+    assert "link_tether is up: topside_node" in said
