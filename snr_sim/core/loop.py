@@ -6,17 +6,24 @@ The author writes `setup`, `loop`, `halt` and `terminate`; who calls them is the
 
 from __future__ import annotations
 
+from numbers import Real
 from typing import TYPE_CHECKING, Literal
 
 from snr_sim.core.backing import Backing, ClockBacking, ThreadBacking
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.component import ComponentFactory, NodeComponent
 from snr_sim.core.trial import Trial
-from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.errors import ParameterError, nearest
 from snr_sim.prelude.task import SomeTasks, TaskHandlerMap
 
 if TYPE_CHECKING:
     from snr_sim.core.node import Node
+
+_BACKINGS = ("thread", "process")
+
+
+def _is_rate(value: object) -> bool:
+    return isinstance(value, Real) and 0 <= float(value) < float("inf")
 
 
 class LoopFactory(ComponentFactory):
@@ -35,27 +42,34 @@ class Loop(NodeComponent):
         parent: its node.
         name: unique in the node.
         max_tick_rate_hz: how often `loop` is called; deadlines are kept, so work does not slow the rate down.
-            0 is as often as possible on a thread, and 1000 Hz in lock step, where time must move.
+            0 is as often as possible on a thread, and 1000 Hz in lock step, where time must move. If not given:
+            what the class says.
 
     Raises:
-        ParameterError: the rate is negative or not a number.
+        ParameterError: the rate is negative or not a number, or nobody knows the backing.
     """
 
     # What calls the loop on the wall clock. "process" is for heavy work, such as vision: a thread would keep everything
     # else in the node from running. In lock step the virtual clock calls all loops.
     backing: Literal["thread", "process"] = "thread"
+    max_tick_rate_hz: float = 1000.0
     first_tick_after_s: float = 0.0  # how long after `begin` the first `loop` comes; a loop may set its own
     # When the next `loop` is to come, by the node's time, for a loop that knows better than its rate; it sets it anew
     # in each `loop`. At once if that has passed.
     next_tick_at_s: float | None = None
 
-    def __init__(self, factory: LoopFactory, parent: Node, name: str, max_tick_rate_hz: float = 1000.0) -> None:
-        if not 0 <= max_tick_rate_hz < float("inf"):
+    def __init__(self, factory: LoopFactory, parent: Node, name: str, max_tick_rate_hz: float | None = None) -> None:
+        rate_hz = self.max_tick_rate_hz if max_tick_rate_hz is None else max_tick_rate_hz
+        if not _is_rate(rate_hz):
             raise ParameterError(
-                f"Loop '{name}' has max_tick_rate_hz={max_tick_rate_hz!r}.", fix="a rate of 0 or more, such as 50."
+                f"Loop '{name}' has max_tick_rate_hz={rate_hz!r}.", fix="a rate of 0 or more, such as 50."
+            )
+        if self.backing not in _BACKINGS:
+            raise ParameterError(
+                f"Loop '{name}' has backing = {self.backing!r}.", fix=nearest(str(self.backing), _BACKINGS)
             )
         super().__init__(factory, parent, name)
-        self.max_tick_rate_hz = max_tick_rate_hz
+        self.max_tick_rate_hz = rate_hz
         self.task_handlers: TaskHandlerMap = {}  # a loop brings tasks in; handling them is an endpoint's work
         self._backing: Backing | None = None
         self.trial: Trial | None = None  # who waits for its `setup` on a thread, if somebody does
@@ -85,15 +99,11 @@ class Loop(NodeComponent):
         backing.start()
 
     def _own_backing(self) -> Backing:
-        if self.backing == "thread":
-            return ThreadBacking(self)
         if self.backing == "process":
             from snr_sim.core.process_backing import ProcessBacking  # slow to import, and few robots need it
 
             return ProcessBacking(self)
-        raise ParameterError(
-            f"Loop '{self.name}' has backing = {self.backing!r}.", fix='backing = "thread" or backing = "process".'
-        )
+        return ThreadBacking(self)
 
     def stop(self) -> None:
         """Asks for no more ticks: a loop that has nothing left to bring calls this itself."""
