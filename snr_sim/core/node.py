@@ -136,9 +136,10 @@ class Node:
             what = f"while {name}.get() made a component of role '{self.role}'"
             raise ConfigError(describe_error(error, what)) from error
         wanted: type[Endpoint | Loop] = Endpoint if isinstance(factory, EndpointFactory) else Loop
+        a_wanted = f"{'an' if wanted is Endpoint else 'a'} {wanted.__name__}"
         if not isinstance(component, wanted):
             raise ConfigError(
-                f"{name}.get() of role '{self.role}' returned {component!r}, but should return a {wanted.__name__}.",
+                f"{name}.get() of role '{self.role}' returned {component!r}, but should return {a_wanted}.",
                 fix=f"end get(self, parent) with: return My{wanted.__name__}(self, parent, 'its_name').",
             )
         if not hasattr(component, "name"):

@@ -198,7 +198,7 @@ class ProcessBacking:
         lines = "".join(f"\n    {line}" for line in self._process.last)
         return (
             f"The process of loop '{self._loop.name}' {how_it_ended(status)} at t = {self._node.clock.now_s():.3f} s, "
-            f"after {self.ticks} ticks. " + (f"Its last lines:{lines}" if lines else "It had printed nothing.")
+            f"after at least {self.ticks} ticks. " + (f"Its last lines:{lines}" if lines else "It had printed nothing.")
         )
 
     def _close(self) -> None:

@@ -15,7 +15,7 @@ from snr_sim.core.node import Node
 from snr_sim.core.watch import watched
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import RoleName
-from snr_sim.prelude.errors import ConfigError, nearest
+from snr_sim.prelude.errors import ConfigError, SnrError, nearest
 from snr_sim.prelude.recorder import Recorder
 
 TEST_ROLE = "test"
@@ -88,7 +88,10 @@ class CliRunner:
         self._argv = list(sys.argv if argv is None else argv)
 
     def run(self) -> None:
-        """Runs the role until it ends. Without a known role: says which there are, exit status 2."""
+        """Runs the role until it ends. Without a known role: says which there are, exit status 2.
+
+        What goes wrong is told on stderr, exit status 1; in DEBUG mode it is raised, for its traceback.
+        """
         words = self._argv[1:]
         mode = Mode.DEBUG if "-d" in words else Mode.DEPLOYED
         is_watched = "--watch" in words
@@ -101,8 +104,14 @@ class CliRunner:
         if len(roles) != 1 or roles[0] not in config.factories:
             self._explain(roles, list(config.factories))
             raise SystemExit(2)
-        runner = SynchronousRunner(roles[0], watched(config) if is_watched else config)
-        runner.run()
+        try:
+            runner = SynchronousRunner(roles[0], watched(config) if is_watched else config)
+            runner.run()
+        except SnrError as error:
+            if mode is Mode.DEBUG:
+                raise
+            print(error, file=sys.stderr)
+            raise SystemExit(1) from error
         if runner.node.profiler is not None:
             print(runner.node.profiler.dump(), file=sys.stderr)
 

@@ -12,6 +12,7 @@ from typing import Any
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.prelude import tasks
+from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.task import Task
 from snr_sim.std_mods.readers import PageReader, TextReader
@@ -27,12 +28,20 @@ class ListReplayerFactory(LoopFactory):
         key: of the pages.
         exit_when_done: ends the node when all has been made of the last value.
         rate_hz: ticks per second.
+
+    Raises:
+        ConfigError: the key is no text.
     """
 
     def __init__(
         self, values: Iterable[Any], key: DataKey, exit_when_done: bool = False, rate_hz: float = 100.0
     ) -> None:
         super().__init__()
+        if not isinstance(key, str):
+            raise ConfigError(
+                f"ListReplayerFactory stores under the key {key!r}, which is no text.",
+                fix="the values first, then their key: ListReplayerFactory([1, 2], 'depth').",
+            )
         self.values = list(values)
         self.key = key
         self.exit_when_done = exit_when_done

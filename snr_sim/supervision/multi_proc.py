@@ -234,7 +234,9 @@ class RoleProcess:
         """Returns how it ended that did not say so itself."""
         lines = "".join(f"\n    {line}" for line in self._process.last)
         return f"The process of role '{self.role}' {how_it_ended(status)}. " + (
-            f"Its last lines:{lines}" if lines else "It had printed nothing on stderr."
+            f"Its last lines:{lines}"
+            if lines
+            else "It had printed nothing on stderr.\n  Try: run that role alone and watch its memory."
         )
 
 

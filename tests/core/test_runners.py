@@ -10,6 +10,8 @@ import pytest
 from snr_sim import (
     CliRunner,
     Config,
+    Endpoint,
+    EndpointFactory,
     MemoryLink,
     Mode,
     Node,
@@ -173,3 +175,22 @@ def test_a_failure_in_one_role_leaves_the_runner_with_the_students_line() -> Non
 
     with pytest.raises(ComponentFailed, match=r'raise ValueError\("no echo"\)'):
         SimRunner(Config(factories={"a": [], "b": [TickerFactory(fail)]}), clock=SimClock()).run()
+
+
+class _Unwilling(EndpointFactory):
+    def get(self, parent: Node) -> Endpoint:
+        raise ConfigError("The port is taken.", fix="another port.")
+
+
+def test_a_command_line_tells_an_error_without_a_traceback(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        CliRunner({"robot": [_Unwilling()]}, ["robot.py", "robot"]).run()
+    said = capsys.readouterr().err
+    assert ended.value.code == 1
+    assert "The port is taken.\n  Try: another port." in said
+    assert "Traceback" not in said
+
+
+def test_a_command_line_in_debug_mode_raises_the_error() -> None:
+    with pytest.raises(ConfigError, match="The port is taken"):
+        CliRunner({"robot": [_Unwilling()]}, ["robot.py", "-d", "robot"]).run()

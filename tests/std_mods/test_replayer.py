@@ -25,7 +25,7 @@ from snr_sim import (
     TimeoutLoopFactory,
     WallClock,
 )
-from snr_sim.prelude.errors import ComponentFailed
+from snr_sim.prelude.errors import ComponentFailed, ConfigError
 from snr_sim.recording.reader import Trace
 from snr_sim.recording.records import PageRecord
 from snr_sim.testing.parts import Part, PartFactory, TickerFactory
@@ -229,3 +229,8 @@ def test_a_line_waits_for_the_answer_to_the_one_before(tmp_path: Path, clock: ty
     assert log == ["?a", "!a", "?b", "!b", "?c", "!c"]
     assert node.get_data("done") == "c"
     assert node.notes == []
+
+
+def test_a_list_replayer_with_swapped_arguments_is_refused_when_it_is_made() -> None:
+    with pytest.raises(ConfigError, match="the values first, then their key"):
+        ListReplayerFactory("depth", [1, 2])  # type: ignore[arg-type]

@@ -59,7 +59,8 @@ def _event(session: Session, name: str, values: list[object]) -> Answer:
     if (TaskType.event, name) in session.node.components[CORE_NAME].task_handlers:
         raise CommandRefused(f"The event '{name}' is the node's own.", fix=nearest(name, known))
     if name not in known and not _takes_every_event(session.node):
-        raise CommandRefused(f"Nobody here handles an event '{name}'.", fix=nearest(name, known))
+        fix = nearest(name, known) if known else "list, which shows who is here."
+        raise CommandRefused(f"Nobody here handles an event '{name}'.", fix=fix)
     session.processor.admit_name(f"event {name}", name in known)
     session.bring(tasks.event(name, values))
     return Answer(f"event '{name}' is queued.", {"task": ["event", name, values]})
