@@ -54,3 +54,10 @@ def test_the_two_computers_of_the_readme_meet_in_lock_step(monkeypatch: pytest.M
     runner = SimRunner(names["config"], until_s=2.0)
     runner.run()
     assert [runner.nodes[role].get_data("link_tether")["up"] for role in ("robot", "topside")] == [True, True]
+
+
+def test_the_two_roles_of_the_readme_show_the_depth_topside(capsys: pytest.CaptureFixture[str]) -> None:
+    names: dict[str, Any] = {"__name__": "rov"}
+    exec(blocks()[3], names)
+    SimRunner(names["config"], until_s=2.0).run()
+    assert "1.5 m\n" in capsys.readouterr().out
