@@ -203,7 +203,7 @@ UNUSABLE = [
      "return MyEndpoint"),
     (('return Mine(self, parent, "mine")', "return Mine()"), "mine.py, line 9: return Mine()",
      "missing 3 required positional arguments"),
-    (('return Mine(self, parent, "mine")', "pass"), "returned None, but return an Endpoint", "return MyEndpoint"),
+    (('return Mine(self, parent, "mine")', "pass"), "but should return an Endpoint", "return MyEndpoint"),
     (("super().__init__(factory, parent, name)", "pass"), "mine.py, line 15: ", "super().__init__(factory, parent"),
     (("self.ticks = 0", "self.ticks = 1 / 0"), "mine.py, line 14: self.ticks = 1 / 0", "ZeroDivisionError"),
     (("def on_radar(self, task, task_id):", "def on_radar(self, task):"), "mine.py, line 15: self.task_handlers = ",
