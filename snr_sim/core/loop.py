@@ -64,11 +64,8 @@ class Loop(NodeComponent):
             raise ParameterError(
                 f"Loop '{name}' has max_tick_rate_hz={rate_hz!r}.", fix="a rate of 0 or more, such as 50."
             )
-        if self.backing not in _BACKINGS:
-            raise ParameterError(
-                f"Loop '{name}' has backing = {self.backing!r}.", fix=nearest(str(self.backing), _BACKINGS)
-            )
         super().__init__(factory, parent, name)
+        self._check_backing()
         self.max_tick_rate_hz = rate_hz
         self.task_handlers: TaskHandlerMap = {}  # a loop brings tasks in; handling them is an endpoint's work
         self._backing: Backing | None = None
@@ -91,7 +88,14 @@ class Loop(NodeComponent):
         Raises:
             ConfigError: the loop is to run in a process, and its factory cannot be sent there.
         """
+        self._check_backing()  # again: it may have been chosen after the loop was made
         self.begin_on(ClockBacking(self) if isinstance(self.parent.clock, SimClock) else self._own_backing())
+
+    def _check_backing(self) -> None:
+        if self.backing not in _BACKINGS:
+            raise ParameterError(
+                f"Loop '{self.name}' has backing = {self.backing!r}.", fix=nearest(str(self.backing), _BACKINGS)
+            )
 
     def begin_on(self, backing: Backing) -> None:
         """Starts ticking on a backing: in a process the process' own, anywhere else `begin` chooses."""

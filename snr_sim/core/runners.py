@@ -12,6 +12,7 @@ from snr_sim.core.config import ComponentsByRole, Config, Mode
 from snr_sim.core.interrupts import Interrupted, orderly
 from snr_sim.core.lockstep import LockStep
 from snr_sim.core.node import Node
+from snr_sim.core.sources import being_read
 from snr_sim.core.watch import watched
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import RoleName
@@ -108,7 +109,7 @@ class CliRunner:
             runner = SynchronousRunner(roles[0], watched(config) if is_watched else config)
             runner.run()
         except SnrError as error:
-            if mode is Mode.DEBUG:
+            if mode is Mode.DEBUG or being_read.get():  # a reload tells what went wrong in its own way
                 raise
             print(error, file=sys.stderr)
             raise SystemExit(1) from error
