@@ -122,12 +122,13 @@ def test_a_crash_of_the_process_is_an_error_of_the_loop(crash: str, said: str) -
     assert halted == ["motor"]
 
 
-def test_a_killed_process_is_noticed_although_somebody_it_forked_holds_its_line() -> None:
-    node = node_of(loops.StepsFactory(loops.start_another))
+def test_a_killed_process_is_noticed_although_somebody_it_forked_holds_its_line(tmp_path: Path) -> None:
+    told = tmp_path / "told"
+    node = node_of(loops.StepsFactory(loops.start_another, str(told)))
     start_s = time.monotonic()
     with pytest.raises(ComponentFailed, match="SIGKILL"):
         node.loop()
-    os.kill(node.get_data("grandchild"), signal.SIGKILL)
+    os.kill(int(told.read_text()), signal.SIGKILL)
     assert time.monotonic() - start_s < 50.0  # it sleeps for 60
 
 
