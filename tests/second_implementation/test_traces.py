@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -107,12 +108,10 @@ def test_the_digest_is_what_a_shell_computes_too(fly: Callable[..., Trace]) -> N
     trace = fly("lander_low_gate", "optimal")
     command = f"tail -n +2 '{trace.path}' | b2sum -l 256"
     assert command.replace(f"'{trace.path}'", "trace.jsonl") in FORMATS.read_text(encoding="utf-8")
-    try:
-        done = subprocess.run(["bash", "-c", command], capture_output=True, text=True)
-    except FileNotFoundError:
-        pytest.skip("no bash here")
-    if done.returncode != 0 or not done.stdout.strip():
-        pytest.skip("no b2sum here")
+    if missing := [tool for tool in ("bash", "b2sum") if shutil.which(tool) is None]:
+        pytest.skip(f"not on this system: {', '.join(missing)}")
+    done = subprocess.run(["bash", "-c", f"set -o pipefail; {command}"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
     assert done.stdout.split()[0] == trace.digest
 
 
