@@ -1,6 +1,7 @@
-"""Shared by the folders below: recorded runs to look at, each flown once, and the schemas that ship."""
+"""Shared by the folders below: recorded runs to look at, each flown once, the schemas that ship, a log left as it was."""
 
-from collections.abc import Callable
+import logging
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,16 @@ from snr_sim.simulation import Request, prepare
 
 Fly = Callable[..., Trace]
 IsValid = Callable[[Any], bool]
+
+
+@pytest.fixture(autouse=True)
+def log_as_before() -> Iterator[None]:
+    """Whoever runs a program as the command line does changes where its log goes: for that test only."""
+    logger = logging.getLogger("snr")
+    handlers, level, propagate = logger.handlers[:], logger.level, logger.propagate
+    yield
+    logger.handlers[:], logger.propagate = handlers, propagate
+    logger.setLevel(level)
 
 
 @pytest.fixture(scope="session")

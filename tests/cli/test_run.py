@@ -1,11 +1,10 @@
 """`snr run`: what it says and leaves behind, for good requests and for every kind of bad one."""
 
 import json
-import logging
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -428,18 +427,7 @@ EDITS_ITSELF = """
 """
 
 
-@pytest.fixture
-def snr_log() -> Iterator[None]:
-    logger = logging.getLogger("snr")
-    handlers, level, propagate = logger.handlers[:], logger.level, logger.propagate
-    yield
-    logger.handlers[:], logger.propagate = handlers, propagate
-    logger.setLevel(level)
-
-
-def test_a_watched_run_takes_an_edited_controller_and_its_replay_says_so(
-    snr: Snr, here: Path, mine: Mine, snr_log: None
-) -> None:
+def test_a_watched_run_takes_an_edited_controller_and_its_replay_says_so(snr: Snr, here: Path, mine: Mine) -> None:
     mine((WIRED, EDITS_ITSELF + WIRED))
     answer = snr("run", "lander_low_gate", "--controller", "./mine.py", "--speed", "100", "--watch", "--no-rrd")
     assert "INFO snr.lander_node.node_core: Made anew: mine." in answer.err

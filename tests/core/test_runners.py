@@ -1,8 +1,6 @@
 """The ways to start a config, and what they say when it cannot be started."""
 
-import logging
 import sys
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -73,17 +71,6 @@ def talks(part: Any) -> None:
     part.log.debug("cell 3 at 3.1 V")
 
 
-@pytest.fixture
-def _logging_as_before() -> Iterator[None]:
-    logger = logging.getLogger("snr")
-    level, handlers, propagate = logger.level, list(logger.handlers), logger.propagate
-    yield
-    logger.setLevel(level)
-    logger.handlers[:] = handlers
-    logger.propagate = propagate
-
-
-@pytest.mark.usefixtures("_logging_as_before")
 def test_with_d_the_command_line_shows_all_that_is_logged_and_the_profile(capsys: pytest.CaptureFixture[str]) -> None:
     go = tasks.event("x")
     handler = PartFactory({go.id(): lambda task, task_id: None}, "worker", begin=lambda part: part.schedule(go))
@@ -94,7 +81,6 @@ def test_with_d_the_command_line_shows_all_that_is_logged_and_the_profile(capsys
     assert "worker.<lambda>" in err
 
 
-@pytest.mark.usefixtures("_logging_as_before")
 def test_debug_on_the_command_line_leaves_the_config_as_it_was() -> None:
     config = Config(factories=ROLES)
     CliRunner(config, ["robot.py", "-d", "robot"]).run()

@@ -1,8 +1,7 @@
 """`--watch`: a saved file has its components reloaded, once, and a file that was saved halfway is waited for."""
 
-import logging
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -112,17 +111,8 @@ def test_the_watch_is_no_part_of_the_robot_and_goes_on_through_reload_all(file: 
     assert [made for _, made, _ in reloads] == [["pilot", "ticker"], ["pilot"]]
 
 
-@pytest.fixture
-def logger() -> Iterator[logging.Logger]:
-    logger = logging.getLogger("snr")
-    before = (logger.handlers[:], logger.level, logger.propagate)
-    yield logger
-    logger.handlers[:], logger.level, logger.propagate = before
-    logger.setLevel(before[1])
-
-
 def test_a_robot_started_with_watch_takes_an_edited_file_while_its_threads_run(
-    file: Path, logger: logging.Logger, capsys: pytest.CaptureFixture[str]
+    file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Real threads and real time: ends when the new code has answered, or fails after half a minute."""
     thrusts: list[int] = []
