@@ -59,6 +59,19 @@ class EngineCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     attitude: float = 0.0
 
 
+class PwmCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The pulses that the speed controllers of all thrusters are sent.
+
+    Args:
+        pulses_us: high time of each thruster's pulse [microseconds]: 1500 stops, 1900 is full ahead, 1100 full astern.
+            An empty list is 1500 for all.
+        is_on: whether pulses are sent at all. Without them the speed controllers stop, and soon disarm.
+    """
+
+    pulses_us: list[float] = []
+    is_on: bool = True
+
+
 class PadReading(msgspec.Struct, frozen=True):
     """Where the sticks and buttons of a game controller are, numbered as the system numbers them.
 

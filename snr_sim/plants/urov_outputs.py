@@ -1,0 +1,93 @@
+"""What an underwater vehicle's surroundings do to its sensors: the true values, before any sensor spoils them.
+
+These are the plant's outputs. What a sensor makes of them is another record (`prelude/signals.py`): a depth sensor
+measures pressure and reckons depth from it, as the real part does.
+
+    output "depth"     Depth       output "power"   Power
+    output "imu"       Imu         output "leak"    Leak
+    output "altitude"  Altitude
+
+Frames: world x east, y north, z up; body x forward, y left, z up.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+
+class Depth(msgspec.Struct, frozen=True):
+    """The water at the pressure port.
+
+    Args:
+        depth_m: of the port under the surface at rest; negative above it.
+        sink_mps: rate of depth, positive while going down.
+        pressure_pa: absolute; the air's above the surface.
+        temperature_c: of the water.
+        stamp_s: when.
+    """
+
+    depth_m: float
+    sink_mps: float
+    pressure_pa: float
+    temperature_c: float
+    stamp_s: float
+
+
+class Imu(msgspec.Struct, frozen=True):
+    """Motion and attitude where the inertial unit is mounted, its axes along the body's.
+
+    Args:
+        rate_radps: [x, y, z] angular velocity, body frame.
+        specific_force_mps2: [x, y, z] acceleration less gravity, body frame: [0, 0, 9.81] at rest and upright.
+        attitude: [w, x, y, z] unit quaternion that turns vectors of the body into the world's.
+        field_ut: [x, y, z] magnetic field, body frame [microtesla], with what the thrusters' currents add.
+        stamp_s: when.
+    """
+
+    rate_radps: list[float]
+    specific_force_mps2: list[float]
+    attitude: list[float]
+    field_ut: list[float]
+    stamp_s: float
+
+
+class Altitude(msgspec.Struct, frozen=True):
+    """What is under the echo sounder.
+
+    Args:
+        altitude_m: height of the sounder over the floor, straight down.
+        tilt_rad: angle between the sounder's axis and straight down, 0 to pi.
+        stamp_s: when.
+    """
+
+    altitude_m: float
+    tilt_rad: float
+    stamp_s: float
+
+
+class Power(msgspec.Struct, frozen=True):
+    """The battery's terminals.
+
+    Args:
+        voltage_v: at the terminals, under load.
+        current_a: out of the battery.
+        charge: what is left of it, 0 empty to 1 full.
+        stamp_s: when.
+    """
+
+    voltage_v: float
+    current_a: float
+    charge: float
+    stamp_s: float
+
+
+class Leak(msgspec.Struct, frozen=True):
+    """Water where none should be.
+
+    Args:
+        water_l: litres inside the hull; they weigh as much in kilograms.
+        stamp_s: when.
+    """
+
+    water_l: float
+    stamp_s: float
