@@ -1,4 +1,4 @@
-"""Shared by the folders below: recorded runs to look at, each flown once, the schemas that ship, a log left as it was."""
+"""Shared by the folders below: recorded runs to look at, each flown once, the schemas, a log left as it was."""
 
 import logging
 from collections.abc import Callable, Iterator
