@@ -1,0 +1,105 @@
+"""The door to MuJoCo: a world from a MJCF text, whose mistakes are told in words and whose NaN are errors.
+
+MuJoCo alone answers a state that is no longer finite with a line in a log file and a reset to the start, as if
+nothing had happened. Here that is switched off, and `check_finite` says what it was; called before MuJoCo's own step,
+it also keeps the log file from being written.
+"""
+
+from __future__ import annotations
+
+from types import ModuleType
+from typing import Any
+
+from snr_sim.prelude.errors import MissingExtra, ParameterError, PlantError, nearest
+
+
+class MujocoWorld:
+    """A model and its state.
+
+    Args:
+        mjcf: the world as MJCF text.
+        step_s: of integration; takes the place of what the text says.
+        bodies: names of the bodies that must be in it.
+        source: what the text is called in messages.
+
+    Attributes:
+        mujoco: the package, for its functions.
+        model: the MjModel.
+        data: the MjData.
+        engine: name and version, for `Plant.engine`.
+
+    Raises:
+        MissingExtra: MuJoCo is not installed.
+        ParameterError: the text is no MJCF, or a body is missing.
+    """
+
+    def __init__(self, mjcf: str, step_s: float, bodies: tuple[str, ...] = (), source: str = "the MJCF") -> None:
+        mujoco = mujoco_module()
+        try:
+            self.model: Any = mujoco.MjModel.from_xml_string(mjcf)
+        except ValueError as error:
+            raise ParameterError(
+                f"MuJoCo cannot read {source}: {' '.join(str(error).split())}",
+                fix="correct the line it names; the elements and attributes are in MuJoCo's XML reference.",
+            ) from error
+        self.mujoco: Any = mujoco
+        self.engine = f"mujoco {mujoco.__version__}"
+        self._source = source
+        self.model.opt.timestep = step_s
+        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        for name in bodies:
+            self.body_id(name)
+        self.data: Any = mujoco.MjData(self.model)
+
+    def body_id(self, name: str) -> int:
+        """Returns the number of a body.
+
+        Raises:
+            ParameterError: there is none of this name.
+        """
+        names = [self.model.body(i).name for i in range(self.model.nbody)]
+        if name not in names:
+            raise ParameterError(
+                f"There is no body '{name}' in {self._source}.",
+                fix=nearest(name, [known for known in names if known not in ("", "world")]),
+            )
+        return names.index(name)
+
+    def check_finite(self) -> None:
+        """Looks at positions and velocities.
+
+        Raises:
+            PlantError: one is not finite; it is named by its joint.
+        """
+        data = self.data
+        for what, values, is_velocity in (("position", data.qpos, False), ("velocity", data.qvel, True)):
+            total = float(values.sum())
+            if total - total == 0.0:
+                continue
+            for i, value in enumerate(values.tolist()):
+                if value - value != 0.0:
+                    raise PlantError(
+                        f"At {data.time:g} s the {what} of {self._joint_of(i, is_velocity)} is {value}.",
+                        fix="look at the last commands and at masses and inertias; try a shorter step.",
+                    )
+
+    def _joint_of(self, address: int, is_velocity: bool) -> str:
+        """Returns joint and number of a coordinate, as in 'vehicle[2]'."""
+        starts = self.model.jnt_dofadr if is_velocity else self.model.jnt_qposadr
+        joint = max(j for j in range(self.model.njnt) if starts[j] <= address)
+        name = self.model.joint(joint).name or self.model.body(int(self.model.jnt_bodyid[joint])).name
+        return f"{name}[{address - int(starts[joint])}]"
+
+
+def mujoco_module() -> ModuleType:
+    """Returns mujoco, imported when it is first needed.
+
+    Raises:
+        MissingExtra: it is not installed.
+    """
+    try:
+        import mujoco
+    except ImportError as error:
+        raise MissingExtra("mujoco-core", "sim") from error
+    module: ModuleType = mujoco
+    return module
