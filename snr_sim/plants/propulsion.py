@@ -1,0 +1,292 @@
+"""The thrusters of an underwater vehicle, from pulses to forces, with the battery that they share.
+
+    pulses --> speed controllers --> thrust and current of the table, at the voltage --> lag --> forces
+               (esc.py)              (t200.py)                ^                           |
+                                                          battery <---------- current ----'
+                                                          (battery.py)
+
+Where the thrusters sit and which way they push is not known here: the vehicle turns forces into a wrench.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from snr_sim.plants.battery import Battery, Supply
+from snr_sim.plants.esc import Esc, EscState
+from snr_sim.plants.t200 import LEAST_US, LEAST_V, MOST_US, MOST_V, STOP_US, curve
+from snr_sim.prelude.errors import ParameterError, PlantError, UnknownName, nearest
+
+# von Benzon et al. 2022 (JMSE 10:1898) measured how a T200's force follows its command, as a filter of third order:
+# (6136 s + 108700) / (s^3 + 89 s^2 + 9258 s + 108700). A first-order lag that is late by as much on the whole has the
+# time constant (9258 - 6136) / 108700 s.
+LAG_S = (9258.0 - 6136.0) / 108700.0
+ELECTRONICS_A = 1.0  # computer, camera, sensors: our own guess, about 15 W
+STEPS_PER_VOLT = 4  # the table is looked up at every quarter of a volt and every microsecond; between, all is linear
+ODD_PULSES_US = (800.0, 2200.0)  # what no servo output makes: a percentage, or seconds, that somebody took for a pulse
+_SOUND = (1.0, 1.0)  # shares of its force and of its current
+FAULTS = ("none", "off", "weak", "stuck")
+
+Forces: TypeAlias = NDArray[np.float64]
+
+
+class PropulsionState(NamedTuple):
+    """All there is to know of the thrusters at one moment."""
+
+    drives: list[float]
+    acting_us: list[float]
+    shares: list[tuple[float, float]]
+    stuck: list[bool]
+    escs: list[EscState]
+    voltage_v: float
+    supply: Any
+
+
+class Propulsion:
+    """Eight thrusters, or any number, of type T200, each with its speed controller, on one battery.
+
+    Args:
+        count: of thrusters.
+        supply: feeds them; a full battery if None.
+        lag_s: time constant of force and current following the table.
+        electronics_a: current that everything else draws.
+
+    Raises:
+        ParameterError: a number makes no sense, such as a supply of 0 V.
+
+    Attributes:
+        escs: their speed controllers.
+        acting_us: pulse that each thruster turns by; 1500 where its controller does not let it turn.
+        voltage_v: at the speed controllers, after the last step.
+        supply: what feeds them.
+    """
+
+    def __init__(
+        self,
+        count: int,
+        supply: Supply | None = None,
+        lag_s: float = LAG_S,
+        electronics_a: float = ELECTRONICS_A,
+    ) -> None:
+        if count < 1:
+            raise ParameterError(f"A vehicle with {count!r} thrusters.", fix="1 or more.")
+        if not (math.isfinite(lag_s) and lag_s > 0.0):
+            raise ParameterError(f"Thrusters with lag_s={lag_s!r}.", fix=f"{LAG_S:.3f}, as measured.")
+        self.count = count
+        self.supply: Supply = Battery() if supply is None else supply
+        self.lag_s = lag_s
+        self.electronics_a = electronics_a
+        self.reset()
+        volts = self.supply.voltage_v(0.0)
+        if not LEAST_V <= volts <= MOST_V:
+            raise ParameterError(
+                f"The supply of the thrusters has {volts:g} V, but they run at {LEAST_V:g} to {MOST_V:g} V.",
+                fix="a battery of 4 cells with charge in it.",
+            )
+
+    def reset(self) -> None:
+        """Puts everything back to when the battery is connected: nothing turns, nothing is armed, nothing is broken."""
+        n = self.count
+        self.supply.reset()
+        self.escs = [Esc() for _ in range(n)]
+        self._drives = [0.0] * (2 * n)  # forces, then currents: they follow the table alike
+        self.acting_us = [STOP_US] * n
+        self._shares = [_SOUND] * n
+        self._stuck = [False] * n
+        self.voltage_v = self.supply.voltage_v(self.electronics_a)
+        self._lag_of = (0.0, 0.0)
+        self._told: list[float | None] | None = None
+        self._is_settled = False
+        self._shifts_us = [0.0] * n
+        self._lines: list[tuple[float, float]] = []
+        self._forget()
+
+    @property
+    def forces_n(self) -> list[float]:
+        """Force of each thruster along its own axis, after the last step."""
+        return self._drives[: self.count]
+
+    @property
+    def currents_a(self) -> list[float]:
+        """Current of each thruster."""
+        return self._drives[self.count :]
+
+    @property
+    def current_a(self) -> float:
+        """All that is drawn from the supply."""
+        return sum(self.currents_a) + self.electronics_a
+
+    @property
+    def charge(self) -> float:
+        """What is left in the supply, 0 empty to 1 full."""
+        return self.supply.charge
+
+    @property
+    def energy_j(self) -> float:
+        """Taken from the supply since the reset."""
+        return self.supply.energy_j
+
+    @property
+    def is_armed(self) -> bool:
+        """Whether all speed controllers are armed."""
+        return all(esc.is_armed for esc in self.escs)
+
+    def fail(self, thruster: int, fault: str, share: float = 0.5) -> None:
+        """Breaks a thruster, or mends it.
+
+        Args:
+            thruster: its number, from 0.
+            fault: 'off' gives and draws nothing; 'weak' gives a share of its force for all of its current, as with a
+                damaged propeller; 'stuck' goes on as it was told last, whatever it is told; 'none' is mended.
+            share: of a weak one, 0 to 1.
+
+        Raises:
+            ParameterError: there is no such thruster, or no such share.
+            UnknownName: there is no such fault.
+        """
+        if not 0 <= thruster < self.count:
+            raise ParameterError(f"There is no thruster {thruster!r}.", fix=f"0 to {self.count - 1}.")
+        if fault not in FAULTS:
+            raise UnknownName(f"A thruster cannot be '{fault}'.", fix=nearest(fault, FAULTS))
+        if not 0.0 <= share <= 1.0:
+            raise ParameterError(f"A thruster with a share of {share!r} of its force.", fix="0 to 1.")
+        self._stuck[thruster] = fault == "stuck"
+        self._shares[thruster] = {"off": (0.0, 0.0), "weak": (share, 1.0)}.get(fault, _SOUND)
+        self._forget()
+
+    def step(self, dt_s: float, pulses_us: Sequence[float | None]) -> Forces:
+        """Moves on by `dt_s`; returns the forces, shape (n,) [N], positive along each thruster's axis.
+
+        Args:
+            dt_s: how long.
+            pulses_us: of each thruster; None where no pulse comes.
+
+        Raises:
+            PlantError: a pulse is none, or there are more or fewer of them than thrusters.
+        """
+        volts = self.voltage_v
+        if not self._is_settled or volts < LEAST_V or pulses_us != self._told:
+            self._hear(dt_s, list(pulses_us))
+        if not self._from_v <= volts < self._to_v:
+            self._look_up(volts)
+        above_v = volts - self._from_v
+        if self._lag_of[0] != dt_s:
+            self._lag_of = dt_s, 1.0 - math.exp(-dt_s / self.lag_s)
+        share, n = self._lag_of[1], self.count
+        self._drives = drives = [
+            drive + share * (base + above_v * slope - drive)
+            for drive, (base, slope) in zip(self._drives, self._lines, strict=True)
+        ]
+        supply, current_a = self.supply, sum(drives[n:]) + self.electronics_a
+        supply.draw(current_a, volts, dt_s)
+        # The current has its lag, so it is known, and the voltage follows from it. Where both have settled, current and
+        # voltage satisfy the table and the battery at once.
+        self.voltage_v = supply.voltage_v(current_a)
+        return np.array(drives[:n])
+
+    def _hear(self, dt_s: float, pulses: list[float | None]) -> None:
+        """Has the speed controllers hear the pulses; skipped while they are armed and told the same as before."""
+        if pulses != self._told:
+            self._check(pulses)
+            self._told = pulses
+        given = [pulse for pulse in pulses if pulse is not None]
+        volts = self.voltage_v
+        if self._is_settled and len(given) == len(pulses) and volts >= LEAST_V:  # all armed, and nothing to disarm them
+            acting = [
+                LEAST_US if (acts := pulse - shift) < LEAST_US else MOST_US if acts > MOST_US else acts
+                for pulse, shift in zip(given, self._shifts_us, strict=True)
+            ]
+        else:
+            acting = [esc.hear(pulse, volts, dt_s) for esc, pulse in zip(self.escs, pulses, strict=True)]
+            self._is_settled = self.is_armed and len(given) == len(pulses)
+            self._shifts_us = [esc.state.stop_us - STOP_US for esc in self.escs]
+        if True in self._stuck:
+            both = zip(self.acting_us, acting, self._stuck, strict=True)
+            acting = [before if is_stuck else now for before, now, is_stuck in both]
+        if acting != self.acting_us:
+            self.acting_us = acting
+            self._to_v = 0.0  # what was looked up is of other pulses
+
+    def _check(self, pulses: list[float | None]) -> None:
+        if len(pulses) != self.count:
+            raise PlantError(
+                f"{len(pulses)} pulses for {self.count} thrusters.", fix="one for each thruster, in their order."
+            )
+        least, most = ODD_PULSES_US
+        odd = [i for i, pulse in enumerate(pulses) if pulse is not None and not least <= pulse <= most]  # also NaN
+        if odd:
+            raise PlantError(
+                f"Thruster {odd[0]} was sent a pulse of {pulses[odd[0]]!r} us.",
+                fix="1100 to 1900 us, 1500 to stop, or None for no pulse.",
+            )
+
+    def _look_up(self, volts: float) -> None:
+        """Lays straight lines through thrust and current of all thrusters, about a voltage."""
+        if volts < LEAST_V:  # nothing turns, up to the voltage at which it does
+            self._from_v, self._to_v = 0.0, LEAST_V
+            self._lines = [(0.0, 0.0)] * (2 * self.count)
+            return
+        step = min(int(volts * STEPS_PER_VOLT), int(MOST_V * STEPS_PER_VOLT) - 1)
+        self._from_v, self._to_v = step / STEPS_PER_VOLT, (step + 1) / STEPS_PER_VOLT
+        if self._to_v == MOST_V:
+            self._to_v = math.inf  # exactly 20 V belongs here too, and there is nothing above
+        forces, currents = [], []
+        for pulse, (gives, draws) in zip(self.acting_us, self._shares, strict=True):
+            whole = int(pulse)
+            part = pulse - whole
+            force, dforce, slope, dslope, current, dcurrent, rise, drise = _patch(step, whole)
+            forces.append((gives * (force + part * dforce), gives * (slope + part * dslope)))
+            currents.append((draws * (current + part * dcurrent), draws * (rise + part * drise)))
+        self._lines = forces + currents
+
+    def _forget(self) -> None:
+        """Has everything looked up and heard anew."""
+        self._told = None
+        self._is_settled = False
+        self._from_v = self._to_v = 0.0
+
+    def snapshot(self) -> PropulsionState:
+        """Returns all of the state."""
+        return PropulsionState(
+            self._drives,
+            self.acting_us,
+            list(self._shares),
+            list(self._stuck),
+            [esc.state for esc in self.escs],
+            self.voltage_v,
+            self.supply.snapshot(),
+        )
+
+    def restore(self, snapshot: PropulsionState) -> None:
+        """Puts back what `snapshot` returned."""
+        self._drives, self.acting_us = snapshot.drives, snapshot.acting_us
+        self._shares, self._stuck = list(snapshot.shares), list(snapshot.stuck)
+        for esc, state in zip(self.escs, snapshot.escs, strict=True):
+            esc.state = state
+        self.voltage_v = snapshot.voltage_v
+        self.supply.restore(snapshot.supply)
+        self._forget()
+
+
+@lru_cache(maxsize=1 << 16)  # all there are: 52 steps of voltage and 801 pulses
+def _patch(step: int, pulse_us: int) -> tuple[float, float, float, float, float, float, float, float]:
+    """Returns force and current about a voltage and a pulse, as numbers that a bilinear surface is made of.
+
+    Of the force, then of the current: value, change per microsecond, change per volt, change of that per microsecond.
+    """
+    following_us = min(pulse_us + 1, int(MOST_US))
+    lower, upper = curve(step / STEPS_PER_VOLT), curve((step + 1) / STEPS_PER_VOLT)
+    corners = [one.at(pulse) for one in (lower, upper) for pulse in (pulse_us, following_us)]
+    force, current, _ = zip(*corners, strict=True)
+    return (*_bilinear(*force), *_bilinear(*current))
+
+
+def _bilinear(low: float, low_next: float, high: float, high_next: float) -> tuple[float, float, float, float]:
+    rise, rise_next = STEPS_PER_VOLT * (high - low), STEPS_PER_VOLT * (high_next - low_next)
+    return low, low_next - low, rise, rise_next - rise
