@@ -57,7 +57,7 @@ class EventMachine:
     @property
     def queued(self) -> int:
         """How many tasks wait, at the door or inside."""
-        return self.inside + len(self.door.waiting)
+        return len(self._queue) + len(self._urgent) + len(self.door.waiting)
 
     @property
     def inside(self) -> int:

@@ -34,6 +34,11 @@ class RecordingMachine(EventMachine):
         """How many tasks wait that have been let in."""
         return len(self._tickets) + len(self._urgent_tickets)
 
+    @property
+    def queued(self) -> int:
+        """How many tasks wait, at the door or inside."""
+        return len(self._tickets) + len(self._urgent_tickets) + len(self.door.waiting)
+
     def run_ready(self) -> None:
         """Executes tasks until none is left or the machine has ended; raises as `EventMachine.run_ready`."""
         tickets, urgent, waiting = self._tickets, self._urgent_tickets, self.door.waiting

@@ -39,8 +39,9 @@ class Page(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MA
         """
         try:
             raw = _encode(self)
-            # What C cannot carry (NaN, a tuple, ...) comes back unequal.
-            if _has_one_mark(raw) and _decode_data(raw).data == self.data:
+            # What C cannot carry (NaN, a tuple, ...) comes back unequal. Nearly always its "$" is the only one of the
+            # text; else its mark must be the only mark.
+            if (raw.rfind(b"$") == 2 or raw.count(b'"$":') == 1) and _decode_data(raw).data == self.data:
                 return raw
         except (TypeError, ValueError, OverflowError, RecursionError):
             pass  # not plain: numpy, an unknown object, nested too deeply
@@ -67,11 +68,6 @@ class Page(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MA
 
 _OWN_MARK = b'{"$":"page"'
 _FIX = "pages are written by Page.serialize()."
-
-
-def _has_one_mark(raw: bytes) -> bool:
-    """Whether a page as we write it has no mark but its own: nearly always its "$" is the only one of the text."""
-    return raw.rfind(b"$") == 2 or raw.count(b'"$":') == 1
 
 
 class _DataOfPage(msgspec.Struct):

@@ -61,8 +61,10 @@ class FrameReader:
                 return []
             data = bytes(rest)
             rest.clear()
-        frames: list[bytes] = []
         start, end, read_length = 0, len(data), _LENGTH.unpack_from
+        if end > HEADER_BYTES and end - HEADER_BYTES == read_length(data)[0] <= self.max_bytes:
+            return [data[HEADER_BYTES:]]  # one frame and nothing else, as nearly always when pages come singly
+        frames: list[bytes] = []
         while end - start >= HEADER_BYTES and (at_most is None or len(frames) < at_most):
             (length,) = read_length(data, start)
             if length > self.max_bytes:

@@ -245,7 +245,7 @@ class Link(Loop):
 
     def _bring(self, pages: Sequence[Page], by: object) -> None:
         """Lets pages in that a far end sent."""
-        accept, mine, enter, name = self.options.accept, self.parent.name, self.parent.enter, self.name
+        accept, mine, enter, name = self.options.accept, self.parent.name, self.parent.door.put, self.name
         for page in pages:
             key = page.key
             if page.origin == mine or not self._is_wanted(key, accept):
@@ -270,13 +270,15 @@ class Link(Loop):
 
     def _note_size(self, page_bytes: int) -> None:
         """Remembers how large pages are that come lately; see `_must_wait`."""
-        self._largest_bytes = max(self._largest_bytes, page_bytes)
+        if page_bytes > self._largest_bytes:
+            self._largest_bytes = page_bytes
 
     def _must_wait(self, coming: int = 0) -> bool:
         """Whether the node has so much to do, with what is coming just now, that nothing more may be let in."""
         tasks = self.parent.machine.queued + coming
-        most = min(MAX_TASKS_WAITING, MAX_BYTES_WAITING // (self._largest_bytes + HEADER_BYTES))
-        self.is_deaf = tasks > (most // 2 if self.is_deaf else most)
+        if self.is_deaf:
+            tasks *= 2
+        self.is_deaf = tasks > MAX_TASKS_WAITING or tasks * (self._largest_bytes + HEADER_BYTES) > MAX_BYTES_WAITING
         return self.is_deaf
 
     # How it is

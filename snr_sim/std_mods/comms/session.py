@@ -53,6 +53,9 @@ class State(StrEnum):
     closed = "closed"
 
 
+_UP, _CLOSED = State.up, State.closed  # looked up once: in Python 3.11 a member of an Enum takes 0.1 us to find
+
+
 @dataclass(frozen=True)
 class Terms:
     """What one end brings to its sessions.
@@ -102,6 +105,7 @@ class Session:
         self.reason = ""  # why it closed, in words
         self.was_refused = False  # by either end: trying again soon is of no use
         self.peer: Hello | None = None
+        self.peer_node = ""  # name of the other end's node, once it said so
         self.rtt_s: float | None = None
         self.heard_s = now_s
         self.received = 0  # messages handed out
@@ -127,22 +131,17 @@ class Session:
     @property
     def is_up(self) -> bool:
         """Whether the other end is known, proven and not gone."""
-        return self.state is State.up
+        return self.state is _UP
 
     @property
     def is_closed(self) -> bool:
         """Whether it is over; `reason` says why."""
-        return self.state is State.closed
+        return self.state is _CLOSED
 
     @property
     def wants_attention(self) -> bool:
         """Whether there is something to send, or it is over."""
-        return bool(self._outbox) or self.state is State.closed
-
-    @property
-    def peer_node(self) -> str:
-        """Name of the other end's node, or "" before it said so."""
-        return "" if self.peer is None else self.peer.node
+        return bool(self._outbox) or self.state is _CLOSED
 
     def take_output(self) -> list[bytes]:
         """Returns the frames that are to be sent, in order, and forgets them."""
@@ -155,22 +154,28 @@ class Session:
         Never raises, whatever the bytes: what is wrong closes the session, and `reason` says so.
         """
         taken: list[Any] = []
-        if self.state is State.closed:
+        if self.state is _CLOSED:
             return taken
         self.heard_s = now_s
         try:
             # One at a time until both know each other: only then does the other end's limit grow.
-            while frames := self._reader.feed(data, None if self.state is State.up else 1):
-                data = b""
-                for frame in frames:
-                    # Who is not known yet is not even listened to beyond the greeting.
-                    message = self._decode(frame) if self.state is State.up else decode_control(frame)
-                    if type(message) in _CONTROL:
-                        self._answer(message, now_s)
-                    else:
-                        taken.append(message)
-                    if self.is_closed:
+            while self.state is not _UP:
+                frames, data = self._reader.feed(data, at_most=1), b""
+                if not frames:
+                    return taken
+                # Who is not known yet is not even listened to beyond the greeting.
+                self._answer(decode_control(frames[0]), now_s)
+                if self.state is _CLOSED:
+                    return taken
+            decode = self._decode
+            for frame in self._reader.feed(data):
+                message = decode(frame)
+                if type(message) in _CONTROL:
+                    self._answer(message, now_s)
+                    if self.state is not _UP:
                         return taken
+                else:
+                    taken.append(message)
         except FrameTooLarge as error:
             self.refuse(str(error))
         except (msgspec.MsgspecError, SnrError, ValueError, RecursionError, MemoryError, OverflowError) as error:
@@ -260,17 +265,20 @@ class Session:
             )
         elif hello.auth != has_secret:
             who, other = (terms.node, hello.node) if has_secret else (hello.node, terms.node)
-            self.peer = hello  # it is what it should be, and only not to be trusted
+            self._meet(hello)  # it is what it should be, and only not to be trusted
             what, fix = terms.secret_is
             self.refuse(f"node '{who}' asks for a {what}, node '{other}' has none. Try: {fix}.")
         else:
-            self.peer = hello
+            self._meet(hello)
             if not has_secret:
                 self._go_up()
                 return
             self.state = State.proving
             if not terms.is_server:  # who calls proves first: a server tells strangers nothing
                 self._say(Auth(self._proof(of_server=False)))
+
+    def _meet(self, hello: Hello) -> None:
+        self.peer, self.peer_node = hello, hello.node
 
     def _check(self, auth: Auth) -> None:
         is_server = self.terms.is_server

@@ -100,17 +100,14 @@ class StreamPeer(Peer):
             self._link.wake()
             return
         with self._sending:
-            is_through = self._may_try() and self._try(frame)
-            if not is_through:
-                self.queue.put(frame)
-        if not is_through or len(self._cut_off):
-            self._link.wake()
-
-    def _may_try(self) -> bool:
-        is_first = not (len(self.queue) or self._control or len(self._cut_off))
-        return is_first and self.port.is_shareable and not self.failure and self._link.has_few_tasks()
+            is_first = not (self._control or len(self._cut_off) or len(self.queue) or self.failure)
+            if is_first and self.port.is_shareable and self._link.has_few_tasks() and self._try(frame):
+                return
+            self.queue.put(frame)
+        self._link.wake()
 
     def _try(self, frame: bytes) -> bool:
+        """Sends what fits of a page; returns whether anything fitted: what is left then waits in front."""
         try:
             done = self.port.write(frame)
         except BlockingIOError:
@@ -118,8 +115,10 @@ class StreamPeer(Peer):
         except OSError as error:
             self.failure = error.strerror or str(error)
             return False
-        self._cut_off = frame[done:]
         self.sent += 1
+        if done < len(frame):
+            self._cut_off = frame[done:]
+            self._link.wake()
         return True
 
     def pump(self, now_s: float) -> None:

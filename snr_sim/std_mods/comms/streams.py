@@ -12,6 +12,7 @@ import socket
 import threading
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 
 from snr_sim.core.loop import LoopFactory
 from snr_sim.core.node import Node
@@ -184,7 +185,7 @@ class StreamLink(PeerLink):
             return False
         stream.unread_bytes += len(data)
         pages = session.receive(data, self.get_time_s())
-        if session.is_up and not stream.is_admitted:
+        if not stream.is_admitted and session.is_up:
             stream.is_admitted = True
             self._admit(stream)
             self._tend_s = 0.0  # tell it now
@@ -241,7 +242,7 @@ class StreamLink(PeerLink):
     def _bring_to_door(self, stream: StreamPeer) -> None:
         if not stream.is_at_door:
             stream.is_at_door = True
-            self.parent.door.watch(stream.port.fileno(), lambda: self._serve_at_door(stream))
+            self.parent.door.watch(stream.port.fileno(), partial(self._serve_at_door, stream))
 
     def _leave_door(self, stream: StreamPeer) -> None:
         if stream.is_at_door:
