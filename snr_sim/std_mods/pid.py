@@ -1,0 +1,109 @@
+"""A PID controller: pushes by the error, by how long it has lasted, and against how fast the measurement moves.
+
+    output = feed forward + kp * error + ki * integral of error - kd * rate of the measurement
+
+Two things that a formula does not tell and every robot needs:
+- The derivative is of the measurement, not of the error: a new setpoint must not kick.
+- While the output is at its limit the integral does not grow further into it (anti-windup): otherwise it would have to
+  be emptied again, and the robot would overshoot for as long.
+"""
+
+from __future__ import annotations
+
+import math
+
+from snr_sim.prelude.angles import wrap_rad
+from snr_sim.prelude.errors import ParameterError
+
+
+class Pid:
+    """One controlled quantity.
+
+    Args:
+        kp: output per error.
+        ki: output per second of error.
+        kd: output per rate of the measurement.
+        limits: least and most output.
+        smoothing_s: time constant of the low-pass on a rate that is reckoned from measurements; a rate that is given
+            is taken as it is.
+        is_angle: the error is taken the shorter way round [rad].
+
+    Raises:
+        ParameterError: a number is not finite, or the limits are the wrong way round.
+
+    >>> depth = Pid(kp=10.0, ki=1.0, limits=(-40.0, 40.0))
+    >>> depth.update(setpoint=2.0, measurement=1.0, dt_s=0.1)
+    10.1
+    """
+
+    def __init__(
+        self,
+        kp: float,
+        ki: float = 0.0,
+        kd: float = 0.0,
+        limits: tuple[float, float] = (-math.inf, math.inf),
+        smoothing_s: float = 0.0,
+        is_angle: bool = False,
+    ) -> None:
+        for name, value in (("kp", kp), ("ki", ki), ("kd", kd), ("smoothing_s", smoothing_s)):
+            if not math.isfinite(value):
+                raise ParameterError(f"A PID controller with {name}={value!r}.", fix="a number.")
+        if smoothing_s < 0.0:
+            raise ParameterError(f"A PID controller with smoothing_s={smoothing_s!r}.", fix="0 or more.")
+        if not limits[0] < limits[1]:
+            raise ParameterError(f"A PID controller with limits={limits!r}.", fix="(least, most).")
+        self.kp, self.ki, self.kd = kp, ki, kd
+        self.limits = limits
+        self.smoothing_s = smoothing_s
+        self.is_angle = is_angle
+        self.reset()
+
+    def reset(self, integral: float = 0.0) -> None:
+        """Forgets what was; begins with an integral, in units of the output, such as what holds against a weight."""
+        self.integral = integral
+        self._before: float | None = None
+        self._rate = 0.0
+
+    def update(
+        self, setpoint: float, measurement: float, dt_s: float, rate: float | None = None, feed_forward: float = 0.0
+    ) -> float:
+        """Returns the output for now.
+
+        Args:
+            setpoint: what is wanted.
+            measurement: what is.
+            dt_s: since the update before.
+            rate: of the measurement, if something measures it; else it is reckoned from the measurement before.
+            feed_forward: what is known to be needed anyway.
+
+        Raises:
+            ParameterError: time does not go on, or a value is not finite.
+        """
+        if not (dt_s > 0.0 and math.isfinite(setpoint) and math.isfinite(measurement)):
+            raise ParameterError(
+                f"A PID controller got setpoint={setpoint!r}, measurement={measurement!r}, dt_s={dt_s!r}.",
+                fix="finite numbers and a dt_s above 0; look where the first that is none comes from.",
+            )
+        error = self._difference(setpoint, measurement)
+        rate = self._reckoned_rate(measurement, dt_s) if rate is None else rate
+        self._before = measurement
+        pushed = feed_forward + self.kp * error - self.kd * rate
+        growth = self.ki * error * dt_s
+        wanted = pushed + self.integral + growth
+        beyond = wanted - self._limited(wanted)
+        if beyond * growth <= 0.0:  # within the limits, or on the way back to them
+            self.integral += growth
+        return self._limited(pushed + self.integral)
+
+    def _limited(self, output: float) -> float:
+        return min(self.limits[1], max(self.limits[0], output))
+
+    def _reckoned_rate(self, measurement: float, dt_s: float) -> float:
+        if self._before is None:
+            return 0.0
+        newest = self._difference(measurement, self._before) / dt_s
+        self._rate += (newest - self._rate) * dt_s / (self.smoothing_s + dt_s)
+        return self._rate
+
+    def _difference(self, one: float, other: float) -> float:
+        return wrap_rad(one - other) if self.is_angle else one - other
