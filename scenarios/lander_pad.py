@@ -14,14 +14,17 @@ from typing import Any
 from snr_sim_robot_lander.judging import judge, plane_metrics
 from snr_sim_robot_lander.parameters import APOLLO, DRY_MASS_KG, INERTIAL, PLANE_RADAR, LanderParameters
 
+from snr_sim.plants.lander import Lander
 from snr_sim.plants.lander_2d import Lander2D
+from snr_sim.plants.lander_3d import Lander3D
 from snr_sim.plants.module import PlaneStart
 from snr_sim.plants.terrain import Terrain, make_terrain
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import Verdict
 
 ROBOT = "lander"
-ENGINES = ("pymunk",)
+BODIES = {"pymunk": Lander2D, "mujoco": Lander3D}  # in the plane on two legs; in space on four
+ENGINES = tuple(BODIES)  # for --engine; the first is the default
 CONTROLLER = "pad"
 TIME_LIMIT_S = 180.0
 
@@ -48,16 +51,16 @@ def parameters(seed: int) -> LanderParameters:
     return LanderParameters(begin.mass_kg, begin.fuel_kg, APOLLO, PLANE_RADAR, INERTIAL, engine_hz=10.0)
 
 
-def plant(seed: int, engine: str) -> Lander2D:
+def plant(seed: int, engine: str) -> Lander:
     """Returns the module at its start."""
-    return Lander2D(APOLLO, start, seed)
+    return BODIES[engine](APOLLO, start, seed)
 
 
-def verdict(plant: Lander2D) -> Verdict | None:
+def verdict(plant: Lander) -> Verdict | None:
     """Returns how it ended, or None while it flies."""
     return judge(plant)
 
 
-def metrics(plant: Lander2D, seed: int) -> dict[str, Any]:
+def metrics(plant: Lander, seed: int) -> dict[str, Any]:
     """Returns the touchdown, and the propellant beside a lower bound: the best vertical descent from the same start."""
     return plane_metrics(plant, *start(seed))

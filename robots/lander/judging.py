@@ -6,8 +6,8 @@ from typing import Any, Protocol
 
 from snr_sim.plants.descent import Engine, Motion, cheapest_descent
 from snr_sim.plants.gear import Touchdown
+from snr_sim.plants.lander import Lander
 from snr_sim.plants.lander_1d import Lander1D, VerticalStart
-from snr_sim.plants.lander_2d import Lander2D
 from snr_sim.plants.module import PlaneStart
 from snr_sim.plants.module_shapes import PADS_BELOW_M
 from snr_sim.plants.terrain import Terrain
@@ -38,7 +38,7 @@ def vertical_metrics(plant: Lander1D, start: VerticalStart, engine: Engine) -> d
     return _metrics(plant, start.fuel_kg - plant.fuel_kg, optimum)
 
 
-def plane_metrics(plant: Lander2D, start: PlaneStart, ground: Terrain) -> dict[str, Any]:
+def plane_metrics(plant: Lander, start: PlaneStart, ground: Terrain) -> dict[str, Any]:
     """Returns touchdown and propellant of a descent in the plane.
 
     The optimum is that of the same descent straight down under the module, by an engine that runs at any throttle. It

@@ -21,22 +21,15 @@ from typing import Any, NamedTuple
 
 from snr_sim.plants.gear import Touchdown
 from snr_sim.plants.hull import Hull, pymunk_module
+from snr_sim.plants.lander import CEILING_M, EDGE_M, STEP_S, STILL_MPS, STILL_RADPS, Lander
 from snr_sim.plants.legs import NO_KICK, REACH_M, Grip, Kick, Legs, Pose
 from snr_sim.plants.module import TIPPED_RAD, LunarModule, PlaneStart
-from snr_sim.plants.module_shapes import JETS_OUT_M, NOZZLE_BELOW_M, PADS_BELOW_M, module_shapes
-from snr_sim.plants.terrain import HALF_WIDTH_M, ROOF_REACH_M, Terrain
+from snr_sim.plants.module_shapes import JETS_OUT_M, NOZZLE_BELOW_M, module_shapes
+from snr_sim.plants.terrain import Terrain
 from snr_sim.plants.terrain_shapes import terrain_shapes
-from snr_sim.prelude.errors import ParameterError, PlantError, UnknownName, nearest
-from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
+from snr_sim.prelude.errors import PlantError
 
-# Halving it moves a touchdown by less than 1 cm/s and, after it, the module by a few millimetres (measured in
-# tests/plants/test_lander_2d.py). Four times as long would still be stable: the stiffest motion, a foot gripping
-# sideways, has 25 steps in each radian. Shorter steps only cost time.
-STEP_S = 0.005
 FAR_STEPS_MAX = 20  # the ground is looked for at least this often
-STILL_MPS, STILL_RADPS, SETTLE_S = 0.05, 0.01, 0.5  # slower than this for so long, on both feet: it stands
-CEILING_M = 20_000.0
-EDGE_M = HALF_WIDTH_M - ROOF_REACH_M
 
 
 class State(NamedTuple):
@@ -59,23 +52,15 @@ class State(NamedTuple):
     outcome: str | None = None
 
 
-class Lander2D:
-    """The lander in the plane. Keeps the promise of Plant.
+class Lander2D(Lander):
+    """The lander in the plane, under pymunk.
 
     Args:
         module: its numbers.
         start_of: gives the start and the ground that belong to a seed.
         seed: of the first run.
         step_s: of integration; see `STEP_S`.
-
-    Attributes:
-        touchdown: the first contact, once there was one.
-        outcome: 'landed', 'crashed', 'out_of_fuel' (crashed with a dry tank) or 'lost' (left the region), once
-            over. From then on it stands still.
     """
-
-    inputs = ("engine",)
-    outputs = ("radar", "inertial")
 
     def __init__(
         self,
@@ -84,21 +69,11 @@ class Lander2D:
         seed: int = 0,
         step_s: float = STEP_S,
     ) -> None:
+        super().__init__(module, start_of, step_s)
         self.engine = f"pymunk {pymunk_module().version}"
-        self.module = module
-        self.start_of = start_of
-        self.step_s: float = step_s
-        self._lag_gain = -math.expm1(-step_s / module.throttle_lag_s) if module.throttle_lag_s > 0.0 else 1.0
-        self._gimbal_step = module.gimbal_rate_radps * step_s
-        self._flow_step = module.thrust_n / module.exhaust_mps * step_s  # propellant of one step at full throttle
         self._legs = Legs(module.leg, module.gyration_m, step_s)
         self._hull = Hull(module.gyration_m, module.gravity_mps2, start_of(seed)[1])
         self.reset(seed)
-
-    @property
-    def time_s(self) -> float:
-        """Simulated time since the last reset: a count, so that nothing adds up."""
-        return self._steps * self.step_s
 
     # -- start, and being put back ------------------------------------------------------------------------------------
 
@@ -150,27 +125,8 @@ class Lander2D:
 
     # -- moving -------------------------------------------------------------------------------------------------------
 
-    def write(self, name: str, command: EngineCommand) -> None:
-        """Sets throttle, gimbal and jets, clamped to what the module can do."""
-        if name != "engine":
-            raise UnknownName(f"This plant has no input '{name}'.", fix=nearest(name, self.inputs))
-        throttle, gimbal, jets = command.throttle, command.gimbal_rad, command.attitude
-        if not math.isfinite(throttle + gimbal + jets):
-            raise PlantError(f"At {self.time_s:g} s the engine was told {command}.", fix="send finite numbers.")
-        self._throttle_goal = self.module.throttle.snap(min(1.0, max(0.0, throttle)))
-        limit = self.module.gimbal_rad
-        self._gimbal_goal = min(limit, max(-limit, gimbal))
-        self._jets = min(1.0, max(-1.0, jets)) * self.module.jets_nm
-
-    def step(self, dt_s: float) -> None:
-        """Moves on by one step."""
-        if dt_s != self.step_s and abs(dt_s - self.step_s) > 1e-9:
-            raise ParameterError(
-                f"This plant moves in steps of {self.step_s} s, not {dt_s} s.", fix="use plant.step_s."
-            )
-        self._steps += 1
-        if self.outcome is not None:
-            return
+    def _advance(self) -> None:
+        """Moves the body, then lets engine, jets and legs push."""
         self._pose = None
         self._move(self.step_s)
         self._fire()
@@ -180,22 +136,7 @@ class Lander2D:
 
     def _fire(self) -> None:
         """Lets engine and jets push for one step, from the propellant there is."""
-        throttle = self.throttle
-        if throttle != self._throttle_goal:
-            throttle += (self._throttle_goal - throttle) * self._lag_gain
-            if abs(throttle - self._throttle_goal) < 1e-3:
-                throttle = self._throttle_goal
-            self.throttle = throttle
-        if self.gimbal_rad != self._gimbal_goal:
-            most = self._gimbal_step
-            self.gimbal_rad += min(most, max(-most, self._gimbal_goal - self.gimbal_rad))
-        burned = throttle * self._flow_step
-        if burned >= self.fuel_kg:
-            burned = self.fuel_kg
-            self.throttle = 0.0
-            self._throttle_goal = 0.0
-        self.fuel_kg -= burned
-        self.mass_kg -= burned
+        burned = self._burn()
         # By the mean mass of the step: so any burn gives what the rocket equation says, to the step squared.
         push = burned * self.module.exhaust_mps / (self.mass_kg + 0.5 * burned)
         twist = self._jets * self.step_s / self.mass_kg
@@ -229,46 +170,20 @@ class Lander2D:
             return
         touching, self._leg_kick = self._legs.stand(body, self.mass_kg, self.terrain, self._hull.push_in_world)
         if (touching or self._hull.has_touched) and self.touchdown is None:
-            self._judge_contact(body)
+            self._judge_contact(self._at_one_moment(body, NO_KICK))
         if self.outcome is None and (self._hull.has_touched or (touching and abs(attitude) > TIPPED_RAD)):
             self._end("crashed")
         # Half a step ahead is near enough to tell whether it stands.
         still = touching == 2 and abs(vx) + abs(vz) < STILL_MPS and abs(rate) < STILL_RADPS
-        self._still_steps = self._still_steps + 1 if still else 0
-        if self.outcome is None and self._still_steps * self.step_s >= SETTLE_S:
-            self._end("landed")
+        self._settle(still)
 
-    def _judge_contact(self, body: Pose) -> None:
-        """Writes down the first contact, as it was before legs pushed, and ends the flight if they cannot take it."""
-        pose = self._at_one_moment(body, NO_KICK)
-        self.touchdown = Touchdown(
-            vertical_mps=-pose.vz_mps,
-            lateral_mps=pose.vx_mps,
-            attitude_deg=math.degrees(pose.attitude_rad),
-            rate_degps=math.degrees(pose.rate_radps),
-        )
-        if not self.module.gear.holds(self.touchdown):
-            self._end("crashed" if self.fuel_kg > 0.0 else "out_of_fuel")
-
-    def _end(self, outcome: str) -> None:
-        """Stops everything where it is."""
-        self.outcome = outcome
+    def _stand_still(self) -> None:
+        """Takes all motion from the body."""
         # Half a step ahead of standing still: `read` takes the half step off.
         half_fall = 0.5 * self.module.gravity_mps2 * self.step_s
         self._hull.put(self._hull.pose()._replace(vx_mps=0.0, vz_mps=-half_fall, rate_radps=0.0))
         self._pose = None
         self._kick = self._leg_kick = NO_KICK
-        self.throttle = self._throttle_goal = self._jets = 0.0
-
-    @property
-    def why(self) -> str:
-        """What ended it badly, in words; empty if nothing did."""
-        if self.outcome == "lost":
-            return "it left the region that is simulated"
-        passed = self.module.gear.passed(self.touchdown) if self.touchdown is not None else []
-        if self.outcome == "crashed" and not passed:  # the gear took the first contact, but not what followed
-            passed = ["the hull met the ground" if self._hull.has_touched else "it tipped over on its legs"]
-        return "; ".join(passed)
 
     # -- being measured -----------------------------------------------------------------------------------------------
 
@@ -289,16 +204,13 @@ class Lander2D:
         kick_rate = (twist + leg_twist) / self.module.gyration_m**2
         return Pose(x, z, attitude, vx - 0.5 * kick_x, vz - 0.5 * kick_z, rate - 0.5 * kick_rate)
 
-    def read(self, name: str) -> RadarReading | InertialReading:
-        """Returns what a sensor without faults would say."""
-        pose = self._read_pose()
-        x, z, attitude, vx, vz, rate = pose
-        if name == "inertial":
-            contact = [grip is not None for grip in self._legs.grips_m]
-            return InertialReading([x, z], [vx, vz], attitude, rate, self.fuel_kg, contact, self.time_s)
-        if name == "radar":
-            return RadarReading(z - PADS_BELOW_M - self.terrain.ground(x)[0], vz, self.time_s)
-        raise UnknownName(f"This plant has no output '{name}'.", fix=nearest(name, self.outputs))
+    def _contact(self) -> list[bool]:
+        """Returns whether feet touch: [left, right]."""
+        return [grip is not None for grip in self._legs.grips_m]
+
+    def _has_hull_touched(self) -> bool:
+        """Returns whether the hull has met the ground."""
+        return self._hull.has_touched
 
     def scene(self) -> dict[str, Any]:
         """Returns the ground of this run and the shapes of the module."""
@@ -307,9 +219,8 @@ class Lander2D:
     def truth(self) -> dict[str, Any]:
         """Returns the true state for the recorder."""
         pose = self._read_pose()
-        x, z, attitude, vx, vz, _ = pose
+        x, z, attitude = pose[:3]
         cos, sin = math.cos(attitude), math.sin(attitude)
-        height = self.terrain.ground(x)[0]
         turn = [0.0, -math.sin(0.5 * attitude), 0.0, math.cos(0.5 * attitude)]
         left, right = self._legs.given_m(0, pose, self.terrain), self._legs.given_m(1, pose, self.terrain)
         thrust, fire = self.throttle * self.module.thrust_n, attitude - self.gimbal_rad
@@ -322,18 +233,7 @@ class Lander2D:
             "left_legs": [x - sin * left, 0.0, z + cos * left, *turn],
             "right_legs": [x - sin * right, 0.0, z + cos * right, *turn],
         }
-        return {
-            "poses": poses,
-            "arrows": arrows,
-            "values": {
-                "altitude_m": z - PADS_BELOW_M - height,
-                "vertical_mps": vz,
-                "lateral_mps": vx,
-                "throttle": self.throttle,
-                "fuel_kg": self.fuel_kg,
-                "attitude_deg": math.degrees(attitude),
-            },
-        }
+        return {"poses": poses, "arrows": arrows, "values": self._true_values(pose)}
 
     def _jet_arrows(self, x: float, z: float, cos: float, sin: float) -> dict[str, list[float]]:
         """Returns the pair of attitude jets that fires: one side up, the other down."""

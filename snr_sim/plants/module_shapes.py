@@ -17,6 +17,13 @@ NOZZLE_BELOW_M = 3.1  # half a metre of clearance under the bell
 JETS_OUT_M = 1.68  # arm of the attitude jets (66 in)
 # Outline in the x-z plane that must not touch the ground: bell, descent stage, ascent stage. Convex.
 HULL_M = ((-0.75, -3.1), (0.75, -3.1), (2.1, -2.0), (2.1, -0.4), (1.5, 3.1), (-1.5, 3.1), (-2.1, -0.4), (-2.1, -2.0))
+# The foot pads (x, y) of each leg; near and far as seen from -y, with left to -x.
+PADS_M = {
+    "left_near_leg": (-0.5 * PADS_APART_M, -0.5 * PADS_APART_M),
+    "left_far_leg": (-0.5 * PADS_APART_M, 0.5 * PADS_APART_M),
+    "right_near_leg": (0.5 * PADS_APART_M, -0.5 * PADS_APART_M),
+    "right_far_leg": (0.5 * PADS_APART_M, 0.5 * PADS_APART_M),
+}
 
 GOLD = [212, 160, 58]
 FOIL = [171, 118, 45]
@@ -29,12 +36,22 @@ Ring = list[list[float]]
 
 def module_shapes() -> dict[str, list[dict[str, Any]]]:
     """Returns the shapes of the hull and of the legs, which slide along it when they give way."""
-    side = 0.5 * PADS_APART_M
+    left_near, left_far, right_near, right_far = (_leg(x, y) for x, y in PADS_M.values())
     return {
         "module": _descent_stage() + _ascent_stage(),
-        "left_legs": _leg(-side, -side) + _leg(-side, side),
-        "right_legs": _leg(side, -side) + _leg(side, side),
+        "left_legs": left_near + left_far,
+        "right_legs": right_near + right_far,
     }
+
+
+def legged_module_shapes() -> dict[str, list[dict[str, Any]]]:
+    """Returns the shapes of the hull and of each leg by itself: see `PADS_M`."""
+    return {"module": _descent_stage() + _ascent_stage(), **{name: _leg(x, y) for name, (x, y) in PADS_M.items()}}
+
+
+def hull_corners() -> Ring:
+    """Returns the corners of a hull with eight sides; from -y it looks as `HULL_M` says."""
+    return [corner for x, z in HULL_M if x > 0.0 for corner in _ring(x, z, 8)]
 
 
 def _descent_stage() -> list[dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""What both landers show: the formats that plant.py promises the viewer and the recorder."""
+"""What the landers show: the formats that plant.py promises the viewer and the recorder."""
 
 import json
 import math
@@ -7,26 +7,29 @@ from typing import Any
 import pytest
 
 from snr_sim.plants.descent import Engine
+from snr_sim.plants.lander import Lander
 from snr_sim.plants.lander_1d import Lander1D, VerticalStart
 from snr_sim.plants.lander_2d import Lander2D
+from snr_sim.plants.lander_3d import Lander3D
 from snr_sim.plants.module import LunarModule, PlaneStart
 from snr_sim.plants.terrain import make_terrain
 from snr_sim.prelude.signals import EngineCommand
 
 
-@pytest.fixture(params=["lander_1d", "lander_2d"])
-def plant(request: pytest.FixtureRequest, apollo: LunarModule) -> Lander1D | Lander2D:
+@pytest.fixture(params=["lander_1d", Lander2D, Lander3D])
+def plant(request: pytest.FixtureRequest, apollo: LunarModule) -> Lander1D | Lander:
     if request.param == "lander_1d":
         return Lander1D(lambda seed: VerticalStart(100.0, 0.0, 8000.0, 500.0), Engine(45040.0, 3049.9))
     start = PlaneStart((5.0, 90.0), (1.0, -2.0), 7500.0, 500.0, attitude_rad=0.2)
-    return Lander2D(apollo, lambda seed: (start, make_terrain(seed, 5.0)))
+    body: type[Lander2D | Lander3D] = request.param
+    return body(apollo, lambda seed: (start, make_terrain(seed, 5.0)))
 
 
 def shapes(scene: dict[str, Any]) -> list[dict[str, Any]]:
     return [*scene["statics"].values(), *(shape for body in scene["bodies"].values() for shape in body)]
 
 
-def test_a_scene_is_json_in_the_promised_kinds(plant: Lander1D | Lander2D) -> None:
+def test_a_scene_is_json_in_the_promised_kinds(plant: Lander1D | Lander) -> None:
     scene = plant.scene()
     assert json.loads(json.dumps(scene)) == scene
     for shape in shapes(scene):
@@ -43,7 +46,7 @@ def test_a_scene_is_json_in_the_promised_kinds(plant: Lander1D | Lander2D) -> No
             assert len(shape["half_size_m"]) == len(shape["center_m"]) == 3
 
 
-def test_meshes_of_the_module_are_closed_and_face_outwards(plant: Lander1D | Lander2D) -> None:
+def test_meshes_of_the_module_are_closed_and_face_outwards(plant: Lander1D | Lander) -> None:
     meshes = [s for body in plant.scene()["bodies"].values() for s in body if s["kind"] == "mesh"]
     assert meshes
     for mesh in meshes:
@@ -55,7 +58,7 @@ def test_meshes_of_the_module_are_closed_and_face_outwards(plant: Lander1D | Lan
         assert volume > 0.0
 
 
-def test_the_truth_is_json_and_names_bodies_of_the_scene(plant: Lander1D | Lander2D) -> None:
+def test_the_truth_is_json_and_names_bodies_of_the_scene(plant: Lander1D | Lander) -> None:
     plant.write("engine", EngineCommand(0.5, 0.0, 0.4))
     for _ in range(20):
         plant.step(plant.step_s or 0.1)
@@ -68,9 +71,12 @@ def test_the_truth_is_json_and_names_bodies_of_the_scene(plant: Lander1D | Lande
     assert truth["arrows"]["thrust"][5] > 1000.0
 
 
-def test_thrust_points_along_the_module_and_jets_show_as_a_pair(apollo: LunarModule) -> None:
+@pytest.mark.parametrize("body", [Lander2D, Lander3D])
+def test_thrust_points_along_the_module_and_jets_show_as_a_pair(
+    apollo: LunarModule, body: type[Lander2D | Lander3D]
+) -> None:
     start = PlaneStart((0.0, 90.0), (0.0, 0.0), 7500.0, 500.0, attitude_rad=0.3)
-    plant = Lander2D(apollo, lambda seed: (start, make_terrain(seed, 5.0)))
+    plant = body(apollo, lambda seed: (start, make_terrain(seed, 5.0)))
     plant.write("engine", EngineCommand(0.5, 0.0, 0.4))
     for _ in range(200):
         plant.step(0.005)

@@ -13,20 +13,20 @@ import pytest
 SEEDS = range(100)
 
 
-def fly(job: tuple[str, str, int]) -> dict[str, Any]:
+def fly(job: tuple[str, str, str, int]) -> dict[str, Any]:
     """Runs one start without recording; in a process of its own, so everything is named, nothing passed."""
     from snr_sim.flight import Flight
     from snr_sim.simulation import Request, prepare
 
-    scenario, controller, seed = job
-    simulation = prepare(Request(scenario, seed=seed, controller=controller))
+    scenario, controller, engine, seed = job
+    simulation = prepare(Request(scenario, seed=seed, controller=controller, engine=engine or None))
     plant = simulation.plant()
     result = Flight(simulation, plant, simulation.config(plant)).run()
     assert not result.error
     return {"outcome": result.outcome, "success": result.success, **result.metrics}
 
 
-Outcomes = Callable[[str, str], list[dict[str, Any]]]
+Outcomes = Callable[..., list[dict[str, Any]]]
 
 
 @pytest.fixture(scope="module")
@@ -34,8 +34,8 @@ def outcomes() -> Iterator[Outcomes]:
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
 
         @cache
-        def fly_all(scenario: str, controller: str) -> list[dict[str, Any]]:
-            return list(executor.map(fly, [(scenario, controller, seed) for seed in SEEDS], chunksize=10))
+        def fly_all(scenario: str, controller: str, engine: str = "") -> list[dict[str, Any]]:
+            return list(executor.map(fly, [(scenario, controller, engine, seed) for seed in SEEDS], chunksize=10))
 
         yield fly_all
 
@@ -54,6 +54,15 @@ def outcomes() -> Iterator[Outcomes]:
 def test_so_many_of_a_hundred_seeds_land(outcomes: Outcomes, scenario: str, controller: str, least: int) -> None:
     landed = [result["success"] for result in outcomes(scenario, controller)]
     assert sum(landed) >= least
+
+
+def test_the_same_controller_lands_the_same_starts_under_mujoco(outcomes: Outcomes) -> None:
+    plane, space = (outcomes("lander_pad", "pad", engine) for engine in ("", "mujoco"))
+    assert sum(result["success"] for result in space) >= 98
+    # In flight the two differ by less than the noise of a sensor, so both land every start at the same speed.
+    for one, other in zip(plane, space, strict=True):
+        assert other["touchdown"]["vertical_mps"] == pytest.approx(one["touchdown"]["vertical_mps"], abs=0.05)
+        assert other["fuel_kg"] == pytest.approx(one["fuel_kg"], abs=2.0)
 
 
 @pytest.mark.parametrize("scenario", ["lander_vertical", "lander_low_gate", "lander_pad", "lander_rough"])

@@ -1,0 +1,199 @@
+"""A lunar module in flight, whichever engine of physics moves its body: propellant, throttle, judge and sensors.
+
+    command --> write --> burn --> force on the body    (lander_2d.py: pymunk, two legs; lander_3d.py: MuJoCo, four)
+                                        |
+    reading <-- read <-- pose in the x-z plane <--'
+
+What stands here is the same for both: two engines differ by how the body moves, and by nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Any
+
+from snr_sim.plants.gear import Touchdown
+from snr_sim.plants.legs import Pose
+from snr_sim.plants.module import LunarModule, PlaneStart
+from snr_sim.plants.module_shapes import PADS_BELOW_M
+from snr_sim.plants.terrain import HALF_WIDTH_M, ROOF_REACH_M, Terrain
+from snr_sim.prelude.errors import ParameterError, PlantError, UnknownName, nearest
+from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
+
+# Halving it moves a touchdown by less than 1 cm/s and, after it, the module by a few millimetres (measured in
+# tests/plants/test_lander_2d.py). Four times as long would still be stable: the stiffest motion, a foot gripping
+# sideways, has 25 steps in each radian. Shorter steps only cost time.
+STEP_S = 0.005
+STILL_MPS, STILL_RADPS, SETTLE_S = 0.05, 0.01, 0.5  # slower than this for so long, on both sides' feet: it stands
+CEILING_M = 20_000.0
+EDGE_M = HALF_WIDTH_M - ROOF_REACH_M
+
+
+class Lander(ABC):
+    """What the landers of both engines have in common. With `_advance` and the rest, it keeps the promise of Plant.
+
+    Args:
+        module: its numbers.
+        start_of: gives the start and the ground that belong to a seed.
+        step_s: of integration; see `STEP_S`.
+
+    Attributes:
+        touchdown: the first contact, once there was one.
+        outcome: 'landed', 'crashed', 'out_of_fuel' (crashed with a dry tank) or 'lost' (left the region), once
+            over. From then on it stands still.
+    """
+
+    inputs = ("engine",)
+    outputs = ("radar", "inertial")
+
+    engine: str
+    terrain: Terrain
+    mass_kg: float
+    fuel_kg: float
+    throttle: float
+    gimbal_rad: float
+    touchdown: Touchdown | None
+    outcome: str | None
+    _steps: int
+    _still_steps: int
+    _throttle_goal: float
+    _gimbal_goal: float
+    _jets: float  # couple [N m]
+
+    def __init__(
+        self, module: LunarModule, start_of: Callable[[int], tuple[PlaneStart, Terrain]], step_s: float
+    ) -> None:
+        self.module = module
+        self.start_of = start_of
+        self.step_s: float = step_s
+        self._lag_gain = -math.expm1(-step_s / module.throttle_lag_s) if module.throttle_lag_s > 0.0 else 1.0
+        self._gimbal_step = module.gimbal_rate_radps * step_s
+        self._flow_step = module.thrust_n / module.exhaust_mps * step_s  # propellant of one step at full throttle
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time since the last reset: a count, so that nothing adds up."""
+        return self._steps * self.step_s
+
+    # -- what an engine of physics brings -----------------------------------------------------------------------------
+
+    @abstractmethod
+    def _advance(self) -> None:
+        """Moves on by one step."""
+
+    @abstractmethod
+    def _read_pose(self) -> Pose:
+        """Returns position and velocity in the x-z plane, at the same moment."""
+
+    @abstractmethod
+    def _contact(self) -> list[bool]:
+        """Returns whether feet touch: [left, right]."""
+
+    @abstractmethod
+    def _has_hull_touched(self) -> bool:
+        """Returns whether the hull has met the ground."""
+
+    @abstractmethod
+    def _stand_still(self) -> None:
+        """Takes all motion from the body."""
+
+    # -- moving -------------------------------------------------------------------------------------------------------
+
+    def write(self, name: str, command: EngineCommand) -> None:
+        """Sets throttle, gimbal and jets, clamped to what the module can do."""
+        if name != "engine":
+            raise UnknownName(f"This plant has no input '{name}'.", fix=nearest(name, self.inputs))
+        throttle, gimbal, jets = command.throttle, command.gimbal_rad, command.attitude
+        if not math.isfinite(throttle + gimbal + jets):
+            raise PlantError(f"At {self.time_s:g} s the engine was told {command}.", fix="send finite numbers.")
+        self._throttle_goal = self.module.throttle.snap(min(1.0, max(0.0, throttle)))
+        limit = self.module.gimbal_rad
+        self._gimbal_goal = min(limit, max(-limit, gimbal))
+        self._jets = min(1.0, max(-1.0, jets)) * self.module.jets_nm
+
+    def step(self, dt_s: float) -> None:
+        """Moves on by one step."""
+        if dt_s != self.step_s and abs(dt_s - self.step_s) > 1e-9:
+            raise ParameterError(
+                f"This plant moves in steps of {self.step_s} s, not {dt_s} s.", fix="use plant.step_s."
+            )
+        self._steps += 1
+        if self.outcome is None:
+            self._advance()
+
+    def _burn(self) -> float:
+        """Lets throttle and nozzle follow their commands for a step; returns the propellant that left [kg]."""
+        throttle = self.throttle
+        if throttle != self._throttle_goal:
+            throttle += (self._throttle_goal - throttle) * self._lag_gain
+            if abs(throttle - self._throttle_goal) < 1e-3:
+                throttle = self._throttle_goal
+            self.throttle = throttle
+        if self.gimbal_rad != self._gimbal_goal:
+            most = self._gimbal_step
+            self.gimbal_rad += min(most, max(-most, self._gimbal_goal - self.gimbal_rad))
+        burned = throttle * self._flow_step
+        if burned >= self.fuel_kg:
+            burned = self.fuel_kg
+            self.throttle = 0.0
+            self._throttle_goal = 0.0
+        self.fuel_kg -= burned
+        self.mass_kg -= burned
+        return burned
+
+    def _judge_contact(self, pose: Pose) -> None:
+        """Writes down the first contact, as it was before legs pushed, and ends the flight if they cannot take it."""
+        self.touchdown = Touchdown(
+            vertical_mps=-pose.vz_mps,
+            lateral_mps=pose.vx_mps,
+            attitude_deg=math.degrees(pose.attitude_rad),
+            rate_degps=math.degrees(pose.rate_radps),
+        )
+        if not self.module.gear.holds(self.touchdown):
+            self._end("crashed" if self.fuel_kg > 0.0 else "out_of_fuel")
+
+    def _settle(self, is_still: bool) -> None:
+        """Counts the time in which it stands, and ends the flight when it has stood for long enough."""
+        self._still_steps = self._still_steps + 1 if is_still else 0
+        if self.outcome is None and self._still_steps * self.step_s >= SETTLE_S:
+            self._end("landed")
+
+    def _end(self, outcome: str) -> None:
+        """Stops everything where it is."""
+        self.outcome = outcome
+        self._stand_still()
+        self.throttle = self._throttle_goal = self._jets = 0.0
+
+    @property
+    def why(self) -> str:
+        """What ended it badly, in words; empty if nothing did."""
+        if self.outcome == "lost":
+            return "it left the region that is simulated"
+        passed = self.module.gear.passed(self.touchdown) if self.touchdown is not None else []
+        if self.outcome == "crashed" and not passed:  # the gear took the first contact, but not what followed
+            passed = ["the hull met the ground" if self._has_hull_touched() else "it tipped over on its legs"]
+        return "; ".join(passed)
+
+    # -- being measured -----------------------------------------------------------------------------------------------
+
+    def read(self, name: str) -> RadarReading | InertialReading:
+        """Returns what a sensor without faults would say."""
+        x, z, attitude, vx, vz, rate = self._read_pose()
+        if name == "inertial":
+            return InertialReading([x, z], [vx, vz], attitude, rate, self.fuel_kg, self._contact(), self.time_s)
+        if name == "radar":
+            return RadarReading(z - PADS_BELOW_M - self.terrain.ground(x)[0], vz, self.time_s)
+        raise UnknownName(f"This plant has no output '{name}'.", fix=nearest(name, self.outputs))
+
+    def _true_values(self, pose: Pose) -> dict[str, Any]:
+        """Returns the numbers of `truth`."""
+        return {
+            "altitude_m": pose.z_m - PADS_BELOW_M - self.terrain.ground(pose.x_m)[0],
+            "vertical_mps": pose.vz_mps,
+            "lateral_mps": pose.vx_mps,
+            "throttle": self.throttle,
+            "fuel_kg": self.fuel_kg,
+            "attitude_deg": math.degrees(pose.attitude_rad),
+        }

@@ -1,0 +1,158 @@
+"""Both engines fly the same module: same commands, same answer. What may differ stands at each tolerance.
+
+In flight the two differ by rounding and by the feet, which weigh something in MuJoCo and sag under thrust: the springs
+let them by up to a millimetre, and the hull answers by a hundredth of that.
+On the ground they differ by what a foot is: MuJoCo stops its 20 kg at once where the plane has none to stop (1 % of the
+speed), and lets it spring back with the damper's 0.13 s where the plane's foot is down again as soon as the ground is.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+
+import pytest
+
+from snr_sim.plants.descent import Motion, after
+from snr_sim.plants.lander import Lander
+from snr_sim.plants.lander_2d import Lander2D
+from snr_sim.plants.lander_3d import Lander3D
+from snr_sim.plants.legs import Pose
+from snr_sim.plants.module import LunarModule, PlaneStart
+from snr_sim.plants.terrain import FLAT, Terrain, make_terrain
+from snr_sim.prelude.signals import EngineCommand, InertialReading
+
+Program = Sequence[tuple[float, EngineCommand]]
+SLOPE = make_terrain(3, relief_m=0.0, pad_slope_rad=0.1)
+# Metres, radians, and these per second.
+IN_FLIGHT = Pose(5e-4, 5e-4, 5e-5, 3e-4, 3e-4, 5e-5)
+IN_CONTACT = Pose(0.04, 0.02, 0.005, 0.1, 0.1, 0.1)
+AT_REST = Pose(0.03, 0.003, 0.003, 0.001, 0.001, 0.001)
+
+
+def both(
+    module: LunarModule, x: float = 0.0, z: float = 400.0, vx: float = 0.0, vz: float = 0.0, tilt: float = 0.0,
+    rate: float = 0.0, fuel: float = 600.0, ground: Terrain = FLAT,
+) -> tuple[Lander, Lander]:  # fmt: skip
+    def start(seed: int) -> tuple[PlaneStart, Terrain]:
+        return PlaneStart((x, z), (vx, vz), 7500.0, fuel, tilt, rate), ground
+
+    return Lander2D(module, start), Lander3D(module, start)
+
+
+def pose(plant: Lander) -> Pose:
+    reading = plant.read("inertial")
+    assert isinstance(reading, InertialReading)
+    (x, z), (vx, vz) = reading.position_m, reading.velocity_mps
+    return Pose(x, z, reading.attitude_rad, vx, vz, reading.rate_radps)
+
+
+def fly(plants: tuple[Lander, Lander], time_s: float, program: Program = ()) -> Pose:
+    """The largest difference between the two on the way."""
+    most = [0.0] * 6
+    commands = {round(at_s / 0.005): command for at_s, command in program}
+    for i in range(round(time_s / 0.005)):
+        for plant in plants:
+            if i in commands:
+                plant.write("engine", commands[i])
+            plant.step(0.005)
+        most = [max(worst, abs(a - b)) for worst, a, b in zip(most, *map(pose, plants), strict=True)]
+    return Pose(*most)
+
+
+def check(found: Pose, allowed: Pose) -> None:
+    for name, value, limit in zip(Pose._fields, found, allowed, strict=True):
+        assert value <= limit, f"{name} differs by {value:.2e}"
+
+
+def test_both_fall_as_the_closed_form_says(apollo: LunarModule) -> None:
+    plants = both(apollo, vx=3.0, rate=0.02)
+    # Rounding alone: nothing pushes, so nothing sags.
+    check(fly(plants, 10.0), Pose(1e-8, 1e-8, 1e-8, 1e-7, 1e-7, 1e-8))
+    for plant in plants:
+        assert pose(plant) == pytest.approx((30.0, 319.0, 0.2, 3.0, -16.2, 0.02), abs=1e-6)
+
+
+def test_both_burn_as_the_closed_form_says(apollo: LunarModule) -> None:
+    plants = both(apollo)
+    check(fly(plants, 10.0, [(0.0, EngineCommand(1.0))]), IN_FLIGHT)
+    exact = after(Motion(400.0, 0.0, 7500.0), apollo.thrust_n, apollo.exhaust_mps, 1.62, 10.0)
+    for plant in plants:
+        lag_s = apollo.throttle_lag_s  # full thrust acts as if it came so much later
+        late_mps = apollo.thrust_n / 7500.0 * lag_s
+        assert pose(plant).vz_mps == pytest.approx(exact.velocity_mps - late_mps, abs=0.05)
+        assert plant.fuel_kg == plants[0].fuel_kg
+
+
+PROGRAMS = {
+    "jets": [(0.0, EngineCommand(attitude=0.3)), (2.0, EngineCommand(attitude=-0.3)), (4.0, EngineCommand())],
+    "gimbal": [(0.0, EngineCommand(0.5, 0.02)), (1.5, EngineCommand(0.5, -0.02)), (3.0, EngineCommand(0.3))],
+    "all": [
+        (0.0, EngineCommand(0.5, 0.02, 0.2)), (1.5, EngineCommand(0.5, -0.02, 0.1)),
+        (3.0, EngineCommand(0.3, 0.0, -0.5)), (6.0, EngineCommand(1.0)),
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("program", PROGRAMS.values(), ids=PROGRAMS)
+def test_both_turn_and_fly_alike(apollo: LunarModule, program: Program) -> None:
+    check(fly(both(apollo, vx=3.0, vz=-4.0, tilt=0.05, rate=0.02), 8.0, program), IN_FLIGHT)
+
+
+def test_both_turn_over_and_on_alike(apollo: LunarModule) -> None:
+    plants = both(apollo, rate=1.0)
+    # At 1 rad/s the feet of MuJoCo move out by a millimetre: 4e-5 more inertia, of 12 rad.
+    check(fly(plants, 12.0), IN_FLIGHT._replace(attitude_rad=1e-3))
+    assert [pose(plant).attitude_rad for plant in plants] == pytest.approx([12.0, 12.0], abs=1e-3)
+
+
+LANDINGS: dict[str, dict[str, float | Terrain]] = {
+    "plumb": {"z": 4.2},
+    "askew": {"z": 4.0, "vx": 0.4, "tilt": 0.03, "rate": 0.01},
+    "sliding": {"z": 4.0, "vx": -0.8, "vz": -1.0, "tilt": -0.05},
+    "on a slope": {"z": 4.7, "ground": SLOPE},
+}
+
+
+@pytest.mark.parametrize("how", LANDINGS.values(), ids=LANDINGS)
+def test_both_touch_down_and_come_to_rest_alike(apollo: LunarModule, how: dict[str, float]) -> None:
+    plants = both(apollo, **how)  # type: ignore[arg-type]
+    check(fly(plants, 10.0), IN_CONTACT)
+    plane, space = plants
+    assert plane.outcome == space.outcome == "landed"
+    assert plane.touchdown is not None
+    # Judged before legs push: as in flight.
+    assert space.touchdown == pytest.approx(plane.touchdown, abs=1e-3)
+    check(Pose(*(abs(a - b) for a, b in zip(pose(plane), pose(space), strict=True))), AT_REST)
+
+
+@pytest.mark.parametrize(
+    "how",
+    [{"z": 3.7, "vz": -3.2}, {"z": 3.7, "vx": 1.3}, {"z": 4.2, "tilt": 0.12}, {"z": 3.7, "rate": 0.04},
+     {"z": 53.0, "fuel": 0.0}, {"z": 6.0, "tilt": math.pi}, {"z": 200.0, "vx": 100.0}],
+    ids=str,
+)  # fmt: skip
+def test_both_call_a_crash_a_crash_for_the_same_reason(apollo: LunarModule, how: dict[str, float]) -> None:
+    plane, space = plants = both(apollo, **how)
+    fly(plants, 10.0)
+    assert plane.outcome in ("crashed", "out_of_fuel", "lost")
+    assert (space.outcome, space.why.split(" is ")[0]) == (plane.outcome, plane.why.split(" is ")[0])
+
+
+@pytest.mark.parametrize("which", [0, 1], ids=["pymunk", "mujoco"])
+def test_both_show_the_same_numbers(apollo: LunarModule, which: int) -> None:
+    plants = both(apollo, x=5.0, z=90.0, tilt=0.2)
+    fly(plants, 1.0, [(0.0, EngineCommand(0.5, 0.03, 0.4))])
+    plane, shown = plants[0].truth(), plants[which].truth()
+    assert shown["values"] == pytest.approx(plane["values"], abs=1e-3)
+    assert shown["poses"]["module"] == pytest.approx(plane["poses"]["module"], abs=1e-3)
+    assert set(shown["arrows"]) == set(plane["arrows"])
+    for name, arrow in plane["arrows"].items():
+        assert shown["arrows"][name] == pytest.approx(arrow, rel=1e-4, abs=1e-3)
+
+
+def test_radars_agree_over_hills(apollo: LunarModule) -> None:
+    plants = both(apollo, x=60.0, z=120.0, vx=20.0, ground=make_terrain(5, relief_m=14.0))
+    read: list[Callable[[str], object]] = [plant.read for plant in plants]
+    for _ in range(5):
+        fly(plants, 1.0)
+        plane, space = (radar("radar") for radar in read)
+        assert plane.altitude_m == pytest.approx(space.altitude_m, abs=1e-6)  # type: ignore[attr-defined]

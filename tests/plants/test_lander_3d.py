@@ -1,0 +1,252 @@
+import math
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from snr_sim.plants.gear import GearLimits
+from snr_sim.plants.lander_3d import Lander3D
+from snr_sim.plants.module import LunarModule, PlaneStart
+from snr_sim.plants.terrain import FLAT, Terrain, make_terrain
+from snr_sim.prelude.errors import MissingExtra, ParameterError, PlantError, UnknownName
+from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.signals import EngineCommand, InertialReading
+
+FORGIVING = GearLimits(99.0, 99.0, 99.0, 4.0, 9.0)
+HILLS = make_terrain(11, relief_m=14.0, pad_slope_rad=0.08)
+
+
+def start(
+    x: float = 0.0, z: float = 200.0, vx: float = 0.0, vz: float = 0.0, tilt: float = 0.0, rate: float = 0.0,
+    mass: float = 7500.0, fuel: float = 600.0, ground: Terrain = FLAT,
+) -> Callable[[int], tuple[PlaneStart, Terrain]]:  # fmt: skip
+    return lambda seed: (PlaneStart((x, z), (vx, vz), mass, fuel, tilt, rate), ground)
+
+
+def drop(module: LunarModule, height: float = 0.5, step_s: float = 0.005, **how: object) -> Lander3D:
+    return Lander3D(module, start(z=3.6 + height, **how), step_s=step_s)  # type: ignore[arg-type]
+
+
+def run(plant: Lander3D, time_s: float, command: EngineCommand | None = None) -> InertialReading:
+    if command is not None:
+        plant.write("engine", command)
+    for _ in range(round(time_s / plant.step_s)):
+        plant.step(plant.step_s)
+    reading = plant.read("inertial")
+    assert isinstance(reading, InertialReading)
+    return reading
+
+
+def energy(plant: Lander3D) -> float:
+    """Motion, height, and what the springs of the legs hold."""
+    motion, poses = run(plant, 0.0), plant.truth()["poses"]
+    vx, vz = motion.velocity_mps
+    module = plant.module
+    turning = (module.gyration_m * motion.rate_radps) ** 2
+    total = plant.mass_kg * (0.5 * (vx**2 + vz**2 + turning) + module.gravity_mps2 * motion.position_m[1])
+    given = [math.dist(pose[:3], poses["module"][:3]) for name, pose in poses.items() if name != "module"]
+    return total + sum(0.25 * module.leg.spring_npm * way**2 for way in given)
+
+
+def test_it_keeps_the_promise_of_a_plant(apollo: LunarModule) -> None:
+    plant = Lander3D(apollo, start())
+    assert isinstance(plant, Plant)
+    assert plant.engine.startswith("mujoco 4")
+
+
+def test_halving_the_step_quarters_the_error_of_a_flight(apollo: LunarModule) -> None:
+    def flight(step_s: float) -> list[float]:
+        plant = Lander3D(apollo, start(z=150.0, vx=3.0, vz=-4.0, tilt=0.05, rate=0.02), step_s=step_s)
+        return run(plant, 8.0, EngineCommand(0.4)).position_m
+
+    exact = flight(0.02 / 16)
+    coarse, fine = (math.dist(flight(step), exact) for step in (0.02, 0.01))
+    assert fine < 0.3 * coarse
+    assert fine < 2e-3
+
+
+def test_a_landing_among_hills_stays_in_the_plane_though_nothing_holds_it_there(apollo: LunarModule) -> None:
+    plant = drop(apollo, height=2.0, vx=0.6, tilt=0.03, rate=0.01, ground=HILLS)
+    run(plant, 10.0)
+    assert plant.outcome == "landed"
+    _, y, _, qx, _, qz, _ = plant.truth()["poses"]["module"]
+    assert abs(y) < 1e-6
+    assert math.hypot(qx, qz) < 1e-6
+
+
+def test_at_rest_the_springs_carry_the_weight(apollo: LunarModule) -> None:
+    plant = drop(apollo, height=1.0)
+    reading = run(plant, 8.0)
+    assert plant.outcome == "landed"
+    assert reading.contact == [True, True]
+    sag = 7500.0 * 1.62 / (2.0 * apollo.leg.spring_npm)
+    # What the contacts give comes on top: 1 mm.
+    assert reading.position_m[1] == pytest.approx(3.6 - sag, abs=0.002)
+    feet = [pose for name, pose in plant.truth()["poses"].items() if name.endswith("_leg")]
+    module = plant.truth()["poses"]["module"]
+    assert len(feet) == 4
+    for foot in feet:
+        assert foot[2] - module[2] == pytest.approx(sag, abs=0.001)
+
+
+@pytest.mark.parametrize("ground", [FLAT, HILLS], ids=["flat", "hills"])
+@pytest.mark.parametrize("step_s", [0.0025, 0.005, 0.01])
+def test_no_bounce_gives_back_more_than_the_one_before(apollo: LunarModule, ground: Terrain, step_s: float) -> None:
+    springy = replace(apollo, gear=FORGIVING, leg=replace(apollo.leg, damper_nspm=3e3))
+    plant = drop(springy, height=1.5, step_s=step_s, ground=ground, vx=0.4, tilt=0.05)
+
+    before = least = energy(plant)
+    for _ in range(round(20.0 / step_s)):
+        plant.step(step_s)
+        if not any(run(plant, 0.0).contact) and plant.outcome is None:
+            now = energy(plant)
+            assert now <= least + 2e-3 * 7500.0 * 1.62 * 1.5  # of the fall: what the feet's own motion may hold
+            least = min(least, now)
+    assert plant.outcome == "landed"
+    assert least < before - 0.9 * 7500.0 * 1.62 * 1.5
+
+
+def test_a_touchdown_moves_little_when_the_step_is_halved(apollo: LunarModule) -> None:
+    ends = []
+    for step_s in (0.005, 0.0025):
+        plant = drop(apollo, height=1.0, step_s=step_s, vx=0.4, tilt=0.03, rate=0.01)
+        run(plant, 2.0)
+        assert plant.touchdown is not None
+        ends.append((plant.touchdown, run(plant, 0.0).position_m))
+    (coarse, stands), (fine, stands_fine) = ends
+    assert coarse["vertical_mps"] == pytest.approx(fine["vertical_mps"], abs=0.01)
+    assert coarse["lateral_mps"] == pytest.approx(fine["lateral_mps"], abs=0.01)
+    assert math.dist(stands, stands_fine) < 0.01
+
+
+def test_feet_hold_on_a_slope_and_slide_on_ice(apollo: LunarModule) -> None:
+    slope = make_terrain(3, relief_m=0.0, pad_slope_rad=0.15)
+    holds = drop(replace(apollo, gear=FORGIVING), height=0.8, ground=slope)
+    assert run(holds, 12.0).position_m[0] == pytest.approx(-0.5, abs=0.3)
+    assert holds.outcome == "landed"
+    ice = drop(replace(apollo, gear=FORGIVING, leg=replace(apollo.leg, friction=0.02)), height=0.8, ground=slope)
+    assert run(ice, 4.0).position_m[0] < -1.2
+
+
+def test_a_module_that_slides_into_a_slope_tips_over(apollo: LunarModule) -> None:
+    steep = make_terrain(3, relief_m=0.0, pad_slope_rad=0.35)
+    plant = Lander3D(replace(apollo, gear=FORGIVING), start(z=6.0, vx=4.0, vz=-2.0, rate=-0.5, ground=steep))
+    assert abs(run(plant, 15.0).attitude_rad) > 0.5
+    assert plant.outcome == "crashed"
+    assert plant.why in ("the hull met the ground", "it tipped over on its legs")
+
+
+# -- repeatability ----------------------------------------------------------------------------------------------------
+
+
+def test_a_snapshot_in_contact_goes_on_to_the_bit_also_in_another_plant(apollo: LunarModule) -> None:
+    plant = drop(apollo, height=0.4, vx=0.4, vz=-1.0, tilt=0.03, ground=HILLS)
+    for _ in range(600):
+        plant.step(0.005)
+        if any(run(plant, 0.0).contact):
+            break
+    run(plant, 0.1)
+    assert any(run(plant, 0.0).contact)
+    assert plant.outcome is None
+    held = plant.snapshot()
+
+    def go_on(which: Lander3D) -> list[object]:
+        which.restore(held)
+        states: list[object] = []
+        for i in range(500):
+            which.write("engine", EngineCommand(0.2 if i < 100 else 0.0, 0.01, 0.05))
+            which.step(which.step_s)
+            states.append((which.snapshot(), which.truth(), which.read("inertial")))
+        return states
+
+    first = go_on(plant)
+    assert go_on(plant) == first
+    assert go_on(drop(apollo)) == first
+
+
+def test_an_ended_run_put_back_stands_as_still_as_before(apollo: LunarModule) -> None:
+    plant = drop(apollo)
+    stands = run(plant, 8.0)
+    ended = plant.snapshot()
+    assert (stands.velocity_mps, stands.rate_radps) == ([0.0, 0.0], 0.0)
+    plant.reset(0)
+    plant.restore(ended)
+    assert run(plant, 0.0) == stands
+    assert plant.outcome == "landed"
+
+
+def test_after_a_reset_the_same_run_follows(apollo: LunarModule) -> None:
+    plant = drop(apollo, height=2.0, vx=0.3, tilt=0.02)
+    run(plant, 3.0, EngineCommand(0.2, 0.02, 0.1))
+    first = plant.snapshot()
+    plant.reset(0)
+    assert plant.time_s == 0.0
+    run(plant, 3.0, EngineCommand(0.2, 0.02, 0.1))
+    assert plant.snapshot() == first
+
+
+def test_after_the_end_it_stands_still_whatever_it_is_told(apollo: LunarModule) -> None:
+    plant = drop(apollo)
+    run(plant, 8.0)
+    before = plant.snapshot()
+    run(plant, 1.0, EngineCommand(1.0, 0.1, 1.0))
+    assert plant.snapshot().body == before.body
+    assert plant.fuel_kg == before.fuel_kg
+    assert plant.truth()["arrows"]["thrust"][3:] == [0.0, 0.0, 0.0]
+
+
+# -- wrong input ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("field", ["throttle", "gimbal_rad", "attitude"])
+def test_a_command_that_is_no_number_is_refused(apollo: LunarModule, field: str) -> None:
+    with pytest.raises(PlantError, match=r"At 0 s the engine was told .*nan"):
+        Lander3D(apollo, start()).write("engine", EngineCommand(**{field: math.nan}))
+
+
+def test_a_push_that_is_no_longer_finite_is_said_with_its_time_and_writes_no_log(
+    apollo: LunarModule, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # where MuJoCo would write it
+    plant = Lander3D(replace(apollo, jets_nm=math.inf), start(z=1000.0))
+    with pytest.raises(PlantError, match=r"At 0\.005 s the force on the module is .* -inf"):
+        run(plant, 1.0, EngineCommand(0.0, 0.0, 1.0))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_state_that_is_no_longer_finite_is_said_with_its_time(apollo: LunarModule) -> None:
+    plant = Lander3D(apollo, start(z=1000.0))
+    run(plant, 0.1)
+    held = plant.snapshot()
+    body = list(held.body)
+    body[3] = math.nan
+    with pytest.raises(PlantError, match=r"At 0\.1 s the position of hull\[\d\] is nan"):
+        plant.restore(held._replace(body=tuple(body)))
+
+
+def test_a_module_too_small_for_its_feet_is_refused_with_the_other_engine(apollo: LunarModule) -> None:
+    with pytest.raises(ParameterError, match=r"no room for 4 feet of 20 kg") as caught:
+        Lander3D(replace(apollo, gyration_m=0.3), start())
+    assert "--engine pymunk" in caught.value.fix
+    with pytest.raises(ParameterError, match=r"A module of 60 kg"):
+        Lander3D(apollo, start(mass=60.0, fuel=10.0))
+
+
+def test_a_step_of_another_length_is_refused(apollo: LunarModule) -> None:
+    with pytest.raises(ParameterError, match=r"steps of 0\.005 s"):
+        Lander3D(apollo, start()).step(0.02)
+
+
+def test_unknown_names_are_answered_with_the_nearest(apollo: LunarModule) -> None:
+    with pytest.raises(UnknownName, match="did you mean 'inertial'"):
+        Lander3D(apollo, start()).read("inertia")
+    with pytest.raises(UnknownName, match="did you mean 'engine'"):
+        Lander3D(apollo, start()).write("engines", EngineCommand())
+
+
+def test_a_missing_mujoco_says_how_to_get_it(apollo: LunarModule, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(MissingExtra, match=r"snr_sim\[sim\]"):
+        Lander3D(apollo, start())

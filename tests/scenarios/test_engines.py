@@ -1,0 +1,62 @@
+"""A scenario's engines differ in their physics, and in nothing that a node could tell."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+from snr_sim.flight import Flight, Result
+from snr_sim.prelude.errors import UnknownName
+from snr_sim.recording.reader import Trace, read_trace
+from snr_sim.recording.records import PageRecord
+from snr_sim.recording.replay import replay_node
+from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.simulation import Request, Simulation, prepare
+
+ENGINES = ("pymunk", "mujoco")
+
+
+def record(folder: Path, scenario: str, engine: str, seed: int) -> tuple[Simulation, Result, Trace]:
+    folder.mkdir(parents=True)
+    simulation = prepare(Request(scenario, seed, engine))
+    plant = simulation.plant()
+    config = simulation.config(plant)
+    recorder = TraceWriter(folder / FILE_NAME, simulation.header(plant, config), simulation.opening())
+    result = Flight(simulation, plant, config, recorder).run()
+    recorder.close()
+    return simulation, result, read_trace(folder / FILE_NAME)
+
+
+def pages(trace: Trace) -> Mapping[str, set[str]]:
+    """The keys of all pages, with the fields of each."""
+    return {
+        record.name: set(json.loads(bytes(record.values))[0]["data"])
+        for record in trace.records
+        if isinstance(record, PageRecord)
+    }
+
+
+@pytest.mark.parametrize("scenario", ["lander_pad", "lander_rough"])
+def test_a_node_gets_the_same_pages_from_both_and_lands(scenario: str, tmp_path: Path) -> None:
+    for seed in range(3):
+        runs = [record(tmp_path / engine / str(seed), scenario, engine, seed)[1:] for engine in ENGINES]
+        (plane, plane_trace), (space, space_trace) = runs
+        assert pages(plane_trace) == pages(space_trace)
+        assert plane.outcome == space.outcome == "landed"
+        assert plane.metrics["touchdown"] == pytest.approx(space.metrics["touchdown"], abs=0.05)
+        assert plane_trace.header.engine.startswith("pymunk: pymunk 7")
+        assert space_trace.header.engine.startswith("mujoco: mujoco 4")
+
+
+def test_a_run_under_mujoco_is_the_same_run_every_time_and_replays(tmp_path: Path) -> None:
+    simulation, _, trace = record(tmp_path / "a", "lander_pad", "mujoco", 7)
+    assert trace.digest == record(tmp_path / "b", "lander_pad", "mujoco", 7)[2].digest
+    assert replay_node(trace, "lander", simulation.config(None)).is_identical
+
+
+def test_an_engine_that_a_scenario_does_not_have_is_answered_with_those_it_has() -> None:
+    assert prepare(Request("lander_pad")).request.engine == "pymunk"
+    with pytest.raises(UnknownName, match="does not run on engine 'bullet'") as caught:
+        prepare(Request("lander_pad", engine="bullet"))
+    assert all(engine in caught.value.fix for engine in ENGINES)
