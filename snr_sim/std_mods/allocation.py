@@ -1,0 +1,173 @@
+"""Thrust allocation: which thruster must push how much, so that together they push the vehicle as wanted.
+
+    wrench (wanted) --> thrusts, all of them as small as possible --> as much of it as the thrusters can give
+
+The first step is the pseudo-inverse of the thrusters' matrix. The second keeps the direction of what is wanted: if one
+thruster would have to give more than it can, all give less. A vehicle that cannot go as fast as it should still goes
+where it should. `first` changes that for axes that must not suffer from the others, such as heave and yaw.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from operator import mul
+from typing import TYPE_CHECKING, NamedTuple
+
+from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
+from snr_sim.prelude.wrench import AXES, lacking_axes, thruster_matrix
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+class Allotment(NamedTuple):
+    """What the thrusters are to do.
+
+    Args:
+        thrusts_n: of each thruster, positive ahead, within its limits.
+        share: of the wanted wrench that they give, 0 to 1; with `first`, of what does not come first.
+        lacking: the axes that something was wanted of, and that no thruster can push.
+    """
+
+    thrusts_n: list[float]
+    share: float
+    lacking: tuple[str, ...]
+
+
+class Allocation:
+    """Thrusters of one vehicle.
+
+    Args:
+        matrix: six rows (`prelude/wrench.py`), column i is the wrench of thruster i at 1 N.
+        limits_n: least (negative, astern) and most thrust of a thruster; one pair for all of them, or one for each.
+        first: axes that are served before the others get what is left.
+        off: numbers of thrusters that do not work. The others do what they can.
+
+    Raises:
+        ParameterError: the matrix or a limit makes no sense, or no thruster pushes anywhere.
+        UnknownName: `first` names an axis that does not exist.
+        MissingExtra: numpy is not installed.
+
+    >>> catamaran = Allocation([[1, 1], [0, 0], [0, 0], [0, 0], [0, 0], [-0.5, 0.5]], limits_n=(-10, 20))
+    >>> catamaran.lacking
+    ('sway', 'heave', 'roll', 'pitch')
+    >>> [round(thrust, 6) for thrust in catamaran.allocate([20.0, 0.0, 0.0, 0.0, 0.0, 5.0]).thrusts_n]
+    [5.0, 15.0]
+    >>> catamaran.allocate([80.0, 0.0, 0.0, 0.0, 0.0, 0.0]).share
+    0.5
+    """
+
+    def __init__(
+        self,
+        matrix: Sequence[Sequence[float]] | NDArray[np.float64],
+        limits_n: tuple[float, float] | Sequence[tuple[float, float]],
+        first: Sequence[str] = (),
+        off: Sequence[int] = (),
+    ) -> None:
+        given = thruster_matrix(matrix)
+        self.count = given.shape[1]
+        for axis in first:
+            _check_axis(axis)
+        for number in off:
+            if not 0 <= number < self.count:
+                raise ParameterError(f"There is no thruster {number!r}.", fix=f"0 to {self.count - 1}.")
+        given[:, list(off)] = 0.0
+        self.lacking = lacking_axes(given)
+        if self.lacking == AXES:
+            raise ParameterError(
+                "No thruster pushes anywhere: their matrix is all zeros.", fix="give each a direction."
+            )
+        self._given = given.tolist()
+        self._limits = _checked_limits(limits_n, self.count)
+        self._of_wrench = _inverse(given, self.lacking)
+        rest = [i for i, axis in enumerate(AXES) if axis not in first]
+        self._groups = [[AXES.index(axis) for axis in first], rest] if first and rest else [list(range(len(AXES)))]
+
+    def require(self, *axes: str) -> None:
+        """Checks that the thrusters can push along or about these axes.
+
+        Raises:
+            ParameterError: they cannot; the message names those that lack.
+            UnknownName: there is no such axis.
+        """
+        for axis in axes:
+            _check_axis(axis)
+        lacking = [axis for axis in axes if axis in self.lacking]
+        if lacking:
+            raise ParameterError(
+                f"No combination of the {self.count} thrusters pushes {' or '.join(lacking)} by itself.",
+                fix="ask for " + ", ".join(axis for axis in AXES if axis not in self.lacking) + " only.",
+            )
+
+    def allocate(self, wrench: Sequence[float]) -> Allotment:
+        """Returns thrusts that give the wanted wrench, or as much of it as they can in its direction.
+
+        Args:
+            wrench: six numbers, [N] and [N m], body frame.
+
+        Raises:
+            ParameterError: it has not six finite numbers.
+        """
+        if len(wrench) != len(AXES) or not math.isfinite(sum(wrench)):
+            raise ParameterError(
+                f"A wrench of {list(wrench)!r}.", fix="six finite numbers: " + ", ".join(AXES) + " [N, N m]."
+            )
+        thrusts = [0.0] * self.count
+        share = 1.0
+        for group in self._groups:
+            wanted = [wrench[i] if i in group else 0.0 for i in range(len(AXES))] if len(self._groups) > 1 else wrench
+            more = [sum(map(mul, row, wanted)) for row in self._of_wrench]
+            share = self._room(thrusts, more)
+            thrusts = [thrust + share * extra for thrust, extra in zip(thrusts, more, strict=True)]
+        lacking = tuple(axis for axis in self.lacking if wrench[AXES.index(axis)] != 0.0)
+        return Allotment(thrusts, share, lacking)
+
+    def wrench_of(self, thrusts_n: Sequence[float]) -> list[float]:
+        """Returns the wrench that thrusts give together: what is left of what was wanted."""
+        return [sum(map(mul, row, thrusts_n)) for row in self._given]
+
+    def _room(self, thrusts: list[float], more: list[float]) -> float:
+        """Returns the greatest share, up to 1, of `more` that can be added to thrusts within all limits."""
+        share = 1.0
+        for thrust, extra, (least, most) in zip(thrusts, more, self._limits, strict=True):
+            if extra > 0.0 and thrust + share * extra > most:
+                share = (most - thrust) / extra
+            elif extra < 0.0 and thrust + share * extra < least:
+                share = (least - thrust) / extra
+        return max(0.0, share)
+
+
+def _inverse(given: NDArray[np.float64], lacking: tuple[str, ...]) -> list[list[float]]:
+    """Returns the pseudo-inverse, n x 6, of the axes that can be pushed; the others' columns are zeros.
+
+    Without the lacking axes the rows left are independent, so what is wanted of them is given exactly. With them, least
+    squares would give a little less surge for a little less of the pitch that comes with it.
+    """
+    import numpy as np
+
+    reached = [i for i, axis in enumerate(AXES) if axis not in lacking]
+    inverse = np.zeros((given.shape[1], len(AXES)))
+    inverse[:, reached] = np.linalg.pinv(given[reached])
+    inverse[np.abs(inverse) < 1e-12] = 0.0
+    return inverse.tolist()
+
+
+def _check_axis(axis: str) -> None:
+    if axis not in AXES:
+        raise UnknownName(f"There is no axis '{axis}'.", fix=nearest(axis, AXES))
+
+
+def _checked_limits(
+    limits_n: tuple[float, float] | Sequence[tuple[float, float]], count: int
+) -> list[tuple[float, float]]:
+    pairs: list[tuple[float, float]] = (
+        [limits_n] * count if len(limits_n) == 2 and isinstance(limits_n[0], (int, float)) else list(limits_n)  # type: ignore[list-item, arg-type]
+    )
+    if len(pairs) != count:
+        raise ParameterError(f"Limits for {len(pairs)} thrusters of {count}.", fix="one pair for all, or one for each.")
+    for least, most in pairs:
+        if not (math.isfinite(least) and math.isfinite(most) and least <= 0.0 <= most):
+            raise ParameterError(f"A thruster with the limits {least!r} and {most!r} N.", fix="such as (-40.0, 51.0).")
+    return pairs

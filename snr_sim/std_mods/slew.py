@@ -1,0 +1,57 @@
+"""A slew limit: several values that go together may change only so fast.
+
+All of them take the same share of their way, the one that the slowest can keep up with. So on the way they still mean
+the same thing, only less of it: thrusts that turn a vehicle do not push it aside for a moment.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from snr_sim.prelude.errors import ParameterError
+
+
+class SlewLimit:
+    """Limits how fast a list of values changes.
+
+    Args:
+        most_per_s: change of any of them, per second.
+        start: what they are at first.
+
+    Raises:
+        ParameterError: the limit is not above 0.
+
+    >>> slew = SlewLimit(most_per_s=10.0, start=[0.0, 0.0])
+    >>> slew.update([4.0, -2.0], dt_s=0.1)
+    [1.0, -0.5]
+    """
+
+    def __init__(self, most_per_s: float, start: Sequence[float]) -> None:
+        if not most_per_s > 0.0:
+            raise ParameterError(f"A slew limit of {most_per_s!r} per second.", fix="a number above 0.")
+        self.most_per_s = most_per_s
+        self._start = list(start)
+        self.reset()
+
+    def reset(self) -> None:
+        """Goes back to the start at once."""
+        self.values = list(self._start)
+
+    def update(self, wanted: Sequence[float], dt_s: float) -> list[float]:
+        """Returns the values for now, closer to those that are wanted.
+
+        Raises:
+            ParameterError: there are more or fewer of them than before, one is not finite, or time goes back.
+        """
+        if len(wanted) != len(self.values) or not (math.isfinite(sum(wanted)) and dt_s >= 0.0):
+            raise ParameterError(
+                f"A slew limit of {len(self.values)} values got {list(wanted)!r} after {dt_s!r} s.",
+                fix="as many finite numbers, and a time that is not negative.",
+            )
+        ways = [new - old for new, old in zip(wanted, self.values, strict=True)]
+        longest = max(map(abs, ways), default=0.0)
+        most = self.most_per_s * dt_s
+        share = 1.0 if longest <= most else most / longest
+        self.values = [old + share * way for old, way in zip(self.values, ways, strict=True)]
+        return self.values

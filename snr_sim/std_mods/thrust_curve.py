@@ -1,0 +1,81 @@
+"""From the force that a thruster should give to the pulse that makes it give it, and back.
+
+Around the middle there are pulses that turn nothing (the dead band). No force is in there, so from a small force ahead
+to a small one astern the pulse jumps from one edge of the band to the other, over the pulse that stops.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
+from itertools import pairwise
+
+from snr_sim.prelude.errors import ParameterError
+
+
+class ThrustCurve:
+    """Measured pairs of pulse and force, and straight lines between them.
+
+    Args:
+        pulses_us: rising.
+        forces_n: for each; rising too, but for zeros in the dead band, which is somewhere within.
+        stop_us: pulse for no force; in the dead band.
+
+    Raises:
+        ParameterError: the pairs are no such curve.
+
+    >>> curve = ThrustCurve([1100.0, 1470.0, 1530.0, 1900.0], [-40.0, 0.0, 0.0, 50.0])
+    >>> curve.pulse_us(25.0), curve.pulse_us(0.0), curve.pulse_us(-0.4), curve.pulse_us(999.0)
+    (1715.0, 1500.0, 1466.3, 1900.0)
+    """
+
+    def __init__(self, pulses_us: Sequence[float], forces_n: Sequence[float], stop_us: float = 1500.0) -> None:
+        pulses, forces = [float(pulse) for pulse in pulses_us], [float(force) for force in forces_n]
+        rises = all(a < b for a, b in pairwise(pulses)) and all(a < b or a == b == 0.0 for a, b in pairwise(forces))
+        still = [i for i, force in enumerate(forces) if force == 0.0]
+        if len(pulses) != len(forces) or not rises or not still or not 0 < still[0] <= still[-1] < len(forces) - 1:
+            raise ParameterError(
+                "A thruster's curve must rise from astern over a dead band, where its force is 0, to ahead.",
+                fix="pulses and forces in rising order, as many of one as of the other.",
+            )
+        if not pulses[still[0]] <= stop_us <= pulses[still[-1]]:
+            raise ParameterError(
+                f"A thruster that stops at {stop_us:g} us, outside its dead band "
+                f"of {pulses[still[0]]:g} to {pulses[still[-1]]:g} us.",
+                fix="the curve of another thruster, or another stop_us.",
+            )
+        self.stop_us = stop_us
+        self._pulses, self._forces = pulses, forces
+        self._astern = pulses[: still[0] + 1], forces[: still[0] + 1]
+        self._ahead = pulses[still[-1] :], forces[still[-1] :]
+
+    @property
+    def limits_n(self) -> tuple[float, float]:
+        """Full astern and full ahead."""
+        return self._forces[0], self._forces[-1]
+
+    def pulse_us(self, force_n: float) -> float:
+        """Returns the pulse that gives a force; that of full thrust, if more is wanted than there is.
+
+        Raises:
+            ParameterError: the force is NaN.
+        """
+        if force_n == 0.0:
+            return self.stop_us
+        pulses, forces = self._ahead if force_n > 0.0 else self._astern
+        if force_n != force_n:
+            raise ParameterError("A thruster was to give a force of NaN.", fix="look for what made it NaN.")
+        i = bisect_left(forces, force_n)
+        if i == 0 or i == len(forces):
+            return pulses[max(0, i - 1)]
+        share = (force_n - forces[i - 1]) / (forces[i] - forces[i - 1])
+        return pulses[i - 1] + share * (pulses[i] - pulses[i - 1])
+
+    def force_n(self, pulse_us: float) -> float:
+        """Returns the force that a pulse gives; full thrust for one beyond the ends."""
+        pulses, forces = self._pulses, self._forces
+        i = bisect_right(pulses, pulse_us)
+        if i == 0 or i == len(pulses):
+            return forces[max(0, i - 1)]
+        share = (pulse_us - pulses[i - 1]) / (pulses[i] - pulses[i - 1])
+        return forces[i - 1] + share * (forces[i] - forces[i - 1])
