@@ -1,0 +1,173 @@
+"""One free body in a MuJoCo world that has more mass than MuJoCo knows of: the added mass of water, or a load.
+
+MuJoCo's step is split. After `look` its own mass matrix M and forces are known; `move` adds to M, has it factored
+anew, applies the force that gives the wanted acceleration, and lets MuJoCo do the rest: contacts, with the true mass.
+
+MuJoCo's velocities of a free body are the world's for the linear part (of its origin) and the body's for the angular.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from snr_sim.plants.mujoco_engine import MujocoWorld
+from snr_sim.plants.vehicle import Matrix
+from snr_sim.prelude.errors import ParameterError
+
+FREE_JOINT = 0  # MuJoCo's mjJNT_FREE
+
+
+class MujocoBody:
+    """The body, found once in MuJoCo's arrays: each look-up there costs as much as a step's arithmetic.
+
+    Args:
+        world: where it is.
+        name: of the body.
+
+    Attributes:
+        rigid: 6 x 6, MuJoCo's own mass matrix of the body, in the body's axes about its origin.
+        gravity_mps2: of the world, downwards.
+
+    Raises:
+        ParameterError: the body does not move freely, has moving parts, or MuJoCo keeps only the diagonal of its mass
+            matrix: then added mass that is not diagonal in the world would be lost without a word.
+    """
+
+    def __init__(self, world: MujocoWorld, name: str) -> None:
+        model, data = world.model, world.data
+        self._world, self._name = world, name
+        self._body = body = world.body_id(name)
+        joint = int(model.body_jntadr[body])
+        if int(model.body_parentid[body]) != 0 or joint < 0 or int(model.jnt_type[joint]) != FREE_JOINT:
+            raise ParameterError(f"The body '{name}' does not move freely in the world.", fix="give it a <freejoint/>.")
+        in_tree = [i for i in range(model.nbody) if model.body_rootid[i] == model.body_rootid[body]]
+        if sum(int(model.body_dofnum[i]) for i in in_tree) != 6:
+            raise ParameterError(f"The body '{name}' has parts that move.", fix="fix them to it.")
+        first, dof = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
+        start, end = int(model.M_rowadr[dof]), int(model.M_rowadr[dof + 5] + model.M_rownnz[dof + 5])
+        if end - start != 21:
+            raise ParameterError(
+                f"MuJoCo keeps only the diagonal of the mass matrix of '{name}', to which water adds more.",
+                fix=f'write <body name="{name}" simple="false">.',
+            )
+        self._dofs = dofs = slice(dof, dof + 6)
+        self._qpos, self._qvel = data.qpos[first : first + 7], data.qvel[dofs]
+        self._applied, self._bias, self._touch = (
+            data.qfrc_applied[dofs],
+            data.qfrc_bias[dofs],
+            data.qfrc_constraint[dofs],
+        )
+        self._mass = data.M[start:end]  # lower triangle, row by row
+        self._lower = np.array([6 * i + j for i in range(6) for j in range(i + 1)])
+        # In the order of the 6 x 6 block: R^T turns MuJoCo's linear velocity into the body's.
+        self._to_body, self._half, self._block = np.eye(6), np.zeros((6, 6)), np.zeros((6, 6))
+        self._to_world, self._turn = self._to_body.T, self._to_body[:3, :3]
+        self._inverse_pose = data.xmat[body].reshape(3, 3).T
+        self._more = np.zeros(21)
+        self._wanted, self._force = np.zeros(model.nv), np.zeros(model.nv)
+        self._wanted_here, self._force_here = self._wanted[dofs], self._force[dofs]
+        mujoco = world.mujoco
+        self._step1, self._factor, self._multiply, self._step2 = (
+            mujoco.mj_step1, mujoco.mj_factorM, mujoco.mj_mulM, mujoco.mj_step2,
+        )  # fmt: skip
+        self._model, self._data = model, data
+        self._has_others = model.nv > 6
+        self._kind = mujoco.mjtState.mjSTATE_INTEGRATION
+        self._size = int(mujoco.mj_stateSize(model, self._kind))
+        self._geom = np.zeros((1, 1), dtype=np.int32)
+        self.gravity_mps2 = -float(model.opt.gravity[2])
+        self.rigid = self._mass_at_rest()
+
+    def _mass_at_rest(self) -> Matrix:
+        """Returns MuJoCo's mass matrix where its axes are the body's: turned by nothing."""
+        self._qpos[3:] = 1.0, 0.0, 0.0, 0.0
+        self.look()
+        flat = np.zeros(36)
+        flat[self._lower] = self._mass
+        flat[np.abs(flat) < 1e-12 * flat.max()] = 0.0  # what rounding left of a principal axis
+        lower: Matrix = flat.reshape(6, 6)
+        return lower + lower.T - np.diag(np.diag(lower))
+
+    def put(self, pose: Sequence[float], velocity: Sequence[float]) -> None:
+        """Puts the body somewhere.
+
+        Args:
+            pose: x, y, z [m] and the quaternion w, x, y, z.
+            velocity: linear in the world, then angular in the body's frame.
+        """
+        self._qpos[:] = pose
+        self._qvel[:] = velocity
+
+    def clear(self) -> None:
+        """Puts the whole world back to its start."""
+        self._world.mujoco.mj_resetData(self._model, self._data)
+
+    def pose(self) -> list[float]:
+        """Returns x, y, z [m] and the quaternion w, x, y, z."""
+        pose: list[float] = self._qpos.tolist()
+        return pose
+
+    def velocity(self) -> list[float]:
+        """Returns linear velocity in the world, then angular in the body's frame."""
+        velocity: list[float] = self._qvel.tolist()
+        return velocity
+
+    def look(self) -> bool:
+        """Has MuJoCo find out where everything is and what touches, and what its own mass matrix and forces are.
+
+        Returns:
+            whether it has anything to say: something touches, or there are other bodies. If not, `put` can end the
+            step as well as `move`, for a tenth of the time.
+        """
+        self._step1(self._model, self._data)
+        return self._has_others or bool(self._data.nefc)
+
+    def move(self, more: Matrix, acceleration: Sequence[float]) -> bool:
+        """Ends the step that `look` began.
+
+        Args:
+            more: 6 x 6 mass that MuJoCo does not know of, in the body's axes.
+            acceleration: that the body has if nothing touches, in MuJoCo's frames.
+
+        Returns:
+            whether anything touched, so that it is another one.
+        """
+        model, data = self._model, self._data
+        self._turn[:] = self._inverse_pose
+        np.dot(more, self._to_body, out=self._half)
+        np.dot(self._to_world, self._half, out=self._block)
+        self._block.take(self._lower, out=self._more)
+        self._mass += self._more
+        self._factor(model, data)
+        self._wanted_here[:] = acceleration
+        self._multiply(model, data, self._force, self._wanted)
+        np.add(self._force_here, self._bias, out=self._applied)
+        self._step2(model, data)
+        return bool(data.nefc)
+
+    def touch(self) -> list[float]:
+        """Returns what contacts pushed in the last step: force in the world [N], moment in the body's frame [N m]."""
+        touch: list[float] = self._touch.tolist()
+        return touch
+
+    def height_over_ground_m(self, place: Sequence[float]) -> float:
+        """Returns how far it is straight down from a place to anything but the body; negative if there is nothing."""
+        down = np.array([0.0, 0.0, -1.0])
+        return float(
+            self._world.mujoco.mj_ray(
+                self._model, self._data, np.array(place), down, None, 1, self._body, self._geom[0]
+            )
+        )
+
+    def snapshot(self) -> Any:
+        """Returns all of MuJoCo's state, also of other bodies."""
+        buffer = np.zeros(self._size)
+        self._world.mujoco.mj_getState(self._model, self._data, buffer, self._kind)
+        return buffer
+
+    def restore(self, snapshot: Any) -> None:
+        """Puts back what `snapshot` returned."""
+        self._world.mujoco.mj_setState(self._model, self._data, snapshot, self._kind)

@@ -1,0 +1,121 @@
+"""The pool a vehicle swims in: still surface at z = 0, a level floor, four walls, and gates to go through.
+
+It writes the world as MJCF, in which MuJoCo finds what touches what. `simple="false"` at the vehicle's body matters:
+without it MuJoCo keeps only the diagonal of a mass matrix that is one, and the added mass of a tilted vehicle is not.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from snr_sim.plants.vehicle import Vector, Vehicle
+from snr_sim.prelude.errors import ParameterError
+
+WALLS_RISE_M = 0.4  # above the water
+POST_M = 0.025  # radius of a gate's posts
+FRICTION = 0.5  # of a plastic frame on tiles: our estimate
+BODY = "vehicle"
+
+
+@dataclass(frozen=True)
+class Gate:
+    """Two posts and two bars, upright, to swim through along its heading.
+
+    Args:
+        name: its own.
+        position_m: of its middle.
+        heading_rad: of who goes through: 0 is along x.
+        width_m: between the posts.
+        height_m: between the bars.
+    """
+
+    name: str
+    position_m: Vector
+    heading_rad: float = 0.0
+    width_m: float = 1.5
+    height_m: float = 1.0
+
+    def corners_m(self) -> list[Vector]:
+        """Returns the four corners, in order around it."""
+        x, y, z = self.position_m
+        across = -math.sin(self.heading_rad), math.cos(self.heading_rad)
+        half, up = 0.5 * self.width_m, 0.5 * self.height_m
+        return [
+            (x + side * half * across[0], y + side * half * across[1], z + level * up)
+            for side, level in ((1, 1), (1, -1), (-1, -1), (-1, 1))
+        ]
+
+
+@dataclass(frozen=True)
+class Pool:
+    """A basin whose middle is at x = y = 0.
+
+    Args:
+        length_m: along x.
+        width_m: along y.
+        depth_m: from the surface down to the floor.
+        gates: in it.
+        density_kgm3: of the water: 1000 fresh, 1026 in the sea.
+        gravity_mps2: pulls down.
+        temperature_c: of the water.
+
+    Raises:
+        ParameterError: a size is not more than 0, or two gates have one name.
+    """
+
+    length_m: float = 25.0
+    width_m: float = 12.5
+    depth_m: float = 4.0
+    gates: tuple[Gate, ...] = ()
+    density_kgm3: float = 1000.0
+    gravity_mps2: float = 9.81
+    temperature_c: float = 18.0
+
+    def __post_init__(self) -> None:
+        for name in ("length_m", "width_m", "depth_m", "density_kgm3", "gravity_mps2"):
+            value = getattr(self, name)
+            if not 0.0 < value < math.inf:
+                raise ParameterError(f"The pool's {name} is {value}.", fix="give a number above 0.")
+        names = [gate.name for gate in self.gates]
+        if len(set(names)) < len(names):
+            raise ParameterError(f"Two gates have one name: {', '.join(names)}.", fix="give each its own.")
+
+    def mjcf(self, vehicle: Vehicle) -> str:
+        """Returns the world with this vehicle in it, as MJCF."""
+        half = 0.5 * self.length_m, 0.5 * self.width_m
+        surface = f'friction="{FRICTION} 0.005 0.0001"'
+        walls = [
+            ("wall_east", f"{half[0]} 0 0", "0 -1 0 0 0 1"),
+            ("wall_west", f"{-half[0]} 0 0", "0 1 0 0 0 1"),
+            ("wall_north", f"0 {half[1]} 0", "1 0 0 0 0 1"),
+            ("wall_south", f"0 {-half[1]} 0", "-1 0 0 0 0 1"),
+        ]
+        # A plane's normal is its z axis: x cross y of the two axes given.
+        lines = [f'<geom name="floor" type="plane" pos="0 0 {-self.depth_m}" size="{half[0]} {half[1]} 1" {surface}/>']
+        lines += [
+            f'<geom name="{name}" type="plane" pos="{place}" xyaxes="{axes}" size="1 1 1" {surface}/>'
+            for name, place, axes in walls
+        ]
+        for gate in self.gates:
+            corners = gate.corners_m()
+            for i, (start, end) in enumerate(zip(corners, [*corners[1:], corners[0]], strict=True)):
+                ends = " ".join(f"{value:.9g}" for value in (*start, *end))
+                lines.append(f'<geom name="{gate.name}_{i}" type="capsule" fromto="{ends}" size="{POST_M}" {surface}/>')
+        xx, yy, zz, xy, xz, yz = (
+            float(vehicle.inertia_kgm2[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+        )
+        box = " ".join(repr(0.5 * side) for side in vehicle.size_m)
+        place = " ".join(repr(value) for value in vehicle.centre_of_mass_m)
+        return f"""<mujoco model="pool">
+  <compiler inertiafromgeom="false"/>
+  <option gravity="0 0 {-self.gravity_mps2!r}" integrator="Euler" cone="elliptic" impratio="10"/>
+  <worldbody>
+    {chr(10).join("    " + line for line in lines).strip()}
+    <body name="{BODY}" simple="false">
+      <freejoint name="{BODY}"/>
+      <inertial pos="{place}" mass="{vehicle.mass_kg!r}" fullinertia="{xx!r} {yy!r} {zz!r} {xy!r} {xz!r} {yz!r}"/>
+      <geom name="frame" type="box" size="{box}" {surface}/>
+    </body>
+  </worldbody>
+</mujoco>"""

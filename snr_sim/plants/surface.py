@@ -1,0 +1,67 @@
+"""A body at the surface: which share of it is wet, where that share has its middle, and whether a thruster draws air.
+
+The displaced volume is spread evenly over the box of the vehicle's frame, around the centre of buoyancy: 64 small
+boxes, each wet as far as it is under water. Level, that is exact; tilted, each small box counts as level. The small
+boxes to either side make the stiffness in roll and pitch that floats have.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+
+from snr_sim.plants.vehicle import Vector, Vehicle
+
+CUTS = 4  # along each side of the box: its second moments are 6 % short
+PROPELLER_M = 0.0381  # radius, T200
+
+
+class Surface:
+    """The shape of one vehicle, for the moments in which it is not under water.
+
+    Args:
+        vehicle: its size, its centre of buoyancy and its thrusters.
+
+    Attributes:
+        reach_m: no part is farther from the body's origin.
+    """
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._size = vehicle.size_m
+        self._centre = vehicle.centre_of_buoyancy_m
+        steps = [(i + 0.5) / CUTS - 0.5 for i in range(CUTS)]
+        box = np.array(list(itertools.product(steps, repeat=3)))
+        self._places = box * np.array(vehicle.size_m) + np.array(vehicle.centre_of_buoyancy_m)
+        self._thrusters = np.array([thruster.position_m for thruster in vehicle.thrusters]).reshape(-1, 3)
+        self.reach_m = 0.5 * math.hypot(*vehicle.size_m) + math.hypot(*vehicle.centre_of_buoyancy_m)
+
+    def height_m(self, up: Vector) -> float:
+        """Returns how tall the box stands.
+
+        Args:
+            up: the world's upward direction, body frame.
+        """
+        return sum(abs(a) * side for a, side in zip(up, self._size, strict=True))
+
+    def wetted(self, z_m: float, up: Vector) -> tuple[float, Vector]:
+        """Returns the wet share of the displaced volume, and the middle of the wet part [m], body frame.
+
+        Args:
+            z_m: height of the body's origin over the surface.
+            up: the world's upward direction, body frame.
+        """
+        heights = z_m + self._places @ np.array(up)
+        shares = np.clip(0.5 - heights * (CUTS / self.height_m(up)), 0.0, 1.0)
+        total = float(shares.sum())
+        if total <= 0.0:
+            return 0.0, self._centre
+        x, y, z = (shares @ self._places / total).tolist()
+        return total / len(self._places), (x, y, z)
+
+    def drawing(self, z_m: float, up: Vector) -> np.ndarray:
+        """Returns the share of each propeller's disc that is in the water, shape (n,)."""
+        heights = z_m + self._thrusters @ np.array(up)
+        shares: np.ndarray = np.clip(0.5 - heights / (2.0 * PROPELLER_M), 0.0, 1.0)
+        return shares

@@ -1,0 +1,619 @@
+"""An underwater vehicle with six degrees of freedom, in MuJoCo, with the water that MuJoCo does not have.
+
+How a step goes:
+
+    look      MuJoCo: where everything is, what touches, its own mass matrix and forces         (mujoco_body.py)
+    forces    ours: thrusters, tether, buoyancy of what is wet                                  (tether.py, surface.py)
+    water     ours: the velocity at the step's end if nothing touches, by Fossen's equation     (hydrodynamics.py)
+    move      MuJoCo: with the added mass in its mass matrix and the force that leads to that velocity; it adds what
+              contacts ask for, and moves on
+
+So contacts meet the mass that a body in water has: pressed on the floor with 40 N it presses with 40 N, and a bump
+takes as long as it should. Where nothing touches, the position moves by the mean velocity of the step, which is right
+to the second order; where something does, by the new one, as MuJoCo's contacts want it.
+"""
+
+from __future__ import annotations
+
+import bisect
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, Protocol
+
+import msgspec
+
+from snr_sim.plants import dive as dives
+from snr_sim.plants.attitude import Quaternion, Rotation, from_angles, rotation_of, to_angles, turned
+from snr_sim.plants.dive import Dive
+from snr_sim.plants.flotation import Flotation
+from snr_sim.plants.hydrodynamics import AT_REST, Hydrodynamics
+from snr_sim.plants.mujoco_body import MujocoBody
+from snr_sim.plants.mujoco_engine import MujocoWorld
+from snr_sim.plants.pool import BODY, Pool
+from snr_sim.plants.surface import Surface
+from snr_sim.plants.tether import TetherPull
+from snr_sim.plants.urov_outputs import Altitude, Depth, Imu, Leak, Power
+from snr_sim.plants.urov_shapes import pool_shapes, vehicle_shapes
+from snr_sim.plants.vehicle import AXES, Six, Vector, Vehicle
+from snr_sim.prelude.errors import ParameterError, PlantError, UnknownName, nearest
+from snr_sim.prelude.signals import PwmCommand
+
+STEP_S = 0.005  # the table in robots/urov/PHYSICS.md says what 2 and 10 ms would change
+AIR_PA = 101_325.0  # standard atmosphere
+# Earth's field at about 50 degrees north, magnetic north along y: 20 uT level, 44 uT down (rounded).
+FIELD_UT = (0.0, 20.0, -44.0)
+# What the supply's wires add for each ampere, body frame: our estimate. At 100 A it turns a compass by 6 degrees.
+FIELD_UT_PER_A = (0.02, 0.02, 0.05)
+NO_GROUND_M = 1000.0  # what the echo sounder says over a world without a floor
+STOP_US = 1500.0
+WATER_STEP_L = 0.01  # leaked water is weighed anew when it has become so much more
+
+
+class Thrusters(Protocol):
+    """What the plant asks of its thrusters; `Propulsion` is it."""
+
+    count: int
+    voltage_v: float
+
+    @property
+    def forces_n(self) -> list[float]:
+        """Of each thruster along its own axis."""
+        ...
+
+    @property
+    def current_a(self) -> float:
+        """All that is drawn from the supply."""
+        ...
+
+    @property
+    def charge(self) -> float:
+        """What is left in the supply, 0 to 1."""
+        ...
+
+    def reset(self) -> None:
+        """Puts everything back to the start."""
+        ...
+
+    def step(self, dt_s: float, pulses_us: list[float | None]) -> Any:
+        """Moves on; returns the forces along each thruster's axis, shape (n,)."""
+        ...
+
+    def fail(self, thruster: int, fault: str, share: float = 0.5) -> None:
+        """Breaks a thruster."""
+        ...
+
+    def snapshot(self) -> Any:
+        """Returns all of the state."""
+        ...
+
+    def restore(self, snapshot: Any) -> None:
+        """Puts back what `snapshot` returned."""
+        ...
+
+
+class WrenchCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A force and a moment on the vehicle, in its own frame: what a test asks for instead of pulses.
+
+    Args:
+        force_n: along x, y, z.
+        moment_nm: about x, y, z.
+    """
+
+    force_n: list[float] = msgspec.field(default_factory=lambda: [0.0] * 3)
+    moment_nm: list[float] = msgspec.field(default_factory=lambda: [0.0] * 3)
+
+
+class State(NamedTuple):
+    """All of the plant. Without defaults: a start."""
+
+    dive: Dive
+    place: Vector
+    attitude: Quaternion
+    velocity: Vector  # world frame
+    rate: Vector  # body frame
+    mujoco: Any = None
+    thrusters: Any = None
+    steps: int = 0
+    happened: int = 0  # how many moments of the dive have passed
+    acceleration: Six = AT_REST  # of the velocity through the water, body frame, without contacts
+    gained: Vector = (0.0, 0.0, 0.0)  # acceleration of the last step, world frame
+    wet: float = 1.0  # share of the volume at the last step
+    water_l: float = 0.0  # leaked and weighed
+    wrench: Six = AT_REST
+    pulses: tuple[float | None, ...] = ()
+    contact_n: Vector | None = None  # None: nothing touched
+    tether_n: Vector = (0.0, 0.0, 0.0)
+
+
+class Urov:
+    """The underwater vehicle. Keeps the promise of Plant.
+
+    Args:
+        vehicle: its numbers; it is trimmed in the pool's water.
+        pool: where it swims.
+        start_of: gives the dive that belongs to a seed.
+        thrusters: turn pulses into forces; without any, the input is a wrench.
+        seed: of the first run.
+        step_s: of integration; see `STEP_S`.
+        mjcf: another world than the pool's, with a body 'vehicle' on a free joint, whose mass and inertia then count.
+
+    Raises:
+        ParameterError: vehicle, thrusters, dive and world do not go together.
+
+    Attributes:
+        vehicle: as trimmed.
+        dive: of this run.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        pool: Pool,
+        start_of: Callable[[int], Dive],
+        thrusters: Thrusters | None = None,
+        seed: int = 0,
+        step_s: float = STEP_S,
+        mjcf: str | None = None,
+    ) -> None:
+        if not 0.0 < step_s <= 0.05:
+            raise ParameterError(f"A vehicle under water in steps of {step_s} s.", fix=f"{STEP_S} s is a good step.")
+        if thrusters is not None and thrusters.count != len(vehicle.thrusters):
+            raise ParameterError(
+                f"'{vehicle.name}' has {len(vehicle.thrusters)} thrusters, its propulsion {thrusters.count}.",
+                fix="give both the same number.",
+            )
+        self.vehicle = vehicle = vehicle.trimmed(pool.density_kgm3, pool.gravity_mps2)
+        self.pool, self.start_of, self.thrusters = pool, start_of, thrusters
+        self.step_s: float = step_s
+        self.inputs: tuple[str, ...] = ("wrench",) if thrusters is None else ("pwm",)
+        self.outputs: tuple[str, ...] = ("depth", "imu", "altitude", "leak", *(() if thrusters is None else ("power",)))
+        text, source = (pool.mjcf(vehicle), "the pool") if mjcf is None else (mjcf, "the MJCF")
+        world = MujocoWorld(text, step_s, (BODY,), source)
+        self.engine = world.engine
+        self._body = MujocoBody(world, BODY)
+        self._readers: dict[str, Callable[[], Any]] = {
+            "depth": self._depth,
+            "imu": self._imu,
+            "altitude": self._altitude,
+            "leak": self._leaked,
+            "power": self._power,
+        }
+        self._matrix = vehicle.thruster_matrix()
+        self._surface = Surface(vehicle)
+        self._hydro = Hydrodynamics(vehicle, self._body.rigid)
+        self._flotation = Flotation(vehicle, self._body.rigid, pool.density_kgm3, self._body.gravity_mps2)
+        self.reset(seed)
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time since the last reset: a count, so that nothing adds up."""
+        return self._steps * self.step_s
+
+    # -- start, and being put back ------------------------------------------------------------------------------------
+
+    def reset(self, seed: int) -> None:
+        """Puts the vehicle at the start that belongs to this seed, with its thrusters off."""
+        dive = self.start_of(seed)
+        self._check(dive)
+        self._body.clear()
+        attitude = from_angles(*dive.attitude_rad)
+        self._body.put([*dive.position_m, *attitude], [*dive.velocity_mps, *dive.rate_radps])
+        if self.thrusters is not None:
+            self.thrusters.reset()
+        start = State(
+            dive,
+            dive.position_m,
+            attitude,
+            dive.velocity_mps,
+            dive.rate_radps,
+            self._body.snapshot(),
+            self.thrusters.snapshot() if self.thrusters is not None else None,
+            pulses=(None,) * len(self.vehicle.thrusters),
+        )
+        self.restore(start)
+        self._happen()
+        if self._place[2] > -self._surface.reach_m:
+            self._float(self._place[2], self._rotation[6:])
+        # Sensors may ask before the first step: the acceleration that it begins with.
+        u, v, w = self._through_water()
+        p, q, r = self._rate
+        nu = (u, v, w, p, q, r)
+        _, self._acceleration = self._hydro.advance(
+            nu,
+            self._rotation[6:],
+            self._around(AT_REST, nu, 0.0),
+            self._flotation.net_n,
+            self._flotation.arm,
+            AT_REST,
+            0.0,
+        )
+        # Seen from the world: the change of the velocity's numbers in the body's frame, and the turn of that frame.
+        du, dv, dw = self._acceleration[:3]
+        self._gained = self._in_world(du + q * w - r * v, dv + r * u - p * w, dw + p * v - q * u)
+
+    def _check(self, dive: Dive) -> None:
+        x, y, z = dive.position_m
+        pool = self.pool
+        if z < -pool.depth_m or abs(x) > 0.5 * pool.length_m or abs(y) > 0.5 * pool.width_m:
+            raise ParameterError(
+                f"The dive begins at {dive.position_m} m, which is not in the pool.",
+                fix=f"it is {pool.length_m:g} x {pool.width_m:g} m around 0, 0 and {pool.depth_m:g} m deep; "
+                "under water z is negative.",
+            )
+        if dive.faults and self.thrusters is None:
+            raise ParameterError("Thrusters fail in this dive, but there are none.", fix="give the plant thrusters.")
+
+    def snapshot(self) -> State:
+        """Returns all of the state; it never changes afterwards."""
+        return State(
+            dive=self.dive,
+            place=self._place,
+            attitude=self._attitude,
+            velocity=self._velocity,
+            rate=self._rate,
+            mujoco=self._body.snapshot(),
+            thrusters=self.thrusters.snapshot() if self.thrusters is not None else None,
+            steps=self._steps,
+            happened=self._happened,
+            acceleration=self._acceleration,
+            gained=self._gained,
+            wet=self._wet,
+            water_l=self._water_l,
+            wrench=self._wrench,
+            pulses=tuple(self._pulses),
+            contact_n=self._contact_n,
+            tether_n=self._tether_n,
+        )
+
+    def restore(self, snapshot: State) -> None:
+        """Puts back what `snapshot` returned."""
+        dive = self.dive = snapshot.dive
+        self._body.restore(snapshot.mujoco)
+        if self.thrusters is not None:
+            self.thrusters.restore(snapshot.thrusters)
+        self._place, self._attitude = snapshot.place, snapshot.attitude
+        self._velocity, self._rate = snapshot.velocity, snapshot.rate
+        self._rotation: Rotation = rotation_of(snapshot.attitude)
+        self._acceleration, self._gained = snapshot.acceleration, snapshot.gained
+        self._steps, self._happened = snapshot.steps, snapshot.happened
+        self._wrench, self._pulses = snapshot.wrench, list(snapshot.pulses)
+        self._water_l = snapshot.water_l
+        self._moments_s = dive.times_s()
+        self._tether = (
+            None
+            if dive.tether is None
+            else TetherPull(dive.tether, self.pool.density_kgm3, self.vehicle.mass_kg + self.vehicle.added_mass[0, 0])
+        )
+        self._contact_n, self._tether_n = snapshot.contact_n, snapshot.tether_n
+        self._take_up(self._moments_s[snapshot.happened - 1] if snapshot.happened else -math.inf)
+        self._wet = snapshot.wet
+
+    # -- what happens by the clock -------------------------------------------------------------------------------------
+
+    def _happen(self) -> None:
+        """Lets happen what the dive has until now."""
+        now_s = self.time_s + 1e-9
+        before, self._happened = self._happened, bisect.bisect_right(self._moments_s, now_s)
+        if self._happened > before:
+            moments = set(self._moments_s[before : self._happened])
+            for fault in self.dive.faults:
+                if fault.at_s in moments and self.thrusters is not None:
+                    self.thrusters.fail(fault.thruster, fault.fault, fault.share)
+            self._take_up(self._moments_s[self._happened - 1])
+
+    def _take_up(self, time_s: float) -> None:
+        """Sets current and loads to what they are from a moment on."""
+        self._current = self.dive.current_at(time_s)
+        self._loads = self.dive.loads_at(time_s)
+        following = self._moments_s[self._happened :]
+        self._next_s = following[0] - 1e-9 if following else math.inf
+        self._weigh()
+
+    def _weigh(self) -> None:
+        """Weighs vehicle, loads and leaked water, as if all of it were under water."""
+        leak = self.dive.leak
+        self._flotation.load(self._loads, self._water_l, (0.0, 0.0, 0.0) if leak is None else leak.place_m)
+        self._set_wet(1.0)
+
+    def _set_wet(self, share: float) -> None:
+        """Sets the mass to what it is with this share of the volume in the water."""
+        self._hydro.set_mass(self._flotation.mass, share)
+        self._more = self._hydro.mass - self._body.rigid  # what MuJoCo does not know of
+
+    # -- moving -------------------------------------------------------------------------------------------------------
+
+    def write(self, name: str, command: Any) -> None:
+        """Sets pulses or wrench, which hold until they are set again."""
+        if name not in self.inputs:
+            raise UnknownName(f"This plant has no input '{name}'.", fix=nearest(name, self.inputs))
+        if name == "pwm":
+            self._pulses = self._checked_pulses(command)
+            return
+        values = [*command.force_n, *command.moment_nm]
+        if len(values) != 6 or not math.isfinite(sum(values)):
+            raise PlantError(f"At {self.time_s:g} s the vehicle was told {command}.", fix="send six finite numbers.")
+        x, y, z, k, m, n = values
+        self._wrench = (x, y, z, k, m, n)
+
+    def _checked_pulses(self, command: PwmCommand) -> list[float | None]:
+        count = len(self.vehicle.thrusters)
+        if not command.is_on:
+            return [None] * count
+        pulses = command.pulses_us or [STOP_US] * count
+        if len(pulses) != count or not math.isfinite(sum(pulses)):
+            raise PlantError(
+                f"At {self.time_s:g} s {count} thrusters were sent the pulses {command.pulses_us}.",
+                fix=f"send {count} finite numbers, 1500 to stop; or is_on=False for no pulses.",
+            )
+        return list(pulses)
+
+    def step(self, dt_s: float) -> None:
+        """Moves on by one step."""
+        step_s = self.step_s
+        if dt_s != step_s and abs(dt_s - step_s) > 1e-9:
+            raise ParameterError(f"This plant moves in steps of {step_s} s, not {dt_s} s.", fix="use plant.step_s.")
+        if self._steps * step_s >= self._next_s:
+            self._happen()
+        if self.dive.leak is not None:
+            self._leak(self.dive.leak)
+        body = self._body
+        has_company = body.look()
+        r11, r12, r13, r21, r22, r23, r31, r32, r33 = self._rotation
+        up = (r31, r32, r33)
+        vx, vy, vz = self._velocity
+        cx, cy, cz = self._current
+        ux, uy, uz = vx - cx, vy - cy, vz - cz
+        p, q, r = self._rate
+        u, v, w = r11 * ux + r21 * uy + r31 * uz, r12 * ux + r22 * uy + r32 * uz, r13 * ux + r23 * uy + r33 * uz
+        nu = (u, v, w, p, q, r)
+        push = self._around(self._thrust(), nu, step_s)
+        flotation = self._flotation
+        middle, change = self._hydro.advance(nu, up, push, flotation.net_n, flotation.arm, self._acceleration, step_s)
+        self._acceleration = change
+        # The velocity at the step's end, in the world, and the turn that leads there.
+        mu, mv, mw, mp, mq, mr = middle
+        self._attitude = attitude = turned(self._attitude, mp, mq, mr, step_s)
+        self._rotation = rotation = rotation_of(attitude)
+        s11, s12, s13, s21, s22, s23, s31, s32, s33 = rotation
+        u, v, w = u + step_s * change[0], v + step_s * change[1], w + step_s * change[2]
+        wx = s11 * u + s12 * v + s13 * w + cx
+        wy = s21 * u + s22 * v + s23 * w + cy
+        wz = s31 * u + s32 * v + s33 * w + cz
+        gx, gy, gz = (wx - vx) / step_s, (wy - vy) / step_s, (wz - vz) / step_s
+        ap, aq, ar = change[3:]
+        total = gx + gy + gz + ap + aq + ar
+        if total - total != 0.0:
+            raise self._lost(nu, change)
+        self._steps += 1
+        if has_company and body.move(self._more, (gx, gy, gz, ap, aq, ar)):
+            self._touched(vx, vy, vz)
+            return
+        self._contact_n = None
+        self._gained = (gx, gy, gz)
+        self._velocity = (wx, wy, wz)
+        self._rate = (p + step_s * ap, q + step_s * aq, r + step_s * ar)
+        # By the mean velocity, turned by the mean of both rotations: so the work of the weight is its energy.
+        half = 0.5 * step_s
+        x, y, z = self._place
+        self._place = (
+            x + step_s * cx + half * ((r11 + s11) * mu + (r12 + s12) * mv + (r13 + s13) * mw),
+            y + step_s * cy + half * ((r21 + s21) * mu + (r22 + s22) * mv + (r23 + s23) * mw),
+            z + step_s * cz + half * ((r31 + s31) * mu + (r32 + s32) * mv + (r33 + s33) * mw),
+        )
+        body.put([*self._place, *attitude], [*self._velocity, *self._rate])
+
+    def _lost(self, nu: Six, change: Six) -> PlantError:
+        """Returns the error that says which number is no longer finite."""
+        before = [f"{axis} {value:g}" for axis, value in zip(AXES, nu, strict=True)]
+        lost = [axis for axis, value in zip(AXES, change, strict=True) if not math.isfinite(value)]
+        return PlantError(
+            f"At {self.time_s:g} s the acceleration in {', '.join(lost) or 'the world'} is not finite; the velocities "
+            f"through the water were {', '.join(before)} (m/s, rad/s).",
+            fix="look at the last commands and at what was added to the vehicle; or try a shorter step.",
+        )
+
+    def _touched(self, vx: float, vy: float, vz: float) -> None:
+        """Takes over where MuJoCo's contacts led to."""
+        x, y, z, qw, qx, qy, qz = self._body.pose()
+        wx, wy, wz, p, q, r = self._body.velocity()
+        fx, fy, fz = self._body.touch()[:3]
+        self._contact_n = (fx, fy, fz)
+        self._gained = ((wx - vx) / self.step_s, (wy - vy) / self.step_s, (wz - vz) / self.step_s)
+        self._place, self._attitude = (x, y, z), (qw, qx, qy, qz)
+        self._velocity, self._rate = (wx, wy, wz), (p, q, r)
+        self._rotation = rotation_of(self._attitude)
+
+    def _leak(self, leak: dives.Leak) -> None:
+        """Lets water in."""
+        water_l = leak.water_l(self.time_s)
+        if water_l >= self._water_l + WATER_STEP_L or (water_l > self._water_l and water_l == leak.most_l):
+            self._water_l = water_l
+            self._weigh()
+
+    # -- forces -------------------------------------------------------------------------------------------------------
+
+    def _thrust(self) -> Sequence[float]:
+        """Returns the wrench of the thrusters, less what draws air, or the one that was asked for."""
+        if self.thrusters is None:
+            return self._wrench
+        forces = self.thrusters.step(self.step_s, self._pulses)
+        if self._place[2] > -self._surface.reach_m:
+            forces = forces * self._surface.drawing(self._place[2], self._rotation[6:])
+        wrench: list[float] = (self._matrix @ forces).tolist()
+        return wrench
+
+    def _around(self, push: Sequence[float], nu: Six, dt_s: float) -> Sequence[float]:
+        """Adds the surface's and the tether's share to a wrench, and sets what is wet.
+
+        Both depend on where the vehicle is, and are taken where it will be in the middle of the step.
+        """
+        half = 0.5 * dt_s
+        x, y, z = self._place
+        vx, vy, vz = self._velocity
+        if z > -self._surface.reach_m:
+            kx, ky, kz = self._rotation[6:]
+            p, q, r = self._rate
+            up = (kx + half * (ky * r - kz * q), ky + half * (kz * p - kx * r), kz + half * (kx * q - ky * p))
+            before = self._wet
+            self._float(z + half * vz, up)
+            if self._wet > before and dt_s > 0.0:
+                # Water that gets wet by the body must be brought to its speed; what it leaves keeps it. So neither
+                # coming up nor going down makes energy. Source: von Karman, NACA TN 321 (1929).
+                rate = (self._wet - before) / dt_s
+                slam = rate * (self.vehicle.added_mass @ nu)
+                push = [a - b for a, b in zip(push, slam.tolist(), strict=True)]
+        elif self._wet != 1.0:
+            self._wet = 1.0
+            self._flotation.submerge()
+            self._set_wet(1.0)
+        if self._tether is not None:
+            push = self._pulled(push, self._tether, (x + half * vx, y + half * vy, z + half * vz))
+        return push
+
+    def _float(self, z_m: float, up: Vector) -> None:
+        """Sets what is wet at a height and an attitude."""
+        share, centre = self._surface.wetted(z_m, up)
+        self._flotation.wet(share, centre)
+        if share != self._wet:
+            self._wet = share
+            self._set_wet(share)
+
+    def _pulled(self, push: Sequence[float], tether: TetherPull, place: Vector) -> Sequence[float]:
+        """Adds the tether's pull to a wrench."""
+        bx, by, bz = tether.tether.place_m
+        p, q, r = self._rate
+        arm = self._in_world(bx, by, bz)
+        turning = self._in_world(q * bz - r * by, r * bx - p * bz, p * by - q * bx)
+        end = (place[0] + arm[0], place[1] + arm[1], place[2] + arm[2])
+        vx, vy, vz = self._velocity
+        fx, fy, fz = tether.force(end, (vx + turning[0], vy + turning[1], vz + turning[2]), self._current)
+        r11, r12, r13, r21, r22, r23, r31, r32, r33 = self._rotation
+        a, b, c = r11 * fx + r21 * fy + r31 * fz, r12 * fx + r22 * fy + r32 * fz, r13 * fx + r23 * fy + r33 * fz
+        x, y, z, k, m, n = push
+        self._tether_n = (fx, fy, fz)
+        return x + a, y + b, z + c, k + by * c - bz * b, m + bz * a - bx * c, n + bx * b - by * a
+
+    def _in_world(self, x: float, y: float, z: float) -> Vector:
+        """Returns a vector of the body's frame in the world's."""
+        r11, r12, r13, r21, r22, r23, r31, r32, r33 = self._rotation
+        return r11 * x + r12 * y + r13 * z, r21 * x + r22 * y + r23 * z, r31 * x + r32 * y + r33 * z
+
+    def _in_body(self, x: float, y: float, z: float) -> Vector:
+        """Returns a vector of the world's frame in the body's."""
+        r11, r12, r13, r21, r22, r23, r31, r32, r33 = self._rotation
+        return r11 * x + r21 * y + r31 * z, r12 * x + r22 * y + r32 * z, r13 * x + r23 * y + r33 * z
+
+    def _through_water(self) -> Vector:
+        """Returns the velocity relative to the water, body frame."""
+        (vx, vy, vz), (cx, cy, cz) = self._velocity, self._current
+        return self._in_body(vx - cx, vy - cy, vz - cz)
+
+    # -- being measured -----------------------------------------------------------------------------------------------
+
+    @property
+    def through_water(self) -> Six:
+        """Velocity relative to the water, body frame: along x, y, z [m/s], about x, y, z [rad/s]."""
+        return *self._through_water(), *self._rate
+
+    @property
+    def position_m(self) -> Vector:
+        """Of the vehicle's origin, world frame."""
+        return self._place
+
+    @property
+    def attitude(self) -> Quaternion:
+        """Unit quaternion (w, x, y, z) from the body's frame to the world's."""
+        return self._attitude
+
+    @property
+    def velocity_mps(self) -> Vector:
+        """Of the vehicle's origin, world frame."""
+        return self._velocity
+
+    @property
+    def rate_radps(self) -> Vector:
+        """Angular velocity, body frame."""
+        return self._rate
+
+    @property
+    def contact_n(self) -> Vector | None:
+        """What floor, walls and gates pushed in the last step, world frame; None if nothing was in reach."""
+        return self._contact_n
+
+    def read(self, name: str) -> Any:
+        """Returns what a sensor without faults would say; all of them sit at the origin but the echo sounder."""
+        reader = self._readers.get(name)
+        if reader is None or name not in self.outputs:
+            raise UnknownName(f"This plant has no output '{name}'.", fix=nearest(name, self.outputs))
+        return reader()
+
+    def _depth(self) -> Depth:
+        pool, z = self.pool, self._place[2]
+        pressure = AIR_PA + pool.density_kgm3 * self._body.gravity_mps2 * max(0.0, -z)
+        return Depth(-z, -self._velocity[2], pressure, pool.temperature_c, self.time_s)
+
+    def _imu(self) -> Imu:
+        gx, gy, gz = self._gained
+        east, north, up = FIELD_UT
+        bx, by, bz = self._in_body(east, north, up)
+        if self.thrusters is not None:
+            current = self.thrusters.current_a
+            wx, wy, wz = FIELD_UT_PER_A
+            bx, by, bz = bx + current * wx, by + current * wy, bz + current * wz
+        force = self._in_body(gx, gy, gz + self._body.gravity_mps2)
+        return Imu(list(self._rate), list(force), list(self._attitude), [bx, by, bz], self.time_s)
+
+    def _altitude(self) -> Altitude:
+        x, y, z = self._place
+        ax, ay, az = self._in_world(0.0, 0.0, -0.5 * self.vehicle.size_m[2])
+        height = self._body.height_over_ground_m((x + ax, y + ay, z + az))
+        tilt = math.acos(min(1.0, max(-1.0, self._rotation[8])))
+        return Altitude(NO_GROUND_M if height < 0.0 else height, tilt, self.time_s)
+
+    def _power(self) -> Power:
+        if self.thrusters is None:
+            raise PlantError("This plant has no battery.", fix="give it thrusters.")
+        thrusters = self.thrusters
+        return Power(thrusters.voltage_v, thrusters.current_a, thrusters.charge, self.time_s)
+
+    def _leaked(self) -> Leak:
+        return Leak(self._water_l, self.time_s)
+
+    def scene(self) -> dict[str, Any]:
+        """Returns water, floor, walls and gates, and the shape of the vehicle."""
+        return {"statics": pool_shapes(self.pool), "bodies": {"vehicle": vehicle_shapes(self.vehicle)}}
+
+    def truth(self) -> dict[str, Any]:
+        """Returns the true state for the recorder."""
+        w, x, y, z = self._attitude
+        place = self._place
+        roll, pitch, yaw = to_angles(self._attitude)
+        u, v, heave = self._through_water()
+        arrows: dict[str, list[float]] = {}
+        if self.thrusters is not None:
+            for thruster, force in zip(self.vehicle.thrusters, self.thrusters.forces_n, strict=True):
+                at = self._in_world(*thruster.position_m)
+                pull = self._in_world(*(force * value for value in thruster.direction))
+                arrows[thruster.name] = [*(a + b for a, b in zip(place, at, strict=True)), *pull]
+        if any(self._current):
+            # As the force that the same flow would need on one square metre, to have a length in newtons.
+            arrows["current"] = [place[0], place[1], place[2] + 0.5, *(40.0 * value for value in self._current)]
+        if self._tether is not None:
+            at = self._in_world(*self._tether.tether.place_m)
+            arrows["tether"] = [*(a + b for a, b in zip(place, at, strict=True)), *self._tether_n]
+        return {
+            "poses": {"vehicle": [*place, x, y, z, w]},
+            "arrows": arrows,
+            "values": {
+                "depth_m": -place[2],
+                "speed_mps": math.hypot(u, v, heave),
+                "surge_mps": u,
+                "sway_mps": v,
+                "heave_mps": heave,
+                "roll_deg": math.degrees(roll),
+                "pitch_deg": math.degrees(pitch),
+                "yaw_deg": math.degrees(yaw),
+                "contact_n": math.hypot(*(self._contact_n or ())),
+                **({} if self.thrusters is None else {"voltage_v": self.thrusters.voltage_v}),
+            },
+        }
