@@ -78,6 +78,7 @@ class Flight:
             seed=simulation.request.seed,
             pace=pace,
             until_s=float(simulation.scenario.TIME_LIMIT_S),
+            tells_notes=False,  # the result has them
         )
         self._truth = _Truth(plant, recorder) if recorder is not None else None
         self._referee = _Referee(simulation.scenario, plant, self._runner, self._truth)

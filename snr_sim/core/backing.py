@@ -21,6 +21,8 @@ class Backing(Protocol):
 
     ticks: int
     late_s: float  # the largest delay of a tick behind its deadline
+    # How long whoever begins the loop in a running node waits to hear of its `setup`; then it is taken to be well.
+    setup_patience_s: float
 
     @property
     def is_stopped(self) -> bool:
@@ -42,6 +44,8 @@ class Backing(Protocol):
 
 class ClockBacking:
     """Has the virtual clock call the loop on the node's thread: tick k comes at exactly k / rate."""
+
+    setup_patience_s = 0.0  # `start` has called it
 
     def __init__(self, loop: Loop) -> None:
         assert isinstance(loop.parent.clock, SimClock)
@@ -91,6 +95,8 @@ class ClockBacking:
 
 class ThreadBacking:
     """Calls the loop from a thread, on deadlines: work in a tick does not delay the next one."""
+
+    setup_patience_s = 0.5
 
     def __init__(self, loop: Loop) -> None:
         self._loop = loop

@@ -27,7 +27,8 @@ from snr_sim.core.loop import Loop
 from snr_sim.core.node import Node
 from snr_sim.core.packing import unpack
 from snr_sim.core.shared_arrays import SHARED, ArrayReceiver, ArraySender
-from snr_sim.prelude.errors import SnrError, ValueEncodingError
+from snr_sim.core.trial import Trial
+from snr_sim.prelude.errors import ComponentFailed, SnrError, ValueEncodingError
 from snr_sim.prelude.page import KINDS, DataKey, Page
 from snr_sim.prelude.task import Task
 from snr_sim.prelude.values import decode_value, encode_value
@@ -54,6 +55,8 @@ def run(line: Connection) -> None:
         speaker.say("over")
         return
     backing = ProcessThread(loop, speaker)
+    if begin["is_tried"]:
+        loop.trial = LineTrial(speaker)
     speaker.say("ready")
     life.wait_until(life.may_go)
     if not life.is_ending.is_set():
@@ -184,6 +187,22 @@ class LineDoor(Door):
         if self.failure is None:
             self.failure = failure
             self._speaker.say("failed", str(failure))
+
+
+class LineTrial(Trial):
+    """Tells the node's trial of this loop; whether somebody still waits there, only the node knows."""
+
+    def __init__(self, speaker: Speaker) -> None:
+        super().__init__()
+        self._speaker = speaker
+
+    def report(self, failure: ComponentFailed | None) -> bool:
+        """Tells how `setup` went, or what failed after that; returns whether the node decides what comes of it."""
+        if failure is None:
+            self._speaker.say("is set up")
+            return True
+        self._speaker.say("failed", failure.message)
+        return True
 
 
 class RemoteDatastore(Datastore):

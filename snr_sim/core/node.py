@@ -7,7 +7,6 @@ import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from snr_sim.core.backing import ThreadBacking
 from snr_sim.core.blame import describe_error, place_of, put_place_first, without_addresses
 from snr_sim.core.clocks import SimClock, WallClock
 from snr_sim.core.config import Config
@@ -38,8 +37,6 @@ INTERRUPTED = "interrupted"  # so begins the message of an error record that is 
 # From this many waiting tasks on a run is told that it cannot keep up. A burst of a few hundred is nothing unusual.
 OVERLOAD_TASKS = 1000
 
-# How long a node waits for the setup of a loop that begins on a thread later. Then it is taken to be well.
-SETUP_PATIENCE_S = 0.5
 _STEPS = ("begin", "setup", "loop", "halt", "terminate")  # what a component's author may write, beside handlers
 
 
@@ -219,7 +216,7 @@ class Node:
         """Begins a component while a task is handled; what it schedules follows from that task.
 
         Raises:
-            ComponentFailed: it raised; so did the `setup` of a loop, on whatever thread, if it did so soon.
+            ComponentFailed: it raised; so did the `setup` of a loop, on a thread or in a process, if it did so soon.
         """
         running = self.machine.running
         self.machine.running = component
@@ -228,8 +225,8 @@ class Node:
             component.trial, component.is_taken_out = trial, False
         try:
             self._begin(component, lambda one: one.begin())
-            if isinstance(component, Loop) and isinstance(component.caller, ThreadBacking):
-                failure = trial.wait(SETUP_PATIENCE_S)
+            if isinstance(component, Loop) and component.caller is not None and component.caller.setup_patience_s:
+                failure = trial.wait(component.caller.setup_patience_s)
                 if failure is not None:
                     raise failure
         finally:

@@ -1,7 +1,8 @@
 """Factories on their way into another process: packed here, unpacked there, and said in words where that cannot be.
 
-Only this way: a process gets objects from who started it, and sends back nothing but plain values. Code goes by name,
-so the process reads the same files: also those that were loaded by path, such as a robot's, and the program itself.
+Only this way: a process gets objects from who started it, and sends back nothing but plain values. Code goes as the
+source of its files: also of those that were loaded by path, such as a robot's, and of the program itself. So the
+process runs what its node runs, whatever has been written into the files since.
 """
 
 from __future__ import annotations
@@ -12,13 +13,15 @@ import io
 import pickle
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from importlib.abc import MetaPathFinder
+from importlib.abc import MetaPathFinder, SourceLoader
 from importlib.machinery import ModuleSpec
+from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any
 
 from snr_sim.core import spawned
 from snr_sim.core.blame import short_path
+from snr_sim.core.sources import source_of
 from snr_sim.prelude.errors import ConfigError
 
 _MAIN = "__main__"
@@ -53,7 +56,7 @@ def pack(thing: Any, name: str, user: str) -> dict[str, Any]:
     return {
         "pickle": data,
         "modules": {module: place for name in modules for module, place in _places(name)},
-        "main": [getattr(main.__spec__, "name", None), main.__file__] if _MAIN in modules else None,
+        "main": [getattr(main.__spec__, "name", None), *_file_and_source(main)] if _MAIN in modules else None,
         "argv": sys.argv,
     }
 
@@ -115,7 +118,33 @@ def _places(name: str) -> Iterator[tuple[str, list[Any]]]:
         module = sys.modules.get(part)
         file, folders = getattr(module, "__file__", None), getattr(module, "__path__", None)
         if module is not None and (folders is not None if file is None else file.endswith(".py")):
-            yield part, [file, None if folders is None else list(folders)]
+            yield part, [*_file_and_source(module), None if folders is None else list(folders)]
+
+
+def _file_and_source(module: ModuleType) -> tuple[str | None, bytes | None]:
+    file = getattr(module, "__file__", None)
+    try:
+        return file, None if file is None else source_of(Path(file))
+    except OSError:  # it is gone, and was never read by us: the process says so
+        return file, None
+
+
+class _PackedLoader(SourceLoader):
+    """Loads a module from source that came along."""
+
+    def __init__(self, file: str, source: bytes) -> None:
+        self._file = file
+        self._source = source
+
+    def get_filename(self, fullname: str) -> str:
+        """Returns the file's path."""
+        return self._file
+
+    def get_data(self, path: str) -> bytes:
+        """Returns the source; there is nothing else."""
+        if path != self._file:
+            raise OSError(f"{path} did not come along")
+        return self._source
 
 
 class _PackedFinder(MetaPathFinder):
@@ -128,22 +157,27 @@ class _PackedFinder(MetaPathFinder):
         """Returns the spec of a module that was packed."""
         if fullname not in self._places:
             return None
-        file, folders = self._places[fullname]
+        file, source, folders = self._places[fullname]
         if file is not None:
-            return importlib.util.spec_from_file_location(fullname, file, submodule_search_locations=folders)
+            return _spec_of(fullname, file, source, folders)
         spec = ModuleSpec(fullname, None, is_package=True)
         spec.submodule_search_locations = folders
         return spec
 
 
-def _read_main(name: str | None, file: str) -> None:
+def _spec_of(name: str, file: str, source: bytes | None, folders: Any = None) -> ModuleSpec | None:
+    loader = None if source is None else _PackedLoader(file, source)
+    return importlib.util.spec_from_file_location(name, file, loader=loader, submodule_search_locations=folders)
+
+
+def _read_main(name: str | None, file: str, source: bytes | None) -> None:
     """Reads the program that the other process is running, without what stands under `if __name__ == "__main__"`."""
     spawned.is_reading_main = True
     try:
         if name is not None:  # python -m name
             sys.modules[_MAIN] = importlib.import_module(name)
             return
-        spec = importlib.util.spec_from_file_location(_MAIN_THERE, file)
+        spec = _spec_of(_MAIN_THERE, file, source)
         assert spec is not None
         assert spec.loader is not None
         module = importlib.util.module_from_spec(spec)

@@ -47,6 +47,8 @@ _STOP: list[Any] = ["stop"]
 class ProcessBacking:
     """Has a loop called in a process. What is left of the loop here is its name."""
 
+    setup_patience_s = 3.0  # a process takes a good part of a second to be there at all
+
     def __init__(self, loop: Loop) -> None:
         self._loop = loop
         self._node = loop.parent
@@ -87,6 +89,7 @@ class ProcessBacking:
                     "clock_start_s": time.monotonic() - node.clock.now_s(),
                     "log_level": loop.log.getEffectiveLevel(),
                     "arrays": [arrays_in, arrays_out],
+                    "is_tried": loop.trial is not None,
                 },
             ]
         )
@@ -162,6 +165,8 @@ class ProcessBacking:
             logging.getLogger(name).log(level, "%s", text)
         elif kind == "note":
             self._node.note(values[0])
+        elif kind == "is set up":
+            self._tried(None)
         elif kind == "failed":
             self._fail(values[0])
         elif kind == "stopped":
@@ -192,7 +197,13 @@ class ProcessBacking:
         return core
 
     def _fail(self, message: str) -> None:
-        self._node.door.fail(ComponentFailed(message, self._node.name, self._loop.name))
+        failure = ComponentFailed(message, self._node.name, self._loop.name)
+        if not self._tried(failure):
+            self._node.door.fail(failure)
+
+    def _tried(self, failure: ComponentFailed | None) -> bool:
+        """Tells whoever waits to hear what came of `setup`; returns whether somebody did."""
+        return self._loop.trial is not None and self._loop.trial.report(failure)
 
     def _obituary(self, status: int) -> str:
         lines = "".join(f"\n    {line}" for line in self._process.last)

@@ -62,8 +62,7 @@ class SynchronousRunner:
             with orderly([self.node]) as signals:
                 self._loop(signals)
         finally:
-            for note in self.node.notes:
-                print(f"note: {note}", file=sys.stderr)
+            _tell_notes([self.node])
 
     def _loop(self, signals: Sequence[str]) -> None:
         try:
@@ -72,6 +71,14 @@ class SynchronousRunner:
             if not signals:
                 raise
             self.node.note(f"{signals[0]}: {interrupted}, and was interrupted.")
+
+
+def _tell_notes(nodes: Sequence[Node]) -> None:
+    """Says what the nodes remarked; of several, which one."""
+    for node in nodes:
+        whose = f"{node.name}: " if len(nodes) > 1 else ""
+        for note in node.notes:
+            print(f"note: {whose}{note}", file=sys.stderr)
 
 
 class CliRunner:
@@ -175,6 +182,7 @@ class SimRunner:
         seed: of the run.
         pace: virtual seconds per wall second; None is as fast as it goes.
         until_s: the longest virtual time.
+        tells_notes: whether the nodes' notes are printed on stderr at the end.
 
     Raises:
         ConfigError: a role is named twice.
@@ -191,6 +199,7 @@ class SimRunner:
         seed: int = 0,
         pace: float | None = None,
         until_s: float | None = None,
+        tells_notes: bool = True,
     ) -> None:
         names = list(roles if roles is not None else config.factories)
         if len(set(names)) != len(names):
@@ -200,6 +209,7 @@ class SimRunner:
         for link in links:
             link.attach(self.nodes, self.clock)
         self._lock_step = LockStep(list(self.nodes.values()), self.clock, pace, until_s)
+        self._tells_notes = tells_notes
         self.signals: list[str] = []
 
     def run(self) -> None:
@@ -208,5 +218,9 @@ class SimRunner:
         Raises:
             ComponentFailed: a handler or a loop raised; every node has been halted.
         """
-        with orderly(list(self.nodes.values())) as self.signals:
-            self._lock_step.run()
+        nodes = list(self.nodes.values())
+        try:
+            with orderly(nodes) as self.signals:
+                self._lock_step.run()
+        finally:
+            _tell_notes(nodes if self._tells_notes else [])

@@ -14,6 +14,10 @@ from snr_sim.core.blame import is_student_file
 from snr_sim.core.component import ComponentFactory, NodeComponent
 from snr_sim.prelude.errors import ConfigError
 
+# What stood in a file when its code was read, as far as somebody has asked: a process that begins later runs the code
+# that its node runs, and not what somebody is just writing.
+_sources: dict[Path, bytes] = {}
+
 # The file that is read anew at this moment: a robot's program must not start its node a second time from there.
 being_read: ContextVar[str] = ContextVar("being_read", default="")
 
@@ -43,6 +47,17 @@ def file_of(module: ModuleType) -> Path | None:
     """Returns the Python file of a module, or None if it has none; it need not be there any more."""
     file = getattr(module, "__file__", None)
     return Path(file) if isinstance(file, str) and file.endswith(".py") else None
+
+
+def source_of(path: Path) -> bytes:
+    """Returns the source of the code that was read from a file: at the first call what stands there now.
+
+    Raises:
+        OSError: the file is gone.
+    """
+    if path not in _sources:
+        _sources[path] = path.read_bytes()
+    return _sources[path]
 
 
 def _check_target(factory: str, target: object) -> None:
@@ -80,6 +95,8 @@ class Reading:
             raise ConfigError(f"The file {path} cannot be read again: {error.strerror}.") from error
         linecache.checkcache(str(path))  # a message about the new code shows the new line
         self.module = module
+        self._path, self._source = path, source
+        self._source_before = _sources.get(path)
         self.name = "/".join(path.parts[-2:])  # the same from whatever folder a replay is started
         self.sha256 = hashlib.sha256(source).hexdigest()
         tree = ast.parse(source, str(path))
@@ -92,6 +109,7 @@ class Reading:
         """Executes the new code in the module, as Python does at the first import. Raises what that raises."""
         namespace = vars(self.module)
         before = self._before = dict(namespace)
+        _sources[self._path] = self._source
         token = being_read.set(self.name)
         try:
             exec(self._code, namespace)
@@ -112,6 +130,8 @@ class Reading:
         """Puts the module back as it was. A thread may be in its code: no name is missing in between."""
         if self._before is None:
             return
+        if self._source_before is not None:
+            _sources[self._path] = self._source_before
         namespace = vars(self.module)
         for name in [name for name in namespace if name not in self._before]:
             del namespace[name]

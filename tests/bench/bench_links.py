@@ -221,7 +221,7 @@ def percentiles_us(times_s: Sequence[float]) -> tuple[float, float]:
 def measure(is_quick: bool) -> Iterator[Row]:
     """Yields the rows."""
     yield from measure_round_trips(rounds=1 if is_quick else 5, count=1_000 if is_quick else 4_000)
-    count = 20_000 if is_quick else 500_000
+    count = 20_000 if is_quick else 1_000_000
     for name, flood, limit in (
         ("TCP link, one way", sockets_flood, SOCKETS_PAGES_PER_S),
         ("pipe link, one way", pipe_flood, PIPE_PAGES_PER_S),

@@ -329,6 +329,65 @@ def test_a_loop_whose_new_setup_fails_on_its_thread_goes_on_with_the_old_one(stu
     assert factory.log == ["setup", "halt", "terminate", "terminate", "setup", "halt", "terminate"]
 
 
+PROCESS_LOOP = """
+    import os
+
+    from snr_sim import Loop, LoopFactory
+
+    class Camera(Loop):
+        backing = "process"
+
+        def setup(self):
+            self.seen = 0
+
+        def loop(self):
+            self.seen += 1
+            self.store_data("thrust", ["old", os.getpid()])
+
+    class CameraFactory(LoopFactory):
+        def get(self, parent):
+            return Camera(self, parent, "camera", 20.0)
+"""
+
+
+@pytest.mark.parametrize(
+    ("setup", "said"),
+    [("self.lens.open()", "self.lens.open()"), ("os._exit(3)", "status 3"), ("exit('no lens')", "no lens")],
+)
+def test_a_loop_whose_new_setup_fails_in_its_process_goes_on_with_the_old_one(
+    student: Student, setup: str, said: str
+) -> None:
+    pages: list[list[Any]] = []
+
+    def on_page(task: Task, task_id: Any) -> Any:
+        pages.append(task.val_list[0].data)
+        if len(pages) == 1:
+            student.save(PROCESS_LOOP.replace("self.seen = 0", setup).replace('"old"', '"new"'))
+            return tasks.reload_component("camera")
+        return tasks.finish("done") if pages[-1][1] != pages[0][1] else None
+
+    factory = student.load(PROCESS_LOOP).CameraFactory()
+    node = Node("r", Config(factories={"r": [PartFactory({(TaskType.store_page, "thrust"): on_page}), factory]}))
+    node.loop()
+    assert node.exit_reason == "done"
+    assert {code for code, _ in pages} == {"old"}
+    assert not outcome(node)["ok"]
+    assert said in outcome(node)["message"]
+
+
+def test_a_loop_in_a_process_reloads_too(student: Student) -> None:
+    def on_page(task: Task, task_id: Any) -> Any:
+        if task.val_list[0].data[0] == "new":
+            return tasks.finish("done")
+        student.save(PROCESS_LOOP.replace('"old"', '"new"'))
+        return tasks.reload_component("camera")
+
+    factory = student.load(PROCESS_LOOP).CameraFactory()
+    node = Node("r", Config(factories={"r": [PartFactory({(TaskType.store_page, "thrust"): on_page}), factory]}))
+    node.loop()
+    assert (node.exit_reason, outcome(node)["ok"]) == ("done", True)
+
+
 def test_a_removed_loop_whose_halt_fails_on_its_thread_leaves_the_others_alone(student: Student) -> None:
     loop = TickerFactory(lambda loop: loop.store_data("thrust", 1), halt=lambda loop: loop.missing())
     node = run_on_the_wall_clock(loop, lambda: [tasks.remove_component("ticker"), tasks.finish("done")])

@@ -180,3 +180,13 @@ def test_a_command_line_tells_an_error_without_a_traceback(capsys: pytest.Captur
 def test_a_command_line_in_debug_mode_raises_the_error() -> None:
     with pytest.raises(ConfigError, match="The port is taken"):
         CliRunner({"robot": [_Unwilling()]}, ["robot.py", "-d", "robot"]).run()
+
+
+def test_the_roles_of_a_simulation_tell_their_notes_with_the_name_of_the_node(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    config = Config(factories={role: [PartFactory(begin=lambda part: part.parent.note("low tide"))] for role in "ab"})
+    SimRunner(config).run()
+    assert capsys.readouterr().err == "note: a_node: low tide\nnote: b_node: low tide\n"
+    SimRunner(config, tells_notes=False).run()
+    assert capsys.readouterr().err == ""

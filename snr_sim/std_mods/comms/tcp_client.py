@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import random
 import socket
 import threading
 from collections.abc import Callable
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from snr_sim.core.loop import LoopFactory
 from snr_sim.core.node import Node
+from snr_sim.std_mods.comms.back_off import BackOff
 from snr_sim.std_mods.comms.link import LinkOptions
 from snr_sim.std_mods.comms.session import Terms
 from snr_sim.std_mods.comms.socket_port import Address, SocketPort
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     import ssl
 
 CONNECT_TIMEOUT_S = 5.0
-RETRY_FIRST_S = 0.05
-RETRY_MOST_S = 2.0
 STEADY_S = 5.0  # a connection that lasted this long was a good one: the next try comes soon
 
 
@@ -56,10 +54,9 @@ class ClientLink(StreamLink):
     def _open(self) -> None:
         super()._open()
         self._call_s: float | None = 0.0  # when to call next; None while somebody does, or the line is open
-        self._tries = 0
+        self._back_off = BackOff()
         self._up_s = 0.0
         self._calls = Calls(self.wake)
-        self._luck = random.Random()  # not the run's chance: two clients must not call at the same moments
 
     def _tend(self, now_s: float) -> None:
         if self._call_s is not None and now_s >= self._call_s:
@@ -88,14 +85,12 @@ class ClientLink(StreamLink):
 
     def _gone(self, stream: StreamPeer) -> None:
         if self.get_time_s() - self._up_s >= STEADY_S:
-            self._tries = 0
+            self._back_off.forget()
         self._call_again(stream.session.reason)
 
     def _call_again(self, reason: str) -> None:
         self.reason = reason
-        most_s = min(RETRY_MOST_S, RETRY_FIRST_S * 2.0**self._tries)
-        self._tries = min(self._tries + 1, 30)
-        self._call_s = self.get_time_s() + most_s * self._luck.uniform(0.5, 1.0)
+        self._call_s = self.get_time_s() + self._back_off.next_s()
         self._tend_s = min(self._tend_s, self._call_s)
 
     def halt(self) -> None:

@@ -25,6 +25,7 @@ from snr_sim.core.loop import LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.prelude.errors import LinkError, MissingExtra, SnrError
 from snr_sim.prelude.page import DataKey, Page
+from snr_sim.std_mods.comms.back_off import BackOff
 from snr_sim.std_mods.comms.faults import Way
 from snr_sim.std_mods.comms.fleet import PING_BYTES, FleetLink, Hearing, Member
 from snr_sim.std_mods.comms.link import LinkOptions, by_name
@@ -37,8 +38,6 @@ TEND_EVERY_S = 0.05
 DEAF_LOOK_S = 0.002  # how often a link that lets nothing in looks whether the node has caught up
 LINGER_S = 0.3  # how long the end of a link may take to send what waits
 BATCH_BYTES = 1 << 17
-RETRY_FIRST_S = 0.05
-RETRY_MOST_S = 1.0
 MAX_PLACE_BYTES = 1 << 13
 NUMBER_BYTES = 8
 
@@ -87,7 +86,7 @@ class ZenohLink(FleetLink):
         self._waits_for = ", ".join(each.text for each in settings.connect) or "anybody to be discovered"
         self.reason = ALONE if settings.listen else f"waits for {self._waits_for}."
         self._session: Any = None
-        self._tries = 0
+        self._back_off = BackOff()
         self._try_s = 0.0
         self._settings = settings
         self._roster = Roster(f"snr/{encoded(options.name)}")
@@ -132,8 +131,7 @@ class ZenohLink(FleetLink):
             session = self._zenoh.open(self._config)
         except self._zenoh.ZError as error:
             self.reason = f"waits for {self._waits_for}: {_in_words(error)}"
-            self._try_s = self.get_time_s() + min(RETRY_MOST_S, RETRY_FIRST_S * 2.0**self._tries)
-            self._tries = min(self._tries + 1, 30)
+            self._try_s = self.get_time_s() + self._back_off.next_s()
             return
         if self.is_terminated():
             session.close()
