@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from snr_sim.devices.simulated import SensorErrors
+from snr_sim.devices.sensor_errors import SensorErrors
 from snr_sim.plants.descent import MOON_GRAVITY_MPS2, STANDARD_GRAVITY_MPS2, Engine
 from snr_sim.plants.module import Leg, LunarModule, Throttle
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, field
-from operator import attrgetter
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import msgspec
 
+from snr_sim.devices.sensor_errors import SensorErrors, Spoiler
 from snr_sim.prelude.errors import CommandError, DeviceError, ParameterError, SensorLost, nearest
 from snr_sim.prelude.plant import Plant
 
@@ -22,23 +22,7 @@ if TYPE_CHECKING:
 
 CommandT = TypeVar("CommandT", bound=msgspec.Struct)
 
-NOISE_BLOCK = 256  # drawn at once: one number at a time costs 40 times as much
 SAME_TIME_S = 1e-9  # two times closer than this are one, whatever rounding made of them
-
-
-@dataclass(frozen=True)
-class SensorErrors:
-    """How a sensor spoils what it measures. Empty: not at all.
-
-    Args:
-        noise: standard deviation by field of the reading, in the field's unit; for a list, of each number in it.
-        resolution: step that values are rounded to, by field.
-        delay_s: how old a reading is when it is read.
-    """
-
-    noise: dict[str, float] = field(default_factory=dict)
-    resolution: dict[str, float] = field(default_factory=dict)
-    delay_s: float = 0.0
 
 
 class SimSensor:
@@ -48,35 +32,36 @@ class SimSensor:
         plant: what is measured.
         output: name of the output.
         errors: how badly.
-        rng: chance behind the noise.
+        rng: chance behind the errors.
+        senses: what of the plant's output the part feels; the errors are of that. None: all of it, as it is.
+        tells: what the part makes of what it felt, in its reading. None: that itself.
 
     Raises:
-        ParameterError: the errors name a field that readings do not have.
+        ParameterError: the errors name a field that is not there.
 
     A delayed sensor keeps what it has read and answers with the newest of it that is old enough. So the age is
     `delay_s`, rounded up to whole periods of reading; the reading's own `stamp_s` says what it is. Until there is one
     old enough the first one stands in.
     """
 
-    def __init__(self, plant: Plant, output: str, errors: SensorErrors, rng: np.random.Generator) -> None:
-        reading = plant.read(output)
-        fields = reading.__struct_fields__
-        for name in (*errors.noise, *errors.resolution):
-            if name not in fields:
-                raise ParameterError(f"Readings of '{output}' have no field '{name}'.", fix=nearest(name, fields))
+    def __init__(
+        self,
+        plant: Plant,
+        output: str,
+        errors: SensorErrors,
+        rng: np.random.Generator,
+        senses: Callable[[Any], Any] | None = None,
+        tells: Callable[[Any], Any] | None = None,
+    ) -> None:
         self._plant, self._output = plant, output
-        self._reading_type: type[Any] = type(reading)
-        self._values_of = attrgetter(*fields)
-        # What is done to each field: (place, standard deviation, resolution, whether it is a list).
-        self._spoiling = [
-            (i, errors.noise.get(name, 0.0), errors.resolution.get(name, 0.0), isinstance(getattr(reading, name), list))
-            for i, name in enumerate(fields)
-            if errors.noise.get(name) or errors.resolution.get(name)
-        ]
-        self._delay_s = errors.delay_s
+        self._senses, self._tells = senses, tells
+        truth = plant.read(output)
+        spoiler = Spoiler(truth if senses is None else senses(truth), errors, rng, output)
+        self._spoiler = spoiler if errors.fields else None
+        self._delay_s, self._period_s = errors.delay_s, errors.period_s
         self._past: deque[Any] = deque()
-        self._rng = rng
-        self._noise: list[float] = []
+        self._newest: Any = None
+        self._due_s = plant.time_s
         self._is_open = True
 
     def read(self) -> Any:
@@ -87,14 +72,27 @@ class SimSensor:
         """
         if not self._is_open:
             raise SensorLost(f"The simulated sensor '{self._output}' was closed.")
-        reading = self._plant.read(self._output)
-        if self._delay_s > 0.0:
-            reading = self._delayed(reading)
-        return self._spoiled(reading) if self._spoiling else reading
+        if self._period_s == 0.0:
+            return self._measured()
+        time_s = self._plant.time_s + SAME_TIME_S
+        if time_s >= self._due_s:
+            self._due_s += self._period_s * (1 + (time_s - self._due_s) // self._period_s)
+            self._newest = self._measured()
+        return self._newest
 
     def close(self) -> None:
         """Ends reading. Safe to call twice."""
         self._is_open = False
+
+    def _measured(self) -> Any:
+        reading = self._plant.read(self._output)
+        if self._delay_s > 0.0:
+            reading = self._delayed(reading)
+        if self._senses is not None:
+            reading = self._senses(reading)
+        if self._spoiler is not None:
+            reading = self._spoiler.spoil(reading)
+        return reading if self._tells is None else self._tells(reading)
 
     def _delayed(self, reading: Any) -> Any:
         past = self._past
@@ -103,23 +101,6 @@ class SimSensor:
         while len(past) > 1 and past[1].stamp_s <= newest_s:
             past.popleft()
         return past[0]
-
-    def _spoiled(self, reading: Any) -> Any:
-        values = list(self._values_of(reading))
-        if len(self._noise) < 32:  # more than any reading needs
-            self._noise = self._rng.standard_normal(NOISE_BLOCK).tolist() + self._noise
-        draw = self._noise.pop
-        for i, sigma, step, is_list in self._spoiling:
-            value = values[i]
-            if is_list:
-                if sigma:
-                    value = [one + sigma * draw() for one in value]
-                values[i] = [round(one / step) * step for one in value] if step else value
-                continue
-            if sigma:
-                value += sigma * draw()
-            values[i] = round(value / step) * step if step else value
-        return self._reading_type(*values)
 
 
 class SimActuator(Generic[CommandT]):

@@ -72,6 +72,84 @@ class PwmCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     is_on: bool = True
 
 
+class DepthReading(msgspec.Struct, frozen=True):
+    """What a pressure sensor in the water measures, and the depth that follows from it.
+
+    Args:
+        depth_m: positive down, of the sensor.
+        pressure_pa: absolute.
+        temperature_c: of the water.
+        stamp_s: when it was measured.
+    """
+
+    depth_m: float
+    pressure_pa: float
+    temperature_c: float
+    stamp_s: float
+
+
+class ImuReading(msgspec.Struct, frozen=True):
+    """What an inertial unit measures, and the attitude that it reckons from it. Body frame.
+
+    Args:
+        rate_radps: [x, y, z] angular velocity.
+        specific_force_mps2: [x, y, z] of the accelerometer: [0, 0, 9.81] at rest and upright.
+        field_ut: [x, y, z] of the magnetometer [microtesla].
+        roll_rad: about x, positive when the left side rises.
+        pitch_rad: about y, positive when the nose goes down.
+        yaw_rad: about z, positive when the nose goes left; 0 to the east, -pi (left out) to pi.
+        stamp_s: when it was measured.
+    """
+
+    rate_radps: list[float]
+    specific_force_mps2: list[float]
+    field_ut: list[float]
+    roll_rad: float
+    pitch_rad: float
+    yaw_rad: float
+    stamp_s: float
+
+
+class EchoReading(msgspec.Struct, frozen=True):
+    """The distance to what an echo sounder hears.
+
+    Args:
+        distance_m: along its axis; means nothing without confidence.
+        confidence: 0 nothing heard to 1 sure.
+        stamp_s: when it was measured.
+    """
+
+    distance_m: float
+    confidence: float
+    stamp_s: float
+
+
+class PowerReading(msgspec.Struct, frozen=True):
+    """What a power module at the battery measures.
+
+    Args:
+        voltage_v: under load.
+        current_a: out of the battery.
+        stamp_s: when it was measured.
+    """
+
+    voltage_v: float
+    current_a: float
+    stamp_s: float
+
+
+class LeakReading(msgspec.Struct, frozen=True):
+    """Whether a probe in the hull is wet.
+
+    Args:
+        is_wet: it is, or has been: a probe does not dry while it dives.
+        stamp_s: when it was measured.
+    """
+
+    is_wet: bool
+    stamp_s: float
+
+
 class PadReading(msgspec.Struct, frozen=True):
     """Where the sticks and buttons of a game controller are, numbered as the system numbers them.
 

@@ -1,4 +1,4 @@
-"""Devices without a wire: they keep the promises of `prelude/device.py`, and a test says what they answer."""
+"""Devices without a wire and a plant without physics: they keep their promises, and a test says what they answer."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, Generic, TypeVar
 
 import msgspec
 
-from snr_sim.prelude.errors import CommandError, DeviceError, SensorLost, nearest
+from snr_sim.prelude.errors import CommandError, DeviceError, SensorLost, UnknownName, nearest
 
 ReadingT = TypeVar("ReadingT")
 CommandT = TypeVar("CommandT")
@@ -116,3 +116,65 @@ class FakeActuator(Generic[CommandT]):
         """Goes to neutral and ends it."""
         self.neutral()
         self.is_closed = True
+
+
+class FakePlant:
+    """Holds what a test puts into it; only its time goes on. Keeps the promise of Plant.
+
+    Args:
+        outputs: what each output reads, a frozen msgspec Struct; a field `stamp_s` becomes the time of reading.
+        inputs: names that `write` takes.
+    """
+
+    engine = "fake"
+    step_s: float | None = None
+
+    def __init__(self, outputs: Mapping[str, Any], inputs: tuple[str, ...] = ()) -> None:
+        self.held = dict(outputs)
+        self.inputs = inputs
+        self.written: list[tuple[str, Any]] = []
+        self.time_s = 0.0
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names that `read` takes."""
+        return tuple(self.held)
+
+    def reset(self, seed: int) -> None:
+        """Goes back to time 0."""
+        self.time_s = 0.0
+        self.written.clear()
+
+    def step(self, dt_s: float) -> None:
+        """Lets time go on."""
+        self.time_s += dt_s
+
+    def write(self, name: str, command: Any) -> None:
+        """Keeps a command in `written`."""
+        if name not in self.inputs:
+            raise UnknownName(f"This plant has no input '{name}'.", fix=nearest(name, self.inputs))
+        self.written.append((name, command))
+
+    def read(self, name: str) -> Any:
+        """Returns what is held."""
+        if name not in self.held:
+            raise UnknownName(f"This plant has no output '{name}'.", fix=nearest(name, self.held))
+        reading = self.held[name]
+        has_stamp = "stamp_s" in reading.__struct_fields__
+        return msgspec.structs.replace(reading, stamp_s=self.time_s) if has_stamp else reading
+
+    def snapshot(self) -> Any:
+        """Returns the time, and what was written."""
+        return self.time_s, list(self.written)
+
+    def restore(self, snapshot: Any) -> None:
+        """Puts back what `snapshot` returned."""
+        self.time_s, self.written = snapshot[0], list(snapshot[1])
+
+    def scene(self) -> dict[str, Any]:
+        """Returns nothing to show."""
+        return {"statics": {}, "bodies": {}}
+
+    def truth(self) -> dict[str, Any]:
+        """Returns nothing to show."""
+        return {"poses": {}, "arrows": {}, "values": {}}

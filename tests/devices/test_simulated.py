@@ -5,7 +5,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from snr_sim.devices.simulated import SensorErrors, SimActuator, SimSensor
+from snr_sim.devices.sensor_errors import SensorErrors
+from snr_sim.devices.simulated import SimActuator, SimSensor
 from snr_sim.prelude.device import Actuator, Sensor
 from snr_sim.prelude.errors import CommandError, DeviceError, ParameterError, SensorLost
 
@@ -120,6 +121,53 @@ def test_a_delay_of_one_period_is_one_period_in_spite_of_rounding() -> None:
         reading = device.read()
         tank.step(0.1)
     assert tank.time_s - reading.stamp_s == pytest.approx(0.2)
+
+
+def test_a_part_that_measures_at_its_own_rate_tells_the_same_until_it_has_measured_again() -> None:
+    tank = Tank()
+    device = sensor(tank, period_s=0.035, noise={"depth_m": 0.1})
+    readings = []
+    for _ in range(350):
+        readings.append(device.read())
+        tank.step(0.01)
+    stamps = sorted({reading.stamp_s for reading in readings})
+    assert len(stamps) == 100  # 3.5 s at its own rate, though it was asked more often
+    assert len({reading.depth_m for reading in readings}) == 100, "the same reading, with the same noise"
+    assert np.diff(stamps).max() == pytest.approx(0.04)
+
+
+def test_asked_less_often_than_it_measures_a_part_tells_something_new_each_time() -> None:
+    tank = Tank()
+    device = sensor(tank, period_s=0.01)
+    for _ in range(20):
+        tank.step(0.1)
+        assert device.read().stamp_s == tank.time_s
+
+
+def test_errors_are_of_what_the_part_feels_and_what_it_tells_follows_from_them() -> None:
+    class Felt(msgspec.Struct, frozen=True):
+        pressure_pa: float
+        stamp_s: float
+
+    class Told(msgspec.Struct, frozen=True):
+        depth_m: float
+        stamp_s: float
+
+    tank = Tank()
+    tank.step(3.0)
+    device = SimSensor(
+        tank,
+        "depth",
+        SensorErrors(resolution={"pressure_pa": 7000.0}),
+        np.random.default_rng(1),
+        senses=lambda water: Felt(10_000.0 * water.depth_m, water.stamp_s),
+        tells=lambda felt: Told(felt.pressure_pa / 10_000.0, felt.stamp_s),
+    )
+    assert device.read() == Told(2.8, 3.0)
+    with pytest.raises(ParameterError, match="no field 'depth_m'"):
+        SimSensor(
+            tank, "depth", SensorErrors(noise={"depth_m": 1.0}), np.random.default_rng(1), lambda _: Felt(0.0, 0.0)
+        )
 
 
 def test_errors_of_a_field_that_is_not_there_are_said_at_once() -> None:

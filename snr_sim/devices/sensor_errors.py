@@ -1,0 +1,178 @@
+"""How sensors spoil what they measure: noise, errors that stay for a while, limits, steps, and age.
+
+What is true goes through them in this order: what stays, noise, limits, steps. Age and rate are `SimSensor`'s own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any
+
+from snr_sim.prelude.errors import ParameterError, nearest
+
+if TYPE_CHECKING:
+    import numpy as np
+
+SMOOTHNESS = 500.0  # an error that wanders takes so many steps in its time: each is of 6 % of its size
+NOISE_BLOCK = 256  # drawn at once: one number at a time costs 40 times as much
+
+
+@dataclass(frozen=True)
+class Wander:
+    """An error that stays for a while: a bias, or one that drifts (a Gauss-Markov process of first order).
+
+    Args:
+        sigma: its standard deviation, from the first reading on, in the field's unit.
+        time_s: after which it has forgotten itself to 1/e; endless for a bias that is another in every run.
+    """
+
+    sigma: float
+    time_s: float = math.inf
+
+
+@dataclass(frozen=True)
+class SensorErrors:
+    """How a sensor spoils what it measures. Empty: not at all. Of a list, each number has an error of its own.
+
+    Args:
+        noise: standard deviation by field, in the field's unit.
+        resolution: step that values are rounded to, by field.
+        delay_s: how old a reading is when it is read.
+        wander: errors that stay for a while, by field.
+        limits: least and most that the part can measure, by field.
+        period_s: between two measurements; whoever reads more often gets the same reading again.
+
+    Raises:
+        ParameterError: a number is negative or not finite.
+    """
+
+    noise: dict[str, float] = field(default_factory=dict)
+    resolution: dict[str, float] = field(default_factory=dict)
+    delay_s: float = 0.0
+    wander: dict[str, Wander] = field(default_factory=dict)
+    limits: dict[str, tuple[float, float]] = field(default_factory=dict)
+    period_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        sizes = {"delay_s": self.delay_s, "period_s": self.period_s}
+        sizes |= {f"noise of {name}": sigma for name, sigma in self.noise.items()}
+        sizes |= {f"resolution of {name}": step for name, step in self.resolution.items()}
+        sizes |= {f"wander of {name}": wander.sigma for name, wander in self.wander.items()}
+        for what, size in sizes.items():
+            if not 0.0 <= size < math.inf:
+                raise ParameterError(f"A sensor with {what} = {size!r}.", fix="0 or more.")
+        for name, wander in self.wander.items():
+            if not wander.time_s > 0.0:
+                raise ParameterError(f"A sensor with wander of {name} in {wander.time_s!r} s.", fix="more than 0.")
+        for name, (least, most) in self.limits.items():
+            if not least <= most:
+                raise ParameterError(f"A sensor with {name} from {least!r} to {most!r}.", fix="(least, most).")
+
+    @property
+    def fields(self) -> set[str]:
+        """All fields that it spoils."""
+        return {*self.noise, *self.resolution, *self.wander, *self.limits}
+
+
+class Spoiler:
+    """Spoils readings of one kind.
+
+    Args:
+        sample: one of them, a msgspec Struct of two fields or more.
+        errors: what is done to them.
+        rng: chance behind it.
+        name: of the sensor, for errors.
+
+    Raises:
+        ParameterError: the errors name a field that the readings do not have.
+    """
+
+    def __init__(self, sample: Any, errors: SensorErrors, rng: np.random.Generator, name: str) -> None:
+        fields = sample.__struct_fields__
+        for wanted in errors.fields:
+            if wanted not in fields:
+                raise ParameterError(f"Readings of '{name}' have no field '{wanted}'.", fix=nearest(wanted, fields))
+        self._type: type[Any] = type(sample)
+        self._values_of = attrgetter(*fields)
+        self._rng = rng
+        self._noise: list[float] = []
+        self._spoiled = [
+            _Field(i, getattr(sample, field), field, errors) for i, field in enumerate(fields) if field in errors.fields
+        ]
+        self._draws = sum(part.draws for part in self._spoiled)
+
+    def spoil(self, reading: Any) -> Any:
+        """Returns the reading with errors."""
+        values = list(self._values_of(reading))
+        if len(self._noise) < self._draws:
+            self._noise = self._rng.standard_normal(max(NOISE_BLOCK, self._draws)).tolist() + self._noise
+        draw = self._noise.pop
+        for part in self._spoiled:
+            value = values[part.place]
+            if part.wander is not None:
+                value = part.wander.added_to(value, reading.stamp_s, draw)
+            sigma = part.sigma
+            if part.is_list:
+                if sigma:
+                    value = [one + sigma * draw() for one in value]
+                if part.limits is not None:
+                    least, most = part.limits
+                    value = [least if one < least else most if one > most else one for one in value]
+                if part.step:
+                    step = part.step
+                    value = [round(one / step) * step for one in value]
+            else:
+                if sigma:
+                    value += sigma * draw()
+                if part.limits is not None:
+                    least, most = part.limits
+                    value = least if value < least else most if value > most else value
+                if part.step:
+                    value = round(value / part.step) * part.step
+            values[part.place] = value
+        return self._type(*values)
+
+
+class _Field:
+    """What is done to one field of a reading."""
+
+    def __init__(self, place: int, sample: Any, name: str, errors: SensorErrors) -> None:
+        self.place = place
+        self.is_list = isinstance(sample, list)
+        self.sigma = errors.noise.get(name, 0.0)
+        self.step = errors.resolution.get(name, 0.0)
+        self.limits = errors.limits.get(name)
+        wander = errors.wander.get(name)
+        self.wander = _Wandering(wander) if wander is not None and wander.sigma else None
+        self.draws = (len(sample) if self.is_list else 1) * ((self.sigma > 0.0) + (self.wander is not None))
+
+
+class _Wandering:
+    """An error of one field that stays for a while."""
+
+    def __init__(self, wander: Wander) -> None:
+        self._wander = wander
+        self._errors: list[float] = []
+        self._moved_s = 0.0
+        self._patience_s = wander.time_s / SMOOTHNESS
+
+    def added_to(self, value: Any, stamp_s: float, draw: Callable[[], float]) -> Any:
+        """Returns a value or a list of them with the error of a moment."""
+        if not self._errors:
+            sigma = self._wander.sigma
+            self._errors = [sigma * draw() for _ in (value if isinstance(value, list) else [value])]
+            self._moved_s = stamp_s
+        elif stamp_s - self._moved_s >= self._patience_s:
+            self._move(stamp_s, draw)
+        if isinstance(value, list):
+            return [one + error for one, error in zip(value, self._errors, strict=True)]
+        return value + self._errors[0]
+
+    def _move(self, stamp_s: float, draw: Callable[[], float]) -> None:
+        kept = math.exp((self._moved_s - stamp_s) / self._wander.time_s)
+        new = self._wander.sigma * math.sqrt(1.0 - kept * kept)
+        self._errors = [kept * error + new * draw() for error in self._errors]
+        self._moved_s = stamp_s

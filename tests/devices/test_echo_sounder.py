@@ -1,0 +1,65 @@
+import math
+
+import numpy as np
+import pytest
+
+from snr_sim.devices.echo_sounder import EchoSounder
+from snr_sim.plants.urov_outputs import Altitude
+from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.signals import EchoReading
+from snr_sim.testing.contracts import check_sensor
+from snr_sim.testing.fakes import FakePlant
+
+
+def readings(altitude_m: float, tilt_deg: float = 0.0, count: int = 1) -> list[EchoReading]:
+    plant = FakePlant({"altitude": Altitude(altitude_m, math.radians(tilt_deg), 0.0)})
+    sensor = EchoSounder().simulated(plant, "altitude", np.random.default_rng(1))
+    told = []
+    for _ in range(count):
+        told.append(sensor.read())
+        plant.step(0.1)
+    return told
+
+
+def test_it_keeps_the_promise_of_sensors() -> None:
+    plant = FakePlant({"altitude": Altitude(2.0, 0.1, 0.0)})
+    check_sensor(lambda: EchoSounder().simulated(plant, "altitude", np.random.default_rng(1)))
+
+
+def test_straight_down_it_tells_the_height_in_millimetres() -> None:
+    told = readings(3.21, count=2000)
+    distances = [reading.distance_m for reading in told]
+    assert np.mean(distances) == pytest.approx(3.21, abs=0.001)
+    assert np.std(distances) == pytest.approx(0.01, rel=0.06)
+    assert all(round(1000.0 * distance, 6).is_integer() for distance in distances)
+    assert {reading.confidence for reading in told} == {1.0}
+
+
+@pytest.mark.parametrize("tilt_deg", [0.0, 5.0, 12.4])
+def test_within_half_of_its_cone_a_tilt_changes_nothing(tilt_deg: float) -> None:
+    assert EchoSounder().heard(4.0, math.radians(tilt_deg)) == (4.0, 1.0)
+
+
+def test_beyond_it_the_nearest_edge_of_the_cone_is_heard_and_confidence_falls() -> None:
+    part = EchoSounder()
+    distance, confidence = part.heard(4.0, math.radians(42.5))  # the edge of the cone stands at 30 deg
+    assert distance == pytest.approx(4.0 / math.cos(math.radians(30.0)))
+    assert 0.0 < confidence < 1.0
+    tilts = [math.radians(tilt) for tilt in range(12, 91, 3)]
+    confidences = [part.heard(4.0, tilt)[1] for tilt in tilts]
+    assert confidences == sorted(confidences, reverse=True)
+    assert confidences[-1] == 0.0
+
+
+@pytest.mark.parametrize(("altitude_m", "tilt_deg"), [(0.29, 0.0), (101.0, 0.0), (2.0, 61.0), (2.0, 170.0)])
+def test_too_near_too_far_or_tilted_too_much_it_hears_nothing(altitude_m: float, tilt_deg: float) -> None:
+    for reading in readings(altitude_m, tilt_deg, count=5):
+        assert (reading.distance_m, reading.confidence) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    "numbers", [{"least_m": -1.0}, {"most_m": 0.1}, {"cone_rad": 0.0}, {"deaf_rad": 0.1}, {"deaf_rad": 2.0}]
+)
+def test_numbers_that_make_no_sense_are_refused(numbers: dict[str, float]) -> None:
+    with pytest.raises(ParameterError, match="echo sounder"):
+        EchoSounder(**numbers)
