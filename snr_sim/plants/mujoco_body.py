@@ -30,6 +30,7 @@ class MujocoBody:
     Attributes:
         rigid: 6 x 6, MuJoCo's own mass matrix of the body, in the body's axes about its origin.
         gravity_mps2: of the world, downwards.
+        has_others: whether there are other bodies that move.
 
     Raises:
         ParameterError: the body does not move freely, has moving parts, or MuJoCo keeps only the diagonal of its mass
@@ -74,7 +75,7 @@ class MujocoBody:
             mujoco.mj_step1, mujoco.mj_factorM, mujoco.mj_mulM, mujoco.mj_step2,
         )  # fmt: skip
         self._model, self._data = model, data
-        self._has_others = model.nv > 6
+        self.has_others = model.nv > 6
         self._kind = mujoco.mjtState.mjSTATE_INTEGRATION
         self._size = int(mujoco.mj_stateSize(model, self._kind))
         self._geom = np.zeros((1, 1), dtype=np.int32)
@@ -119,21 +120,18 @@ class MujocoBody:
         """Has MuJoCo find out where everything is and what touches, and what its own mass matrix and forces are.
 
         Returns:
-            whether it has anything to say: something touches, or there are other bodies. If not, `put` can end the
-            step as well as `move`, for a tenth of the time.
+            whether anything touches. If not, and the body is alone, `put` can end the step as well as `move`, for a
+            tenth of the time.
         """
         self._step1(self._model, self._data)
-        return self._has_others or bool(self._data.nefc)
+        return bool(self._data.nefc)
 
-    def move(self, more: Matrix, acceleration: Sequence[float]) -> bool:
+    def move(self, more: Matrix, acceleration: Sequence[float]) -> None:
         """Ends the step that `look` began.
 
         Args:
             more: 6 x 6 mass that MuJoCo does not know of, in the body's axes.
             acceleration: that the body has if nothing touches, in MuJoCo's frames.
-
-        Returns:
-            whether anything touched, so that it is another one.
         """
         model, data = self._model, self._data
         self._turn[:] = self._inverse_pose
@@ -146,7 +144,6 @@ class MujocoBody:
         self._multiply(model, data, self._force, self._wanted)
         np.add(self._force_here, self._bias, out=self._applied)
         self._step2(model, data)
-        return bool(data.nefc)
 
     def touch(self) -> list[float]:
         """Returns what contacts pushed in the last step: force in the world [N], moment in the body's frame [N m]."""

@@ -34,7 +34,7 @@ from snr_sim.plants.surface import Surface
 from snr_sim.plants.tether import TetherPull
 from snr_sim.plants.urov_outputs import Altitude, Depth, Imu, Leak, Power
 from snr_sim.plants.urov_shapes import pool_shapes, vehicle_shapes
-from snr_sim.plants.vehicle import AXES, Six, Vector, Vehicle
+from snr_sim.plants.vehicle import AXES, Matrix, Six, Vector, Vehicle
 from snr_sim.prelude.errors import ParameterError, PlantError, UnknownName, nearest
 from snr_sim.prelude.signals import PwmCommand
 
@@ -215,9 +215,7 @@ class Urov:
         if self._place[2] > -self._surface.reach_m:
             self._float(self._place[2], self._rotation[6:])
         # Sensors may ask before the first step: the acceleration that it begins with.
-        u, v, w = self._through_water()
-        p, q, r = self._rate
-        nu = (u, v, w, p, q, r)
+        nu = self.through_water
         _, self._acceleration = self._hydro.advance(
             nu,
             self._rotation[6:],
@@ -227,9 +225,7 @@ class Urov:
             AT_REST,
             0.0,
         )
-        # Seen from the world: the change of the velocity's numbers in the body's frame, and the turn of that frame.
-        du, dv, dw = self._acceleration[:3]
-        self._gained = self._in_world(du + q * w - r * v, dv + r * u - p * w, dw + p * v - q * u)
+        self._gained = self._seen_from_world(self._acceleration)
 
     def _check(self, dive: Dive) -> None:
         x, y, z = dive.position_m
@@ -356,40 +352,39 @@ class Urov:
             self._happen()
         if self.dive.leak is not None:
             self._leak(self.dive.leak)
-        body = self._body
-        has_company = body.look()
-        r11, r12, r13, r21, r22, r23, r31, r32, r33 = self._rotation
-        up = (r31, r32, r33)
-        vx, vy, vz = self._velocity
-        cx, cy, cz = self._current
-        ux, uy, uz = vx - cx, vy - cy, vz - cz
-        p, q, r = self._rate
-        u, v, w = r11 * ux + r21 * uy + r31 * uz, r12 * ux + r22 * uy + r32 * uz, r13 * ux + r23 * uy + r33 * uz
-        nu = (u, v, w, p, q, r)
+        nu = self.through_water
+        touches = self._body.look()
         push = self._around(self._thrust(), nu, step_s)
-        flotation = self._flotation
-        middle, change = self._hydro.advance(nu, up, push, flotation.net_n, flotation.arm, self._acceleration, step_s)
+        if touches:
+            self._move_touching(nu, push)
+        else:
+            self._move_freely(nu, push)
+        self._steps += 1
+
+    def _move_freely(self, nu: Six, push: Sequence[float]) -> None:
+        """Moves on by the middle of the step, where nothing touches."""
+        step_s, flotation = self.step_s, self._flotation
+        r11, r12, r13, r21, r22, r23, r31, r32, r33 = self._rotation
+        (mu, mv, mw, mp, mq, mr), change = self._hydro.advance(
+            nu, (r31, r32, r33), push, flotation.net_n, flotation.arm, self._acceleration, step_s
+        )
         self._acceleration = change
-        # The velocity at the step's end, in the world, and the turn that leads there.
-        mu, mv, mw, mp, mq, mr = middle
         self._attitude = attitude = turned(self._attitude, mp, mq, mr, step_s)
         self._rotation = rotation = rotation_of(attitude)
         s11, s12, s13, s21, s22, s23, s31, s32, s33 = rotation
-        u, v, w = u + step_s * change[0], v + step_s * change[1], w + step_s * change[2]
+        u, v, w, p, q, r = nu
+        au, av, aw, ap, aq, ar = change
+        u, v, w = u + step_s * au, v + step_s * av, w + step_s * aw
+        vx, vy, vz = self._velocity
+        cx, cy, cz = self._current
         wx = s11 * u + s12 * v + s13 * w + cx
         wy = s21 * u + s22 * v + s23 * w + cy
         wz = s31 * u + s32 * v + s33 * w + cz
-        gx, gy, gz = (wx - vx) / step_s, (wy - vy) / step_s, (wz - vz) / step_s
-        ap, aq, ar = change[3:]
-        total = gx + gy + gz + ap + aq + ar
-        if total - total != 0.0:
-            raise self._lost(nu, change)
-        self._steps += 1
-        if has_company and body.move(self._more, (gx, gy, gz, ap, aq, ar)):
-            self._touched(vx, vy, vz)
-            return
+        self._gained = gained = ((wx - vx) / step_s, (wy - vy) / step_s, (wz - vz) / step_s)
+        self._check_finite(nu, gained, change)
+        if self._body.has_others:
+            self._body.move(self._more, (*gained, ap, aq, ar))
         self._contact_n = None
-        self._gained = (gx, gy, gz)
         self._velocity = (wx, wy, wz)
         self._rate = (p + step_s * ap, q + step_s * aq, r + step_s * ar)
         # By the mean velocity, turned by the mean of both rotations: so the work of the weight is its energy.
@@ -400,28 +395,48 @@ class Urov:
             y + step_s * cy + half * ((r21 + s21) * mu + (r22 + s22) * mv + (r23 + s23) * mw),
             z + step_s * cz + half * ((r31 + s31) * mu + (r32 + s32) * mv + (r33 + s33) * mw),
         )
-        body.put([*self._place, *attitude], [*self._velocity, *self._rate])
+        self._body.put([*self._place, *attitude], [*self._velocity, *self._rate])
 
-    def _lost(self, nu: Six, change: Six) -> PlantError:
-        """Returns the error that says which number is no longer finite."""
-        before = [f"{axis} {value:g}" for axis, value in zip(AXES, nu, strict=True)]
-        lost = [axis for axis, value in zip(AXES, change, strict=True) if not math.isfinite(value)]
-        return PlantError(
-            f"At {self.time_s:g} s the acceleration in {', '.join(lost) or 'the world'} is not finite; the velocities "
-            f"through the water were {', '.join(before)} (m/s, rad/s).",
-            fix="look at the last commands and at what was added to the vehicle; or try a shorter step.",
+    def _move_touching(self, nu: Six, push: Sequence[float]) -> None:
+        """Lets MuJoCo move on, with the water's forces at the step's begin: contacts may stop what would have moved."""
+        _, change = self._hydro.advance(
+            nu, self._rotation[6:], push, self._flotation.net_n, self._flotation.arm, AT_REST, 0.0
         )
-
-    def _touched(self, vx: float, vy: float, vz: float) -> None:
-        """Takes over where MuJoCo's contacts led to."""
-        x, y, z, qw, qx, qy, qz = self._body.pose()
-        wx, wy, wz, p, q, r = self._body.velocity()
-        fx, fy, fz = self._body.touch()[:3]
+        self._acceleration = change
+        gained = self._seen_from_world(change)
+        self._check_finite(nu, gained, change)
+        body = self._body
+        body.move(self._more, (*gained, *change[3:]))
+        fx, fy, fz = body.touch()[:3]
         self._contact_n = (fx, fy, fz)
-        self._gained = ((wx - vx) / self.step_s, (wy - vy) / self.step_s, (wz - vz) / self.step_s)
+        x, y, z, qw, qx, qy, qz = body.pose()
+        wx, wy, wz, p, q, r = body.velocity()
+        vx, vy, vz = self._velocity
+        step_s = self.step_s
+        self._gained = ((wx - vx) / step_s, (wy - vy) / step_s, (wz - vz) / step_s)
         self._place, self._attitude = (x, y, z), (qw, qx, qy, qz)
         self._velocity, self._rate = (wx, wy, wz), (p, q, r)
         self._rotation = rotation_of(self._attitude)
+
+    def _seen_from_world(self, change: Six) -> Vector:
+        """Returns the linear acceleration in the world, from how the velocity's numbers in the body's frame change."""
+        u, v, w = self._through_water()
+        p, q, r = self._rate
+        du, dv, dw = change[:3]
+        return self._in_world(du + q * w - r * v, dv + r * u - p * w, dw + p * v - q * u)
+
+    def _check_finite(self, nu: Six, gained: Vector, change: Six) -> None:
+        """Raises a PlantError that says which number is no longer finite, before MuJoCo or the next step sees it."""
+        total = sum(gained) + sum(change)
+        if total - total == 0.0:
+            return
+        before = ", ".join(f"{axis} {value:g}" for axis, value in zip(AXES, nu, strict=True))
+        lost = [axis for axis, value in zip(AXES, change, strict=True) if not math.isfinite(value)]
+        raise PlantError(
+            f"At {self.time_s:g} s the acceleration in {', '.join(lost) or 'the world'} is not finite; the velocities "
+            f"through the water were {before} (m/s, rad/s).",
+            fix="look at the last commands and at what was added to the vehicle; or try a shorter step.",
+        )
 
     def _leak(self, leak: dives.Leak) -> None:
         """Lets water in."""
@@ -534,6 +549,16 @@ class Urov:
     def rate_radps(self) -> Vector:
         """Angular velocity, body frame."""
         return self._rate
+
+    @property
+    def mass_matrix(self) -> Matrix:
+        """6 x 6: vehicle, what hangs at it, and the water that moves with it, body frame."""
+        return self._hydro.mass
+
+    @property
+    def kinetic_energy_j(self) -> float:
+        """Of vehicle and water, seen from water that moves with the current."""
+        return self._hydro.kinetic_energy_j(self.through_water)
 
     @property
     def contact_n(self) -> Vector | None:

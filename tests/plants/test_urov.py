@@ -10,7 +10,7 @@ from snr_sim.plants.dive import Current, Dive, Leak, Load
 from snr_sim.plants.pool import Pool
 from snr_sim.plants.propulsion import Propulsion
 from snr_sim.plants.tether import Tether
-from snr_sim.plants.urov import Thrusters, Urov, WrenchCommand
+from snr_sim.plants.urov import Urov, WrenchCommand
 from snr_sim.plants.vehicle import Vehicle
 from snr_sim.plants.vehicle_file import read_vehicle
 from snr_sim.prelude.errors import ParameterError, PlantError, UnknownName
@@ -93,8 +93,3 @@ def test_a_state_that_explodes_is_an_error_that_says_what_it_was() -> None:
     plant = swim(step_s=0.01, velocity_mps=(1e160, 0.0, 0.0))
     with pytest.raises(PlantError, match=r"At 0 s the acceleration in surge.* is not finite; .* surge 1e\+160"):
         go(plant, 0.01)
-
-
-def test_mypy_sees_that_propulsion_is_what_the_plant_asks_for() -> None:
-    thrusters: Thrusters = Propulsion(8)
-    assert Urov(HEAVY, Pool(), lambda seed: Dive(), thrusters).inputs == ("pwm",)
