@@ -9,6 +9,7 @@ from snr_sim.plants.tether import Tether
 from snr_sim.plants.vehicle import Vector
 from snr_sim.prelude.errors import ParameterError
 
+FASTEST = 100.0  # m/s, rad/s: nothing begins a dive faster
 STILL: Vector = (0.0, 0.0, 0.0)
 
 
@@ -127,6 +128,10 @@ class Dive:
         for name in ("position_m", "attitude_rad", "velocity_mps", "rate_radps"):
             if not math.isfinite(sum(getattr(self, name))):
                 raise ParameterError(f"A dive begins with {name} = {getattr(self, name)}.", fix="give finite numbers.")
+        if math.hypot(*self.velocity_mps, *self.rate_radps) > FASTEST:
+            raise ParameterError(
+                f"A dive begins at {self.velocity_mps} m/s and {self.rate_radps} rad/s.", fix=f"stay below {FASTEST:g}."
+            )
         for current in self.currents:
             if not math.isfinite(sum(current.velocity_mps)):
                 raise ParameterError(f"A current of {current.velocity_mps} m/s.", fix="give finite numbers.")

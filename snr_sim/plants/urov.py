@@ -44,6 +44,7 @@ AIR_PA = 101_325.0  # standard atmosphere
 FIELD_UT = (0.0, 20.0, -44.0)
 # What the supply's wires add for each ampere, body frame: our estimate. At 100 A it turns a compass by 6 degrees.
 FIELD_UT_PER_A = (0.02, 0.02, 0.05)
+EXPLODED = 1e9  # m/s2 and rad/s2: infinite as far as a vehicle goes, and still before MuJoCo writes it into a log file
 NO_GROUND_M = 1000.0  # what the echo sounder says over a world without a floor
 STOP_US = 1500.0
 WATER_STEP_L = 0.01  # leaked water is weighed anew when it has become so much more
@@ -426,15 +427,14 @@ class Urov:
         return self._in_world(du + q * w - r * v, dv + r * u - p * w, dw + p * v - q * u)
 
     def _check_finite(self, nu: Six, gained: Vector, change: Six) -> None:
-        """Raises a PlantError that says which number is no longer finite, before MuJoCo or the next step sees it."""
-        total = sum(gained) + sum(change)
-        if total - total == 0.0:
+        """Raises a PlantError that says what has exploded, before MuJoCo or the next step sees it."""
+        if sum(map(abs, gained)) + sum(map(abs, change)) < EXPLODED:  # not so if one is NaN
             return
         before = ", ".join(f"{axis} {value:g}" for axis, value in zip(AXES, nu, strict=True))
-        lost = [axis for axis, value in zip(AXES, change, strict=True) if not math.isfinite(value)]
+        lost = [axis for axis, value in zip(AXES, change, strict=True) if not abs(value) < EXPLODED]
         raise PlantError(
-            f"At {self.time_s:g} s the acceleration in {', '.join(lost) or 'the world'} is not finite; the velocities "
-            f"through the water were {before} (m/s, rad/s).",
+            f"At {self.time_s:g} s the acceleration in {', '.join(lost) or 'the world'} is no longer finite; the "
+            f"velocities through the water were {before} (m/s, rad/s).",
             fix="look at the last commands and at what was added to the vehicle; or try a shorter step.",
         )
 

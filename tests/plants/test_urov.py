@@ -89,7 +89,11 @@ def test_what_cannot_be_is_refused_in_words() -> None:
         plant.write("wrench", WrenchCommand([math.nan, 0.0, 0.0]))
 
 
-def test_a_state_that_explodes_is_an_error_that_says_what_it_was() -> None:
-    plant = swim(step_s=0.01, velocity_mps=(1e160, 0.0, 0.0))
-    with pytest.raises(PlantError, match=r"At 0 s the acceleration in surge.* is not finite; .* surge 1e\+160"):
-        go(plant, 0.01)
+def test_a_state_that_explodes_is_an_error_that_says_what_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    plant = swim(step_s=0.02, velocity_mps=(99.0, 0.0, 0.0))  # drag takes more than all of it in a step
+    with pytest.raises(PlantError, match=r"acceleration in surge.* is no longer finite; the velocities .* surge "):
+        go(plant, 1.0)
+    assert list(tmp_path.iterdir()) == []  # MuJoCo has not seen it, and wrote no log
