@@ -87,6 +87,10 @@ class NodeComponent:
         """Returns the newest data of a key, or None if nothing has stored it (yet)."""
         return self.parent.get_data(key)
 
+    def get_age_s(self, key: DataKey) -> float:
+        """Returns how old the newest page of a key is [s], whoever made it; infinite if that is not known."""
+        return self.parent.get_age_s(key)
+
     def get_time_s(self) -> float:
         """Returns the node's time: the same all through one task."""
         return self.parent.get_time_s()

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from snr_sim.core.ages import age_s
 from snr_sim.core.blame import describe_error, place_of, put_place_first, without_addresses
 from snr_sim.core.clocks import SimClock, WallClock
 from snr_sim.core.config import Config
@@ -77,6 +78,7 @@ class Node:
         self.mode = config.mode
         self.name = f"{role}_node"
         self.clock = clock or WallClock()
+        self.is_in_lock_step = isinstance(self.clock, SimClock)  # then all nodes have one clock
         self.seed = seed
         self.is_replay = is_replay  # then nothing may be done to the outside: no file written, no page sent
         self.door = Door()
@@ -442,6 +444,15 @@ class Node:
         """Returns the newest data of a key, or None."""
         page = self.datastore.get(key)
         return None if page is None else page.data
+
+    def get_age_s(self, key: DataKey) -> float:
+        """Returns how old the newest page of a key is [s], whoever made it; infinite if there is none.
+
+        Of another node's page on the wall clock that is known as far as a link to that very node knows its clock:
+        see core/ages.py. Else it is infinite: a command must not count as fresh because nobody knows better.
+        """
+        page = self.datastore.get(key)
+        return float("inf") if page is None else age_s(self, page)
 
     def tap(self, key: DataKey, way_out: Callable[[Page], None]) -> None:
         """Has every page of a key handed to `way_out` right after it was stored, on the node's thread.

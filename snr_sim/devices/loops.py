@@ -10,6 +10,7 @@ from typing import Any
 
 import msgspec
 
+from snr_sim.core.ages import age_s
 from snr_sim.core.authors import who_stored
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
@@ -99,7 +100,7 @@ class ActuatorLoop(Loop):
         page = self.parent.get_page(self.factory.key)  # asks aloud: a command nobody ever stores is reported
         if page is None:
             return
-        if self.get_time_s() - page.created_at_s > self.factory.timeout_s:
+        if age_s(self.parent, page) > self.factory.timeout_s:
             self.actuator.neutral()  # also if it is new here: it was held up on its way
         elif page is not self._written:
             self._written = page

@@ -61,7 +61,8 @@ def replay_node(trace: Trace, role: str, config: Config, tolerances: Sequence[To
     checker = Checker(name, records, trace.header.commands.get(name, []), tolerances)
     clock = ReplayClock()
     node = Node(role, config, clock=clock, recorder=checker, seed=trace.header.seed, is_replay=True)
-    _Driver(node, clock, checker, is_lock_step=trace.header.clock == "sim").run(records)
+    node.is_in_lock_step = trace.header.clock == "sim"
+    _Driver(node, clock, checker).run(records)
     checker.result.executed = node.machine.executed
     return checker.result
 
@@ -69,13 +70,12 @@ def replay_node(trace: Trace, role: str, config: Config, tolerances: Sequence[To
 class _Driver:
     """Brings the inputs and has the tasks executed, in the recorded order."""
 
-    def __init__(self, node: Node, clock: ReplayClock, checker: Checker, is_lock_step: bool) -> None:
+    def __init__(self, node: Node, clock: ReplayClock, checker: Checker) -> None:
         assert isinstance(node.machine, RecordingMachine)
         self._node = node
         self._machine = node.machine
         self._clock = clock
         self._checker = checker
-        self._is_lock_step = is_lock_step
 
     def run(self, records: Sequence[Record]) -> None:
         self._show(next((record.t for record in records if isinstance(record, BeginRecord)), 0.0))
@@ -90,7 +90,7 @@ class _Driver:
         for record in records:
             if isinstance(record, InputRecord):
                 # In lock step an input comes when nothing is left to do, or together with another one.
-                if self._is_lock_step and not isinstance(before, InputRecord):
+                if self._node.is_in_lock_step and not isinstance(before, InputRecord):
                     self._finish(record.seq)
                 self._show(record.t)
                 self._checker.entering = record

@@ -124,6 +124,7 @@ class PeerLink(Link):
                 {
                     "age_s": max(0.0, now_s - peer.session.heard_s),
                     "rtt_s": peer.session.rtt_s,
+                    "clock_offset_s": peer.session.clock_offset_s,
                     "dropped": peer.all_dropped,
                     "sent": peer.sent,
                     "waiting": peer.waiting,

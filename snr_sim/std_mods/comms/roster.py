@@ -6,9 +6,11 @@ Each node has a place among the net's keys, `snr/<net>/<robot>/<node>/<id>`; see
 from __future__ import annotations
 
 import threading
+from collections import deque
 from urllib.parse import quote, unquote
 
 from snr_sim.std_mods.comms.fleet import Member
+from snr_sim.std_mods.comms.session import OFFSETS_REMEMBERED
 
 MAX_MEMBERS = 1000  # of a net; more are not listened to
 MAX_KEYS = 1000  # of a member, whose pages are counted; of more it is not known what was missed
@@ -35,11 +37,18 @@ class Far:
         self.member = member
         self.heard_s = now_s
         self.rtt_s: float | None = None
+        self.clock_offset_s: float | None = None  # as of Session
+        self._offsets_s: deque[float] = deque(maxlen=OFFSETS_REMEMBERED)
         self.is_here = False  # has shown itself, asked or answered
         self.has_left = False  # has said so, and not shown itself since
         self.received = 0
         self.missed = 0
         self.numbers: dict[str, int] = {}  # of the newest page of each key
+
+    def note_offset(self, offset_s: float) -> None:
+        """Takes in how far the clocks are apart, too large by what its answer took to come here."""
+        self._offsets_s.append(offset_s)
+        self.clock_offset_s = min(self._offsets_s)
 
 
 class Roster:

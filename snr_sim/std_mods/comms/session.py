@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hmac
 import os
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
@@ -41,6 +42,8 @@ from snr_sim.std_mods.comms.security import proof_of
 MAX_GREETING_BYTES = 4096
 # Answers that wait because the other end does not read them; beyond this it is left.
 MAX_WAITING_BYTES = 1 << 16
+# Of so many pings the quickest counts for the clocks' offset: more, and clocks that drift apart would be noticed late.
+OFFSETS_REMEMBERED = 8
 _CONTROL = frozenset(get_args(Control))
 
 
@@ -107,13 +110,16 @@ class Session:
         self.peer: Hello | None = None
         self.peer_node = ""  # name of the other end's node, once it said so
         self.rtt_s: float | None = None
+        # What to add to a time of the other end's clock to have it in ours; too large by a one-way latency at most.
+        self.clock_offset_s: float | None = None
         self.heard_s = now_s
         self.received = 0  # messages handed out
         self._decode = decode
         self._reader = FrameReader(min(MAX_GREETING_BYTES, terms.max_frame_bytes))
         self._nonce = (nonce or os.urandom(NONCE_BYTES)).hex()
         self._begun_s = now_s
-        self._ping_s: float | None = None
+        self._ping_s = now_s
+        self._offsets_s: deque[float] = deque(maxlen=OFFSETS_REMEMBERED)
         self._outbox: list[bytes] = []
         self._outbox_bytes = 0
         self._say(
@@ -201,9 +207,12 @@ class Session:
             most_s = terms.timeout_s if terms.greeting_s is None else terms.greeting_s
         if now_s - since_s > most_s:
             self._close(f"{what} for {most_s:g} s.")
-        elif self.state is State.up and (self._ping_s is None or now_s - self._ping_s >= self.terms.keep_alive_s):
-            self._ping_s = now_s
-            self._say(Ping(now_s))
+        elif self.state is State.up and now_s - self._ping_s >= self.terms.keep_alive_s:
+            self._ping(now_s)
+
+    def _ping(self, now_s: float) -> None:
+        self._ping_s = now_s
+        self._say(Ping(now_s))
 
     def send(self, payload: bytes) -> None:
         """Puts a payload of another kind than a page among what is to be sent."""
@@ -239,10 +248,12 @@ class Session:
                 self.was_refused = True
                 self._close(f"the other end refused: {message.reason}")
             case Hello() if self.peer is None:
-                self._greet(message)
+                self._greet(message, now_s)
             case Auth() if self.state is State.proving:
-                self._check(message)
+                self._check(message, now_s)
             case Ping() if self.state is State.up:
+                self._offsets_s.append(now_s - message.stamp_s)
+                self.clock_offset_s = min(self._offsets_s)  # of the one that was quickest
                 self._say(Pong(message.stamp_s))
             case Pong() if self.state is State.up:
                 if message.stamp_s == self._ping_s:
@@ -250,7 +261,7 @@ class Session:
             case _:
                 self.refuse(f"a {type(message).__name__.lower()} came out of turn.")
 
-    def _greet(self, hello: Hello) -> None:
+    def _greet(self, hello: Hello, now_s: float) -> None:
         terms = self.terms
         has_secret = terms.secret is not None
         if hello.protocol != PROTOCOL or hello.version != VERSION:
@@ -271,7 +282,7 @@ class Session:
         else:
             self._meet(hello)
             if not has_secret:
-                self._go_up()
+                self._go_up(now_s)
                 return
             self.state = State.proving
             if not terms.is_server:  # who calls proves first: a server tells strangers nothing
@@ -280,7 +291,7 @@ class Session:
     def _meet(self, hello: Hello) -> None:
         self.peer, self.peer_node = hello, hello.node
 
-    def _check(self, auth: Auth) -> None:
+    def _check(self, auth: Auth, now_s: float) -> None:
         is_server = self.terms.is_server
         if not hmac.compare_digest(auth.proof, self._proof(of_server=not is_server)):
             what, fix = self.terms.secret_is
@@ -288,7 +299,7 @@ class Session:
             return
         if is_server:
             self._say(Auth(self._proof(of_server=True)))
-        self._go_up()
+        self._go_up(now_s)
 
     def _proof(self, of_server: bool) -> str:
         assert self.peer is not None
@@ -297,8 +308,9 @@ class Session:
         client, server = reversed(nonces) if self.terms.is_server else nonces
         return proof_of(self.terms.secret, of_server, client, server)
 
-    def _go_up(self) -> None:
+    def _go_up(self, now_s: float) -> None:
         self.state = State.up
+        self._ping(now_s)  # before any page: so the other end knows from the first one on how old ours are
         self._reader.max_bytes = self.terms.max_frame_bytes
 
     def _say(self, message: Control) -> None:

@@ -187,6 +187,7 @@ class StreamLink(PeerLink):
         pages = session.receive(data, self.get_time_s())
         if not stream.is_admitted and session.is_up:
             stream.is_admitted = True
+            stream.pump(self.get_time_s())  # what the session says stands before the first page
             self._admit(stream)
             self._tend_s = 0.0  # tell it now
         if pages:

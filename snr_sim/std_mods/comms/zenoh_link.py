@@ -4,7 +4,7 @@ What Zenoh sees of each node, at its place in the net (see roster.py):
 
     <place>/alive        a liveliness token: goes when the node does, however that may be
     <place>/page/<key>   its pages, exactly as Page.serialize writes them; a number is attached
-    <place>/ping         answers, with nothing, whoever asks; who asks says who it is
+    <place>/ping         answers, with its time, whoever asks; who asks says who it is
 
 Zenoh calls back on threads of its own. They only put things down, in bounded places; the link's thread does the rest,
 and also what may block: sending. Who comes late is sent the newest page of each key once more, in line with all
@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import heapq
 import json
+import math
 import threading
 from collections.abc import Callable
 from contextlib import suppress
@@ -35,6 +36,7 @@ from snr_sim.std_mods.comms.zenoh_settings import ZenohSettings
 
 ALONE = "nobody else is in the net."
 TEND_EVERY_S = 0.05
+MAX_TIME_BYTES = 32  # of the answer to a ping
 DEAF_LOOK_S = 0.002  # how often a link that lets nothing in looks whether the node has caught up
 LINGER_S = 0.3  # how long the end of a link may take to send what waits
 BATCH_BYTES = 1 << 17
@@ -197,7 +199,7 @@ class ZenohLink(FleetLink):
 
     def _answer(self, query: Any) -> None:
         with suppress(self._zenoh.ZError):  # whoever asked is gone
-            query.reply(f"{self._roster.own_place}/ping", b"")
+            query.reply(f"{self._roster.own_place}/ping", repr(self.get_time_s()).encode())
 
     def _answered(self, asked_s: float, reply: Any) -> None:
         if reply.ok is None:
@@ -206,6 +208,9 @@ class ZenohLink(FleetLink):
         far = self._roster.hears(str(reply.ok.key_expr).removesuffix("/ping"), now_s)
         if far is not None:
             far.rtt_s = max(0.0, now_s - asked_s)
+            their_s = _time_in(reply.ok.payload)
+            if their_s is not None:
+                far.note_offset(now_s - their_s)
 
     # On the node's thread
 
@@ -376,6 +381,7 @@ class ZenohLink(FleetLink):
                     {
                         "age_s": max(0.0, now_s - far.heard_s),
                         "rtt_s": far.rtt_s,
+                        "clock_offset_s": far.clock_offset_s,
                         "dropped": far.missed,
                         "received": far.received,
                     },
@@ -396,6 +402,15 @@ class ZenohLink(FleetLink):
         with suppress(self._zenoh.ZError):
             self._send_out()
         self._session.close()
+
+
+def _time_in(payload: Any) -> float | None:
+    """Returns the time that somebody has answered with, if it is one."""
+    try:
+        time_s = float(payload.to_bytes()[:MAX_TIME_BYTES])
+    except ValueError:
+        return None
+    return time_s if math.isfinite(time_s) else None
 
 
 def _in_words(error: Exception) -> str:

@@ -175,7 +175,7 @@ class Session:
         return answers
 
     def _shown(self, page: Page) -> Answer:
-        text, data = introspection.page(page, self.node.clock.now_s())
+        text, data = introspection.page(self.node, page)
         return Answer(cut_text(text), data, about=page.key)
 
     def watch(self, key: str) -> Answer:

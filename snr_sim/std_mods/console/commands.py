@@ -105,7 +105,7 @@ def _dump(session: Session, given: Given) -> Answer:
     what = given.get("WHAT")
     if what is None or what in DUMPS:
         return Answer(*introspection.views(session.node, DUMPS if what is None else (what,)))
-    return Answer(*introspection.page(_page_of(session.node, what), session.node.clock.now_s()))
+    return Answer(*introspection.page(session.node, _page_of(session.node, what)))
 
 
 def _watch(session: Session, given: Given) -> Answer:

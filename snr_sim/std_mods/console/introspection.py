@@ -6,10 +6,12 @@ it is read is shown as it was a moment ago.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
+from snr_sim.core.ages import LINK_PREFIX, age_s
 from snr_sim.core.loop import Loop
 from snr_sim.core.profiler import Profiler
 from snr_sim.prelude.page import Page
@@ -18,7 +20,6 @@ from snr_sim.std_mods.console.readable import ITEMS_MAX, bounded, in_words, name
 if TYPE_CHECKING:
     from snr_sim.core.node import Node
 
-LINK_PREFIX = "link_"  # a link stores its state as a page: link_<name>
 ROWS_MAX = 500
 
 Rows = list[dict[str, Any]]
@@ -60,16 +61,15 @@ def _pulse(loop: Loop) -> dict[str, Any]:
 
 def pages(node: Node) -> View:
     """Returns each page's key, age, origin, and what it holds in short."""
-    now_s = node.clock.now_s()
     rows: Rows = [
         {
             "page": name(key),
-            "age_s": now_s - page.created_at_s,
+            "age_s": _age_s(node, page),
             "origin": name(str(page.origin)),
             "holds": short(page.data),
         }
         for key, page in islice(node.datastore.pages.copy().items(), ROWS_MAX)
-        if type(page) is Page and type(page.created_at_s) in (int, float)
+        if type(page) is Page
     ]
     return _rows(rows, ("page", "age_s", "origin", "holds"), "pages", len(node.datastore.pages))
 
@@ -94,18 +94,20 @@ def profile(node: Node) -> View:
     return still.dump(), still.rows()
 
 
-def page(page: Page, now_s: float) -> View:
+def page(node: Node, page: Page) -> View:
     """Returns all of a page, cut where it is long."""
     data = bounded(page.data, ITEMS_MAX)
     fields = {"key": page.key, "data": data, "origin": bounded(page.origin), "created_at_s": bounded(page.created_at_s)}
-    age_s = _age_s(page, now_s)
-    when = f"{age_s:.2f} s ago" if age_s is not None else "at no time"
+    seconds = _age_s(node, page)
+    when = f"{seconds:.2f} s ago" if seconds is not None else "nobody knows when"
     return f"{name(page.key)} = {in_words(data)}  ({when}, from {short(page.origin)})", fields
 
 
-def _age_s(page: Page, now_s: float) -> float | None:
-    made_s = page.created_at_s
-    return now_s - made_s if isinstance(made_s, (int, float)) else None
+def _age_s(node: Node, page: Page) -> float | None:
+    if type(page.created_at_s) not in (int, float):
+        return None
+    seconds = age_s(node, page)
+    return seconds if math.isfinite(seconds) else None
 
 
 # What `list` and `dump` know by name.

@@ -13,6 +13,7 @@ import msgspec
 import pytest
 
 from snr_sim import Config, Node, Task, TaskType, tasks
+from snr_sim.core.clocks import WallClock
 from snr_sim.core.config import AnyFactory
 from snr_sim.std_mods.comms.frames import FrameReader, encode_frame
 from snr_sim.std_mods.comms.messages import Ping, Pong, decode_message
@@ -24,12 +25,14 @@ LIMIT_S = 30.0  # of any wait: long, because a loaded machine must not fail a te
 class Running:
     """A node on a thread; every page it stores is kept in `stored`."""
 
-    def __init__(self, role: str, factories: Sequence[AnyFactory], seed: int = 0) -> None:
+    def __init__(
+        self, role: str, factories: Sequence[AnyFactory], seed: int = 0, clock: WallClock | None = None
+    ) -> None:
         self.stored: defaultdict[str, list[Any]] = defaultdict(list)
         self.news = threading.Condition()
         probe = PartFactory({TaskType.process_data: lambda task, task_id: self._tell()}, "probe")
         self.keep = PartFactory({TaskType.store_page: self._keep}, "keep")
-        self.node = Node(role, Config(factories={role: [*factories, self.keep, probe]}), seed=seed)
+        self.node = Node(role, Config(factories={role: [*factories, self.keep, probe]}), seed=seed, clock=clock)
         self.failure: BaseException | None = None
         self.thread = threading.Thread(target=self._run, daemon=True)
 
@@ -92,8 +95,8 @@ def start() -> Iterator[Start]:
     """Starts a node: `start("role", [factories])`. All are ended after the test."""
     started: list[Running] = []
 
-    def begin(role: str, factories: Sequence[AnyFactory], seed: int = 0) -> Running:
-        running = Running(role, factories, seed)
+    def begin(role: str, factories: Sequence[AnyFactory], seed: int = 0, clock: WallClock | None = None) -> Running:
+        running = Running(role, factories, seed, clock)
         started.append(running)
         running.thread.start()
         return running

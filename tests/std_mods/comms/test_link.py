@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import math
 import re
+import time
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 
 from snr_sim import Config, Faults, MemoryLink, Node, SimRunner, SocketsPair
+from snr_sim.core.clocks import WallClock
 from snr_sim.core.config import AnyFactory
 from snr_sim.prelude.errors import ComponentFailed, ConfigError, ParameterError
 from snr_sim.std_mods.comms.link import KEPT_OUT_REMEMBERED, LinkOptions
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 HERE = "127.0.0.1"
+LIMIT_S = 30.0
 
 
 @pytest.mark.parametrize(
@@ -170,3 +174,17 @@ def test_the_log_names_the_link_that_is_up_or_down(start: Callable[..., Any], ca
     said = [record.getMessage() for record in caplog.records]
     assert "link_tether is down: nobody has connected yet." in said
     assert "link_tether is up: topside_node" in said
+
+
+def test_a_page_of_a_node_whose_clock_shows_another_time_is_as_old_as_it_is(start: Callable[..., Any]) -> None:
+    pair = SocketsPair((HERE, 0), name="tether")
+    robot = start("robot", [pair.server()])
+    robot.until_link("tether", up=False)
+    topside = start("topside", [pair.client("controls")], clock=WallClock(time.monotonic() - 5000.0))
+    begun_s = robot.node.clock.now_s()
+    topside.store("controls", 1)
+    robot.until_stored("controls")
+    robot.until(lambda: math.isfinite(robot.node.get_age_s("controls")), "the first report of who is there")
+    assert robot.node.get_page("controls").created_at_s > 5000.0
+    age_s = robot.node.get_age_s("controls")
+    assert -LIMIT_S < age_s <= robot.node.clock.now_s() - begun_s

@@ -91,6 +91,17 @@ def test_a_wrong_secret_is_told_to_both_ends_and_the_right_one_connects(start: S
     assert robot.until_stored("x") == ["good"]
 
 
+def test_a_page_that_waits_at_a_server_with_a_secret_goes_to_the_first_who_proves_it(start: Start) -> None:
+    pair = SocketsPair((HERE, 0), name="t", secret="the right secret of this robot")
+    robot = start("robot", [pair.server("depth")])
+    robot.until_link("t", up=False)
+    robot.store("depth", 1.5)
+    robot.until_stored("depth")
+    topside = start("topside", [pair.client()])
+    assert topside.until_stored("depth") == [1.5]
+    assert [state["reason"] for state in topside.stored["link_t"] if "came" in state["reason"]] == []
+
+
 def test_pages_large_and_small_cross_tls_both_ways(start: Start, files: dict[str, str]) -> None:
     tls = Tls(files["robot_cert"], files["robot_key"], files["authority"])
     pair = SocketsPair((HERE, 0), name="t", tls=tls, max_frame_bytes=1 << 23)

@@ -213,10 +213,30 @@ def test_the_round_trip_is_the_time_from_a_ping_to_its_own_answer() -> None:
     server = greeted()
     server.tick(1.0)
     assert last_word(server) == Ping(1.0)
+    assert server.rtt_s == 0.0  # of the ping with which it came up
     say(server, encode_message(Pong(0.5)), now_s=1.1)
-    assert server.rtt_s is None
+    assert server.rtt_s == 0.0
     say(server, encode_message(Pong(1.0)), now_s=1.25)
     assert server.rtt_s == 0.25
+
+
+def test_who_comes_up_says_at_once_what_time_it_has() -> None:
+    client, server = ends({"secret": SECRET}, {"secret": SECRET})
+    for now_s in (1.0, 2.0):  # hello, then the client's proof
+        for one, other in ((client, server), (server, client)):
+            other.receive(b"".join(one.take_output()), now_s)
+    assert server.is_up
+    assert client.clock_offset_s is not None
+
+
+def test_the_quickest_of_the_last_pings_tells_how_far_the_clocks_are_apart() -> None:
+    session = greeted()
+    for latency_s in (0.5, 0.1, 0.3):
+        say(session, encode_message(Ping(100.0)), now_s=40.0 + latency_s)
+    assert session.clock_offset_s == pytest.approx(-59.9)
+    for _ in range(8):
+        say(session, encode_message(Ping(100.0)), now_s=42.0)  # its clock was set back: the old ones are forgotten
+    assert session.clock_offset_s == pytest.approx(-58.0)
 
 
 def test_goodbye_ends_both_ends_with_its_reason() -> None:

@@ -194,7 +194,7 @@ def test_a_page_that_holds_itself_is_cut(talk: Talk) -> None:
 def test_a_page_without_an_honest_time_or_origin_is_still_shown(talk: Talk) -> None:
     talk.node.schedule(Task.store_page(Page("x", 1, object(), None, False)))  # type: ignore[arg-type]
     talk.settle()
-    assert "x = 1 (at no time" in talk.say("dump x").replace("  ", " ")
+    assert "x = 1 (nobody knows when" in talk.say("dump x").replace("  ", " ")
     talk.say("list")
 
 

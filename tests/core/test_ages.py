@@ -1,0 +1,78 @@
+"""The age of a page by the clock of the node that has it, whoever made it; in doubt it is old."""
+
+import math
+from typing import Any
+
+import pytest
+
+from snr_sim import Config, Node, Page, SimClock, tasks
+
+
+class SetClock:
+    """A wall clock that shows what a test wants."""
+
+    def __init__(self, time_s: float) -> None:
+        self.time_s = time_s
+
+    def now_s(self) -> float:
+        return self.time_s
+
+    def sleep_until(self, time_s: float) -> None:
+        self.time_s = time_s
+
+
+def node_with(*pages: Page, clock: Any) -> Node:
+    node = Node("rov", Config(factories={"rov": []}), clock=clock)
+    for page in pages:
+        node.datastore.put(page)
+    return node
+
+
+def link_page(origin: str = "rov_node", **peer: Any) -> Page:
+    return Page("link_tether", {"up": True, "peers": {"topside_node": peer}}, origin, 7.0)
+
+
+COMMAND = Page("controls", 1, "topside_node", 100.0)
+
+
+def test_a_page_of_the_nodes_own_is_as_old_as_its_clock_says() -> None:
+    assert node_with(Page("depth", 1, "rov_node", 3.0), clock=SetClock(7.5)).get_age_s("depth") == 4.5
+
+
+def test_under_one_virtual_clock_the_makers_time_counts_as_it_stands() -> None:
+    clock = SimClock()
+    node = node_with(Page("controls", 1, "topside_node", -2.0), clock=clock)
+    assert node.get_age_s("controls") == 2.0
+
+
+def test_on_the_wall_clock_a_far_nodes_time_is_read_by_what_its_link_knows_of_its_clock() -> None:
+    node = node_with(COMMAND, link_page(clock_offset_s=-92.0), clock=SetClock(8.25))
+    assert node.get_age_s("controls") == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize(
+    "known",
+    [
+        [],
+        [link_page()],
+        [link_page(clock_offset_s=None)],
+        [link_page("topside_node", clock_offset_s=-92.0)],  # the far end's own word is not believed
+        [Page("link_tether", {"peers": {"other_node": {"clock_offset_s": -92.0}}}, "rov_node", 7.0)],
+        [Page("link_tether", {"peers": {}}, "rov_node", 7.0), Page("link_x", "of the student's", "rov_node", 7.0)],
+    ],
+)
+def test_a_page_whose_makers_clock_nobody_knows_is_infinitely_old(known: list[Page]) -> None:
+    assert node_with(COMMAND, *known, clock=SetClock(8.25)).get_age_s("controls") == math.inf
+
+
+def test_a_page_that_is_not_there_is_infinitely_old() -> None:
+    assert node_with(clock=SetClock(8.25)).get_age_s("controls") == math.inf
+
+
+def test_a_component_asks_as_its_node_does() -> None:
+    from snr_sim.testing.parts import PartFactory
+
+    ages: list[float] = []
+    part = PartFactory(begin=lambda part: [ages.append(part.get_age_s("x")), part.schedule(tasks.terminate("done"))])
+    Node("r", Config(factories={"r": [part]})).loop()
+    assert ages == [math.inf]
