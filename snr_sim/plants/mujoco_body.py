@@ -28,6 +28,7 @@ class MujocoBody:
         name: of the body.
 
     Attributes:
+        engine: name and version of the physics.
         rigid: 6 x 6, MuJoCo's own mass matrix of the body, in the body's axes about its origin.
         gravity_mps2: of the world, downwards.
         has_others: whether there are other bodies that move.
@@ -40,6 +41,7 @@ class MujocoBody:
     def __init__(self, world: MujocoWorld, name: str) -> None:
         model, data = world.model, world.data
         self._world, self._name = world, name
+        self.engine = world.engine
         self._body = body = world.body_id(name)
         joint = int(model.body_jntadr[body])
         if int(model.body_parentid[body]) != 0 or joint < 0 or int(model.jnt_type[joint]) != FREE_JOINT:

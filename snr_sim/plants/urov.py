@@ -92,6 +92,34 @@ class Thrusters(Protocol):
         ...
 
 
+class Body(Protocol):
+    """What both engines' bodies tell and take: MuJoCo's in space, and pymunk's in the plane."""
+
+    engine: str
+    rigid: Matrix
+    gravity_mps2: float
+
+    def clear(self) -> None:
+        """Puts the whole world back to its start."""
+        ...
+
+    def put(self, pose: Sequence[float], velocity: Sequence[float]) -> None:
+        """Puts the body somewhere: see `MujocoBody.put`."""
+        ...
+
+    def height_over_ground_m(self, place: Sequence[float]) -> float:
+        """Returns how far it is straight down from a place to anything but the body; negative if there is nothing."""
+        ...
+
+    def snapshot(self) -> Any:
+        """Returns all of the state."""
+        ...
+
+    def restore(self, snapshot: Any) -> None:
+        """Puts back what `snapshot` returned."""
+        ...
+
+
 class WrenchCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A force and a moment on the vehicle, in its own frame: what a test asks for instead of pulses.
 
@@ -168,10 +196,8 @@ class Urov:
         self.step_s: float = step_s
         self.inputs: tuple[str, ...] = ("wrench",) if thrusters is None else ("pwm",)
         self.outputs: tuple[str, ...] = ("depth", "imu", "altitude", "leak", *(() if thrusters is None else ("power",)))
-        text, source = (pool.mjcf(vehicle), "the pool") if mjcf is None else (mjcf, "the MJCF")
-        world = MujocoWorld(text, step_s, (BODY,), source)
-        self.engine = world.engine
-        self._body = MujocoBody(world, BODY)
+        self._body = self._build(mjcf)
+        self.engine = self._body.engine
         self._readers: dict[str, Callable[[], Any]] = {
             "depth": self._depth,
             "imu": self._imu,
@@ -184,6 +210,12 @@ class Urov:
         self._hydro = Hydrodynamics(vehicle, self._body.rigid)
         self._flotation = Flotation(vehicle, self._body.rigid, pool.density_kgm3, self._body.gravity_mps2)
         self.reset(seed)
+
+    def _build(self, mjcf: str | None) -> Body:
+        """Builds the world; what `Urov2D` does in another way."""
+        text, source = (self.pool.mjcf(self.vehicle), "the pool") if mjcf is None else (mjcf, "the MJCF")
+        self._mujoco = MujocoBody(MujocoWorld(text, self.step_s, (BODY,), source), BODY)
+        return self._mujoco
 
     @property
     def time_s(self) -> float:
@@ -353,9 +385,13 @@ class Urov:
             self._happen()
         if self.dive.leak is not None:
             self._leak(self.dive.leak)
+        self._advance()
+
+    def _advance(self) -> None:
+        """Moves on by one step, in which nothing begins or breaks."""
         nu = self.through_water
-        touches = self._body.look()
-        push = self._around(self._thrust(), nu, step_s)
+        touches = self._mujoco.look()
+        push = self._around(self._thrust(), nu, self.step_s)
         if touches:
             self._move_touching(nu, push)
         else:
@@ -383,8 +419,8 @@ class Urov:
         wz = s31 * u + s32 * v + s33 * w + cz
         self._gained = gained = ((wx - vx) / step_s, (wy - vy) / step_s, (wz - vz) / step_s)
         self._check_finite(nu, gained, change)
-        if self._body.has_others:
-            self._body.move(self._more, (*gained, ap, aq, ar))
+        if self._mujoco.has_others:
+            self._mujoco.move(self._more, (*gained, ap, aq, ar))
         self._contact_n = None
         self._velocity = (wx, wy, wz)
         self._rate = (p + step_s * ap, q + step_s * aq, r + step_s * ar)
@@ -406,7 +442,7 @@ class Urov:
         self._acceleration = change
         gained = self._seen_from_world(change)
         self._check_finite(nu, gained, change)
-        body = self._body
+        body = self._mujoco
         body.move(self._more, (*gained, *change[3:]))
         fx, fy, fz = body.touch()[:3]
         self._contact_n = (fx, fy, fz)

@@ -1,0 +1,110 @@
+"""Three velocities of a body in water, one step on: surge, heave and pitch, as laws of momentum in the world's frame.
+
+pymunk knows one mass for all directions; water does not. A body under water has the momentum (P, L) = M (u, w, q),
+where M is its own mass and the added one, 3 x 3 in the body's frame, so P need not point where the body moves. Seen
+from the water, which moves as a whole, the laws are
+
+    P' = force,   L' = moment - (v x P)          P in the world's frame, L about the body's origin
+
+The last term is the moment of Munk; nothing else of C(nu) is left to write down. It is another way to the same
+equation as `hydrodynamics.py` takes, which is why the two can be compared.
+
+The step: half a way with the old velocity, momentum by what acts in the middle, half a way with the new one. Velocities
+in the middle are means of old and new, found in a few rounds. Where nothing acts, momentum is kept to what the rounds
+leave, and errors shrink with dt squared.
+
+Frames: the plane is x forward (east), z up; pitch turns about y, nose down positive, as in the body frame FLU.
+
+Source: Lamb, Hydrodynamics (6th ed., 1932), articles 124 and 126: Kirchhoff's equations.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from snr_sim.plants.vehicle import Vehicle
+
+PLANE = (0, 2, 4)  # surge, heave and pitch among the six axes
+ROUNDS = 4
+
+Three: TypeAlias = tuple[float, float, float]  # along x and z, then about y
+
+
+class Water2D:
+    """Mass and damping of one body in its plane of symmetry.
+
+    Args:
+        vehicle: gives the damping.
+    """
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._linear = [vehicle.linear_damping[axis] for axis in PLANE]
+        self._quadratic = [vehicle.quadratic_damping[axis] for axis in PLANE]
+
+    def set_mass(self, mass: NDArray[np.float64], wet: float) -> None:
+        """Takes the mass of body and water, 6 x 6, of which the plane's share counts, and how much of it is wet."""
+        self._wet = wet
+        block = mass[np.ix_(PLANE, PLANE)]
+        self._mass: list[list[float]] = block.tolist()
+        self._inverse: list[list[float]] = np.linalg.inv(block).tolist()
+
+    def advance(
+        self, velocity: Three, pitch: float, push: Three, net_n: float, arm: tuple[float, float], dt_s: float
+    ) -> Three:
+        """Returns the velocity through the water a step later.
+
+        Args:
+            velocity: at the step's begin, world frame [m/s], and rate of pitch [rad/s].
+            pitch: at the step's begin.
+            push: along x, z and about y in the middle of the step, body frame.
+            net_n: buoyancy less weight.
+            arm: x and z of buoyancy times its place less weight times its place [N m], body frame.
+            dt_s: length of the step.
+        """
+        vx0, vz0, q0 = velocity
+        (m11, m12, m13), (_, m22, m23), (_, _, m33) = self._mass
+        (i11, i12, i13), (_, i22, i23), (_, _, i33) = self._inverse
+        (lin_u, lin_w, lin_q), (quad_u, quad_w, quad_q), wet = self._linear, self._quadratic, self._wet
+        cos, sin = math.cos(pitch), math.sin(pitch)
+        u, w = cos * vx0 - sin * vz0, sin * vx0 + cos * vz0
+        p1, p3 = m11 * u + m12 * w + m13 * q0, m12 * u + m22 * w + m23 * q0
+        momentum_x, momentum_z, momentum_q = cos * p1 + sin * p3, cos * p3 - sin * p1, m13 * u + m23 * w + m33 * q0
+        middle = pitch + 0.5 * dt_s * q0
+        cos_m, sin_m = math.cos(middle), math.sin(middle)
+        x, z, moment = push[0] - net_n * sin_m, push[1] + net_n * cos_m, push[2] - arm[1] * sin_m - arm[0] * cos_m
+        vx, vz, q = velocity
+        for _ in range(ROUNDS):
+            vx_m, vz_m, q_m = 0.5 * (vx0 + vx), 0.5 * (vz0 + vz), 0.5 * (q0 + q)
+            u, w = cos_m * vx_m - sin_m * vz_m, sin_m * vx_m + cos_m * vz_m
+            p1, p3 = m11 * u + m12 * w + m13 * q_m, m12 * u + m22 * w + m23 * q_m
+            force_1 = x - wet * u * (lin_u + quad_u * abs(u))
+            force_3 = z - wet * w * (lin_w + quad_w * abs(w))
+            turning = moment - wet * q_m * (lin_q + quad_q * abs(q_m)) + p3 * u - p1 * w
+            px = momentum_x + dt_s * (cos_m * force_1 + sin_m * force_3)
+            pz = momentum_z + dt_s * (cos_m * force_3 - sin_m * force_1)
+            pq = momentum_q + dt_s * turning
+            end = middle + 0.5 * dt_s * q
+            cos, sin = math.cos(end), math.sin(end)
+            p1, p3 = cos * px - sin * pz, sin * px + cos * pz
+            u, w = i11 * p1 + i12 * p3 + i13 * pq, i12 * p1 + i22 * p3 + i23 * pq
+            vx, vz, q = cos * u + sin * w, cos * w - sin * u, i13 * p1 + i23 * p3 + i33 * pq
+        return vx, vz, q
+
+    def mobility(self, pitch: float) -> list[list[float]]:
+        """Returns the inverse of the mass in the world's frame, 3 x 3: what an impulse does to the velocity."""
+        cos, sin = math.cos(pitch), math.sin(pitch)
+        turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        mobility: list[list[float]] = (turn @ np.array(self._inverse) @ turn.T).tolist()
+        return mobility
+
+    def energy_j(self, velocity: Sequence[float], pitch: float) -> float:
+        """Returns the kinetic energy of body and water."""
+        vx, vz, q = velocity
+        cos, sin = math.cos(pitch), math.sin(pitch)
+        nu = np.array([cos * vx - sin * vz, sin * vx + cos * vz, q])
+        return float(0.5 * nu @ np.array(self._mass) @ nu)

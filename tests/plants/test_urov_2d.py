@@ -1,0 +1,305 @@
+"""The vehicle in the plane and the one in space answer alike, from the same numbers, by different ways.
+
+In space Fossen's equation is solved in the body's frame, in the plane momentum is kept in the world's; both have an
+error that shrinks with the square of the step. So what the two may differ by in open water is that: 0.1 mm and
+0.1 mrad, and as much per second, at 5 ms, after seconds of every motion at once. Where something touches they differ by
+what a contact is: MuJoCo's gives by 2 mm and takes some steps to stop a body, the plane's stops it in one.
+"""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from snr_sim.plants.attitude import to_angles
+from snr_sim.plants.dive import Current, Dive, Leak, Load, ThrusterFault
+from snr_sim.plants.pool import Gate, Pool
+from snr_sim.plants.propulsion import Propulsion
+from snr_sim.plants.tether import Tether
+from snr_sim.plants.urov import Urov, WrenchCommand
+from snr_sim.plants.urov_2d import Urov2D, in_plane
+from snr_sim.plants.vehicle import Vehicle
+from snr_sim.plants.vehicle_file import read_vehicle
+from snr_sim.prelude.errors import PlantError
+from snr_sim.prelude.signals import PwmCommand
+from snr_sim.testing.contracts import check_plant
+
+VEHICLES = Path(__file__).parents[2] / "robots" / "urov" / "vehicles"
+SETS = {name: read_vehicle(VEHICLES / f"{name}.toml") for name in ("benzon2022", "wu2018")}
+HEAVY = SETS["benzon2022"]
+SEA = Pool(2000.0, 2000.0, 200.0)  # nothing in reach
+PULSES = PwmCommand([1600.0, 1600.0, 1400.0, 1400.0, 1550.0, 1450.0, 1440.0, 1560.0])
+
+Program = Sequence[tuple[float, list[float], list[float]]]  # at s, force x y z, moment x y z
+Numbers = tuple[float, float, float, float, float, float]  # x, z, pitch, and their rates
+
+every_set = pytest.mark.parametrize("vehicle", SETS.values(), ids=SETS)
+
+
+def both(vehicle: Vehicle = HEAVY, pool: Pool = SEA, step_s: float = 0.005, **how: object) -> tuple[Urov, Urov2D]:
+    """The same dive in both; `how` it begins is as in Dive."""
+    dive = Dive(**{"position_m": (0.0, 0.0, -50.0), **how})  # type: ignore[arg-type]
+    space = Urov(vehicle, pool, lambda seed: dive, step_s=step_s)
+    return space, Urov2D(vehicle, pool, lambda seed: dive, step_s=step_s)
+
+
+def numbers(plant: Urov) -> Numbers:
+    (x, _, z), (vx, _, vz) = plant.position_m, plant.velocity_mps
+    return x, z, to_angles(plant.attitude)[1], vx, vz, plant.rate_radps[1]
+
+
+def go(plants: Sequence[Urov], time_s: float, program: Program = ()) -> list[float]:
+    """The largest differences on the way."""
+    most = [0.0] * 6
+    step_s = plants[0].step_s
+    commands = {round(at_s / step_s): WrenchCommand(force, moment) for at_s, force, moment in program}
+    for i in range(round(time_s / step_s)):
+        for plant in plants:
+            if i in commands:
+                plant.write("wrench", commands[i])
+            plant.step(step_s)
+        most = [max(worst, abs(a - b)) for worst, a, b in zip(most, *map(numbers, plants), strict=True)]
+    return most
+
+
+def weightless(vehicle: Vehicle) -> Vehicle:
+    return replace(vehicle, net_buoyancy_n=0.0, centre_of_buoyancy_m=vehicle.centre_of_mass_m)
+
+
+def undamped(vehicle: Vehicle) -> Vehicle:
+    return replace(weightless(vehicle), linear_damping=(0.0,) * 6, quadratic_damping=(0.0,) * 6)
+
+
+def at(force: Sequence[float], moment: Sequence[float] = (0.0, 0.0, 0.0), at_s: float = 0.0) -> Program:
+    return [(at_s, list(force), list(moment))]
+
+
+def step_answer(force: float, mass: float, linear: float, quadratic: float, time_s: float) -> float:
+    """Speed after a step of force, along one axis: the closed form."""
+    if linear == 0.0:
+        top = math.sqrt(force / quadratic)
+        return top * math.tanh(quadratic * top * time_s / mass)
+    root = math.sqrt(linear**2 + 4.0 * quadratic * force)
+    u1 = (root - linear) / (2.0 * quadratic)
+    u2 = u1 + linear / quadratic
+    decay = math.exp(-quadratic * (u1 + u2) / mass * time_s)
+    return u1 * (1.0 - decay) / (1.0 + u1 / u2 * decay)
+
+
+MIXED: Program = [
+    (0.0, [20.0, 0.0, 10.0], [0.0, 0.5, 0.0]),
+    (3.0, [-20.0, 0.0, 10.0], [0.0, -1.0, 0.0]),
+    (6.0, [0.0, 0.0, -10.0], [0.0, 1.0, 0.0]),
+]
+
+
+@every_set
+@pytest.mark.parametrize("axis", [0, 2], ids=["surge", "heave"])
+@pytest.mark.parametrize("step_s", [0.002, 0.005, 0.01])
+def test_a_step_of_force_is_answered_as_the_closed_form_says(vehicle: Vehicle, axis: int, step_s: float) -> None:
+    force = [0.0, 0.0, 0.0]
+    force[axis] = -40.0
+    plants = both(weightless(vehicle), step_s=step_s)
+    assert max(go(plants, 1.0, at(force))) < 1e-5
+    trimmed = plants[1].vehicle
+    mass = trimmed.mass_kg + trimmed.added_mass[axis, axis]
+    exact = step_answer(40.0, mass, trimmed.linear_damping[axis], trimmed.quadratic_damping[axis], 1.0)
+    # The step's own error: 4e-5 at 10 ms.
+    assert plants[1].velocity_mps[axis] == pytest.approx(-exact, rel=1e-4)
+
+
+@every_set
+def test_a_pitched_vehicle_swings_back_alike(vehicle: Vehicle) -> None:
+    differ = go(both(replace(vehicle, net_buoyancy_n=0.0), attitude_rad=(0.0, 0.5, 0.0)), 10.0)
+    assert max(differ) < 1e-4
+
+
+@every_set
+def test_a_small_swing_has_the_period_of_the_closed_form(vehicle: Vehicle) -> None:
+    hung = replace(undamped(vehicle), centre_of_buoyancy_m=vehicle.centre_of_buoyancy_m)
+    plant = both(hung, attitude_rad=(0.0, 0.02, 0.0))[1]
+    trimmed = plant.vehicle
+    above = trimmed.centre_of_buoyancy_m[2] - trimmed.centre_of_mass_m[2]
+    inertia = trimmed.inertia_kgm2[1, 1] + trimmed.added_mass[4, 4]
+    period = 2.0 * math.pi * math.sqrt(inertia / (trimmed.mass_kg * 9.81 * above))
+    crossings, before = [], numbers(plant)[2]
+    while len(crossings) < 3:
+        plant.step(0.005)
+        now = numbers(plant)[2]
+        if now * before < 0.0:
+            crossings.append(plant.time_s - 0.005 * now / (now - before))
+        before = now
+    # (rate dt)^2 / 24 of the scheme, and the amplitude's share: 3e-5.
+    assert crossings[2] - crossings[0] == pytest.approx(period, rel=2e-4)
+
+
+@every_set
+def test_it_rises_alike_and_comes_to_rest_at_the_surface(vehicle: Vehicle) -> None:
+    plants = both(vehicle, Pool(), position_m=(0.0, 0.0, -0.6))
+    assert max(go(plants, 20.0)) < 1e-4
+    assert plants[1].velocity_mps[2] == pytest.approx(0.0, abs=0.05)
+    assert -0.15 < plants[1].position_m[2] < 0.0
+
+
+@every_set
+@pytest.mark.parametrize(("step_s", "limit"), [(0.0025, 3e-5), (0.005, 1e-4), (0.01, 4e-4)])
+def test_all_motions_at_once_differ_by_the_square_of_the_step(vehicle: Vehicle, step_s: float, limit: float) -> None:
+    assert max(go(both(vehicle, step_s=step_s), 10.0, MIXED)) < limit
+
+
+def test_current_loads_leak_and_tether_act_alike() -> None:
+    plants = both(
+        pool=Pool(),
+        position_m=(0.0, 0.0, -1.0),
+        currents=(Current(1.0, (0.3, 0.0, 0.0)), Current(4.0, (-0.1, 0.0, 0.05))),
+        loads=(Load(0.3, 0.0, (0.1, 0.0, -0.1), 1.0, 3.0),),
+        leak=Leak(2.0, 0.1),
+        tether=Tether((-3.0, 0.0, 0.0), 3.3),
+    )
+    assert max(go(plants, 8.0, at([12.0, 0.0, 0.0]))) < 1e-4
+    assert plants[1].read("leak").water_l == pytest.approx(0.6, abs=0.01)
+    assert plants[1].truth()["arrows"]["tether"] == pytest.approx(plants[0].truth()["arrows"]["tether"], abs=1e-2)
+
+
+@every_set
+def test_undamped_energy_and_momentum_stay(vehicle: Vehicle) -> None:
+    plant = both(undamped(vehicle), velocity_mps=(1.0, 0.0, -0.5), rate_radps=(0.0, 1.5, 0.0), step_s=0.01)[1]
+    mass = [plant.vehicle.mass_kg + float(plant.vehicle.added_mass[axis, axis]) for axis in (0, 2)]
+
+    def kept() -> tuple[float, float, float]:
+        u, _, w, _, q, _ = plant.through_water
+        p1, p3 = mass[0] * u, mass[1] * w
+        inertia = plant.vehicle.inertia_kgm2[1, 1] + plant.vehicle.added_mass[4, 4]
+        energy = 0.5 * (p1 * u + p3 * w + inertia * q * q)
+        w0, _, y0, _ = plant.attitude
+        cos, sin = w0 * w0 - y0 * y0, 2.0 * w0 * y0
+        return energy, cos * p1 + sin * p3, cos * p3 - sin * p1
+
+    before = kept()
+    for _ in range(2000):
+        plant.step(0.01)
+    energy, along_x, along_z = kept()
+    assert (along_x, along_z) == pytest.approx(before[1:], rel=1e-6)
+    assert energy == pytest.approx(before[0], rel=1e-3)
+
+
+PRESSED = [((0.0, 0.0, -3.5), (0.0, 0.0, -40.0)), ((12.0, 0.0, -1.5), (20.0, 0.0, 0.0))]
+
+
+@pytest.mark.parametrize(("place", "force"), PRESSED, ids=["floor", "wall"])
+def test_pressed_on_floor_or_wall_it_presses_as_hard(place: tuple[float, ...], force: tuple[float, ...]) -> None:
+    plants = both(replace(HEAVY, net_buoyancy_n=0.0), Pool(), position_m=place)
+    go(plants, 4.0, at(force))
+    for plant in plants:
+        assert plant.contact_n is not None
+        along = [a for a in plant.contact_n if abs(a) > 1.0]
+        assert along == pytest.approx([-value for value in force if value], rel=5e-3)
+        assert plant.velocity_mps == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)
+    # MuJoCo's contact gives by 2 mm.
+    assert plants[1].position_m == pytest.approx(plants[0].position_m, abs=3e-3)
+
+
+def test_a_bump_turns_it_as_its_mass_in_each_direction_says() -> None:
+    plants = both(
+        replace(HEAVY, net_buoyancy_n=0.0), Pool(), position_m=(11.5, 0.0, -2.0), attitude_rad=(0.0, 0.6, 0.0),
+        velocity_mps=(0.8, 0.0, 0.0),
+    )  # fmt: skip
+    go(plants, 0.9)
+    space, plane = map(numbers, plants)
+    assert plane[5] == pytest.approx(space[5], abs=0.15)
+    assert abs(space[5]) > 0.3
+    assert plane[:3] == pytest.approx(space[:3], abs=0.02)
+
+
+@pytest.mark.parametrize(("z_m", "is_through"), [(-2.0, True), (-2.5, False), (-2.45, False)])
+def test_it_swims_through_a_gate_and_against_its_bars_alike(z_m: float, is_through: bool) -> None:
+    pool = Pool(gates=(Gate("gate", (2.0, 0.0, -2.0)),))
+    plants = both(weightless(HEAVY), pool, position_m=(1.2, 0.0, z_m))
+    go(plants, 5.0, at([15.0, 0.0, 0.0]))
+    space, plane = map(numbers, plants)
+    assert (plane[0] > 2.3) == is_through
+    assert (plants[1].contact_n is None) == is_through
+    assert plane == pytest.approx(space, abs=0.02)
+
+
+# -- as a plant -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("z_m", [-1.5, 0.02, -3.87], ids=["in the water", "at the surface", "on the floor"])
+def test_it_keeps_the_promise_of_a_plant_with_the_inputs_and_outputs_of_the_one_in_space(z_m: float) -> None:
+    def make(kind: type[Urov]) -> Urov:
+        return kind(HEAVY, Pool(), lambda seed: Dive(position_m=(0.1 * seed, 0.0, z_m)), Propulsion(8))
+
+    check_plant(lambda: make(Urov2D), {"pwm": PULSES})
+    space, plane = make(Urov), make(Urov2D)
+    assert plane.engine.startswith("pymunk 7")
+    assert (plane.inputs, plane.outputs) == (space.inputs, space.outputs)
+    assert set(plane.scene()["statics"]) == set(space.scene()["statics"])
+    assert set(plane.truth()["values"]) == set(space.truth()["values"])
+
+
+def test_pulses_reach_the_same_thrusters_and_sensors_say_the_same() -> None:
+    dive = Dive(position_m=(0.0, 0.0, -2.0), faults=(ThrusterFault(3.0, 4, "weak"),))
+    space, plane = (kind(HEAVY, Pool(), lambda seed: dive, Propulsion(8)) for kind in (Urov, Urov2D))
+    for i in range(1000):
+        for plant in (space, plane):
+            plant.write("pwm", PULSES if i > 400 else PwmCommand())
+            plant.step(0.005)
+    # The weak one makes the vehicle in space roll and drift aside a little; the plane holds it.
+    assert numbers(plane) == pytest.approx(numbers(space), abs=0.05)
+    assert plane.position_m[0] > 0.1
+    assert plane.read("power") == space.read("power")
+    assert plane.read("depth").depth_m == pytest.approx(space.read("depth").depth_m, abs=0.02)
+    assert plane.read("altitude").altitude_m == pytest.approx(space.read("altitude").altitude_m, abs=0.05)
+    json.dumps(plane.truth())
+
+
+def test_a_snapshot_in_contact_goes_on_to_the_bit_also_in_another_plant() -> None:
+    def start(seed: int) -> Dive:
+        return Dive(position_m=(12.1, 0.3 * seed, -3.8), velocity_mps=(0.4, 0.0, -0.3))
+
+    one, other = (Urov2D(HEAVY, Pool(), start, seed=seed) for seed in (0, 1))
+    go([one, one], 0.25, at([20.0, 0.0, -30.0]))
+    assert one.contact_n is not None
+    held = one.snapshot()
+
+    def go_on(plant: Urov2D) -> list[object]:
+        plant.restore(held)
+        states: list[object] = []
+        for _ in range(200):
+            plant.step(0.005)
+            states.append((plant.truth(), plant.read("imu"), plant.contact_n))
+        return states
+
+    first = go_on(one)
+    assert go_on(one) == first
+    assert go_on(other) == first
+
+
+def test_what_of_a_dive_leads_out_of_the_plane_is_left_out() -> None:
+    dive = in_plane(
+        Dive(
+            (1.0, 2.0, -3.0), (0.3, 0.2, 1.0), (0.1, 0.2, 0.3), (0.4, 0.5, 0.6),
+            currents=(Current(0.0, (0.3, 0.2, 0.1)),), leak=Leak(1.0, 0.1, place_m=(0.1, 0.1, 0.1)),
+            tether=Tether((4.0, 5.0, 6.0), place_m=(0.1, 0.2, 0.3)),
+        )
+    )  # fmt: skip
+    assert dive.attitude_rad == (0.0, 0.2, 0.0)
+    assert (dive.velocity_mps, dive.rate_radps) == ((0.1, 0.0, 0.3), (0.0, 0.5, 0.0))
+    assert dive.current_at(1.0) == (0.3, 0.0, 0.1)
+    assert dive.tether is not None
+    assert dive.tether.anchor_m == (4.0, 2.0, 6.0)
+    plant = Urov2D(HEAVY, Pool(), lambda seed: dive)
+    go([plant, plant], 5.0, at([10.0, 10.0, 5.0], [1.0, 0.02, 1.0]))
+    assert plant.position_m[1] == 2.0
+    roll, _, yaw = to_angles(plant.attitude)
+    assert (roll, yaw) == (0.0, 0.0)
+
+
+def test_a_state_that_is_no_longer_finite_is_named() -> None:
+    plant = both(replace(HEAVY, quadratic_damping=(1e300,) * 6))[1]
+    with pytest.raises(PlantError, match=r"At 0 s the acceleration in surge"):
+        go([plant, plant], 2.0, at([1e200, 0.0, 0.0]))
