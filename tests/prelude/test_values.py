@@ -265,6 +265,8 @@ json_values = st.recursive(
 @example({"$": "set", "v": [[1]]}, False)
 @example({"$": "tuple", "v": [], "w": 1}, False)
 @example({"$": "int", "v": "1_0"}, False)
+@example({"$": "int", "v": "0x1\n"}, False)
+@example({"$": "bytes", "v": "YQ==\n"}, False)
 @example({"$": "float", "v": 1.5}, False)
 @example({"$": "array", "dtype": "int8", "shape": [1], "data": [1.5]}, False)
 @example({"$": "array", "dtype": "int8", "shape": [-1], "data": [1]}, False)
