@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import msgspec
@@ -94,7 +95,11 @@ def parse(table: Table, line: str) -> tuple[Command, dict[str, Any]]:
     command = table.get(words[0])
     if command is None:
         raise CommandRefused(f"There is no command {shown(words[0])}.", fix=nearest(words[0][:NAME_MAX_CHARS], table))
-    return command, _arguments(command, words[1:])
+    try:
+        return command, _arguments(command, words[1:])
+    except CommandRefused:
+        _check_misspelt(command, words[1:])
+        raise
 
 
 def _arguments(command: Command, words: list[str]) -> dict[str, Any]:
@@ -113,6 +118,17 @@ def _arguments(command: Command, words: list[str]) -> dict[str, Any]:
         fix = nearest(words[0][:NAME_MAX_CHARS], choices) if choices else command.usage
         raise CommandRefused(f"'{command.name}' does not take {shown(words[0])}.", fix=fix)
     return given
+
+
+def _check_misspelt(command: Command, words: list[str]) -> None:
+    """Says so if a line makes no sense because its first word was to be one that may also be left out.
+
+    Raises:
+        CommandRefused: it is like one of them.
+    """
+    for argument in command.arguments[:1]:
+        if words and argument.is_optional and get_close_matches(words[0][:NAME_MAX_CHARS], argument.choices, 1, 0.7):
+            _one(argument, words[0])
 
 
 def _rest(argument: Argument, words: Sequence[str]) -> Any:

@@ -65,6 +65,8 @@ def test_a_type_of_task_can_end_the_node_too(talk: Talk) -> None:
         ("store depth_m", "needs JSON"),
         ("store depth_m deep", 'text needs quotes: "deep"'),
         ("store depth_m NaN", "not JSON"),
+        ("task evnt start foo", "'evnt' is no TYPE"),
+        ("task start foo", "not JSON"),
         ("store depth_m 1 2", "does not take '2'"),
         ("store depth_m 123456789012345678901234567890", "not JSON|too large"),
         ("store depth_m [1, 2", "opened and not closed"),
