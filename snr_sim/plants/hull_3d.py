@@ -23,7 +23,7 @@ from snr_sim.prelude.errors import ParameterError, PlantError
 FOOT_KG = 20.0  # own choice: little beside the module, enough for its motion to be followed in steps of 5 ms
 FOOT_RADIUS_M = 0.1
 GROUND_HALF_DEPTH_M = 30.0
-NOMINAL_KG = 7000.0  # MuJoCo computes for a module of this mass how softly to treat contacts: they give about 1 mm
+NOMINAL_KG = 7000.0  # MuJoCo computes for a module of this mass how softly to treat contacts: they give 0.1 mm
 
 # All feet together: mass, and their moments about the module's centre of mass.
 _FEET_KG = len(PADS_M) * FOOT_KG

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from snr_sim.plants.vehicle import Vehicle
 
 PLANE = (0, 2, 4)  # surge, heave and pitch among the six axes
-ROUNDS = 4
+ROUNDS = 4  # with three, momentum that is left alone drifts by 3e-4 in 20 s at 10 ms, with four by 2e-7
 
 Three: TypeAlias = tuple[float, float, float]  # along x and z, then about y
 
