@@ -35,6 +35,7 @@ Three: TypeAlias = tuple[float, float, float]
 Product: TypeAlias = Callable[[float, float, float, float, float, float], Six]
 
 ROUNDS = 3
+WET_STEPS = 64
 AT_REST: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -47,20 +48,30 @@ class Hydrodynamics:
 
     Attributes:
         mass: 6 x 6, with the wet share of the added mass.
-        added: 6 x 6, the wet share of the added mass alone.
+        wet: the share.
     """
 
     def __init__(self, vehicle: Vehicle, rigid: Matrix) -> None:
-        self._all_added = vehicle.added_mass
+        self._added = vehicle.added_mass
         self._linear, self._quadratic = vehicle.linear_damping, vehicle.quadratic_damping
+        self._rigid = rigid
+        self._known: dict[int, tuple[Matrix, Product, Product]] = {}
         self.set_mass(rigid, 1.0)
 
     def set_mass(self, rigid: Matrix, wet: float) -> None:
-        """Takes another dry mass, or another share of the body to be in the water, 0 to 1."""
-        self.wet = wet
-        self.added = wet * self._all_added
-        self.mass = rigid + self.added
-        self._momentum, self._acceleration = product_with(self.mass), product_with(np.linalg.inv(self.mass))
+        """Takes another dry mass, or another share of the body to be in the water, 0 to 1.
+
+        The share counts in steps of 1 / `WET_STEPS` here, so that the inverse of each mass is computed once.
+        """
+        if rigid is not self._rigid:
+            self._rigid, self._known = rigid, {}
+        step = round(wet * WET_STEPS)
+        if step not in self._known:
+            mass = rigid + step / WET_STEPS * self._added
+            self._known[step] = mass, product_with(mass), product_with(np.linalg.inv(mass))
+        self.wet = wet = step / WET_STEPS
+        self._drag = [wet * value for value in self._linear], [wet * value for value in self._quadratic]
+        self.mass, self._momentum, self._acceleration = self._known[step]
 
     def kinetic_energy_j(self, nu: Sequence[float]) -> float:
         """Returns the energy of body and water."""
@@ -85,9 +96,8 @@ class Hydrodynamics:
         kx, ky, kz = up
         push_x, push_y, push_z, push_k, push_m, push_n = push
         arm_x, arm_y, arm_z = arm
-        lin_u, lin_v, lin_w, lin_p, lin_q, lin_r = self._linear
-        quad_u, quad_v, quad_w, quad_p, quad_q, quad_r = self._quadratic
-        wet, momentum, acceleration = self.wet, self._momentum, self._acceleration
+        (lin_u, lin_v, lin_w, lin_p, lin_q, lin_r), (quad_u, quad_v, quad_w, quad_p, quad_q, quad_r) = self._drag
+        momentum, acceleration = self._momentum, self._acceleration
         half = 0.5 * dt_s
         au, av, aw, ap, aq, ar = guess
         for _ in range(ROUNDS):
@@ -101,20 +111,20 @@ class Hydrodynamics:
             up_y = (ky + kz * tx - kx * tz + along * ty) * shrink
             up_z = (kz + kx * ty - ky * tx + along * tz) * shrink
             lin_1, lin_2, lin_3, ang_1, ang_2, ang_3 = momentum(u, v, w, p, q, r)
-            x = push_x + net_n * up_x + lin_2 * r - lin_3 * q - wet * u * (lin_u + quad_u * abs(u))
-            y = push_y + net_n * up_y + lin_3 * p - lin_1 * r - wet * v * (lin_v + quad_v * abs(v))
-            z = push_z + net_n * up_z + lin_1 * q - lin_2 * p - wet * w * (lin_w + quad_w * abs(w))
+            x = push_x + net_n * up_x + lin_2 * r - lin_3 * q - u * (lin_u + quad_u * abs(u))
+            y = push_y + net_n * up_y + lin_3 * p - lin_1 * r - v * (lin_v + quad_v * abs(v))
+            z = push_z + net_n * up_z + lin_1 * q - lin_2 * p - w * (lin_w + quad_w * abs(w))
             k = (
                 push_k + arm_y * up_z - arm_z * up_y
-                + ang_2 * r - ang_3 * q + lin_2 * w - lin_3 * v - wet * p * (lin_p + quad_p * abs(p))
+                + ang_2 * r - ang_3 * q + lin_2 * w - lin_3 * v - p * (lin_p + quad_p * abs(p))
             )  # fmt: skip
             m = (
                 push_m + arm_z * up_x - arm_x * up_z
-                + ang_3 * p - ang_1 * r + lin_3 * u - lin_1 * w - wet * q * (lin_q + quad_q * abs(q))
+                + ang_3 * p - ang_1 * r + lin_3 * u - lin_1 * w - q * (lin_q + quad_q * abs(q))
             )  # fmt: skip
             n = (
                 push_n + arm_x * up_y - arm_y * up_x
-                + ang_1 * q - ang_2 * p + lin_1 * v - lin_2 * u - wet * r * (lin_r + quad_r * abs(r))
+                + ang_1 * q - ang_2 * p + lin_1 * v - lin_2 * u - r * (lin_r + quad_r * abs(r))
             )  # fmt: skip
             au, av, aw, ap, aq, ar = acceleration(x, y, z, k, m, n)
         middle = u0 + half * au, v0 + half * av, w0 + half * aw, p0 + half * ap, q0 + half * aq, r0 + half * ar

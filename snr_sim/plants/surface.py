@@ -9,10 +9,14 @@ from __future__ import annotations
 
 import itertools
 import math
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from snr_sim.plants.vehicle import Vector, Vehicle
+
+Array: TypeAlias = NDArray[np.float64]
 
 CUTS = 4  # along each side of the box: its second moments are 6 % short
 PROPELLER_M = 0.0381  # radius, T200
@@ -33,7 +37,9 @@ class Surface:
         self._centre = vehicle.centre_of_buoyancy_m
         steps = [(i + 0.5) / CUTS - 0.5 for i in range(CUTS)]
         box = np.array(list(itertools.product(steps, repeat=3)))
-        self._places = box * np.array(vehicle.size_m) + np.array(vehicle.centre_of_buoyancy_m)
+        places = box * np.array(vehicle.size_m) + np.array(vehicle.centre_of_buoyancy_m)
+        self._places = places
+        self._moments = np.column_stack([np.ones(len(places)), places]) / len(places)
         self._thrusters = np.array([thruster.position_m for thruster in vehicle.thrusters]).reshape(-1, 3)
         self.reach_m = 0.5 * math.hypot(*vehicle.size_m) + math.hypot(*vehicle.centre_of_buoyancy_m)
 
@@ -52,16 +58,24 @@ class Surface:
             z_m: height of the body's origin over the surface.
             up: the world's upward direction, body frame.
         """
-        heights = z_m + self._places @ np.array(up)
-        shares = np.clip(0.5 - heights * (CUTS / self.height_m(up)), 0.0, 1.0)
-        total = float(shares.sum())
+        slope = -CUTS / self.height_m(up)
+        total, x, y, z = (
+            _between_0_and_1(0.5 + slope * z_m + self._places @ np.array(up) * slope) @ self._moments
+        ).tolist()
         if total <= 0.0:
             return 0.0, self._centre
-        x, y, z = (shares @ self._places / total).tolist()
-        return total / len(self._places), (x, y, z)
+        if total > 1.0 - 1e-12:
+            return 1.0, self._centre
+        return total, (x / total, y / total, z / total)
 
-    def drawing(self, z_m: float, up: Vector) -> np.ndarray:
+    def drawing(self, z_m: float, up: Vector) -> Array:
         """Returns the share of each propeller's disc that is in the water, shape (n,)."""
         heights = z_m + self._thrusters @ np.array(up)
-        shares: np.ndarray = np.clip(0.5 - heights / (2.0 * PROPELLER_M), 0.0, 1.0)
-        return shares
+        return _between_0_and_1(0.5 - heights / (2.0 * PROPELLER_M))
+
+
+def _between_0_and_1(values: Array) -> Array:
+    """Clips in place; `numpy.clip` takes ten times as long for so few."""
+    np.maximum(values, 0.0, out=values)
+    np.minimum(values, 1.0, out=values)
+    return values

@@ -464,7 +464,9 @@ class Urov:
 
     def _check_finite(self, nu: Six, gained: Vector, change: Six) -> None:
         """Raises a PlantError that says what has exploded, before MuJoCo or the next step sees it."""
-        if sum(map(abs, gained)) + sum(map(abs, change)) < EXPLODED:  # not so if one is NaN
+        x, y, z = gained
+        _, _, _, p, q, r = change
+        if x * x + y * y + z * z + p * p + q * q + r * r < EXPLODED * EXPLODED:  # not so if one is NaN
             return
         before = ", ".join(f"{axis} {value:g}" for axis, value in zip(AXES, nu, strict=True))
         lost = [axis for axis, value in zip(AXES, change, strict=True) if not abs(value) < EXPLODED]

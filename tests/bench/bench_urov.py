@@ -1,0 +1,114 @@
+"""UROV: what the water costs beside MuJoCo's own step of the same world.
+
+Run by `snr bench urov`, or by itself: python tests/bench/bench_urov.py [--quick] [--json]
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from harness import Row, compare, report
+
+from snr_sim.plants.dive import Current, Dive
+from snr_sim.plants.mujoco_engine import MujocoWorld
+from snr_sim.plants.pool import BODY, Pool
+from snr_sim.plants.propulsion import Propulsion
+from snr_sim.plants.tether import Tether
+from snr_sim.plants.urov import STEP_S, Urov, WrenchCommand
+from snr_sim.plants.vehicle_file import read_vehicle
+from snr_sim.prelude.signals import PwmCommand
+
+VEHICLE = read_vehicle(Path(__file__).parents[2] / "robots" / "urov" / "vehicles" / "benzon2022.toml")
+POOL = Pool(depth_m=60.0)
+LIMIT_US = 40.0
+STEPS = 2000
+
+
+def bare() -> Callable[[], Any]:
+    """Returns what steps the same world in MuJoCo alone: the body floats, and nothing is done to it."""
+    world = MujocoWorld(POOL.mjcf(VEHICLE), STEP_S, (BODY,))
+    world.model.opt.gravity[:] = 0.0
+    world.data.qpos[2] = -30.0
+    step, model, data = world.mujoco.mj_step, world.model, world.data
+
+    def run() -> None:
+        for _ in range(STEPS):
+            step(model, data)
+
+    return run
+
+
+def with_wrench(dive: Dive, up_n: float = -1.4) -> Callable[[], Any]:
+    """Returns what steps the vehicle under a constant wrench."""
+    plant = Urov(VEHICLE, POOL, lambda seed: dive)
+    plant.write("wrench", WrenchCommand([3.0, 1.0, up_n], [0.02, 0.01, 0.1]))
+
+    def run() -> None:
+        for _ in range(STEPS):
+            plant.step(STEP_S)
+
+    return run
+
+
+def with_thrusters(dive: Dive, reads: tuple[str, ...] = ()) -> Callable[[], Any]:
+    """Returns what steps the vehicle under pulses that change at 50 Hz, and reads sensors at 100 Hz."""
+    plant = Urov(VEHICLE, POOL, lambda seed: dive, Propulsion(8))
+    plant.write("pwm", PwmCommand())
+    for _ in range(round(2.0 / STEP_S)):  # the speed controllers arm
+        plant.step(STEP_S)
+
+    def run() -> None:
+        for i in range(STEPS):
+            if i % 4 == 0:
+                a, b = 40.0 * math.sin(0.01 * i), 30.0 * math.cos(0.007 * i)
+                pulses = [
+                    1500.0 + a,
+                    1500.0 - a,
+                    1500.0 + b,
+                    1500.0 - b,
+                    1530.0 + b,
+                    1470.0 + a,
+                    1470.0 - b,
+                    1530.0 - a,
+                ]
+                plant.write("pwm", PwmCommand(pulses))
+            plant.step(STEP_S)
+            if reads and i % 2 == 0:
+                for name in reads:
+                    plant.read(name)
+
+    return run
+
+
+def measure(is_quick: bool) -> Iterator[Row]:
+    """Yields the rows: CPU time of one step, beside MuJoCo's own."""
+    rounds = 3 if is_quick else 15
+    dive = Dive((0.0, 0.0, -30.0))
+    busy = Dive((0.0, 0.0, -30.0), currents=(Current(0.0, (0.1, 0.05, 0.0)),), tether=Tether((0.0, 0.0, 0.0)))
+    subjects: list[tuple[str, Callable[[], Callable[[], Any]]]] = [
+        ("urov, a step under a wrench", lambda: with_wrench(dive)),
+        ("urov, a step with 8 thrusters, ESCs and battery", lambda: with_thrusters(dive)),
+        ("urov, the same with current and tether, all outputs read at 100 Hz", lambda: with_thrusters(
+            busy, ("depth", "imu", "altitude", "power", "leak")
+        )),
+        ("urov, a step at the surface", lambda: with_wrench(Dive((0.0, 0.0, -0.13)))),
+        ("urov, a step on the floor", lambda: with_wrench(Dive((0.0, 0.0, -59.875)), -20.0)),
+    ]  # fmt: skip
+    found = compare(bare, *(trial for _, trial in subjects), rounds=rounds)
+    for i, (name, _) in enumerate(subjects, start=1):
+        yield Row(
+            name,
+            1e6 * found.shortest_s[i] / STEPS,
+            "us",
+            limit=LIMIT_US if i <= 2 else None,
+            baseline=1e6 * found.shortest_s[0] / STEPS,
+            compared_to="bare mj_step of the same world",
+            ratio=found.ratios[i],
+        )
+
+
+if __name__ == "__main__":
+    report(measure)
