@@ -31,7 +31,7 @@ from snr_sim import (
     tasks,
 )
 from snr_sim import TaskType as T
-from snr_sim.std_mods.comms.link import LinkOptions
+from snr_sim.std_mods.comms.options import LinkOptions
 from snr_sim.std_mods.comms.pipes import PipeLoopFactory
 
 ROUND_TRIP_P50_US = 80.0

@@ -15,7 +15,8 @@ from msgspec.structs import replace
 from snr_sim.core.loop import LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.prelude.page import DataKey, Page
-from snr_sim.std_mods.comms.link import MAX_KEY_CHARS, Link, LinkOptions
+from snr_sim.std_mods.comms.link import Link
+from snr_sim.std_mods.comms.options import MAX_KEY_CHARS, LinkOptions
 
 PING_BYTES = 64  # about what asking whether somebody is there costs on a wire
 

@@ -11,7 +11,8 @@ from snr_sim.core.node import Node
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.std_mods.comms.faults import Faults, Way
 from snr_sim.std_mods.comms.frames import HEADER_BYTES
-from snr_sim.std_mods.comms.link import Link, LinkOptions, by_name
+from snr_sim.std_mods.comms.link import Link, by_name
+from snr_sim.std_mods.comms.options import LinkOptions
 from snr_sim.std_mods.comms.send_queue import SendQueue
 from snr_sim.std_mods.comms.session import Session, Terms
 

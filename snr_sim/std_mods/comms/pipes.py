@@ -13,7 +13,7 @@ from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.prelude.errors import LinkError
 from snr_sim.prelude.page import DataKey
-from snr_sim.std_mods.comms.link import LinkOptions, as_keys
+from snr_sim.std_mods.comms.options import LinkOptions, as_keys
 from snr_sim.std_mods.comms.session import Terms
 from snr_sim.std_mods.comms.simulated import Meeting, SimulatedLink
 from snr_sim.std_mods.comms.streams import StreamLink

@@ -13,8 +13,9 @@ from snr_sim.core.clocks import SimClock
 from snr_sim.core.loop import LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.std_mods.comms.faults import Way
-from snr_sim.std_mods.comms.link import BEFORE_LOOPS, LinkOptions
+from snr_sim.std_mods.comms.link import BEFORE_LOOPS
 from snr_sim.std_mods.comms.messages import NONCE_BYTES
+from snr_sim.std_mods.comms.options import LinkOptions
 from snr_sim.std_mods.comms.peers import Peer, PeerLink
 from snr_sim.std_mods.comms.session import Session, Terms
 

@@ -12,7 +12,8 @@ from snr_sim.core.node import Node
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.std_mods.comms.faults import Faults, Way
 from snr_sim.std_mods.comms.fleet import PING_BYTES, FleetLink, Hearing, Member
-from snr_sim.std_mods.comms.link import BEFORE_LOOPS, LinkOptions, by_name
+from snr_sim.std_mods.comms.link import BEFORE_LOOPS, by_name
+from snr_sim.std_mods.comms.options import LinkOptions
 
 
 class Gathering:

@@ -18,7 +18,7 @@ from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.page import DataKey
 from snr_sim.std_mods.comms.faults import Faults
 from snr_sim.std_mods.comms.frames import MAX_FRAME_BYTES
-from snr_sim.std_mods.comms.link import LinkOptions, as_keys
+from snr_sim.std_mods.comms.options import LinkOptions, as_keys
 from snr_sim.std_mods.comms.security import Tls, as_networks, as_secret, is_loopback
 from snr_sim.std_mods.comms.send_queue import Policy
 from snr_sim.std_mods.comms.session import Terms

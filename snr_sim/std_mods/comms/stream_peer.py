@@ -12,7 +12,7 @@ from contextlib import suppress
 from typing import Protocol
 
 from snr_sim.std_mods.comms.faults import Way
-from snr_sim.std_mods.comms.link import LinkOptions
+from snr_sim.std_mods.comms.options import LinkOptions
 from snr_sim.std_mods.comms.peers import Peer
 from snr_sim.std_mods.comms.session import Session
 

@@ -16,7 +16,7 @@ from functools import partial
 
 from snr_sim.core.loop import LoopFactory
 from snr_sim.core.node import Node
-from snr_sim.std_mods.comms.link import LinkOptions
+from snr_sim.std_mods.comms.options import LinkOptions
 from snr_sim.std_mods.comms.peers import PeerLink
 from snr_sim.std_mods.comms.session import Session, Terms
 from snr_sim.std_mods.comms.stream_peer import FEW_TASKS, Port, StreamPeer

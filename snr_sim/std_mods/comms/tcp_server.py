@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from snr_sim.core.loop import LoopFactory
 from snr_sim.core.node import Node
-from snr_sim.std_mods.comms.link import LinkOptions
+from snr_sim.std_mods.comms.options import LinkOptions
 from snr_sim.std_mods.comms.security import Network, is_allowed
 from snr_sim.std_mods.comms.session import Terms
 from snr_sim.std_mods.comms.socket_port import Address, SocketPort, listen

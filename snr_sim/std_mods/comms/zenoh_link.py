@@ -29,7 +29,8 @@ from snr_sim.prelude.page import DataKey, Page
 from snr_sim.std_mods.comms.back_off import BackOff
 from snr_sim.std_mods.comms.faults import Way
 from snr_sim.std_mods.comms.fleet import PING_BYTES, FleetLink, Hearing, Member
-from snr_sim.std_mods.comms.link import LinkOptions, by_name
+from snr_sim.std_mods.comms.link import by_name
+from snr_sim.std_mods.comms.options import LinkOptions
 from snr_sim.std_mods.comms.roster import Far, Roster, encoded
 from snr_sim.std_mods.comms.send_queue import SendQueue
 from snr_sim.std_mods.comms.zenoh_settings import ZenohSettings

@@ -21,8 +21,8 @@ from snr_sim.prelude.page import DataKey
 from snr_sim.std_mods.comms.faults import Faults
 from snr_sim.std_mods.comms.fleet import Hearing, Member
 from snr_sim.std_mods.comms.frames import MAX_FRAME_BYTES
-from snr_sim.std_mods.comms.link import LinkOptions, as_keys
 from snr_sim.std_mods.comms.messages import MAX_NAME_CHARS
+from snr_sim.std_mods.comms.options import LinkOptions, as_keys
 from snr_sim.std_mods.comms.security import Tls
 from snr_sim.std_mods.comms.send_queue import Policy
 from snr_sim.std_mods.comms.simulated_fleet import Gathering, SimulatedFleetLink

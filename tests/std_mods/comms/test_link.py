@@ -14,7 +14,8 @@ from snr_sim import Config, Faults, MemoryLink, Node, SimRunner, SocketsPair
 from snr_sim.core.clocks import WallClock
 from snr_sim.core.config import AnyFactory
 from snr_sim.prelude.errors import ComponentFailed, ConfigError, ParameterError
-from snr_sim.std_mods.comms.link import KEPT_OUT_REMEMBERED, LinkOptions
+from snr_sim.std_mods.comms.link import KEPT_OUT_REMEMBERED
+from snr_sim.std_mods.comms.options import LinkOptions
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 HERE = "127.0.0.1"
