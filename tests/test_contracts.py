@@ -9,11 +9,14 @@ from snr_sim import library
 from snr_sim.core.config import AnyFactory
 from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
 from snr_sim.prelude.scenario import Rig, Robot
-from snr_sim.prelude.signals import EngineCommand
+from snr_sim.prelude.signals import EngineCommand, PwmCommand
 from snr_sim.testing.contracts import check_actuator, check_plant, check_sensor
 
 # A valid command for each input that any plant has, so that plants are checked under way and not only at rest.
-COMMANDS = {"engine": EngineCommand(throttle=0.3, gimbal_rad=0.01, attitude=0.2)}
+COMMANDS = {
+    "engine": EngineCommand(throttle=0.3, gimbal_rad=0.01, attitude=0.2),
+    "pwm": PwmCommand([1500.0] * 8),
+}
 
 
 def load(found: library.Found) -> tuple[ModuleType, ModuleType]:

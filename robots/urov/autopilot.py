@@ -1,0 +1,147 @@
+"""The vehicle's own mind: from controls and sensor pages to pulses.
+
+page "controls" --> guard: whose word counts --.
+page "imu" ------> holds: wrench --> allocation: thrusts --> slew limit --> curve: pulses --> page "pwm"
+page "depth" ----'                                                     `--> page "vehicle": what it is doing
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
+from snr_sim.plants.t200 import curve
+from snr_sim.prelude.errors import CommandError, UnknownName
+from snr_sim.prelude.signals import DepthReading, ImuReading
+from snr_sim.std_mods.allocation import Allocation
+from snr_sim.std_mods.slew import SlewLimit
+from snr_sim.std_mods.thrust_curve import ThrustCurve
+
+from .controls import Controls, controls_of
+from .guard import Guard
+from .holds import Holds
+from .parameters import UrovParameters
+
+TOLD_EVERY_S = 0.1  # and whenever something else than numbers changes
+NEAR_SURFACE_M = 0.3  # less deep than this, buoyancy does the rest of the way up
+
+
+class AutopilotFactory(EndpointFactory):
+    """Makes the vehicle's mind.
+
+    Args:
+        parameters: of the vehicle.
+    """
+
+    def __init__(self, parameters: UrovParameters) -> None:
+        super().__init__()
+        self.parameters = parameters
+
+    def get(self, parent: Node) -> Autopilot:
+        """Returns a new one, disarmed."""
+        return Autopilot(self, parent, "autopilot")
+
+
+class Autopilot(Endpoint):
+    """Answers every few readings of the inertial unit with pulses."""
+
+    factory: AutopilotFactory
+
+    def __init__(self, factory: AutopilotFactory, parent: Node, name: str) -> None:
+        super().__init__(factory, parent, name)
+        parameters = factory.parameters
+        self.parameters = parameters
+        self.guard = Guard(parameters.guard)
+        self.thruster = ThrustCurve(*curve(parameters.nominal_v)[:2])
+        self.allocation = Allocation(
+            parameters.vehicle.thruster_matrix(), self.thruster.limits_n, first=parameters.first
+        )
+        self.still = [0.0] * self.allocation.count
+        self.slew = SlewLimit(parameters.slew_nps, self.still)
+        vehicle = parameters.vehicle
+        drag = vehicle.linear_damping[2], vehicle.quadratic_damping[2]
+        self.holds = Holds(parameters.holds, drag, self.allocation.lacking)
+        self.readings = 0
+        self.before_s: float | None = None
+        self.rules = "idle"
+        self.kept: tuple[float, float] = (0.0, 0.0)  # depth and heading while a pilot was heard
+        self.share = 1.0
+        self.refused = ""
+        self.told_s = -math.inf
+        self.task_handlers = {
+            (TaskType.process_data, "controls"): self.on_controls,
+            (TaskType.process_data, "leak"): self.on_leak,
+            (TaskType.process_data, "imu"): self.on_imu,
+        }
+
+    def on_controls(self, task: Task, task_id: TaskId) -> None:
+        """Hears the surface. What is no command is not obeyed, and told; soon there is none, and nothing pushes."""
+        try:
+            controls = controls_of(self.get_data("controls"))
+        except (CommandError, UnknownName) as error:
+            self.refused = error.message
+            self.parent.note(f"Controls were refused: {error.message}")
+            return
+        self.refused = ""
+        if self.allocation.lacking and controls.mode != self.guard.controls.mode and controls.mode != "manual":
+            self.parent.note(f"The thrusters cannot push {', '.join(self.allocation.lacking)}: that is not held.")
+        self.guard.hear(controls, self.get_time_s())
+
+    def on_leak(self, task: Task, task_id: TaskId) -> None:
+        """Notes water in the hull."""
+        self.guard.is_wet = self.guard.is_wet or self.get_data("leak")["is_wet"]
+
+    def on_imu(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Answers with pulses, and now and then with what it is doing."""
+        self.readings += 1
+        depth_data = self.get_data("depth")
+        if (self.readings - 1) % self.parameters.control_every or depth_data is None:
+            return None
+        now_s = self.get_time_s()
+        depth, imu = DepthReading(**depth_data), ImuReading(**self.get_data("imu"))
+        rules = self.guard.rules(now_s)
+        dt_s = now_s - self.before_s if self.before_s is not None else 0.0
+        self.before_s = now_s
+        changed, self.rules = rules != self.rules, rules
+        thrusts = self.slew.update(self.thrusts(rules, depth, imu, dt_s), dt_s) if dt_s > 0.0 else self.still
+        pulses = [self.thruster.pulse_us(thrust) for thrust in thrusts]
+        answer = [self.store_data_task("pwm", {"pulses_us": pulses}, process=False)]
+        if changed or now_s - self.told_s >= TOLD_EVERY_S - 1e-9:
+            self.told_s = now_s
+            answer.append(self.store_data_task("vehicle", self.told(now_s, imu)))
+        return answer
+
+    def thrusts(self, rules: str, depth: DepthReading, imu: ImuReading, dt_s: float) -> list[float]:
+        """Returns the thrusts that are wanted now, by whose word counts."""
+        if rules in ("idle", "neutral") or (rules == "surface" and depth.depth_m < NEAR_SURFACE_M):
+            self.holds.let_go()
+            if rules == "idle":
+                self.slew.reset()  # at once
+            return self.still
+        if rules == "pilot":
+            controls = self.guard.controls
+            self.kept = depth.depth_m, imu.yaw_rad
+        else:
+            wanted_m = self.kept[0] if rules == "hold" else 0.0
+            controls = Controls(mode="heading_hold", depth_m=wanted_m, heading_rad=self.kept[1])
+        thrusts, self.share, _ = self.allocation.allocate(self.holds.wrench(controls, depth, imu, dt_s))
+        return thrusts
+
+    def told(self, now_s: float, imu: ImuReading) -> dict[str, Any]:
+        """Returns what the surface is told about the vehicle."""
+        guard, holds = self.guard, self.holds
+        return {
+            "rules": self.rules,
+            "mode": guard.controls.mode,
+            "is_armed": guard.controls.is_armed and not guard.is_stopped,
+            "is_stopped": guard.is_stopped,
+            "number": guard.controls.number,
+            "age_s": guard.age_s(now_s),
+            "is_wet": guard.is_wet,
+            "refused": self.refused,
+            "depth_m": holds.depth_m,
+            "heading_rad": holds.heading_rad,
+            "share": self.share,
+            "attitude_rad": [imu.roll_rad, imu.pitch_rad, imu.yaw_rad],
+        }

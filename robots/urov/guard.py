@@ -1,0 +1,80 @@
+"""The guard decides whose word counts: the pilot's, nobody's, or the vehicle's own.
+
+    idle      nothing pushes: disarmed, or an emergency stop that nobody has cleared
+    pilot     as the controls say
+    neutral   nothing pushes: the newest controls are older than a quarter of a second
+    hold      the link has been lost for two seconds: stays at the depth and heading it had when they were
+    surface   it has been lost for longer, or water comes in: goes up
+
+Time is when controls came in, by the vehicle's own clock: that of the surface may be another.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .controls import Controls
+
+
+@dataclass(frozen=True)
+class GuardLimits:
+    """What the guard goes by.
+
+    Args:
+        stale_s: age of the newest controls from which nothing pushes.
+        lost_s: age from which the link counts as lost.
+        hold_s: how long the vehicle holds its depth before it goes up.
+        surfaces_on_leak: whether water in the hull sends it up.
+    """
+
+    stale_s: float = 0.25
+    lost_s: float = 2.0
+    hold_s: float = 10.0
+    surfaces_on_leak: bool = True
+
+
+class Guard:
+    """Keeps what it has heard.
+
+    Args:
+        limits: what it goes by.
+    """
+
+    def __init__(self, limits: GuardLimits) -> None:
+        self.limits = limits
+        self.controls = Controls()
+        self.heard_s: float | None = None
+        self.is_stopped = False
+        self.is_wet = False
+
+    def hear(self, controls: Controls, now_s: float) -> None:
+        """Takes controls that have come in. Of two, the one with the higher number is newer."""
+        if self.heard_s is not None and controls.number <= self.controls.number and not self._is_new_pilot(controls):
+            return
+        self.controls, self.heard_s = controls, now_s
+        if controls.is_stop:
+            self.is_stopped = True
+        elif controls.clears_stop and not controls.is_armed:
+            self.is_stopped = False
+
+    def _is_new_pilot(self, controls: Controls) -> bool:
+        """A program at the surface that was started again counts from the beginning."""
+        return controls.number < self.controls.number - 1000 or controls.number <= 1
+
+    def age_s(self, now_s: float) -> float | None:
+        """Returns how old the newest controls are; None if there are none."""
+        return None if self.heard_s is None else now_s - self.heard_s
+
+    def rules(self, now_s: float) -> str:
+        """Returns whose word counts now, by the names above."""
+        age_s = self.age_s(now_s)
+        limits = self.limits
+        if age_s is None or self.is_stopped or not self.controls.is_armed:
+            return "idle"
+        if self.is_wet and limits.surfaces_on_leak:
+            return "surface"
+        if age_s <= limits.stale_s:
+            return "pilot"
+        if age_s < limits.lost_s:
+            return "neutral"
+        return "hold" if age_s < limits.lost_s + limits.hold_s else "surface"

@@ -1,0 +1,98 @@
+"""How a dive is judged: the course of the true depth and heading, and what can be said of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+from snr_sim.plants.attitude import to_angles
+from snr_sim.plants.urov import Urov
+
+SAMPLE_S = 0.1
+
+
+class Sample(NamedTuple):
+    """The true state at a moment, as far as scenarios judge it."""
+
+    time_s: float
+    position_m: tuple[float, float, float]
+    roll_rad: float
+    pitch_rad: float
+    yaw_rad: float
+
+    @property
+    def depth_m(self) -> float:
+        """Positive down."""
+        return -self.position_m[2]
+
+
+class WatchedUrov(Urov):
+    """The vehicle with somebody who takes down its course, ten times a second.
+
+    Attributes:
+        course: since the reset.
+        touched_n: the hardest contact since the reset.
+    """
+
+    def reset(self, seed: int) -> None:
+        """Starts anew, with an empty course."""
+        self.course: list[Sample] = []
+        self.touched_n = 0.0
+        super().reset(seed)
+
+    def step(self, dt_s: float) -> None:
+        """Moves on, and takes down what is due."""
+        super().step(dt_s)
+        if self.contact_n is not None:
+            self.touched_n = max(self.touched_n, math.hypot(*self.contact_n))
+        if self.time_s >= len(self.course) * SAMPLE_S - 1e-9:
+            self.course.append(Sample(self.time_s, self.position_m, *to_angles(self.attitude)))
+
+    def restore(self, snapshot: Any) -> None:
+        """Puts the vehicle back; what was taken down since is taken back."""
+        super().restore(snapshot)
+        self.course = [sample for sample in self.course if sample.time_s <= self.time_s]
+
+
+class Step(NamedTuple):
+    """How well a step of a held quantity was followed.
+
+    Args:
+        settling_s: from the step until the error stayed within the band; None if it never did.
+        overshoot: beyond the new value, in the direction of the step.
+        steady: mean size of the error at the end.
+    """
+
+    settling_s: float | None
+    overshoot: float
+    steady: float
+
+
+def followed(
+    course: Sequence[Sample],
+    value_of: Callable[[Sample], float],
+    times_s: tuple[float, float],
+    values: tuple[float, float],
+    band: float,
+) -> Step:
+    """Judges how a quantity followed a step.
+
+    Args:
+        course: what happened.
+        value_of: the quantity at a sample.
+        times_s: of the step, and until when it is judged.
+        values: before and after it.
+        band: size of an error that is small enough.
+    """
+    begin_s, end_s = times_s
+    errors = [(sample.time_s, value_of(sample) - values[1]) for sample in course if begin_s <= sample.time_s <= end_s]
+    outside = [time_s for time_s, error in errors if abs(error) > band]
+    reached = bool(errors) and (not outside or outside[-1] < errors[-1][0])
+    last = [abs(error) for time_s, error in errors if time_s > end_s - 5.0]
+    side = math.copysign(1.0, values[1] - values[0])
+    return Step(
+        settling_s=(outside[-1] + SAMPLE_S - begin_s if outside else 0.0) if reached else None,
+        overshoot=max((side * error for _, error in errors), default=0.0),
+        steady=sum(last) / len(last) if last else math.inf,
+    )

@@ -1,0 +1,71 @@
+"""The underwater vehicle: two roles, joined by a link through the tether.
+
+    topside                                  urov
+    pilot --> page "controls" ==== link ====> guard, holds, allocation --> page "pwm" --> speed controllers --> plant
+                                              ^ pages depth, imu, leak <-- sensors <--------------------------- plant
+    display <-- pages vehicle, depth, <=====  page "vehicle": what it is doing
+                altitude, power, leak
+
+    controls  what the surface asks for, 20 times a second    (controls.py)
+    vehicle   what the vehicle is doing, and for whom          (autopilot.py, guard.py)
+    pwm       pulses_us of each thruster
+
+Its numbers are in parameters.py and vehicles/, its physics in snr_sim/plants, and what happens in the scenario.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
+from snr_sim.devices.simulated import SimActuator
+from snr_sim.plants.t200 import LEAST_US, MOST_US
+from snr_sim.prelude.component import Factory
+from snr_sim.prelude.scenario import Rig
+from snr_sim.prelude.signals import PwmCommand
+from snr_sim.std_mods.comms.sockets import SocketsPair
+
+from .parameters import UrovParameters
+from .pilot import ScriptedPilotFactory
+
+ROLES = ("urov", "topside")
+IO = ("sim",)
+
+SENSORS = ("depth", "altitude", "power", "leak", "imu")  # the last one sets off control, so it comes after the others
+TO_TOPSIDE = ("vehicle", "depth", "altitude", "power", "leak")
+
+
+def sim_sensor(rig: Rig, name: str) -> Any:
+    """Opens a simulated sensor by its name."""
+    return getattr(rig.robot.parameters.sensors, name).simulated(rig.plant, name, rig.rng(name))
+
+
+def sim_pwm(rig: Rig) -> SimActuator[PwmCommand]:
+    """Opens the simulated outputs to the speed controllers."""
+    return SimActuator(rig.plant, "pwm", PwmCommand, {"pulses_us": (LEAST_US, MOST_US)})
+
+
+# What each device is, for each way of running the robot. Nothing else decides between simulation and hardware.
+DEVICES: dict[str, dict[str, Callable[[Rig], Any]]] = {
+    "sim": {**{name: partial(sim_sensor, name=name) for name in SENSORS}, "pwm": sim_pwm},
+}
+
+
+def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
+    """Returns the components of each role. At the vehicle sensors come first and thrusters last."""
+    parameters: UrovParameters = rig.robot.parameters
+    devices = DEVICES[rig.io]
+    tether = SocketsPair(("127.0.0.1", parameters.port), name="tether", faults=parameters.tether)
+    sensors = [
+        SensorLoopFactory(name, partial(devices[name], rig), parameters.sensors.rates_hz[name]) for name in SENSORS
+    ]
+    pwm = ActuatorLoopFactory("pwm", partial(devices["pwm"], rig), parameters.pwm_hz, timeout_s=0.25)
+    return {
+        "urov": [tether.server(TO_TOPSIDE, accept=["controls"]), *sensors, *controller, pwm],
+        "topside": [
+            ScriptedPilotFactory(parameters.script, parameters.command_hz),
+            tether.client("controls", accept=TO_TOPSIDE),
+        ],
+    }

@@ -1,0 +1,43 @@
+"""The link through the tether, and what is to be expected of it.
+
+The vehicle's maker sends Ethernet over one twisted pair with a pair of powerline modems (HomePlug AV). On the pair they
+reach 80 Mbit/s at best; over a tether of full length some tens are left, and a page takes some milliseconds.
+"""
+
+from __future__ import annotations
+
+from snr_sim.prelude.errors import ParameterError
+from snr_sim.std_mods.comms.faults import Faults
+
+SIGNAL_MPS = 2.0e8  # two thirds of the speed of light, as in any cable
+MODEM_S, MODEM_JITTER_S = 0.003, 0.002  # each way, through two modems: our estimate
+FULL_BPS, FULL_M = 80e6, 300.0  # at the modem; and the length at which a tenth of it is left, our estimate
+
+
+def tether_faults(
+    length_m: float, loss: float = 0.0, cut: tuple[tuple[float, float], ...] = (), seed: int | None = None
+) -> Faults:
+    """Returns the faults of a link through a tether.
+
+    >>> tether_faults(0.0).bandwidth_bps, tether_faults(300.0).bandwidth_bps
+    (80000000.0, 8000000.0)
+
+    Args:
+        length_m: of the tether.
+        loss: share of pages that never arrive.
+        cut: moments (start_s, end_s) between which nothing arrives.
+        seed: of its chance; the run's if None.
+
+    Raises:
+        ParameterError: there is no such tether, or no such loss or cut.
+    """
+    if not 0.0 <= length_m <= FULL_M:
+        raise ParameterError(f"A link through {length_m!r} m of tether.", fix=f"0 to {FULL_M:g} m.")
+    return Faults(
+        latency_s=MODEM_S + length_m / SIGNAL_MPS,
+        jitter_s=MODEM_JITTER_S,
+        loss=loss,
+        cut=cut,
+        bandwidth_bps=FULL_BPS * (1.0 - 0.9 * length_m / FULL_M),
+        seed=seed,
+    )

@@ -1,0 +1,229 @@
+"""The underwater vehicle's software, part by part, without a node: what it hears, whose word counts, what it holds."""
+
+import math
+from typing import Any
+
+import pytest
+
+from snr_sim import library
+from snr_sim.prelude.errors import CommandError, ParameterError, SnrError, UnknownName
+from snr_sim.prelude.signals import DepthReading, ImuReading
+
+library.load_robot(library.find("robots", "urov"))
+
+from snr_sim_robot_urov.controls import MODES, Controls, controls_of  # noqa: E402
+from snr_sim_robot_urov.guard import Guard, GuardLimits  # noqa: E402
+from snr_sim_robot_urov.holds import Holds  # noqa: E402
+from snr_sim_robot_urov.parameters import HoldNumbers  # noqa: E402
+from snr_sim_robot_urov.pilot import Cue, ScriptedPilotFactory  # noqa: E402
+from snr_sim_robot_urov.tether_link import tether_faults  # noqa: E402
+
+DT_S = 0.02
+
+
+# -- controls ---------------------------------------------------------------------------------------------------------
+
+
+def test_controls_that_ask_for_nothing_are_disarmed() -> None:
+    assert controls_of({}) == Controls()
+    assert not Controls().is_armed
+
+
+@pytest.mark.parametrize(
+    ("data", "error", "says"),
+    [
+        ({"mode": "depth_hld"}, UnknownName, "did you mean 'depth_hold'"),
+        ({"surge": 1.01}, CommandError, "'surge' is at 1.01"),
+        ({"yaw": math.nan}, CommandError, "'yaw' is at nan"),
+        ({"depth_m": math.inf}, CommandError, "depth_m = inf"),
+        ({"depth_m": -1.0}, CommandError, "positive down"),
+        ({"heading_rad": math.nan}, CommandError, "heading_rad = nan"),
+        ({"thrust": 1.0}, CommandError, "unknown field `thrust`"),
+        ({"surge": "full"}, CommandError, "surge"),
+        ([1.0], CommandError, "no controls"),
+    ],
+)
+def test_controls_that_are_none_are_refused_in_words(data: Any, error: type[SnrError], says: str) -> None:
+    with pytest.raises(error, match=says):
+        controls_of(data)
+
+
+def test_a_script_that_cannot_be_flown_is_refused_before_the_dive() -> None:
+    with pytest.raises(ParameterError, match="order"):
+        ScriptedPilotFactory([Cue(5.0, is_armed=True), Cue(1.0)], 20.0)
+    with pytest.raises(CommandError, match="unknown field `armed`"):
+        ScriptedPilotFactory([Cue(5.0, armed=True)], 20.0)
+
+
+# -- guard ------------------------------------------------------------------------------------------------------------
+
+
+def armed(number: int = 1, **changes: Any) -> Controls:
+    return Controls(number, is_armed=True, **changes)
+
+
+def guard(**limits: Any) -> Guard:
+    return Guard(GuardLimits(**limits))
+
+
+def test_nobody_is_obeyed_before_somebody_has_armed() -> None:
+    one = guard()
+    assert one.rules(0.0) == "idle"
+    one.hear(Controls(1, surge=1.0), 0.0)
+    assert one.rules(0.0) == "idle"
+    one.hear(armed(2), 0.1)
+    assert one.rules(0.1) == "pilot"
+    one.hear(Controls(3), 0.2)
+    assert one.rules(0.2) == "idle"
+
+
+def test_the_older_the_newest_controls_the_less_is_left_of_them() -> None:
+    one = guard()
+    one.hear(armed(), 10.0)
+    ages = {0.0: "pilot", 0.25: "pilot", 0.26: "neutral", 1.99: "neutral", 2.0: "hold", 11.99: "hold", 12.0: "surface"}
+    for age_s, rules in ages.items():
+        assert one.rules(10.0 + age_s) == rules
+    one.hear(armed(2), 100.0)
+    assert one.rules(100.1) == "pilot"
+
+
+def test_a_stop_holds_until_it_is_cleared_by_somebody_who_has_disarmed() -> None:
+    one = guard()
+    one.hear(armed(1, is_stop=True), 0.0)
+    assert (one.rules(0.0), one.is_stopped) == ("idle", True)
+    one.hear(armed(2), 0.1)
+    assert one.rules(0.1) == "idle", "not to push the stop any more is no clearing"
+    one.hear(armed(3, clears_stop=True), 0.2)
+    assert one.is_stopped, "who is armed cannot clear it"
+    one.hear(Controls(4, is_stop=True, clears_stop=True), 0.3)
+    assert one.is_stopped
+    one.hear(Controls(5, clears_stop=True), 0.4)
+    one.hear(armed(6), 0.5)
+    assert one.rules(0.5) == "pilot"
+
+
+def test_a_stop_survives_the_loss_of_the_link_and_no_failsafe_pushes() -> None:
+    one = guard()
+    one.hear(armed(1, is_stop=True), 0.0)
+    for age_s in (0.1, 1.0, 5.0, 50.0):
+        assert one.rules(age_s) == "idle"
+
+
+def test_a_command_that_was_overtaken_is_not_obeyed() -> None:
+    one = guard()
+    one.hear(armed(7), 0.0)
+    one.hear(Controls(6), 0.1)
+    assert (one.rules(0.1), one.age_s(0.1)) == ("pilot", pytest.approx(0.1))
+
+
+def test_a_surface_that_was_started_again_is_obeyed_though_it_counts_from_one() -> None:
+    one = guard()
+    one.hear(armed(5000), 0.0)
+    one.hear(armed(1), 9.0)
+    assert one.rules(9.0) == "pilot"
+
+
+def test_water_in_the_hull_sends_it_up_unless_it_is_not_to() -> None:
+    for surfaces, rules in ((True, "surface"), (False, "pilot")):
+        one = guard(surfaces_on_leak=surfaces)
+        one.hear(armed(), 0.0)
+        one.is_wet = True
+        assert one.rules(0.0) == rules
+
+
+# -- holds ------------------------------------------------------------------------------------------------------------
+
+
+def imu(roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0, rate: tuple[float, ...] = (0, 0, 0)) -> ImuReading:
+    return ImuReading(list(map(float, rate)), [0.0, 0.0, 9.81], [0.0, 20.0, -44.0], roll, pitch, yaw, 0.0)
+
+
+def depth(depth_m: float, stamp_s: float = 0.0) -> DepthReading:
+    return DepthReading(depth_m, 101_325.0 + 9777.0 * depth_m, 18.0, stamp_s)
+
+
+def holds() -> Holds:
+    return Holds(HoldNumbers(), drag=(33.0, 190.0))
+
+
+def test_manual_is_the_sticks_alone_in_the_vehicles_own_frame() -> None:
+    controls = Controls(surge=1.0, sway=-0.5, heave=0.25, yaw=1.0)
+    wrench = holds().wrench(controls, depth(2.0), imu(roll=0.5, pitch=-0.3, rate=(1, 1, 1)), DT_S)
+    numbers = HoldNumbers()
+    assert wrench == pytest.approx([numbers.sticks_n[0], -0.5 * numbers.sticks_n[1], 15.0, 0.0, 0.0, numbers.yaw_nm])
+
+
+def test_stabilise_pushes_roll_and_pitch_back_and_up_is_up() -> None:
+    wrench = holds().wrench(Controls(mode="stabilise", heave=1.0), depth(2.0), imu(roll=0.4, pitch=0.3), DT_S)
+    assert wrench[3] < 0.0
+    assert wrench[4] < 0.0
+    push = HoldNumbers().sticks_n[2]
+    up = [-push * math.sin(0.3), push * math.cos(0.3) * math.sin(0.4), push * math.cos(0.3) * math.cos(0.4)]
+    assert wrench[:3] == pytest.approx(up)
+
+
+def test_depth_hold_holds_the_depth_at_which_it_was_chosen() -> None:
+    one = holds()
+    one.wrench(Controls(mode="depth_hold"), depth(1.7), imu(), DT_S)
+    assert one.depth_m == pytest.approx(1.7)
+    assert one.wrench(Controls(mode="depth_hold"), depth(2.0), imu(), DT_S)[2] > 0.0, "too deep: it pushes up"
+    assert one.wrench(Controls(mode="depth_hold"), depth(1.4), imu(), DT_S)[2] < 0.0
+    one.wrench(Controls(mode="stabilise"), depth(2.6), imu(), DT_S)
+    one.wrench(Controls(mode="depth_hold"), depth(2.6), imu(), DT_S)
+    assert one.depth_m == pytest.approx(2.6), "chosen again, it is another one"
+
+
+def test_another_depth_is_approached_no_faster_than_the_vehicle_can_follow() -> None:
+    one = holds()
+    one.wrench(Controls(mode="depth_hold", depth_m=1.0), depth(1.0), imu(), DT_S)
+    one.wrench(Controls(mode="depth_hold", depth_m=3.0), depth(1.0), imu(), DT_S)
+    course = []
+    for _ in range(500):
+        one.wrench(Controls(mode="depth_hold"), depth(1.0), imu(), DT_S)
+        course.append(one.depth_m)
+    assert course[99] == pytest.approx(1.0 + 101 * DT_S * HoldNumbers().sink_mps)
+    assert course[-1] == pytest.approx(3.0)
+
+
+def test_the_heave_stick_moves_the_depth_that_is_held_and_not_above_the_water() -> None:
+    one = holds()
+    for _ in range(100):
+        one.wrench(Controls(mode="depth_hold", heave=1.0), depth(1.0), imu(), DT_S)
+    assert one.depth_m == pytest.approx(1.0 - 100 * DT_S * HoldNumbers().sink_mps)
+    for _ in range(400):
+        one.wrench(Controls(mode="depth_hold", heave=1.0), depth(1.0), imu(), DT_S)
+    assert one.depth_m == pytest.approx(0.0, abs=1e-12)
+
+
+def test_heading_hold_turns_the_shorter_way_and_the_yaw_stick_moves_the_heading() -> None:
+    one = holds()
+    one.wrench(Controls(mode="heading_hold", heading_rad=math.radians(170)), depth(1.0), imu(yaw=3.0), DT_S)
+    wrench = one.wrench(Controls(mode="heading_hold"), depth(1.0), imu(yaw=math.radians(-170)), DT_S)
+    assert wrench[5] < 0.0
+    for _ in range(50):
+        one.wrench(Controls(mode="heading_hold", yaw=1.0), depth(1.0), imu(), DT_S)
+    assert one.heading_rad == pytest.approx(math.radians(170) + 50 * DT_S * 0.7 - 2 * math.pi)
+
+
+def test_what_the_thrusters_cannot_push_is_not_held() -> None:
+    one = Holds(HoldNumbers(), drag=(33.0, 190.0), lacking=("pitch",))
+    for mode in MODES[1:]:
+        wrench = one.wrench(Controls(mode=mode), depth(1.0), imu(roll=0.2, pitch=0.2), DT_S)
+        assert wrench[4] == 0.0
+        assert wrench[3] < 0.0
+
+
+# -- the link through the tether --------------------------------------------------------------------------------------
+
+
+def test_a_longer_tether_is_slower_and_narrower() -> None:
+    short, long = tether_faults(10.0), tether_faults(300.0)
+    assert 0.0 < short.latency_s < long.latency_s < 0.01
+    assert (short.bandwidth_bps or 0.0) > (long.bandwidth_bps or 0.0) > 1e6
+    assert tether_faults(35.0, loss=0.1, cut=((5.0, 9.0),)).cut == ((5.0, 9.0),)
+
+
+@pytest.mark.parametrize("length_m", [-1.0, 301.0, math.nan])
+def test_a_tether_that_is_none_has_no_link(length_m: float) -> None:
+    with pytest.raises(ParameterError, match="tether"):
+        tether_faults(length_m)

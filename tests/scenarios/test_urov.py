@@ -1,0 +1,42 @@
+"""Dives of the underwater vehicle from end to end: both roles, the link and the plant under one clock."""
+
+from pathlib import Path
+
+from snr_sim.flight import Flight, Result
+from snr_sim.recording.reader import Trace, read_trace
+from snr_sim.recording.replay import replay_node
+from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.simulation import Request, Simulation, prepare
+
+
+def fly(scenario: str, seed: int) -> Result:
+    simulation = prepare(Request(scenario, seed))
+    plant = simulation.plant()
+    return Flight(simulation, plant, simulation.config(plant)).run()
+
+
+def record(folder: Path, scenario: str, seed: int) -> tuple[Simulation, Result, Trace]:
+    folder.mkdir(parents=True)
+    simulation = prepare(Request(scenario, seed))
+    plant = simulation.plant()
+    config = simulation.config(plant)
+    recorder = TraceWriter(folder / FILE_NAME, simulation.header(plant, config), simulation.opening())
+    result = Flight(simulation, plant, config, recorder).run()
+    recorder.close()
+    return simulation, result, read_trace(folder / FILE_NAME)
+
+
+def test_depth_is_held_after_a_step_in_a_current_and_when_the_payload_goes() -> None:
+    result = fly("urov_depth_hold", 1)
+    assert result.error == ""
+    assert (result.outcome, result.success) == ("held", True)
+    assert result.metrics["settling_s"] < 8.0
+    assert 500.0 < result.metrics["energy_j"] < 10_000.0
+
+
+def test_a_dive_is_the_same_dive_every_time_and_both_roles_replay(tmp_path: Path) -> None:
+    simulation, result, trace = record(tmp_path / "a", "urov_depth_hold", 5)
+    assert result.success
+    assert trace.digest == record(tmp_path / "b", "urov_depth_hold", 5)[2].digest
+    for role in ("urov", "topside"):
+        assert replay_node(trace, role, simulation.config(None)).is_identical
