@@ -2,7 +2,7 @@
 
 Every seed is another start: height, distance, speed sideways, tilt, mass, hills and slope of the pad. It has landed
 when it stands still on both feet and the first contact was within what the gear takes. Noise is 2.5 times that of
-`lander_pad`.
+`lander_pad`; engines are the same.
 """
 
 from __future__ import annotations

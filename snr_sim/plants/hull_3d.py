@@ -23,6 +23,7 @@ from snr_sim.prelude.errors import ParameterError, PlantError
 FOOT_KG = 20.0  # own choice: little beside the module, enough for its motion to be followed in steps of 5 ms
 FOOT_RADIUS_M = 0.1
 GROUND_HALF_DEPTH_M = 30.0
+GROUND_DEEP_M = 20.0  # under its lowest place: nothing falls through, however fast
 NOMINAL_KG = 7000.0  # MuJoCo computes for a module of this mass how softly to treat contacts: they give 0.1 mm
 
 # All feet together: mass, and their moments about the module's centre of mass.
@@ -172,6 +173,7 @@ def _mjcf(module: LunarModule, terrain: Terrain) -> str:
     """Returns module and ground for MuJoCo; mass and moments are set before every step."""
     heights = terrain.heights_m
     low, span = min(heights), max(heights) - min(heights) or 1.0
+    size = f"{HALF_WIDTH_M} {GROUND_HALF_DEPTH_M} {span:.9g} {GROUND_DEEP_M}"
     row = " ".join(f"{height:.9g}" for height in heights)
     mass, offset, inertia = _hull_of(NOMINAL_KG, module.gyration_m**2)
     corners = "  ".join(f"{x:g} {y:g} {z:g}" for x, y, z in hull_corners())
@@ -201,8 +203,7 @@ def _mjcf(module: LunarModule, terrain: Terrain) -> str:
     <default class="module"><geom contype="1" conaffinity="2"/></default>
   </default>
   <asset>
-    <hfield name="{GROUND}" nrow="2" ncol="{len(heights)}" size="{HALF_WIDTH_M} {GROUND_HALF_DEPTH_M} {span:.9g} 1"
-            elevation="{row} {row}"/>
+    <hfield name="{GROUND}" nrow="2" ncol="{len(heights)}" size="{size}" elevation="{row} {row}"/>
     <mesh name="hull" vertex="{corners}"/>
   </asset>
   <worldbody>

@@ -15,10 +15,11 @@ import numpy as np
 
 from snr_sim.plants.hull import pymunk_module
 from snr_sim.plants.impulses_2d import Touch
-from snr_sim.plants.pool import POST_M, WALLS_RISE_M, Gate, Pool
+from snr_sim.plants.pool import POST_M, Gate, Pool
 from snr_sim.plants.vehicle import Matrix, Vehicle
 
 THICK_M = 5.0  # of floor and walls, for what is in deep to be pushed out the right way
+HIGH_M = 1000.0  # walls rise over the water without end, as MuJoCo's planes do
 
 Place2D: TypeAlias = tuple[float, float, float]  # x, z [m], and pitch [rad] or, moving, their rates
 
@@ -53,7 +54,7 @@ class Pool2D:
         pymunk, pool = self._pymunk, self._pool
         self._y_m = y_m
         self._space = space = pymunk.Space()
-        half, floor, top = 0.5 * pool.length_m, -pool.depth_m, WALLS_RISE_M
+        half, floor, top = 0.5 * pool.length_m, -pool.depth_m, HIGH_M
         far = half + THICK_M
         solid = [
             [(-far, floor - THICK_M), (far, floor - THICK_M), (far, floor), (-far, floor)],
