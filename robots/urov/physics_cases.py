@@ -24,8 +24,9 @@ from snr_sim.plants.dive import Current, Dive, Load
 from snr_sim.plants.pool import Pool
 from snr_sim.plants.tether import Tether
 from snr_sim.plants.urov import Urov, WrenchCommand
-from snr_sim.plants.vehicle import AXES, Six, Vector, Vehicle
+from snr_sim.plants.vehicle import Six, Vector, Vehicle
 from snr_sim.plants.vehicle_file import read_vehicle
+from snr_sim.prelude.wrench import AXES
 
 STEPS_S = (0.002, 0.005, 0.01)
 SETS = ("benzon2022", "wu2018")

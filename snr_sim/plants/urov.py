@@ -34,9 +34,10 @@ from snr_sim.plants.surface import Surface
 from snr_sim.plants.tether import TetherPull
 from snr_sim.plants.urov_outputs import Altitude, Depth, Imu, Leak, Power
 from snr_sim.plants.urov_shapes import pool_shapes, vehicle_shapes
-from snr_sim.plants.vehicle import AXES, Matrix, Six, Vector, Vehicle
+from snr_sim.plants.vehicle import Matrix, Six, Vector, Vehicle
 from snr_sim.prelude.errors import ParameterError, PlantError, UnknownName, nearest
 from snr_sim.prelude.signals import PwmCommand
+from snr_sim.prelude.wrench import AXES
 
 STEP_S = 0.005  # the table in robots/urov/PHYSICS.md says what 2 and 10 ms would change
 AIR_PA = 101_325.0  # standard atmosphere

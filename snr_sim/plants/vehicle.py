@@ -17,13 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snr_sim.prelude.errors import ParameterError, nearest
+from snr_sim.prelude.wrench import AXES, lacking_axes
 
 Vector: TypeAlias = tuple[float, float, float]
 Six: TypeAlias = tuple[float, float, float, float, float, float]
 Matrix: TypeAlias = NDArray[np.float64]  # 6 x 6, or 6 x n
-
-AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
-ARM_M = 0.15  # compares moments with forces: about the arm of a BlueROV2's thrusters
 
 
 @dataclass(frozen=True)
@@ -167,30 +165,3 @@ class Vehicle:
                 f"The {len(self.thrusters)} thrusters of '{self.name}' have no authority in {', '.join(lacking)}.",
                 fix="ask only for the other axes, or take a frame with thrusters that push there, such as benzon2022.",
             )
-
-
-def lacking_axes(thruster_matrix: Matrix) -> tuple[str, ...]:
-    """Returns the axes without authority: one for each rank that the 6 x n matrix lacks, the one it lacks most.
-
-    Thrusters below the centre push nose up when they push ahead. If nothing can undo that, it is pitch that lacks, not
-    surge: the axis with the greatest share in the wrench that no thruster can give, moments counted at `ARM_M`.
-
-    >>> lacking_axes(np.array([[1.0], [0.0], [0.0], [0.0], [-0.07], [0.0]]))
-    ('sway', 'heave', 'roll', 'pitch', 'yaw')
-    """
-    scale = np.array([1.0, 1.0, 1.0, 1.0 / ARM_M, 1.0 / ARM_M, 1.0 / ARM_M])
-    left, sizes, _ = np.linalg.svd(scale[:, None] * thruster_matrix.reshape(6, -1), full_matrices=True)
-    limit = 1e-6 * max(1.0, float(sizes.max(initial=0.0)))
-    rank = int((sizes > limit).sum())
-    out_of_reach = left[:, rank:]
-    found: list[int] = []
-    for _ in range(6 - rank):
-        share = (out_of_reach**2).sum(axis=1)
-        share[found] = -1.0
-        axis = int(share.argmax())
-        found.append(axis)
-        # What is left out of reach once this axis is named: the rest of it, at right angles to the axis.
-        unit = out_of_reach.T @ np.eye(6)[axis]
-        unit /= np.linalg.norm(unit)
-        out_of_reach = out_of_reach - np.outer(out_of_reach @ unit, unit)
-    return tuple(AXES[axis] for axis in sorted(found))

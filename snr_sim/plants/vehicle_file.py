@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.plants.vehicle import Matrix, Six, Thruster, Vector, Vehicle, lacking_axes
+from snr_sim.plants.vehicle import Matrix, Six, Thruster, Vector, Vehicle
 from snr_sim.prelude.errors import ParameterError, nearest
+from snr_sim.prelude.wrench import lacking_axes
 
 FLIP = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])  # from FRD to FLU and back
 _NUMBERS = {
