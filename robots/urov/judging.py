@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from snr_sim.plants.attitude import to_angles
 from snr_sim.plants.urov import Urov
+from snr_sim.prelude.angles import roll_pitch_yaw_rad
 
 SAMPLE_S = 0.1
 
@@ -47,7 +47,7 @@ class WatchedUrov(Urov):
         if self.contact_n is not None:
             self.touched_n = max(self.touched_n, math.hypot(*self.contact_n))
         if self.time_s >= len(self.course) * SAMPLE_S - 1e-9:
-            self.course.append(Sample(self.time_s, self.position_m, *to_angles(self.attitude)))
+            self.course.append(Sample(self.time_s, self.position_m, *roll_pitch_yaw_rad(self.attitude)))
 
     def restore(self, snapshot: Any) -> None:
         """Puts the vehicle back; what was taken down since is taken back."""

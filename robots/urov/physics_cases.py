@@ -19,13 +19,13 @@ from pathlib import Path
 import numpy as np
 from fossen_rk4 import Fossen, rotation
 
-from snr_sim.plants.attitude import to_angles
 from snr_sim.plants.dive import Current, Dive, Load
 from snr_sim.plants.pool import Pool
 from snr_sim.plants.tether import Tether
 from snr_sim.plants.urov import Urov, WrenchCommand
 from snr_sim.plants.vehicle import Six, Vector, Vehicle
 from snr_sim.plants.vehicle_file import read_vehicle
+from snr_sim.prelude.angles import roll_pitch_yaw_rad
 from snr_sim.prelude.wrench import AXES
 
 STEPS_S = (0.002, 0.005, 0.01)
@@ -276,7 +276,7 @@ def righting() -> Iterator[Case]:
 
         def pitch_up(step_s: float, one: Vehicle = one, low: float = low) -> float:
             plant = go(swim(one, step_s), 40.0, (2.0, 0.0, 0.0, 0.0, -2.0 * low, 0.0))
-            return math.degrees(-to_angles(plant.attitude)[1])
+            return math.degrees(-roll_pitch_yaw_rad(plant.attitude)[1])
 
         yield Case(
             group, f"{name}, neutral: nose up by 2 N ahead, {low} m below", nose_up, "deg",

@@ -38,32 +38,3 @@ def turned(attitude: Quaternion, p: float, q: float, r: float, dt_s: float) -> Q
     )
     scale = 1.0 / math.sqrt(nw * nw + nx * nx + ny * ny + nz * nz)
     return nw * scale, nx * scale, ny * scale, nz * scale
-
-
-def from_angles(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Quaternion:
-    """Returns the attitude that yaw, then pitch, then roll lead to, each about the axis as it then stands.
-
-    Positive: roll to the right, nose down, and to the left; as right hands turn about x, y and z.
-
-    >>> from_angles(0.0, 0.0, 0.0)
-    (1.0, 0.0, 0.0, 0.0)
-    """
-    cr, sr = math.cos(0.5 * roll_rad), math.sin(0.5 * roll_rad)
-    cp, sp = math.cos(0.5 * pitch_rad), math.sin(0.5 * pitch_rad)
-    cy, sy = math.cos(0.5 * yaw_rad), math.sin(0.5 * yaw_rad)
-    return (
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    )
-
-
-def to_angles(attitude: Quaternion) -> tuple[float, float, float]:
-    """Returns roll, pitch and yaw of an attitude, as in `from_angles`.
-
-    >>> [round(angle, 9) for angle in to_angles(from_angles(0.1, -0.2, 3.0))]
-    [0.1, -0.2, 3.0]
-    """
-    r11, _, _, r21, _, _, r31, r32, r33 = rotation_of(attitude)
-    return math.atan2(r32, r33), math.asin(min(1.0, max(-1.0, -r31))), math.atan2(r21, r11)

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple, Protocol
 import msgspec
 
 from snr_sim.plants import dive as dives
-from snr_sim.plants.attitude import Quaternion, Rotation, from_angles, rotation_of, to_angles, turned
+from snr_sim.plants.attitude import Quaternion, Rotation, rotation_of, turned
 from snr_sim.plants.dive import Dive
 from snr_sim.plants.flotation import Flotation
 from snr_sim.plants.hydrodynamics import AT_REST, Hydrodynamics
@@ -35,6 +35,7 @@ from snr_sim.plants.tether import TetherPull
 from snr_sim.plants.urov_outputs import Altitude, Depth, Imu, Leak, Power
 from snr_sim.plants.urov_shapes import pool_shapes, vehicle_shapes
 from snr_sim.plants.vehicle import Matrix, Six, Vector, Vehicle
+from snr_sim.prelude.angles import quaternion_of, roll_pitch_yaw_rad
 from snr_sim.prelude.errors import ParameterError, PlantError, UnknownName, nearest
 from snr_sim.prelude.signals import PwmCommand
 from snr_sim.prelude.wrench import AXES
@@ -230,7 +231,7 @@ class Urov:
         dive = self.start_of(seed)
         self._check(dive)
         self._body.clear()
-        attitude = from_angles(*dive.attitude_rad)
+        attitude = quaternion_of(*dive.attitude_rad)
         self._body.put([*dive.position_m, *attitude], [*dive.velocity_mps, *dive.rate_radps])
         if self.thrusters is not None:
             self.thrusters.reset()
@@ -651,7 +652,7 @@ class Urov:
         """Returns the true state for the recorder."""
         w, x, y, z = self._attitude
         place = self._place
-        roll, pitch, yaw = to_angles(self._attitude)
+        roll, pitch, yaw = roll_pitch_yaw_rad(self._attitude)
         u, v, heave = self._through_water()
         arrows: dict[str, list[float]] = {}
         if self.thrusters is not None:

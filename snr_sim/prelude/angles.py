@@ -37,19 +37,18 @@ def roll_pitch_yaw_rad(attitude: Sequence[float]) -> tuple[float, float, float]:
     return roll, pitch, yaw
 
 
-def quaternion_of(roll_rad: float, pitch_rad: float, yaw_rad: float) -> list[float]:
-    """Returns the unit quaternion [w, x, y, z] of an attitude, with w not negative.
+def quaternion_of(roll_rad: float, pitch_rad: float, yaw_rad: float) -> tuple[float, float, float, float]:
+    """Returns the unit quaternion (w, x, y, z) of an attitude.
 
     >>> quaternion_of(0.0, 0.0, 0.0)
-    [1.0, 0.0, 0.0, 0.0]
+    (1.0, 0.0, 0.0, 0.0)
     """
     cr, sr = math.cos(0.5 * roll_rad), math.sin(0.5 * roll_rad)
     cp, sp = math.cos(0.5 * pitch_rad), math.sin(0.5 * pitch_rad)
     cy, sy = math.cos(0.5 * yaw_rad), math.sin(0.5 * yaw_rad)
-    quaternion = [
+    return (
         cr * cp * cy + sr * sp * sy,
         sr * cp * cy - cr * sp * sy,
         cr * sp * cy + sr * cp * sy,
         cr * cp * sy - sr * sp * cy,
-    ]
-    return quaternion if quaternion[0] >= 0.0 else [-part for part in quaternion]
+    )

@@ -13,7 +13,7 @@ from snr_sim.testing.fakes import FakePlant
 
 
 def still(roll: float = 0.1, pitch: float = -0.2, yaw: float = 2.0) -> FakePlant:
-    motion = Imu([0.01, -0.02, 0.03], [0.1, 0.2, 9.8], quaternion_of(roll, pitch, yaw), [5.0, 20.0, -40.0], 0.0)
+    motion = Imu([0.01, -0.02, 0.03], [0.1, 0.2, 9.8], list(quaternion_of(roll, pitch, yaw)), [5.0, 20.0, -40.0], 0.0)
     return FakePlant({"imu": motion})
 
 

@@ -14,7 +14,6 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.plants.attitude import to_angles
 from snr_sim.plants.dive import Current, Dive, Leak, Load, ThrusterFault
 from snr_sim.plants.pool import Gate, Pool
 from snr_sim.plants.propulsion import Propulsion
@@ -23,6 +22,7 @@ from snr_sim.plants.urov import Urov, WrenchCommand
 from snr_sim.plants.urov_2d import Urov2D, in_plane
 from snr_sim.plants.vehicle import Vehicle
 from snr_sim.plants.vehicle_file import read_vehicle
+from snr_sim.prelude.angles import roll_pitch_yaw_rad
 from snr_sim.prelude.errors import PlantError
 from snr_sim.prelude.signals import PwmCommand
 from snr_sim.testing.contracts import check_plant
@@ -48,7 +48,7 @@ def both(vehicle: Vehicle = HEAVY, pool: Pool = SEA, step_s: float = 0.005, **ho
 
 def numbers(plant: Urov) -> Numbers:
     (x, _, z), (vx, _, vz) = plant.position_m, plant.velocity_mps
-    return x, z, to_angles(plant.attitude)[1], vx, vz, plant.rate_radps[1]
+    return x, z, roll_pitch_yaw_rad(plant.attitude)[1], vx, vz, plant.rate_radps[1]
 
 
 def go(plants: Sequence[Urov], time_s: float, program: Program = ()) -> list[float]:
@@ -295,7 +295,7 @@ def test_what_of_a_dive_leads_out_of_the_plane_is_left_out() -> None:
     plant = Urov2D(HEAVY, Pool(), lambda seed: dive)
     go([plant, plant], 5.0, at([10.0, 10.0, 5.0], [1.0, 0.02, 1.0]))
     assert plant.position_m[1] == 2.0
-    roll, _, yaw = to_angles(plant.attitude)
+    roll, _, yaw = roll_pitch_yaw_rad(plant.attitude)
     assert (roll, yaw) == (0.0, 0.0)
 
 

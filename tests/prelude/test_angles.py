@@ -1,4 +1,5 @@
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ def test_an_angle_within_half_a_turn_is_not_touched_by_rounding() -> None:
     assert -math.pi < wrap_rad(math.nextafter(math.pi, 4.0)) <= math.pi
 
 
-def matrix(attitude: list[float]) -> np.ndarray:
+def matrix(attitude: Sequence[float]) -> np.ndarray:
     """The rotation that a quaternion is, from its textbook form q v q*."""
     w, v = attitude[0], np.array(attitude[1:])
     across = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
