@@ -34,7 +34,7 @@ _FEET_XX = sum(FOOT_KG * (y * y + _FEET_BELOW_M**2) + _FOOT_INERTIA for _, y in 
 _FEET_YY = sum(FOOT_KG * (x * x + _FEET_BELOW_M**2) + _FOOT_INERTIA for x, _ in PADS_M.values())
 _FEET_ZZ = sum(FOOT_KG * (x * x + y * y) + _FOOT_INERTIA for x, y in PADS_M.values())
 
-GROUND = "ground"
+GROUND, HULL = "ground", "hull"
 
 Vector: TypeAlias = tuple[float, float, float]
 
@@ -53,24 +53,24 @@ class Hull3D:
             foot has given way along the body's axes [m].
         motion: velocity [m/s] in the world's frame, rate [rad/s] in the body's, then that of each foot.
         axes: the matrix whose columns are the body's axes in the world's frame, row by row.
-        contacts: what touches the ground: names of legs, and "hull".
+        contacts: what touches the ground: names of legs, and `HULL`.
     """
 
     def __init__(self, module: LunarModule, terrain: Terrain, step_s: float) -> None:
-        world = MujocoWorld(_mjcf(module, terrain), step_s, ("hull", *PADS_M), "the lunar module's MJCF")
+        world = MujocoWorld(_mjcf(module, terrain), step_s, (HULL, *PADS_M), "the lunar module's MJCF")
         mujoco, model, data = world.mujoco, world.model, world.data
         self.engine = world.engine
         self.terrain = terrain
         self._world, self._model, self._data = world, model, data
         self._begin_step, self._end_step = mujoco.mj_step1, mujoco.mj_step2
         self._gyration2 = module.gyration_m**2
-        body = world.body_id("hull")
+        body = world.body_id(HULL)
         # Views into MuJoCo's memory, looked up once: they are read and written at every step.
         self._qpos, self._qvel, self._xmat = data.qpos, data.qvel, data.xmat[body]
         self._force = data.qfrc_applied[:6]
         self._masses, self._subtree, self._hull = model.body_mass, model.body_subtreemass, body
         self._offset, self._inertia = model.body_ipos[body], model.body_inertia[body]
-        names = {body: "hull", **{world.body_id(name): name for name in PADS_M}}
+        names = {body: HULL, **{world.body_id(name): name for name in PADS_M}}
         self._part_of = [names.get(int(number), GROUND) for number in model.geom_bodyid]
 
     # -- the state ----------------------------------------------------------------------------------------------------
@@ -191,6 +191,8 @@ def _mjcf(module: LunarModule, terrain: Terrain) -> str:
       </body>"""
         for name, (x, y) in PADS_M.items()
     )
+    # The integrator "discrete": under Euler's and the implicit ones contacts reckon without the dampers of the legs,
+    # which in a step of 5 ms weigh three times a foot, and a module at rest rattles for ever. Flight is the same.
     # Contacts as stiff as the step allows: it is the legs that give way. An elliptic cone, and friction computed ten
     # times as hard as the rest, so that a module on a slope does not creep.
     return f"""
@@ -204,14 +206,14 @@ def _mjcf(module: LunarModule, terrain: Terrain) -> str:
   </default>
   <asset>
     <hfield name="{GROUND}" nrow="2" ncol="{len(heights)}" size="{size}" elevation="{row} {row}"/>
-    <mesh name="hull" vertex="{corners}"/>
+    <mesh name="{HULL}" vertex="{corners}"/>
   </asset>
   <worldbody>
     <geom name="{GROUND}" type="hfield" hfield="{GROUND}" pos="0 0 {low:.9g}" contype="2" conaffinity="1"/>
-    <body name="hull">
-      <freejoint name="hull"/>
+    <body name="{HULL}">
+      <freejoint name="{HULL}"/>
       <inertial pos="0 0 {offset}" mass="{mass}" diaginertia="{inertia[0]} {inertia[1]} {inertia[2]}"/>
-      <geom class="module" type="mesh" mesh="hull"/>{feet}
+      <geom class="module" type="mesh" mesh="{HULL}"/>{feet}
     </body>
   </worldbody>
 </mujoco>"""

@@ -18,7 +18,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, TypeAlias
 
 from snr_sim.plants.gear import Touchdown
-from snr_sim.plants.hull_3d import Hull3D
+from snr_sim.plants.hull_3d import HULL, Hull3D
 from snr_sim.plants.lander import CEILING_M, EDGE_M, STEP_S, STILL_MPS, STILL_RADPS, Lander
 from snr_sim.plants.legs import Pose
 from snr_sim.plants.module import TIPPED_RAD, LunarModule, PlaneStart
@@ -28,7 +28,6 @@ from snr_sim.plants.terrain_shapes import terrain_shapes
 
 LEFT = frozenset(name for name, (x, _) in PADS_M.items() if x < 0.0)
 RIGHT = frozenset(PADS_M) - LEFT
-HULL = "hull"
 _TIPPED_UP = math.cos(TIPPED_RAD)
 
 Kick3D: TypeAlias = tuple[
