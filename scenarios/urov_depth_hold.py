@@ -11,7 +11,7 @@ import math
 from functools import lru_cache
 from typing import Any
 
-from snr_sim_robot_urov.judging import Sample, WatchedUrov, followed
+from snr_sim_robot_urov.judging import Sample, Watched, WatchedUrov, WatchedUrov2D, followed
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
 from snr_sim_robot_urov.pilot import Cue
 
@@ -23,7 +23,8 @@ from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import Verdict
 
 ROBOT = "urov"
-ENGINES = ("mujoco",)
+BODIES = {"mujoco": WatchedUrov, "pymunk": WatchedUrov2D}  # in space; in the plane
+ENGINES = tuple(BODIES)  # for --engine; the first is the default
 CONTROLLER = "holds"
 END_S = 40.0
 TIME_LIMIT_S = END_S + 1.0
@@ -57,13 +58,13 @@ def parameters(seed: int) -> UrovParameters:
     return UrovParameters(vehicle(), script)
 
 
-def plant(seed: int, engine: str) -> WatchedUrov:
+def plant(seed: int, engine: str) -> Watched:
     """Returns the vehicle at its start."""
     # A long pool, so that no current carries it to a wall within a minute.
-    return WatchedUrov(vehicle(), Pool(40.0, 40.0, 6.0), dive, Propulsion(8), seed)
+    return BODIES[engine](vehicle(), Pool(40.0, 40.0, 6.0), dive, Propulsion(8), seed)
 
 
-def verdict(plant: WatchedUrov) -> Verdict | None:
+def verdict(plant: Watched) -> Verdict | None:
     """Returns how it ended, once the time is over."""
     if plant.time_s < END_S - 1e-6:
         return None
@@ -80,7 +81,7 @@ def verdict(plant: WatchedUrov) -> Verdict | None:
     return Verdict("missed" if misses else "held", not misses, "; ".join(misses))
 
 
-def metrics(plant: WatchedUrov, seed: int) -> dict[str, Any]:
+def metrics(plant: Watched, seed: int) -> dict[str, Any]:
     """Returns how well depth was held, and what it cost."""
     step, back = _judged(plant)
     return {
@@ -94,7 +95,7 @@ def metrics(plant: WatchedUrov, seed: int) -> dict[str, Any]:
     }
 
 
-def _judged(plant: WatchedUrov) -> tuple[Any, Any]:
+def _judged(plant: Watched) -> tuple[Any, Any]:
     def depth_m(sample: Sample) -> float:
         return sample.depth_m
 

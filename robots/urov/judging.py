@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from snr_sim.plants.urov import Urov
+from snr_sim.plants.urov_2d import Urov2D
 from snr_sim.prelude.angles import roll_pitch_yaw_rad
 
 SAMPLE_S = 0.1
@@ -27,8 +28,8 @@ class Sample(NamedTuple):
         return -self.position_m[2]
 
 
-class WatchedUrov(Urov):
-    """The vehicle with somebody who takes down its course, ten times a second.
+class Watched(Urov):
+    """A vehicle with somebody who takes down its course, ten times a second.
 
     Attributes:
         course: since the reset.
@@ -53,6 +54,14 @@ class WatchedUrov(Urov):
         """Puts the vehicle back; what was taken down since is taken back."""
         super().restore(snapshot)
         self.course = [sample for sample in self.course if sample.time_s <= self.time_s]
+
+
+class WatchedUrov(Watched):
+    """In space, under MuJoCo."""
+
+
+class WatchedUrov2D(Watched, Urov2D):
+    """In the plane of surge, heave and pitch, under pymunk."""
 
 
 class Step(NamedTuple):

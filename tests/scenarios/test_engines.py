@@ -49,6 +49,17 @@ def test_a_node_gets_the_same_pages_from_both_and_lands(scenario: str, tmp_path:
         assert space_trace.header.engine.startswith("mujoco: mujoco 4")
 
 
+def test_depth_is_held_alike_in_space_and_in_the_plane(tmp_path: Path) -> None:
+    runs = {engine: record(tmp_path / engine, "urov_depth_hold", engine, 1)[1:] for engine in ENGINES}
+    (plane, plane_trace), (space, space_trace) = (runs[engine] for engine in ENGINES)
+    assert pages(plane_trace) == pages(space_trace)
+    assert plane.success
+    assert space.success
+    assert plane.metrics["settling_s"] == pytest.approx(space.metrics["settling_s"], abs=0.3)
+    assert plane.metrics["overshoot_m"] == pytest.approx(space.metrics["overshoot_m"], abs=0.02)
+    assert plane_trace.header.engine.startswith("pymunk: pymunk 7")
+
+
 def test_a_run_under_mujoco_is_the_same_run_every_time_and_replays(tmp_path: Path) -> None:
     simulation, _, trace = record(tmp_path / "a", "lander_pad", "mujoco", 7)
     assert trace.digest == record(tmp_path / "b", "lander_pad", "mujoco", 7)[2].digest
