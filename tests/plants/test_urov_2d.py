@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from snr_sim.plants.dive import Current, Dive, Leak, Load, ThrusterFault
@@ -148,6 +149,33 @@ def test_it_rises_alike_and_comes_to_rest_at_the_surface(vehicle: Vehicle) -> No
 @pytest.mark.parametrize(("step_s", "limit"), [(0.0025, 3e-5), (0.005, 1e-4), (0.01, 4e-4)])
 def test_all_motions_at_once_differ_by_the_square_of_the_step(vehicle: Vehicle, step_s: float, limit: float) -> None:
     assert max(go(both(vehicle, step_s=step_s), 10.0, MIXED)) < limit
+
+
+# At the surface what is wet changes with every step, and both take it at one moment of the step: first order.
+@pytest.mark.parametrize(("z_m", "limit"), [(-50.0, 3e-4), (-0.3, 5e-3), (0.1, 5e-3)], ids=["deep", "under", "over"])
+@pytest.mark.parametrize("seed", range(4))
+def test_lopsided_vehicles_in_any_motion_do_alike(seed: int, z_m: float, limit: float) -> None:
+    rng = np.random.default_rng(seed)
+
+    def some(*most: float) -> list[float]:
+        return [rng.uniform(-one, one) for one in most]
+
+    vehicle = list(SETS.values())[seed % 2]
+    added = vehicle.added_mass.copy()
+    for (row, column), value in zip(((0, 2), (0, 4), (2, 4)), some(2.0, 0.3, 0.3), strict=True):
+        added[row, column] = added[column, row] = value
+    x, z = some(0.03, 0.015)
+    vehicle = replace(vehicle, added_mass=added, centre_of_mass_m=(x, 0.0, z - 0.015), net_buoyancy_n=some(3.0)[0])
+    (pitch, rate), (vx, vz), (cx, cz) = some(1.5, 1.0), some(1.0, 1.0), some(0.5, 0.1)
+    program = [
+        (at_s, [fx, 0.0, fz], [0.0, m, 0.0]) for at_s in (0.0, 1.5, 3.0) for fx, fz, m in [some(25.0, 25.0, 2.0)]
+    ]
+    plants = both(
+        vehicle, position_m=(0.0, 0.0, z_m), attitude_rad=(0.0, pitch, 0.0), velocity_mps=(vx, 0.0, vz),
+        rate_radps=(0.0, rate, 0.0), currents=(Current(1.0, (cx, 0.0, cz)),),
+    )  # fmt: skip
+    x, z, _, *rates = go(plants, 5.0, program)
+    assert max(x, z, *rates) < limit
 
 
 def test_current_loads_leak_and_tether_act_alike() -> None:
