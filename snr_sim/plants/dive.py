@@ -86,6 +86,9 @@ class ThrusterFault:
 class Current:
     """The speed of all water from a moment on.
 
+    It changes at once, and the vehicle keeps its own speed over ground: the pressure that makes real water speed up,
+    and would carry the vehicle along, is left out.
+
     Args:
         from_s: when it begins.
         velocity_mps: world frame.

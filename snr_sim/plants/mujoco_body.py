@@ -170,3 +170,4 @@ class MujocoBody:
     def restore(self, snapshot: Any) -> None:
         """Puts back what `snapshot` returned."""
         self._world.mujoco.mj_setState(self._model, self._data, snapshot, self._kind)
+        self.look()  # so that a ray meets everything where it is

@@ -43,14 +43,6 @@ class Surface:
         self._thrusters = np.array([thruster.position_m for thruster in vehicle.thrusters]).reshape(-1, 3)
         self.reach_m = 0.5 * math.hypot(*vehicle.size_m) + math.hypot(*vehicle.centre_of_buoyancy_m)
 
-    def height_m(self, up: Vector) -> float:
-        """Returns how tall the box stands.
-
-        Args:
-            up: the world's upward direction, body frame.
-        """
-        return sum(abs(a) * side for a, side in zip(up, self._size, strict=True))
-
     def wetted(self, z_m: float, up: Vector) -> tuple[float, Vector]:
         """Returns the wet share of the displaced volume, and the middle of the wet part [m], body frame.
 
@@ -58,7 +50,11 @@ class Surface:
             z_m: height of the body's origin over the surface.
             up: the world's upward direction, body frame.
         """
-        slope = -CUTS / self.height_m(up)
+        # A small box counts as high as its sides reach up, taken together as at right angles: then a slight tilt makes
+        # it no higher, and neighbours above each other do not overlap.
+        a, b, c = up
+        length, width, height = self._size
+        slope = -CUTS / math.hypot(a * length, b * width, c * height)
         total, x, y, z = (
             _between_0_and_1(0.5 + slope * z_m + self._places @ np.array(up) * slope) @ self._moments
         ).tolist()

@@ -631,9 +631,12 @@ class Urov:
     def _altitude(self) -> Altitude:
         x, y, z = self._place
         ax, ay, az = self._in_world(0.0, 0.0, -0.5 * self.vehicle.size_m[2])
-        height = self._body.height_over_ground_m((x + ax, y + ay, z + az))
+        above = max(0.0, -az)  # looks from no lower than the origin, as the bottom may give way into the floor
+        height = self._body.height_over_ground_m((x + ax, y + ay, z + az + above)) - above
+        if height < -above:
+            height = NO_GROUND_M
         tilt = math.acos(min(1.0, max(-1.0, self._rotation[8])))
-        return Altitude(NO_GROUND_M if height < 0.0 else height, tilt, self.time_s)
+        return Altitude(max(0.0, height), tilt, self.time_s)
 
     def _power(self) -> Power:
         if self.thrusters is None:

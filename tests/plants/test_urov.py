@@ -1,13 +1,18 @@
+import itertools
 import json
 import math
+import random
+import subprocess
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from snr_sim.plants.dive import Current, Dive, Leak, Load
-from snr_sim.plants.pool import Pool
+from snr_sim.plants.attitude import rotation_of
+from snr_sim.plants.dive import Current, Dive, Leak, Load, ThrusterFault
+from snr_sim.plants.pool import FRICTION, POST_M, Gate, Pool
 from snr_sim.plants.propulsion import Propulsion
 from snr_sim.plants.tether import Tether
 from snr_sim.plants.urov import Urov, WrenchCommand
@@ -28,6 +33,10 @@ def swim(vehicle: Vehicle = HEAVY, pool: Pool = SEA, step_s: float = 0.005, **ho
     """A vehicle in deep water; `how` it begins is as in Dive."""
     dive = Dive(**{"position_m": (0.0, 0.0, -50.0), **how})  # type: ignore[arg-type]
     return Urov(vehicle, pool, lambda seed: dive, step_s=step_s)
+
+
+def undamped(vehicle: Vehicle) -> Vehicle:
+    return replace(vehicle, linear_damping=(0.0,) * 6, quadratic_damping=(0.0,) * 6)
 
 
 def go(plant: Urov, time_s: float, force_n: Sequence[float] = (0.0, 0.0, 0.0)) -> Urov:
@@ -97,3 +106,338 @@ def test_a_state_that_explodes_is_an_error_that_says_what_it_was(
     with pytest.raises(PlantError, match=r"acceleration in surge.* is no longer finite; the velocities .* surge "):
         go(plant, 1.0)
     assert list(tmp_path.iterdir()) == []  # MuJoCo has not seen it, and wrote no log
+
+
+# -- the surface ------------------------------------------------------------------------------------------------------
+
+
+def test_lifted_out_it_weighs_all_of_its_weight_and_falls_freely() -> None:
+    plant = go(swim(position_m=(0.0, 0.0, 5.0), rate_radps=(0.1, 0.2, 0.3)), 0.5)
+    assert plant.velocity_mps[2] == pytest.approx(-9.81 * 0.5)
+    assert plant.read("imu").specific_force_mps2 == pytest.approx([0.0, 0.0, 0.0], abs=1e-4)
+    assert plant.mass_matrix[0, 0] == pytest.approx(plant.vehicle.mass_kg)
+
+
+@pytest.mark.parametrize("step_s", [0.002, 0.005, 0.01])
+def test_falling_into_the_water_and_coming_up_never_make_energy(step_s: float) -> None:
+    """Weight and buoyancy are the only energy there is; the surface takes some and gives none."""
+    plant = swim(undamped(HEAVY), step_s=step_s, position_m=(0.0, 0.0, 0.6))
+    vehicle, weight = plant.vehicle, 9.81 * plant.vehicle.mass_kg
+    height, centre = vehicle.size_m[2], vehicle.centre_of_buoyancy_m[2]
+
+    def energy() -> float:
+        z = plant.position_m[2]
+        under = min(1.0, max(0.0, 0.5 - (z + centre) / height))
+        # The work of buoyancy down to here: it grows with the wet share, then stays.
+        floated = (weight + 1.5) * (0.5 * height * under * under + max(0.0, -(z + centre) - 0.5 * height))
+        return plant.kinetic_energy_j + weight * z + floated
+
+    before = at_first = energy()
+    crossings, was_under = 0, False
+    for _ in range(round(6.0 / step_s)):
+        plant.step(step_s)
+        now = energy()
+        assert now <= before + 2e-3 * at_first
+        crossings += was_under != (plant.position_m[2] < 0.0)
+        was_under, before = plant.position_m[2] < 0.0, min(before, now)
+    assert crossings >= 1
+    assert before < 0.8 * at_first  # the splash cost something
+
+
+def test_afloat_it_lies_where_the_displaced_water_weighs_as_much() -> None:
+    light = replace(HEAVY, net_buoyancy_n=60.0)
+    plant = go(swim(light, position_m=(0.0, 0.0, -0.1), attitude_rad=(0.1, 0.05, 0.0)), 60.0)
+    share = 1.0 - 60.0 / (9810.0 * light.volume_m3)
+    height = (0.5 - share) * light.size_m[2] - light.centre_of_buoyancy_m[2]
+    assert plant.position_m[2] == pytest.approx(height, abs=1e-3)
+    assert plant.truth()["values"]["roll_deg"] == pytest.approx(0.0, abs=0.5)
+
+
+def test_depth_and_pressure_follow_the_water() -> None:
+    deep, high = swim().read("depth"), swim(position_m=(0.0, 0.0, 0.4), velocity_mps=(0.0, 0.0, 0.2)).read("depth")
+    assert (deep.depth_m, deep.pressure_pa) == (50.0, pytest.approx(101_325.0 + 9810.0 * 50.0))
+    assert (high.depth_m, high.sink_mps, high.pressure_pa) == (-0.4, -0.2, 101_325.0)
+
+
+# -- attitude and energy ----------------------------------------------------------------------------------------------
+
+
+def test_upside_down_it_turns_back_upright() -> None:
+    plant = go(swim(attitude_rad=(3.1, 0.0, 0.0)), 60.0)
+    assert abs(plant.truth()["values"]["roll_deg"]) < 2.0
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("step_s", [0.002, 0.01])
+def test_drag_only_ever_takes_energy(seed: int, step_s: float) -> None:
+    rng = random.Random(seed)
+    vehicle = replace(HEAVY, net_buoyancy_n=0.0)
+    plant = swim(
+        vehicle,
+        step_s=step_s,
+        attitude_rad=tuple(rng.uniform(-3.0, 3.0) for _ in range(3)),
+        velocity_mps=tuple(rng.uniform(-1.0, 1.0) for _ in range(3)),
+        rate_radps=tuple(rng.uniform(-2.0, 2.0) for _ in range(3)),
+    )
+    stiffness = 9810.0 * vehicle.volume_m3 * vehicle.centre_of_buoyancy_m[2]
+
+    def energy() -> float:
+        return plant.kinetic_energy_j - stiffness * rotation_of(plant.attitude)[8]
+
+    before = energy()
+    for _ in range(round(5.0 / step_s)):
+        plant.step(step_s)
+        now = energy()
+        assert now <= before + 1e-9
+        before = now
+
+
+def test_the_error_shrinks_with_the_square_of_the_step() -> None:
+    def depth_speed(step_s: float) -> float:
+        return go(swim(replace(HEAVY, net_buoyancy_n=0.0), step_s=step_s), 1.0, (25.0, 10.0, 40.0)).through_water[2]
+
+    exact = depth_speed(0.0005)
+    errors = [depth_speed(step_s) - exact for step_s in (0.02, 0.01, 0.005)]
+    assert [math.log2(a / b) for a, b in itertools.pairwise(errors)] == pytest.approx([2.0, 2.0], abs=0.15)
+
+
+# -- floor, walls, gates ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("current", "holds"), [(0.1, True), (0.2, True), (0.3, False)])
+def test_friction_holds_it_on_the_floor_until_the_current_is_too_strong(current: float, holds: bool) -> None:
+    lead = Load(3.0, 3.0 * 0.000088)
+    plant = swim(pool=Pool(), position_m=(0.0, 0.0, -3.873), loads=(lead,), currents=(Current(0.0, (current, 0, 0)),))
+    go(plant, 10.0)
+    begin = plant.position_m[0]
+    go(plant, 2.0)
+    presses = 9.81 * (3.0 - 0.264) - 1.5
+    east, _, up = plant.contact_n or (0.0, 0.0, 0.0)
+    assert up == pytest.approx(presses, rel=1e-3)
+    if holds:
+        drag = 13.7 * current + 141.0 * current**2
+        assert east == pytest.approx(-drag, rel=2e-3)
+        assert plant.position_m[0] - begin < 2e-4
+    else:
+        assert east == pytest.approx(-FRICTION * presses, rel=1e-3)
+        slip = 0.3 - plant.velocity_mps[0]  # the current drags as hard as friction holds
+        assert 13.7 * slip + 141.0 * slip**2 == pytest.approx(FRICTION * presses, rel=1e-2)
+
+
+def test_pressed_sideways_against_a_wall_the_wall_presses_back() -> None:
+    plant = go(swim(pool=Pool(), position_m=(0.0, 5.9, -2.0)), 5.0, (0.0, 40.0, 0.0))
+    assert plant.contact_n == pytest.approx((0.0, -40.0, -1.5), abs=0.1)  # friction holds the buoyancy, too
+    corner = go(swim(pool=Pool(), position_m=(12.1, 6.0, -3.8)), 10.0, (40.0, 40.0, -40.0))
+    assert corner.contact_n == pytest.approx((-40.0, -40.0, -1.5 + 40.0), abs=0.1)
+
+
+@pytest.mark.parametrize("step_s", [0.002, 0.005, 0.01])
+def test_a_bump_askew_changes_the_momentum_of_vehicle_and_water_by_the_impulse(step_s: float) -> None:
+    """Also for added mass that differs by axis, at an attitude where its world matrix is full."""
+    vehicle = undamped(replace(HEAVY, net_buoyancy_n=0.0, centre_of_buoyancy_m=(0.0, 0.0, 0.0)))
+    plant = swim(
+        vehicle, Pool(), step_s, position_m=(0.0, 5.4, -2.0), attitude_rad=(0.8, 0.3, 0.5), velocity_mps=(0.1, 0.6, 0.1)
+    )
+
+    def momentum() -> list[float]:
+        linear = (plant.mass_matrix @ plant.through_water)[:3].tolist()
+        r = rotation_of(plant.attitude)
+        return [sum(r[3 * i + j] * linear[j] for j in range(3)) for i in range(3)]
+
+    before, impulse = momentum(), [0.0, 0.0, 0.0]
+    for _ in range(round(1.5 / step_s)):
+        plant.step(step_s)
+        impulse = [a + step_s * b for a, b in zip(impulse, plant.contact_n or (0.0, 0.0, 0.0), strict=True)]
+    change = [a - b for a, b in zip(momentum(), before, strict=True)]
+    assert change[1] < -5.0  # it came back
+    # In contact the water's forces are those of the step's begin: first order.
+    assert change == pytest.approx(impulse, abs=2.5 * step_s / 0.01)
+
+
+def test_a_gate_lets_through_who_goes_through_its_middle_and_stops_who_does_not() -> None:
+    pool = Pool(gates=(Gate("red", (1.0, 0.0, -2.0)),))
+    middle = go(swim(replace(HEAVY, net_buoyancy_n=0.0), pool, position_m=(0.0, 0.0, -2.0)), 8.0, (20.0, 0.0, 0.0))
+    assert middle.position_m[0] > 2.0
+    post = go(swim(replace(HEAVY, net_buoyancy_n=0.0), pool, position_m=(0.0, 0.75, -2.0)), 8.0, (20.0, 0.0, 0.0))
+    assert post.contact_n == pytest.approx((-20.0, 0.0, 0.0), abs=0.05)
+    assert "red" in post.scene()["statics"]
+
+
+def test_the_echo_sounder_sees_floor_and_gate_under_it() -> None:
+    pool = Pool(gates=(Gate("red", (2.0, 0.0, -3.0), height_m=0.5),))
+    bottom = 0.5 * HEAVY.size_m[2]
+    assert swim(pool=pool, position_m=(0.0, 0.0, -1.0)).read("altitude").altitude_m == pytest.approx(3.0 - bottom)
+    over_bar = swim(pool=pool, position_m=(2.0, 0.0, -1.0)).read("altitude")
+    assert over_bar.altitude_m == pytest.approx(2.0 - 0.25 - POST_M - bottom)
+    tilted = swim(pool=pool, position_m=(0.0, 0.0, -1.0), attitude_rad=(0.3, 0.0, 0.0)).read("altitude")
+    assert tilted.altitude_m == pytest.approx(3.0 - bottom * math.cos(0.3))
+    assert tilted.tilt_rad == pytest.approx(0.3)
+    pressed = go(swim(pool=pool, position_m=(0.0, 0.0, -3.87)), 2.0, (0.0, 0.0, -100.0))
+    assert pressed.read("altitude").altitude_m == pytest.approx(0.0, abs=1e-3)
+
+
+# -- by the clock -----------------------------------------------------------------------------------------------------
+
+
+def test_a_load_weighs_where_it_hangs_until_it_is_let_go() -> None:
+    lead = Load(0.5, 0.0, (0.1, 0.0, -0.1), until_s=60.0)
+    plant = go(swim(replace(HEAVY, net_buoyancy_n=9.81 * 0.5), loads=(lead,)), 59.0)
+    assert plant.velocity_mps == pytest.approx((0.0, 0.0, 0.0), abs=2e-3)  # the load makes it neutral
+    # The line from the load to the centre of buoyancy hangs plumb, but for the vehicle's own weight at the origin.
+    stiffness = 9810.0 * HEAVY.volume_m3 * 0.01 + 9.81 * 0.5 * 0.1
+    assert plant.truth()["values"]["pitch_deg"] == pytest.approx(
+        math.degrees(math.atan(9.81 * 0.05 / stiffness)), abs=0.1
+    )
+    go(plant, 1.5)
+    assert plant.velocity_mps[2] > 0.05
+    assert plant.mass_matrix[0, 0] == pytest.approx(plant.vehicle.mass_kg + 6.3567)
+
+
+def test_a_leak_makes_it_heavier_until_the_hull_is_full() -> None:
+    plant = go(swim(leak=Leak(1.0, 0.1, most_l=0.5)), 2.0)
+    assert plant.read("leak").water_l == pytest.approx(0.1, abs=0.011)
+    go(plant, 20.0)
+    assert plant.read("leak").water_l == 0.5
+    assert plant.mass_matrix[0, 0] == pytest.approx(plant.vehicle.mass_kg + 6.3567 + 0.5)
+    drag = 9.81 * 0.5 - 1.5
+    sinking = (math.sqrt(33.0**2 + 4.0 * 190.0 * drag) - 33.0) / 380.0
+    assert plant.velocity_mps[2] == pytest.approx(-sinking, rel=1e-3)
+
+
+def test_a_current_that_changes_leaves_the_speed_over_ground_for_a_moment() -> None:
+    plant = swim(currents=(Current(0.0, (0.2, 0.0, 0.0)), Current(20.0, (0.0, 0.3, 0.0))))
+    go(plant, 20.0)
+    assert plant.velocity_mps[0] == pytest.approx(0.2, rel=0.01)
+    go(plant, 0.01)
+    assert plant.velocity_mps[0] == pytest.approx(0.2, rel=0.03)
+    assert plant.through_water[1] < -0.28
+
+
+def test_a_tether_keeps_it_within_reach() -> None:
+    plant = swim(
+        replace(HEAVY, net_buoyancy_n=0.0),
+        pool=Pool(),
+        position_m=(0.0, 0.0, -2.0),
+        tether=Tether((0.0, 0.0, -2.0), 5.0),
+    )
+    far = max(math.hypot(go(plant, 0.1, (60.0, 0.0, 0.0)).position_m[0], plant.position_m[2] + 2.0) for _ in range(400))
+    assert 5.0 < far < 5.0 + 0.25 + 2.0 * 60.0 / Tether((0.0, 0.0, 0.0), 5.0).stiffness_npm
+
+
+def test_a_thruster_fails_when_the_dive_says_so() -> None:
+    dive = Dive((0.0, 0.0, -2.0), faults=(ThrusterFault(3.0, 0, "off"),))
+    plant = Urov(HEAVY, Pool(), lambda seed: dive, Propulsion(8))
+    plant.write("pwm", PwmCommand())
+    for i in range(700):
+        if i == 400:
+            plant.write("pwm", PwmCommand([1600.0] * 8))
+        plant.step(plant.step_s)
+        if i == 590:
+            assert plant.thrusters.forces_n[0] > 1.0
+    assert abs(plant.thrusters.forces_n[0]) < 0.01
+    assert plant.thrusters.forces_n[1] > 1.0
+    with pytest.raises(ParameterError, match="there are none"):
+        Urov(HEAVY, Pool(), lambda seed: dive)
+
+
+# -- sensors ----------------------------------------------------------------------------------------------------------
+
+
+def test_at_rest_the_imu_feels_gravity_and_the_field_of_the_earth() -> None:
+    plant = swim(replace(HEAVY, net_buoyancy_n=0.0))
+    imu = plant.read("imu")
+    assert imu.specific_force_mps2 == pytest.approx([0.0, 0.0, 9.81], abs=1e-9)
+    assert imu.field_ut == pytest.approx([0.0, 20.0, -44.0])
+    north = swim(attitude_rad=(0.0, 0.0, math.radians(90.0))).read("imu")
+    assert north.field_ut == pytest.approx([20.0, 0.0, -44.0])  # looks north: the field is ahead
+    on_its_side = swim(attitude_rad=(math.radians(90.0), 0.0, 0.0)).read("imu")
+    assert on_its_side.specific_force_mps2[1] == pytest.approx(9.81, rel=0.02)  # its left side is up
+
+
+def test_the_accelerometer_feels_what_pushes_from_the_first_moment() -> None:
+    plant = go(swim(replace(HEAVY, net_buoyancy_n=0.0)), 0.005, (40.0, 0.0, 0.0))
+    mass = plant.vehicle.mass_kg + 6.3567
+    assert plant.read("imu").specific_force_mps2[0] == pytest.approx(40.0 / mass, rel=0.01)
+
+
+# -- thrusters --------------------------------------------------------------------------------------------------------
+
+
+def test_level_thrusters_that_run_ahead_push_it_ahead_and_its_nose_up() -> None:
+    """The front pair ahead, the rear pair astern: all of them push along x, 8.5 cm under the centre."""
+    dive = Dive((0.0, 0.0, -2.0))
+    plant = Urov(HEAVY, Pool(), lambda seed: dive, Propulsion(8))
+    plant.write("pwm", PwmCommand())
+    for i in range(600):
+        if i == 400:
+            plant.write("pwm", PwmCommand([1600.0, 1600.0, 1400.0, 1400.0] + [1500.0] * 4))
+        plant.step(plant.step_s)
+    assert plant.through_water[0] > 0.1
+    assert abs(plant.through_water[1]) < 1e-6
+    assert plant.truth()["values"]["pitch_deg"] < -1.0  # negative is nose up
+    assert plant.read("power").current_a > 2.0
+
+
+def test_pulses_that_are_none_are_refused() -> None:
+    plant = Urov(HEAVY, Pool(), lambda seed: Dive(), Propulsion(8))
+    for pulses in ([1500.0] * 7, [math.nan] + [1500.0] * 7):
+        with pytest.raises(PlantError, match="8 thrusters were sent the pulses"):
+            plant.write("pwm", PwmCommand(pulses))
+    plant.write("pwm", PwmCommand([0.5] * 8))
+    with pytest.raises(PlantError, match=r"sent a pulse of 0\.5 us"):
+        plant.step(plant.step_s)
+
+
+# -- other worlds, other processes ------------------------------------------------------------------------------------
+
+
+def test_a_world_of_ones_own_with_another_body_leaves_the_vehicle_its_motion() -> None:
+    pool = Pool()
+    ball = '<body pos="3 0 -1"><freejoint/><geom size="0.1"/></body></worldbody>'
+    text = pool.mjcf(HEAVY.trimmed(1000.0, 9.81)).replace("</worldbody>", ball)
+    dive = Dive((0.0, 0.0, -2.0))
+    crowded = go(Urov(HEAVY, pool, lambda seed: dive, mjcf=text), 0.7, (20.0, 5.0, 3.0))
+    alone = go(Urov(HEAVY, pool, lambda seed: dive), 0.7, (20.0, 5.0, 3.0))
+    assert crowded.position_m == pytest.approx(alone.position_m, abs=1e-12)
+    fallen = crowded._body._data.qpos[9]
+    assert fallen == pytest.approx(-1.0 - 0.5 * 9.81 * 0.7**2, abs=0.03)  # MuJoCo has moved the ball by itself
+
+
+def test_a_world_without_the_vehicle_is_refused() -> None:
+    with pytest.raises(ParameterError, match="no body 'vehicle' in the MJCF"):
+        Urov(HEAVY, Pool(), lambda seed: Dive(), mjcf="<mujoco/>")
+    with pytest.raises(ParameterError, match="MuJoCo cannot read the MJCF"):
+        Urov(HEAVY, Pool(), lambda seed: Dive(), mjcf="<mujoco><worldbody>")
+
+
+def test_another_process_makes_the_same_bits() -> None:
+    program = (
+        "import sys; sys.path.insert(0, sys.argv[1]); import importlib.util as u;"
+        "s = u.spec_from_file_location('t', sys.argv[2]); m = u.module_from_spec(s); s.loader.exec_module(m);"
+        "print(m.fingerprint())"
+    )
+    other = subprocess.run(
+        [sys.executable, "-c", program, str(Path(__file__).parent), __file__],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert other.stdout.strip() == fingerprint()
+
+
+def fingerprint() -> str:
+    """Where a busy dive leads to, with every bit: thrusters, current, tether, load, floor."""
+    dive = Dive(
+        (0.0, 0.0, -3.8),
+        currents=(Current(0.5, (0.2, 0.1, 0.0)),),
+        loads=(Load(2.0, 0.0001, until_s=4.0),),
+        tether=Tether((0.0, 0.0, 0.0), 6.0),
+    )
+    plant = Urov(HEAVY, Pool(), lambda seed: dive, Propulsion(8))
+    plant.write("pwm", PwmCommand())
+    for i in range(1500):
+        if i == 400:
+            plant.write("pwm", PULSES)
+        plant.step(plant.step_s)
+    numbers = [*plant.position_m, *plant.attitude, *plant.velocity_mps, *plant.rate_radps]
+    return " ".join(value.hex() for value in numbers)

@@ -1,0 +1,49 @@
+import math
+
+import pytest
+
+from snr_sim.plants.tether import Tether, TetherPull
+from snr_sim.prelude.errors import ParameterError
+
+STILL = (0.0, 0.0, 0.0)
+LINE = Tether((0.0, 0.0, 0.0), 20.0)
+
+
+@pytest.mark.parametrize(("speed", "newtons"), [(0.1, 0.9), (0.3, 8.1), (0.5, 22.5)])
+def test_half_of_the_drag_of_an_even_cross_current_is_at_the_vehicle(speed: float, newtons: float) -> None:
+    pull = TetherPull(LINE, 1000.0, 20.0).force((20.0, 0.0, 0.0), STILL, (0.0, speed, 0.0))
+    assert pull == pytest.approx((0.0, 0.5 * newtons, 0.0))
+
+
+def test_a_quarter_of_the_drag_is_there_if_the_vehicle_moves() -> None:
+    pull = TetherPull(LINE, 1000.0, 20.0).force((20.0, 0.0, 0.0), (0.0, 0.3, 0.0), STILL)
+    assert pull == pytest.approx((0.0, -0.25 * 8.1, 0.0))
+
+
+def test_flow_along_it_counts_by_its_skin() -> None:
+    pull = TetherPull(LINE, 1000.0, 20.0).force((20.0, 0.0, 0.0), STILL, (0.3, 0.0, 0.0))
+    skin = 0.5 * 1000.0 * 0.01 * math.pi * 0.0075 * 20.0 * 0.3**2
+    assert pull == pytest.approx((0.5 * skin, 0.0, 0.0))
+
+
+def test_it_pulls_beyond_its_length_and_never_pushes() -> None:
+    pull = TetherPull(LINE, 1000.0, 20.0)
+    assert pull.force((0.0, 19.99, 0.0), STILL, STILL) == pytest.approx(STILL)
+    stretch = 50.0 / LINE.stiffness_npm
+    assert pull.force((0.0, 20.0 + stretch, 0.0), STILL, STILL) == pytest.approx((0.0, -50.0, 0.0))
+    assert LINE.stiffness_npm == pytest.approx(6.437e7 * 0.25 * math.pi * 0.0075**2 / 20.0)
+    coming_back = pull.force((0.0, 20.01, 0.0), (0.0, -5.0, 0.0), STILL)
+    assert coming_back[1] > 0.0  # drag alone: it does not shove the vehicle home
+
+
+def test_at_its_anchor_it_has_no_direction_and_no_force() -> None:
+    assert TetherPull(LINE, 1000.0, 20.0).force(STILL, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)) == STILL
+
+
+@pytest.mark.parametrize(
+    "change", [{"length_m": 0.0}, {"diameter_m": -1.0}, {"modulus_pa": math.nan}, {"across": -1.2}]
+)
+def test_numbers_that_cannot_be_are_refused(change: dict[str, float]) -> None:
+    (name,) = change
+    with pytest.raises(ParameterError, match=f"The tether's {name} is"):
+        Tether(STILL, **change)

@@ -1,0 +1,90 @@
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from snr_sim.plants.vehicle import AXES, Thruster, Vehicle, lacking_axes
+from snr_sim.plants.vehicle_file import read_vehicle
+from snr_sim.prelude.errors import ParameterError
+
+VEHICLES = Path(__file__).parents[2] / "robots" / "urov" / "vehicles"
+HEAVY = read_vehicle(VEHICLES / "benzon2022.toml")
+
+
+def test_a_heavy_frame_pushes_along_and_about_all_axes() -> None:
+    matrix = HEAVY.thruster_matrix()
+    assert matrix.shape == (6, 8)
+    assert lacking_axes(matrix) == ()
+    assert np.linalg.cond(matrix) == pytest.approx(8.36, abs=0.01)
+    HEAVY.require_axes()
+    # The first thruster pushes ahead and to the left from low on the right: it rolls right, lifts the nose, turns left.
+    expected = [0.7071, 0.7071, 0.0, 0.0601, -0.0601, 0.1888]
+    assert matrix[:, 0].tolist() == pytest.approx(expected, abs=5e-5)
+
+
+def test_a_frame_with_six_thrusters_says_that_it_has_no_pitch() -> None:
+    classic = read_vehicle(VEHICLES / "classic.toml")
+    assert lacking_axes(classic.thruster_matrix()) == ("pitch",)
+    classic.require_axes(tuple(axis for axis in AXES if axis != "pitch"))
+    with pytest.raises(ParameterError, match="The 6 thrusters of 'classic' have no authority in pitch"):
+        classic.require_axes(("heave", "pitch"))
+    with pytest.raises(ParameterError, match="no axis 'pich'") as caught:
+        classic.require_axes(("pich",))
+    assert "did you mean 'pitch'?" in caught.value.fix
+
+
+def test_every_missing_rank_names_one_axis() -> None:
+    matrix = HEAVY.thruster_matrix()
+    assert lacking_axes(matrix[:, 4:]) == ("surge", "sway", "yaw")  # the upright ones alone
+    assert lacking_axes(matrix[:, :4]) == ("heave", "roll", "pitch")  # the level ones alone
+    assert lacking_axes(np.zeros((6, 0))) == AXES
+    one_down = np.delete(matrix, 4, axis=1)
+    assert lacking_axes(one_down) == ()  # seven can still do it all
+
+
+def test_ballast_gives_the_net_buoyancy_in_any_water() -> None:
+    for density in (1000.0, 1026.0):
+        trimmed = HEAVY.trimmed(density, 9.81)
+        assert 9.81 * (density * trimmed.volume_m3 - trimmed.mass_kg) == pytest.approx(1.5)
+    as_printed = replace(HEAVY, net_buoyancy_n=None).trimmed(1000.0, 9.81)
+    assert as_printed.mass_kg == 13.5
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"mass_kg": -13.5}, "mass_kg is -13.5"),
+        ({"volume_m3": 0.0}, "volume_m3 is 0.0"),
+        ({"mass_kg": float("nan")}, "mass_kg is nan"),
+        ({"linear_damping": (13.7, 0.0, -33.0, 0.0, 0.8, 0.0)}, "linear_damping of heave is -33.0"),
+        ({"quadratic_damping": (1.0, 1.0, 1.0, 1.0, 1.0, -1.5)}, "quadratic_damping of yaw is -1.5"),
+        ({"quadratic_damping": (1.0, 1.0, 1.0)}, "quadratic_damping is"),
+        ({"added_mass": np.diag([-6.4, 7.1, 18.7, 0.2, 0.1, 0.2])}, "added_mass of surge is -6.4"),
+        ({"added_mass": np.eye(3)}, "added_mass is"),
+        ({"added_mass": np.eye(6) + 0.1 * np.eye(6, k=1)}, "added_mass is"),
+        ({"added_mass": np.eye(6) - 2.0 * np.fliplr(np.eye(6))}, "added_mass is"),
+        ({"inertia_kgm2": np.diag([0.1, -0.1, 0.1])}, "inertia_kgm2 is"),
+        ({"inertia_kgm2": np.diag([0.1, 0.1, 0.9])}, "inertia_kgm2 is"),
+        ({"size_m": (0.4, 0.0, 0.2)}, "size_m is"),
+    ],
+)
+def test_a_number_that_cannot_be_is_named(change: dict[str, object], message: str) -> None:
+    with pytest.raises(ParameterError, match=rf"Vehicle 'benzon2022': {message}") as caught:
+        replace(HEAVY, **change)  # type: ignore[arg-type]
+    assert caught.value.fix
+
+
+def test_a_thruster_named_twice_or_pointing_nowhere_is_refused() -> None:
+    first = HEAVY.thrusters[0]
+    with pytest.raises(ParameterError, match="more than one thruster named 'T1'"):
+        replace(HEAVY, thrusters=(first, first))
+    with pytest.raises(ParameterError, match=r"Thruster 'T1'.* is 0\.5 long"):
+        Thruster("T1", (0.0, 0.0, 0.0), (0.5, 0.0, 0.0))
+    with pytest.raises(ParameterError, match="Thruster 'T1'"):
+        Thruster("T1", (0.0, float("nan"), 0.0), (1.0, 0.0, 0.0))
+
+
+def test_a_vehicle_without_thrusters_is_one_too() -> None:
+    none: Vehicle = replace(HEAVY, thrusters=())
+    assert none.thruster_matrix().shape == (6, 0)
