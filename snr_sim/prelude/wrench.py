@@ -52,7 +52,7 @@ def lacking_axes(matrix: NDArray[np.float64]) -> tuple[str, ...]:
     rows = list(range(len(AXES)))
     while True:
         left, sizes, _ = np.linalg.svd(scaled[rows])
-        rank = int((sizes > _NOTHING * max(1.0, sizes[0])).sum())
+        rank = int((sizes > _NOTHING * max(1.0, float(sizes.max(initial=0.0)))).sum())
         if rank == len(rows):
             return tuple(axis for i, axis in enumerate(AXES) if i not in rows)
         out_of_reach = (left[:, rank:] ** 2).sum(axis=1)  # the share of each axis that no thrust can give
