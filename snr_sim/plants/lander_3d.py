@@ -30,9 +30,8 @@ LEFT = frozenset(name for name, (x, _) in PADS_M.items() if x < 0.0)
 RIGHT = frozenset(PADS_M) - LEFT
 _TIPPED_UP = math.cos(TIPPED_RAD)
 
-Kick3D: TypeAlias = tuple[
-    float, ...
-]  # change of velocity x, y, z [m/s] in the world's frame; of rate [rad/s] in the body's
+# Change of velocity x, y, z [m/s] in the world's frame, then of rate [rad/s] in the body's.
+Kick3D: TypeAlias = tuple[float, ...]
 NO_KICK: Kick3D = (0.0,) * 6
 
 
