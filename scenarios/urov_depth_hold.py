@@ -11,7 +11,7 @@ import math
 from functools import lru_cache
 from typing import Any
 
-from snr_sim_robot_urov.judging import Sample, Watched, WatchedUrov, WatchedUrov2D, followed
+from snr_sim_robot_urov.judging import Sample, Watched, WatchedUrov, WatchedUrov2D, followed, judged
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
 from snr_sim_robot_urov.pilot import Cue
 
@@ -78,7 +78,7 @@ def verdict(plant: Watched) -> Verdict | None:
         misses.append(f"was back {_in_s(back.settling_s)} after the payload had gone, not in {RECOVERY_S:g} s")
     if max(step.steady, back.steady) > STEADY_M:
         misses.append(f"ended {max(step.steady, back.steady):.3f} m off, more than {STEADY_M:g} m")
-    return Verdict("missed" if misses else "held", not misses, "; ".join(misses))
+    return judged(misses)
 
 
 def metrics(plant: Watched, seed: int) -> dict[str, Any]:

@@ -24,7 +24,8 @@ from .holds import Holds
 from .parameters import UrovParameters
 
 TOLD_EVERY_S = 0.1  # and whenever something else than numbers changes
-NEAR_SURFACE_M = 0.3  # less deep than this, buoyancy does the rest of the way up
+SURFACE_M = 0.2  # where going up ends: the top of the vehicle is just out of the water
+NEAR_SURFACE_M = 0.3  # less deep than this, buoyancy does the rest of the way up, unless the vehicle has taken in water
 
 
 class AutopilotFactory(EndpointFactory):
@@ -44,7 +45,7 @@ class AutopilotFactory(EndpointFactory):
 
 
 class Autopilot(Endpoint):
-    """Answers every few readings of the inertial unit with pulses."""
+    """Answers every reading of the inertial unit with pulses."""
 
     factory: AutopilotFactory
 
@@ -62,7 +63,6 @@ class Autopilot(Endpoint):
         vehicle = parameters.vehicle
         drag = vehicle.linear_damping[2], vehicle.quadratic_damping[2]
         self.holds = Holds(parameters.holds, drag, self.allocation.lacking)
-        self.readings = 0
         self.before_s: float | None = None
         self.rules = "idle"
         self.kept: tuple[float, float] = (0.0, 0.0)  # depth and heading while a pilot was heard
@@ -94,9 +94,8 @@ class Autopilot(Endpoint):
 
     def on_imu(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Answers with pulses, and now and then with what it is doing."""
-        self.readings += 1
         depth_data = self.get_data("depth")
-        if (self.readings - 1) % self.parameters.control_every or depth_data is None:
+        if depth_data is None:
             return None
         now_s = self.get_time_s()
         depth, imu = DepthReading(**depth_data), ImuReading(**self.get_data("imu"))
@@ -114,7 +113,8 @@ class Autopilot(Endpoint):
 
     def thrusts(self, rules: str, depth: DepthReading, imu: ImuReading, dt_s: float) -> list[float]:
         """Returns the thrusts that are wanted now, by whose word counts."""
-        if rules in ("idle", "neutral") or (rules == "surface" and depth.depth_m < NEAR_SURFACE_M):
+        floats = rules == "surface" and not self.guard.is_wet and depth.depth_m < NEAR_SURFACE_M
+        if rules in ("idle", "neutral") or floats:
             self.holds.let_go()
             if rules == "idle":
                 self.slew.reset()  # at once
@@ -123,7 +123,7 @@ class Autopilot(Endpoint):
             controls = self.guard.controls
             self.kept = depth.depth_m, imu.yaw_rad
         else:
-            wanted_m = self.kept[0] if rules == "hold" else 0.0
+            wanted_m = self.kept[0] if rules == "hold" else SURFACE_M
             controls = Controls(mode="heading_hold", depth_m=wanted_m, heading_rad=self.kept[1])
         thrusts, self.share, _ = self.allocation.allocate(self.holds.wrench(controls, depth, imu, dt_s))
         return thrusts

@@ -43,6 +43,7 @@ class Holds:
         self.depth_m: float | None = None
         self.heading_rad: float | None = None
         self._wanted_depth_m: float | None = None
+        self._wanted_heading_rad = 0.0
         self._depth_rate = 0.0
         self._seen: DepthReading | None = None
         for pid in (self._depth, self._heading, self._roll, self._pitch):
@@ -86,12 +87,11 @@ class Holds:
             self._depth.reset()
         if controls.depth_m is not None:
             self._wanted_depth_m = controls.depth_m
-        most = self.numbers.sink_mps * dt_s
-        self._wanted_depth_m = max(0.0, self._wanted_depth_m - controls.heave * most)
-        # A held depth moves no faster than the vehicle can follow: a jump would only fill the integral. What moving
-        # costs is known: the drag at that speed. So nothing has to be learnt by being late, and unlearnt on arrival.
-        move_m = min(most, max(-most, self._wanted_depth_m - self.depth_m))
+        numbers = self.numbers
+        self._wanted_depth_m = max(0.0, self._wanted_depth_m - controls.heave * numbers.sink_mps * dt_s)
+        move_m = _approach(self._wanted_depth_m - self.depth_m, numbers.sink_mps, numbers.brake_mps2, dt_s)
         self.depth_m += move_m
+        # What moving costs is known: the drag at that speed. So it has not to be learnt by being late.
         sink_mps = move_m / dt_s
         drag_n = (self._drag[0] + self._drag[1] * abs(sink_mps)) * sink_mps
         rate = self._rate(depth) - sink_mps
@@ -109,13 +109,27 @@ class Holds:
         return self._depth_rate
 
     def _hold_heading(self, controls: Controls, imu: ImuReading, dt_s: float) -> float:
+        numbers = self.numbers
         if self.heading_rad is None:
-            self.heading_rad = imu.yaw_rad
+            self.heading_rad = self._wanted_heading_rad = imu.yaw_rad
             self._heading.reset()
         if controls.heading_rad is not None:
-            self.heading_rad = controls.heading_rad
-        self.heading_rad = wrap_rad(self.heading_rad + controls.yaw * self.numbers.turn_radps * dt_s)
-        return self._heading.update(self.heading_rad, imu.yaw_rad, dt_s, rate=imu.rate_radps[2])
+            self._wanted_heading_rad = controls.heading_rad
+        self._wanted_heading_rad = wrap_rad(self._wanted_heading_rad + controls.yaw * numbers.turn_radps * dt_s)
+        turn = _approach(
+            wrap_rad(self._wanted_heading_rad - self.heading_rad), numbers.turn_radps, numbers.brake_radps2, dt_s
+        )
+        self.heading_rad = wrap_rad(self.heading_rad + turn)
+        return self._heading.update(self.heading_rad, imu.yaw_rad, dt_s, rate=imu.rate_radps[2] - turn / dt_s)
+
+
+def _approach(left: float, speed: float, brake: float, dt_s: float) -> float:
+    """Returns how far what is held moves towards what is wanted, in a time.
+
+    No faster than the vehicle can follow, and slower before it arrives: a jump would only fill the integral.
+    """
+    most = min(speed, math.sqrt(2.0 * brake * abs(left))) * dt_s
+    return min(most, max(-most, left))
 
 
 def _pid(gains: Gains, smoothing_s: float = 0.0, is_angle: bool = False) -> Pid:

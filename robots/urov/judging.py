@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from snr_sim.plants.urov import Urov
 from snr_sim.plants.urov_2d import Urov2D
 from snr_sim.prelude.angles import roll_pitch_yaw_rad
+from snr_sim.prelude.scenario import Verdict
 
 SAMPLE_S = 0.1
 
@@ -21,6 +22,7 @@ class Sample(NamedTuple):
     roll_rad: float
     pitch_rad: float
     yaw_rad: float
+    thrust_n: float  # of all thrusters, whichever way they push
 
     @property
     def depth_m(self) -> float:
@@ -48,12 +50,23 @@ class Watched(Urov):
         if self.contact_n is not None:
             self.touched_n = max(self.touched_n, math.hypot(*self.contact_n))
         if self.time_s >= len(self.course) * SAMPLE_S - 1e-9:
-            self.course.append(Sample(self.time_s, self.position_m, *roll_pitch_yaw_rad(self.attitude)))
+            thrust_n = 0.0 if self.thrusters is None else sum(map(abs, self.thrusters.forces_n))
+            angles = roll_pitch_yaw_rad(self.attitude)
+            self.course.append(Sample(self.time_s, self.position_m, *angles, thrust_n))
 
     def restore(self, snapshot: Any) -> None:
         """Puts the vehicle back; what was taken down since is taken back."""
         super().restore(snapshot)
         self.course = [sample for sample in self.course if sample.time_s <= self.time_s]
+
+    def during(self, from_s: float, to_s: float) -> list[Sample]:
+        """Returns what was taken down between two moments."""
+        return [sample for sample in self.course if from_s - 1e-9 <= sample.time_s <= to_s + 1e-9]
+
+
+def judged(misses: Sequence[str]) -> Verdict:
+    """Returns the verdict over a dive that has come to its end: held, if nothing was missed."""
+    return Verdict("missed" if misses else "held", not misses, "; ".join(misses))
 
 
 class WatchedUrov(Watched):

@@ -1,7 +1,8 @@
 """The numbers of this underwater vehicle: sensors, gains, limits. Its hydrodynamics are in vehicles/*.toml.
 
 Gains are our own choice, for the vehicle in benzon2022.toml: mass with water 32 kg in heave, inertia with water 0.45,
-0.36 and 0.59 kg m2. The delay round the loop is about 60 ms: sensor 10, control 10 to 20, thruster 29.
+0.36 and 0.59 kg m2. The delay round the loop is about 60 ms: sensor and control 20 each, thruster 29. Control answers
+every reading of the inertial unit. That could be read twice as often, which would cost as much more and change little.
 """
 
 from __future__ import annotations
@@ -44,7 +45,8 @@ class HoldNumbers:
         sticks_n: what full sticks push in surge, sway and heave.
         yaw_nm: what a full stick turns with.
         sink_mps: how fast a held depth moves, at full stick or on its way to another one.
-        turn_radps: how fast a held heading moves.
+        brake_mps2: how it slows down before it arrives.
+        turn_radps, brake_radps2: the same of a held heading.
     """
 
     depth: Gains = Gains(kp=120.0, ki=40.0, kd=70.0, most=70.0)
@@ -53,7 +55,9 @@ class HoldNumbers:
     sticks_n: tuple[float, float, float] = (60.0, 60.0, 60.0)
     yaw_nm: float = 6.0
     sink_mps: float = 0.35
+    brake_mps2: float = 0.1
     turn_radps: float = 0.7
+    brake_radps2: float = 0.4
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,7 @@ class Sensors:
     power: PowerModule = field(default_factory=PowerModule)
     leak: LeakProbe = field(default_factory=LeakProbe)
     rates_hz: dict[str, float] = field(
-        default_factory=lambda: {"depth": 20.0, "imu": 100.0, "altitude": 10.0, "power": 10.0, "leak": 2.0}
+        default_factory=lambda: {"depth": 20.0, "imu": 50.0, "altitude": 10.0, "power": 10.0, "leak": 2.0}
     )
 
 
@@ -78,7 +82,6 @@ class UrovParameters:
         vehicle: its numbers.
         script: what the pilot does, where there is no person.
         sensors, holds, guard: see there.
-        control_every: a controller answers each so many readings of the inertial unit.
         nominal_v: at which the pulse for a thrust is looked up.
         slew_nps: how fast a thrust may change.
         first: axes that are served before the others when thrusters are at their limits.
@@ -93,7 +96,6 @@ class UrovParameters:
     sensors: Sensors = field(default_factory=Sensors)
     holds: HoldNumbers = field(default_factory=HoldNumbers)
     guard: GuardLimits = field(default_factory=GuardLimits)
-    control_every: int = 2
     nominal_v: float = 14.8
     slew_nps: float = 250.0
     first: tuple[str, ...] = ("heave", "roll", "pitch", "yaw")

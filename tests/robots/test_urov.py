@@ -1,6 +1,7 @@
 """The underwater vehicle's software, part by part, without a node: what it hears, whose word counts, what it holds."""
 
 import math
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -177,20 +178,23 @@ def test_another_depth_is_approached_no_faster_than_the_vehicle_can_follow() -> 
     one = holds()
     one.wrench(Controls(mode="depth_hold", depth_m=1.0), depth(1.0), imu(), DT_S)
     one.wrench(Controls(mode="depth_hold", depth_m=3.0), depth(1.0), imu(), DT_S)
-    course = []
-    for _ in range(500):
+    course = [1.0]
+    for _ in range(700):
         one.wrench(Controls(mode="depth_hold"), depth(1.0), imu(), DT_S)
         course.append(one.depth_m)
-    assert course[99] == pytest.approx(1.0 + 101 * DT_S * HoldNumbers().sink_mps)
+    speeds = [(b - a) / DT_S for a, b in pairwise(course)]
+    assert max(speeds[1:]) == pytest.approx(HoldNumbers().sink_mps)
+    assert max(abs(b - a) / DT_S for a, b in pairwise(speeds[2:])) < 2.0 * HoldNumbers().brake_mps2
     assert course[-1] == pytest.approx(3.0)
+    assert max(course) <= 3.0
 
 
 def test_the_heave_stick_moves_the_depth_that_is_held_and_not_above_the_water() -> None:
     one = holds()
-    for _ in range(100):
-        one.wrench(Controls(mode="depth_hold", heave=1.0), depth(1.0), imu(), DT_S)
+    for heave in [1.0] * 100 + [0.0] * 300:
+        one.wrench(Controls(mode="depth_hold", heave=heave), depth(1.0), imu(), DT_S)
     assert one.depth_m == pytest.approx(1.0 - 100 * DT_S * HoldNumbers().sink_mps)
-    for _ in range(400):
+    for _ in range(800):
         one.wrench(Controls(mode="depth_hold", heave=1.0), depth(1.0), imu(), DT_S)
     assert one.depth_m == pytest.approx(0.0, abs=1e-12)
 
@@ -198,11 +202,13 @@ def test_the_heave_stick_moves_the_depth_that_is_held_and_not_above_the_water() 
 def test_heading_hold_turns_the_shorter_way_and_the_yaw_stick_moves_the_heading() -> None:
     one = holds()
     one.wrench(Controls(mode="heading_hold", heading_rad=math.radians(170)), depth(1.0), imu(yaw=3.0), DT_S)
-    wrench = one.wrench(Controls(mode="heading_hold"), depth(1.0), imu(yaw=math.radians(-170)), DT_S)
+    for _ in range(100):
+        wrench = one.wrench(Controls(mode="heading_hold"), depth(1.0), imu(yaw=math.radians(-170)), DT_S)
+    assert one.heading_rad == pytest.approx(math.radians(170))
     assert wrench[5] < 0.0
-    for _ in range(50):
-        one.wrench(Controls(mode="heading_hold", yaw=1.0), depth(1.0), imu(), DT_S)
-    assert one.heading_rad == pytest.approx(math.radians(170) + 50 * DT_S * 0.7 - 2 * math.pi)
+    for yaw in [1.0] * 50 + [0.0] * 200:
+        one.wrench(Controls(mode="heading_hold", yaw=yaw), depth(1.0), imu(), DT_S)
+    assert one.heading_rad == pytest.approx(math.radians(170) + 50 * DT_S * HoldNumbers().turn_radps - 2 * math.pi)
 
 
 def test_what_the_thrusters_cannot_push_is_not_held() -> None:

@@ -34,6 +34,32 @@ def test_depth_is_held_after_a_step_in_a_current_and_when_the_payload_goes() -> 
     assert 500.0 < result.metrics["energy_j"] < 10_000.0
 
 
+def test_heading_is_held_after_a_quarter_turn_in_a_current() -> None:
+    result = fly("urov_heading_hold", 1)
+    assert (result.error, result.outcome) == ("", "held")
+    assert result.metrics["settling_s"] < 4.0
+    assert result.metrics["overshoot_deg"] < 6.0
+
+
+def test_without_its_link_the_vehicle_stops_then_stays_then_comes_up() -> None:
+    result = fly("urov_link_loss", 1)
+    assert (result.error, result.outcome) == ("", "held")
+    assert result.metrics["thrust_after_cut_n"] < 0.1
+    assert 8.0 < result.metrics["surfaced_s"] < 20.0
+
+
+def test_seven_thrusters_hold_what_eight_held() -> None:
+    result = fly("urov_thruster_failure", 2)
+    assert (result.error, result.outcome) == ("", "held")
+    assert result.metrics["fault"] == "off"
+
+
+def test_a_vehicle_that_takes_in_water_comes_up_by_itself_and_stays_up() -> None:
+    result = fly("urov_leak", 1)
+    assert (result.error, result.outcome) == ("", "held")
+    assert result.metrics["water_l"] == 1.0
+
+
 def test_a_dive_is_the_same_dive_every_time_and_both_roles_replay(tmp_path: Path) -> None:
     simulation, result, trace = record(tmp_path / "a", "urov_depth_hold", 5)
     assert result.success

@@ -1,0 +1,71 @@
+"""Water comes in at 2.5 m: the vehicle notices it by its probe and comes up by itself, though it grows heavier.
+
+It has saved itself if it is at the surface 20 s after the leak began, and still there at the end, a litre heavier.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+from snr_sim_robot_urov.judging import WatchedUrov, judged
+from snr_sim_robot_urov.parameters import UrovParameters, vehicle
+from snr_sim_robot_urov.pilot import Cue
+
+from snr_sim.plants.dive import Dive, Leak
+from snr_sim.plants.pool import Pool
+from snr_sim.plants.propulsion import Propulsion
+from snr_sim.plants.tether import Tether
+from snr_sim.prelude.rng import rng_for
+from snr_sim.prelude.scenario import Verdict
+
+ROBOT = "urov"
+ENGINES = ("mujoco",)
+CONTROLLER = "holds"
+END_S = 45.0
+TIME_LIMIT_S = END_S + 1.0
+
+DEPTH_M = 2.5
+ARM_S, LEAKS_S, UP_S = 2.0, 8.0, 20.0
+SURFACE_M = 0.35
+
+
+@lru_cache(maxsize=4)
+def dive(seed: int) -> Dive:
+    """Returns what happens in the run of a seed."""
+    rng = rng_for(seed, "dive")
+    leak = Leak(LEAKS_S, rate_lps=rng.uniform(0.02, 0.06), most_l=1.0, place_m=(rng.uniform(-0.05, 0.05), 0.0, -0.03))
+    return Dive(position_m=(0.0, 0.0, -DEPTH_M), leak=leak, tether=Tether(anchor_m=(0.0, 0.0, 0.0)))
+
+
+def parameters(seed: int) -> UrovParameters:
+    """Returns what the controller may know, and what the pilot does: he does not look at the leak's lamp."""
+    return UrovParameters(vehicle(), (Cue(ARM_S, is_armed=True, mode="heading_hold", depth_m=DEPTH_M),))
+
+
+def plant(seed: int, engine: str) -> WatchedUrov:
+    """Returns the vehicle at its start."""
+    return WatchedUrov(vehicle(), Pool(40.0, 40.0, 6.0), dive, Propulsion(8), seed)
+
+
+def verdict(plant: WatchedUrov) -> Verdict | None:
+    """Returns how it ended, once the time is over."""
+    if plant.time_s < END_S - 1e-6:
+        return None
+    found, misses = metrics(plant, 0), []
+    if found["surfaced_s"] is None or found["surfaced_s"] > UP_S:
+        misses.append(f"was not at the surface {UP_S:g} s after the leak began")
+    if found["end_depth_m"] > SURFACE_M:
+        misses.append(f"ended {found['end_depth_m']:.2f} m deep")
+    return judged(misses)
+
+
+def metrics(plant: WatchedUrov, seed: int) -> dict[str, Any]:
+    """Returns when it was up, and whether it stayed."""
+    up = [sample.time_s for sample in plant.during(LEAKS_S, END_S) if sample.depth_m < SURFACE_M]
+    return {
+        "surfaced_s": up[0] - LEAKS_S if up else None,
+        "end_depth_m": max((sample.depth_m for sample in plant.during(END_S - 5.0, END_S)), default=0.0),
+        "water_l": plant.read("leak").water_l,
+        "energy_j": plant.thrusters.energy_j,
+    }

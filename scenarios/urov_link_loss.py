@@ -1,0 +1,89 @@
+"""The tether's link is cut while the pilot is going ahead: nothing pushes, then the vehicle stays, then it comes up.
+
+It has saved itself if no thruster pushed half a second after the cut, if it kept its depth within 30 cm until its
+patience was over, and if it is at the surface at the end, having touched nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+from snr_sim_robot_urov.guard import GuardLimits
+from snr_sim_robot_urov.judging import WatchedUrov, judged
+from snr_sim_robot_urov.parameters import UrovParameters, vehicle
+from snr_sim_robot_urov.pilot import Cue
+from snr_sim_robot_urov.tether_link import tether_faults
+
+from snr_sim.plants.dive import Dive
+from snr_sim.plants.pool import Pool
+from snr_sim.plants.propulsion import Propulsion
+from snr_sim.plants.tether import Tether
+from snr_sim.prelude.rng import rng_for
+from snr_sim.prelude.scenario import Verdict
+
+ROBOT = "urov"
+ENGINES = ("mujoco",)
+CONTROLLER = "holds"
+END_S = 36.0
+TIME_LIMIT_S = END_S + 1.0
+
+GUARD = GuardLimits(hold_s=6.0)
+ARM_S, AHEAD_S, CUT_S = 2.0, 6.0, 10.0
+QUIET_S, QUIET_N, DEPTH_BAND_M, SURFACE_M = 0.5, 0.5, 0.3, 0.35
+
+
+@lru_cache(maxsize=4)
+def dive(seed: int) -> Dive:
+    """Returns what happens in the run of a seed."""
+    rng = rng_for(seed, "dive")
+    return Dive(
+        position_m=(0.0, 0.0, -rng.uniform(1.5, 2.5)),
+        attitude_rad=(0.0, 0.0, rng.uniform(-math.pi, math.pi)),
+        tether=Tether(anchor_m=(0.0, 0.0, 0.0)),
+    )
+
+
+def parameters(seed: int) -> UrovParameters:
+    """Returns what the controller may know, and what the pilot does."""
+    script = (Cue(ARM_S, is_armed=True, mode="heading_hold"), Cue(AHEAD_S, surge=0.5))
+    link = replace(tether_faults(35.0), cut=((CUT_S, math.inf),))
+    return UrovParameters(vehicle(), script, guard=GUARD, tether=link)
+
+
+def plant(seed: int, engine: str) -> WatchedUrov:
+    """Returns the vehicle at its start."""
+    return WatchedUrov(vehicle(), Pool(40.0, 40.0, 6.0), dive, Propulsion(8), seed)
+
+
+def verdict(plant: WatchedUrov) -> Verdict | None:
+    """Returns how it ended, once the time is over."""
+    if plant.time_s < END_S - 1e-6:
+        return None
+    found, misses = metrics(plant, 0), []
+    if found["thrust_after_cut_n"] > QUIET_N:
+        misses.append(f"still pushed {found['thrust_after_cut_n']:.1f} N {QUIET_S:g} s after the cut")
+    if found["depth_error_m"] > DEPTH_BAND_M:
+        misses.append(f"was {found['depth_error_m']:.2f} m from its depth, more than {DEPTH_BAND_M:g} m")
+    if found["end_depth_m"] > SURFACE_M:
+        misses.append(f"ended {found['end_depth_m']:.2f} m deep, not at the surface")
+    if plant.touched_n > 0.0:
+        misses.append(f"touched something with {plant.touched_n:.0f} N")
+    return judged(misses)
+
+
+def metrics(plant: WatchedUrov, seed: int) -> dict[str, Any]:
+    """Returns what it did after the cut."""
+    quiet = plant.during(CUT_S + QUIET_S, CUT_S + GUARD.lost_s - 0.2)
+    at_cut = plant.during(CUT_S, CUT_S + 0.05)
+    held = plant.during(CUT_S, CUT_S + GUARD.lost_s + GUARD.hold_s)
+    risen = [sample.time_s for sample in plant.during(CUT_S, END_S) if sample.depth_m < SURFACE_M]
+    return {
+        "thrust_after_cut_n": max((sample.thrust_n for sample in quiet), default=0.0),
+        "depth_error_m": max((abs(sample.depth_m - at_cut[0].depth_m) for sample in held), default=0.0),
+        "surfaced_s": risen[0] - CUT_S if risen else None,
+        "end_depth_m": plant.course[-1].depth_m,
+        "energy_j": plant.thrusters.energy_j,
+    }
