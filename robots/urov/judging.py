@@ -82,7 +82,7 @@ class Step(NamedTuple):
 
     Args:
         settling_s: from the step until the error stayed within the band; None if it never did.
-        overshoot: beyond the new value, in the direction of the step.
+        overshoot: beyond the new value, in the direction of the step; 0 if it never was.
         steady: mean size of the error at the end.
     """
 
@@ -115,6 +115,6 @@ def followed(
     side = math.copysign(1.0, values[1] - values[0])
     return Step(
         settling_s=(outside[-1] + SAMPLE_S - begin_s if outside else 0.0) if reached else None,
-        overshoot=max((side * error for _, error in errors), default=0.0),
+        overshoot=max((side * error for _, error in errors if side * error > 0.0), default=0.0),
         steady=sum(last) / len(last) if last else math.inf,
     )
