@@ -8,9 +8,9 @@ from typing import Any, Protocol, TypeAlias
 from snr_sim.prelude.task import Task
 
 # A queued task of a recorded node, and where it came from: the task, the seq of the record that brought it, its
-# position among the tasks of that record, and its values, already encoded, so that each is encoded once.
+# position among the tasks of that record, and what the recorder has made of it, so that each is encoded once.
 # A plain tuple: there is one for every task, and a named one costs three times as much to make.
-Ticket: TypeAlias = tuple[Task, int, int, bytes]
+Ticket: TypeAlias = tuple[Task, int, int, Any]
 
 # What one handler made of a task: (component's name, handler's name), and the tasks it returned.
 Handled: TypeAlias = tuple[tuple[str, str], Sequence[Task]]

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
 import msgspec
-from msgspec import Raw
 
 from snr_sim.core.blame import describe_error
 from snr_sim.core.handlers import handler_name
@@ -17,7 +16,7 @@ from snr_sim.prelude.errors import ComponentFailed, SnrError
 from snr_sim.prelude.recorder import Handled, Ticket
 from snr_sim.prelude.task import Task, TaskType
 from snr_sim.recording.compare import Tolerance, first_difference, only_reordered
-from snr_sim.recording.node_trace import encode_values, id_in_words
+from snr_sim.recording.node_trace import told_of
 from snr_sim.recording.records import (
     BeginRecord,
     By,
@@ -158,11 +157,11 @@ class Checker:
         record = self.entering
         assert record is not None
         self.result.records.append(record)
-        return (task, record.seq, 0, bytes(record.values))
+        return (task, record.seq, 0, Returned(record.type, record.name, record.values))
 
     def task(self, now_s: float, ticket: Ticket, handled: Sequence[Handled]) -> list[Ticket]:
         """Compares what the handlers of a task returned."""
-        task, cause, nth, values = ticket
+        task, cause, nth, told = ticket
         record = self._current = self.record_of(ticket)
         tickets: list[Ticket] = []
         by: list[By] = []
@@ -180,7 +179,9 @@ class Checker:
         self._gone = list(then.values())
         kind = PageRecord if task.type is TaskType.store_page else TaskRecord
         seq = record.seq if record is not None else 0
-        self.result.records.append(kind(seq, now_s, self.result.node, *id_in_words(task), Raw(values), cause, nth, by))
+        self.result.records.append(
+            kind(seq, now_s, self.result.node, told.type, told.name, told.values, cause, nth, by)
+        )
         return tickets
 
     def error(self, now_s: float, component: str, message: str) -> None:
@@ -248,17 +249,16 @@ class Checker:
         record: Executed | BeginRecord | None,
     ) -> tuple[list[Ticket], list[Returned]]:
         """Pairs outputs with recorded ones and compares; returns their tickets, and them as they stand in a record."""
-        encoded = [(task, encode_values(task)) for task in outputs]
-        returned = [Returned(*id_in_words(task), Raw(values)) for task, values in encoded]
+        returned = [told_of(task) for task in outputs]
         said = len(self.result.divergences)
         pairs = _paired(recorded, returned)
         tickets: list[Ticket] = []
-        for (task, values), place in zip(encoded, pairs, strict=True):
+        for task, told, place in zip(outputs, returned, pairs, strict=True):
             if place is None or record is None:
-                tickets.extend(self._extra_ticket(task, values, seq))
+                tickets.extend(self._extra_ticket(task, told, seq))
                 continue
-            tickets.append((task, seq, offset + place, values))
-            self._compare_values(record, label, recorded[place], values)
+            tickets.append((task, seq, offset + place, told))
+            self._compare_values(record, label, recorded[place], bytes(told.values))
         if record is not None:
             self._compare_order(record, label, recorded, returned)
         if len(self.result.divergences) > said and only_reordered(*map(_as_json, (recorded, returned))):
@@ -267,7 +267,7 @@ class Checker:
             ]
         return tickets, returned
 
-    def _extra_ticket(self, task: Task, values: bytes, cause: int) -> list[Ticket]:
+    def _extra_ticket(self, task: Task, told: Returned, cause: int) -> list[Ticket]:
         """Returns the ticket of a task that the recording does not have; none if too many came from one such task."""
         followers = self._followers.get(cause) or [0]
         followers[0] += 1
@@ -275,7 +275,7 @@ class Checker:
             return []
         self._extra -= 1
         self._followers[self._extra] = followers
-        return [(task, self._extra, 0, values)]
+        return [(task, self._extra, 0, told)]
 
     def _compare_values(
         self, record: Executed | BeginRecord, label: tuple[str, str], recorded: Returned, values: bytes

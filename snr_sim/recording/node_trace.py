@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 _encode = msgspec.json.Encoder().encode
 _NO_VALUES = b"[]"
+_STORE_PAGE = TaskType.store_page  # looked up once: in Python 3.11 a member of an Enum takes 0.1 us to find
 
 
 class NodeTrace:
@@ -50,20 +51,19 @@ class NodeTrace:
     def input(self, now_s: float, source: str, task: Task) -> Ticket:
         """Takes down a task that entered through the door."""
         seq = self._next_seq()
-        values = encode_values(task)
-        record = InputRecord(seq, now_s, self._node, source, *id_in_words(task), Raw(values))
-        self._writer.put(_encode(record))
-        return (task, seq, 0, values)
+        told = told_of(task)
+        self._writer.put(_encode(InputRecord(seq, now_s, self._node, source, told.type, told.name, told.values)))
+        return (task, seq, 0, told)
 
     def task(self, now_s: float, ticket: Ticket, handled: Sequence[Handled]) -> list[Ticket]:
         """Takes down an executed task; returns a ticket for each task its handlers returned, in order."""
         writer = self._writer
         self._newest = writer.seq = seq = writer.seq + 1
-        task, cause, nth, values = ticket
+        task, cause, nth, told = ticket
         tickets: list[Ticket] = []
         by = [By(label[0], label[1], _returned(outputs, seq, tickets)) for label, outputs in handled]
-        kind = PageRecord if task.type is TaskType.store_page else TaskRecord
-        writer.put(_encode(kind(seq, now_s, self._node, *id_in_words(task), Raw(values), cause, nth, by)))
+        kind = PageRecord if task.type is _STORE_PAGE else TaskRecord
+        writer.put(_encode(kind(seq, now_s, self._node, told.type, told.name, told.values, cause, nth, by)))
         return tickets
 
     def error(self, now_s: float, component: str, message: str) -> None:
@@ -84,13 +84,18 @@ def _returned(tasks: Sequence[Task], seq: int, tickets: list[Ticket]) -> list[Re
     """Returns tasks as they stand in a record, and adds a ticket for each."""
     returned = []
     for task in tasks:
-        values = encode_values(task)
-        tickets.append((task, seq, len(tickets), values))
-        returned.append(Returned(*id_in_words(task), Raw(values)))
+        told = told_of(task)
+        tickets.append((task, seq, len(tickets), told))
+        returned.append(told)
     return returned
 
 
-def encode_values(task: Task) -> bytes:
+def told_of(task: Task) -> Returned:
+    """Returns a task as it stands in a record."""
+    return Returned(*_id_in_words(task), Raw(_encode_values(task)))
+
+
+def _encode_values(task: Task) -> bytes:
     """Returns the JSON of the list of values a task carries."""
     values = task.val_list
     if not values:
@@ -104,7 +109,7 @@ def encode_values(task: Task) -> bytes:
         return encode_value([{MARK: "object", "type": "not recorded", "fields": {"because": reason}}])
 
 
-def id_in_words(task: Task) -> tuple[str, str]:
+def _id_in_words(task: Task) -> tuple[str, str]:
     """Returns a task's type and name; as text also where they are none, which the node is about to complain about."""
     kind: Any = task.type
     name: Any = task.name
