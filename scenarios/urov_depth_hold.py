@@ -11,7 +11,7 @@ import math
 from functools import lru_cache
 from typing import Any
 
-from snr_sim_robot_urov.judging import Sample, Watched, WatchedUrov, WatchedUrov2D, followed, judged
+from snr_sim_robot_urov.judging import BODIES, Sample, Watched, followed, judged
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
 from snr_sim_robot_urov.pilot import Cue
 
@@ -23,8 +23,7 @@ from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import Verdict
 
 ROBOT = "urov"
-BODIES = {"mujoco": WatchedUrov, "pymunk": WatchedUrov2D}  # in space; in the plane
-ENGINES = tuple(BODIES)  # for --engine; the first is the default
+ENGINES = tuple(BODIES)
 CONTROLLER = "holds"
 END_S = 40.0
 TIME_LIMIT_S = END_S + 1.0

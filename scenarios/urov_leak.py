@@ -8,7 +8,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any
 
-from snr_sim_robot_urov.judging import WatchedUrov, judged
+from snr_sim_robot_urov.judging import BODIES, Watched, judged
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
 from snr_sim_robot_urov.pilot import Cue
 
@@ -20,7 +20,7 @@ from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import Verdict
 
 ROBOT = "urov"
-ENGINES = ("mujoco",)
+ENGINES = tuple(BODIES)
 CONTROLLER = "holds"
 END_S = 45.0
 TIME_LIMIT_S = END_S + 1.0
@@ -43,12 +43,12 @@ def parameters(seed: int) -> UrovParameters:
     return UrovParameters(vehicle(), (Cue(ARM_S, is_armed=True, mode="heading_hold", depth_m=DEPTH_M),))
 
 
-def plant(seed: int, engine: str) -> WatchedUrov:
+def plant(seed: int, engine: str) -> Watched:
     """Returns the vehicle at its start."""
-    return WatchedUrov(vehicle(), Pool(40.0, 40.0, 6.0), dive, Propulsion(8), seed)
+    return BODIES[engine](vehicle(), Pool(40.0, 40.0, 6.0), dive, Propulsion(8), seed)
 
 
-def verdict(plant: WatchedUrov) -> Verdict | None:
+def verdict(plant: Watched) -> Verdict | None:
     """Returns how it ended, once the time is over."""
     if plant.time_s < END_S - 1e-6:
         return None
@@ -60,7 +60,7 @@ def verdict(plant: WatchedUrov) -> Verdict | None:
     return judged(misses)
 
 
-def metrics(plant: WatchedUrov, seed: int) -> dict[str, Any]:
+def metrics(plant: Watched, seed: int) -> dict[str, Any]:
     """Returns when it was up, and whether it stayed."""
     up = [sample.time_s for sample in plant.during(LEAKS_S, END_S) if sample.depth_m < SURFACE_M]
     return {

@@ -12,7 +12,7 @@ from functools import lru_cache
 from typing import Any
 
 from snr_sim_robot_urov.guard import GuardLimits
-from snr_sim_robot_urov.judging import WatchedUrov, judged
+from snr_sim_robot_urov.judging import BODIES, Watched, judged
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
 from snr_sim_robot_urov.pilot import Cue
 from snr_sim_robot_urov.tether_link import tether_faults
@@ -25,7 +25,7 @@ from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import Verdict
 
 ROBOT = "urov"
-ENGINES = ("mujoco",)
+ENGINES = tuple(BODIES)
 CONTROLLER = "holds"
 END_S = 36.0
 TIME_LIMIT_S = END_S + 1.0
@@ -53,12 +53,12 @@ def parameters(seed: int) -> UrovParameters:
     return UrovParameters(vehicle(), script, guard=GUARD, tether=link)
 
 
-def plant(seed: int, engine: str) -> WatchedUrov:
+def plant(seed: int, engine: str) -> Watched:
     """Returns the vehicle at its start."""
-    return WatchedUrov(vehicle(), Pool(40.0, 40.0, 6.0), dive, Propulsion(8), seed)
+    return BODIES[engine](vehicle(), Pool(40.0, 40.0, 6.0), dive, Propulsion(8), seed)
 
 
-def verdict(plant: WatchedUrov) -> Verdict | None:
+def verdict(plant: Watched) -> Verdict | None:
     """Returns how it ended, once the time is over."""
     if plant.time_s < END_S - 1e-6:
         return None
@@ -74,7 +74,7 @@ def verdict(plant: WatchedUrov) -> Verdict | None:
     return judged(misses)
 
 
-def metrics(plant: WatchedUrov, seed: int) -> dict[str, Any]:
+def metrics(plant: Watched, seed: int) -> dict[str, Any]:
     """Returns what it did after the cut."""
     quiet = plant.during(CUT_S + QUIET_S, CUT_S + GUARD.lost_s - 0.2)
     at_cut = plant.during(CUT_S, CUT_S + 0.05)

@@ -77,6 +77,10 @@ class WatchedUrov2D(Watched, Urov2D):
     """In the plane of surge, heave and pitch, under pymunk."""
 
 
+# For scenarios that ask nothing of sway, roll and yaw; the first is the default.
+BODIES: dict[str, type[Watched]] = {"mujoco": WatchedUrov, "pymunk": WatchedUrov2D}
+
+
 class Step(NamedTuple):
     """How well a step of a held quantity was followed.
 
