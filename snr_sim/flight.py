@@ -80,8 +80,8 @@ class Flight:
             until_s=float(simulation.scenario.TIME_LIMIT_S),
             tells_notes=False,  # the result has them
         )
-        self._truth = _Truth(plant, recorder) if recorder is not None else None
-        self._referee = _Referee(simulation.scenario, plant, self._runner, self._truth)
+        self._truth = TruthLog(plant, recorder) if recorder is not None else None
+        self._referee = Referee(simulation.scenario, plant, self.nodes, self._truth)
         clock.follow(Stepper(plant).advance_to)
         clock.follow(self._referee.look)
         if on_advance is not None:
@@ -116,7 +116,7 @@ class Flight:
                 raise
             error = describe_error(failure, "while the scenario was run")
         wall_time_s = time.perf_counter() - start_s
-        metrics, metrics_error = self._metrics()
+        metrics, metrics_error = metrics_of(self._simulation, self._plant)
         error = error or metrics_error
         signals = [*signals, *self._runner.signals]
         verdict = self._verdict(error, bool(signals))
@@ -131,7 +131,7 @@ class Flight:
             notes=[
                 *self._simulation.notes,
                 *notes,
-                *([f"{verdict.outcome}: {verdict.why}."] if verdict.why else []),
+                *why_of(verdict),
                 *(note for node in self.nodes for note in node.notes),
             ],
             error=error,
@@ -148,27 +148,32 @@ class Flight:
         ended_by = [node.exit_reason for node in self.nodes if node.is_terminated]
         return Verdict("ended", False) if ended_by else Verdict("timeout", False)
 
-    def _metrics(self) -> tuple[dict[str, Any], str]:
-        simulation = self._simulation
-        seed = simulation.request.seed
-        try:
-            metrics = call_student(simulation.scenario.metrics, "metrics(plant, seed)", self._plant, seed)
-        except SnrError as failure:
-            return {}, str(failure)
-        if isinstance(metrics, dict):
-            return metrics, ""
-        place = short_path(str(simulation.scenario.__file__))
-        return {}, f"{place}: metrics(plant, seed) returned {metrics!r}, which is not a dict."
+
+def why_of(verdict: Verdict) -> list[str]:
+    """Returns what a verdict has to say beside its one word, as notes."""
+    return [f"{verdict.outcome}: {verdict.why}."] if verdict.why else []
 
 
-class _Referee:
+def metrics_of(simulation: Simulation, plant: Plant) -> tuple[dict[str, Any], str]:
+    """Returns the scenario's metrics, or none and what went wrong."""
+    try:
+        metrics = call_student(simulation.scenario.metrics, "metrics(plant, seed)", plant, simulation.request.seed)
+    except SnrError as failure:
+        return {}, str(failure)
+    if isinstance(metrics, dict):
+        return metrics, ""
+    place = short_path(str(simulation.scenario.__file__))
+    return {}, f"{place}: metrics(plant, seed) returned {metrics!r}, which is not a dict."
+
+
+class Referee:
     """Looks at the plant at each new moment; once there is a verdict, every node is told to end."""
 
-    def __init__(self, scenario: ModuleType, plant: Plant, runner: SimRunner, truth: _Truth | None) -> None:
+    def __init__(self, scenario: ModuleType, plant: Plant, nodes: Sequence[Node], truth: TruthLog | None) -> None:
         self._judge = scenario.verdict
         self._place = short_path(str(scenario.__file__))
         self._plant = plant
-        self._runner = runner
+        self._nodes = nodes
         self._truth = truth
         self.verdict: Verdict | None = None
 
@@ -185,11 +190,11 @@ class _Referee:
                 self.verdict = verdict
                 if self._truth is not None:
                     self._truth.record(time_s)  # the state that was judged, before the nodes' last records
-                for node in self._runner.nodes.values():
+                for node in self._nodes:
                     node.enter(tasks.terminate(self.verdict.outcome), "referee")
 
 
-class _Truth:
+class TruthLog:
     """Has the plant's true state recorded, at most so often.
 
     It follows the clock and asks it for nothing: a run must be the same whether it is recorded or not, and a moment

@@ -82,6 +82,11 @@ class Simulation:
         """The roles that run: the one asked for, or all of the robot's."""
         return [self.request.role] if self.request.role else list(self.robot_file.ROLES)
 
+    @property
+    def is_apart(self) -> bool:
+        """Whether one role of several runs: on the wall clock, and its links reach for the others over the network."""
+        return self.request.role is not None and len(self.robot_file.ROLES) > 1
+
     def config(self, plant: Plant | None) -> Config:
         """Returns the robot's wiring.
 
@@ -132,8 +137,8 @@ class Simulation:
             )
         return plant
 
-    def header(self, plant: Plant, config: Config, clock: str = "sim") -> Header:
-        """Returns the second line of this run's trace: what runs."""
+    def header(self, plant: Plant | None, config: Config, clock: str = "sim") -> Header:
+        """Returns the second line of this run's trace: what runs. Without a plant, as in a role that has no body."""
         roles = self.roles
         return Header(
             kit=__version__,
@@ -144,7 +149,7 @@ class Simulation:
             robot=self._robot.name,
             controller=name_of(self.request.controller or ""),
             roles=roles,
-            engine=f"{self.request.engine}: {plant.engine}",
+            engine="" if plant is None else f"{self.request.engine}: {plant.engine}",
             io=self.request.io,
             seed=self.request.seed,
             options=self.request.options,
@@ -152,7 +157,7 @@ class Simulation:
             clock=clock,
             commands={f"{role}_node": command_keys(config.get(role)) for role in roles},
             sources=self.sources(),
-            scene=plant.scene(),
+            scene={} if plant is None else plant.scene(),
         )
 
     def opening(self) -> Opening:

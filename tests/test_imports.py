@@ -31,6 +31,7 @@ FLOOR = {
     "learning": 6,
     "flight": 5,
     "program": 5,
+    "role_run": 6,
     "grading": 6,
     "web": 6,
     "cli": 7,

@@ -57,7 +57,7 @@ class ScriptedPilotFactory(LoopFactory):
 
 
 class ScriptedPilot(Loop):
-    """Stores page 'controls': what the cues so far have made of them."""
+    """Stores page 'controls': what the cues so far have made of them. They begin when the vehicle is first heard of."""
 
     factory: ScriptedPilotFactory
 
@@ -65,13 +65,16 @@ class ScriptedPilot(Loop):
         """Begins with controls that ask for nothing."""
         self._controls: dict[str, Any] = msgspec.structs.asdict(Controls())
         self._left = list(self.factory.script)
-        self._start_s = self.get_time_s()
+        self._start_s: float | None = None
 
     def loop(self) -> None:
         """Stores the controls of now; what a cue asks to be held is asked once."""
         controls = self._controls
         controls["number"] += 1
         controls["depth_m"] = controls["heading_rad"] = None
-        while self._left and self.get_time_s() - self._start_s >= self._left[0].at_s - 1e-9:
+        if self._start_s is None and self.get_data("vehicle") is not None:
+            self._start_s = self.get_time_s()
+        gone_s = -1.0 if self._start_s is None else self.get_time_s() - self._start_s
+        while self._left and gone_s >= self._left[0].at_s - 1e-9:
             controls.update(self._left.pop(0).changes)
         self.store_data("controls", dict(controls))

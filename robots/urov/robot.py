@@ -15,7 +15,7 @@ Its numbers are in parameters.py and vehicles/, its physics in snr_sim/plants, a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -23,6 +23,7 @@ from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
 from snr_sim.devices.simulated import SimActuator
 from snr_sim.plants.t200 import LEAST_US, MOST_US
 from snr_sim.prelude.component import Factory
+from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.scenario import Rig
 from snr_sim.prelude.signals import PwmCommand
 from snr_sim.std_mods.comms.sockets import SocketsPair
@@ -53,11 +54,19 @@ DEVICES: dict[str, dict[str, Callable[[Rig], Any]]] = {
 }
 
 
+def address(options: Mapping[str, str], port: int) -> tuple[str, int]:
+    """Returns where the vehicle listens: `--option host=...` and `--option port=...`, the same for both roles."""
+    given = options.get("port", str(port))
+    if not given.isdecimal():
+        raise ParameterError(f"--option port={given} is no port.", fix="a number, the same at both ends: port=9120.")
+    return options.get("host", "127.0.0.1"), int(given)
+
+
 def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
     """Returns the components of each role. At the vehicle sensors come first and thrusters last."""
     parameters: UrovParameters = rig.robot.parameters
     devices = DEVICES[rig.io]
-    tether = SocketsPair(("127.0.0.1", parameters.port), name="tether", faults=parameters.tether)
+    tether = SocketsPair(address(rig.robot.options, parameters.port), name="tether", faults=parameters.tether)
     sensors = [
         SensorLoopFactory(name, partial(devices[name], rig), parameters.sensors.rates_hz[name]) for name in SENSORS
     ]

@@ -23,7 +23,7 @@ def run(
     seed: Annotated[int, typer.Option(help="Of all chance in the run. Every seed is another start.")] = 0,
     engine: Annotated[str, typer.Option(help="Physics engine; the scenario's first if not given.")] = "",
     controller: Annotated[str, typer.Option(help="One of the robot's by name, or a file: ./mine.py.")] = "",
-    role: Annotated[str, typer.Option(help="Runs one role only; all if not given.")] = "",
+    role: Annotated[str, typer.Option(help="Runs one role only: in real time, beside the others.")] = "",
     io: Annotated[str, typer.Option(help="Where devices are: a row of the robot's table.")] = "sim",
     speed: Annotated[str, typer.Option(help="'fast', 'real', or a multiple of real time such as 4.")] = "fast",
     option: Annotated[list[str], typer.Option(help="KEY=VALUE for the controller; may be repeated.")] = [],  # noqa: B006
@@ -96,19 +96,31 @@ def record_run(
     from snr_sim.flight import Flight
     from snr_sim.recording.folder import discard, new_run_folder
     from snr_sim.recording.trace import FILE_NAME, TraceWriter
+    from snr_sim.role_run import RoleRun, World
     from snr_sim.simulation import prepare
 
     place, out = out, out.resolve()  # the student's code may change the current folder
     with guarded(is_quiet), ExitStack() as stack:
         simulation = prepare(request)
-        plant = simulation.plant()
-        config = simulation.config(plant)
+        world = World(simulation) if simulation.is_apart else None
+        if world is not None and pace not in (None, 1.0):
+            from snr_sim.prelude.errors import ParameterError
+
+            raise ParameterError(
+                f"The role '{world.role}' runs by itself, on the wall clock, at no other speed.", fix="--speed real."
+            )
+        if world is None:
+            plant = simulation.plant()
+            config = simulation.config(plant)
+            header = simulation.header(plant, config)
+        else:
+            config = world.config
+            header = simulation.header(world.plant, config, "wall")
         if is_watched:
             show_log(logging.INFO)
             config = watched(config)
         if console_port is not None:
             config.get(simulation.roles[0]).append(_console(console_port))
-        header = simulation.header(plant, config)
         folder = new_run_folder(out, simulation.scenario_name, request.seed)
         try:
             recorder = TraceWriter(folder / FILE_NAME, header, simulation.opening())
@@ -119,7 +131,11 @@ def record_run(
             if is_live:
                 stack.callback(_live_view(header, recorder).close)
             tick = stack.enter_context(progress(simulation.scenario_name, is_shown=pace is not None))
-            flight = Flight(simulation, plant, config, recorder, pace, tick)
+            flight: Flight | RoleRun = (
+                Flight(simulation, plant, config, recorder, pace, tick)
+                if world is None
+                else RoleRun(world, config, recorder)
+            )
             # From here on a signal ends the run in order, and the files are finished, also if it comes after the run.
             signals = stack.enter_context(orderly(flight.nodes))
         except BaseException:

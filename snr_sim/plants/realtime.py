@@ -1,0 +1,67 @@
+"""A plant that keeps up with a clock on the wall, for robots whose roles run as processes of their own.
+
+Nothing steps it by itself: whoever reads, writes or looks brings it to now first. Loops on threads do so many times a
+second, one at a time.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from snr_sim.plants.stepping import Stepper
+from snr_sim.prelude.clock import Clock
+from snr_sim.prelude.plant import Plant
+
+
+class RealTimePlant:
+    """What devices and viewers want of a plant, at the pace of a clock and for several threads at once.
+
+    Args:
+        plant: as it was reset, at time 0; from now on reached through this one only.
+        clock: whose seconds count.
+    """
+
+    def __init__(self, plant: Plant, clock: Clock) -> None:
+        self._plant = plant
+        self._clock = clock
+        self._stepper = Stepper(plant)
+        self._lock = threading.RLock()
+
+    def follow(self, clock: Clock) -> None:
+        """Goes by another clock from now on: one that starts when the run does, after all has been made ready."""
+        self._clock = clock
+
+    @contextmanager
+    def now(self) -> Iterator[Any]:
+        """Yields the plant itself as it is now, and nobody else reaches it meanwhile."""
+        with self._lock:
+            self._stepper.advance_to(self._clock.now_s())
+            yield self._plant
+
+    @property
+    def time_s(self) -> float:
+        """Up to when it has come."""
+        return self._plant.time_s
+
+    def write(self, name: str, command: Any) -> None:
+        """Sets an input from now on."""
+        with self.now() as plant:
+            plant.write(name, command)
+
+    def read(self, name: str) -> Any:
+        """Returns an output as it is now."""
+        with self.now() as plant:
+            return plant.read(name)
+
+    def scene(self) -> dict[str, Any]:
+        """Returns what does not move, and the shapes of what does."""
+        return self._plant.scene()
+
+    def truth(self) -> dict[str, Any]:
+        """Returns the true state as it is now."""
+        with self.now() as plant:
+            truth: dict[str, Any] = plant.truth()
+            return truth

@@ -1,0 +1,160 @@
+"""The roles of one scenario as processes of their own, in real time: joined over TCP, recorded, replayed."""
+
+import json
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim.recording.reader import Trace, read_trace
+from snr_sim.recording.records import PageRecord
+from snr_sim.recording.replay import replay_node
+from snr_sim.recording.trace import FILE_NAME
+from snr_sim.simulation import prepare, request_of
+
+PATIENCE_S = 60.0
+
+# A dive of seconds: the pilot pushes ahead for ever, and it is over when it has pushed and then been still for a while.
+DASH = '''
+"""Ahead, until nobody is there any more."""
+
+from snr_sim_robot_urov.judging import WatchedUrov
+from snr_sim_robot_urov.parameters import UrovParameters, vehicle
+from snr_sim_robot_urov.pilot import Cue
+
+from snr_sim.plants.dive import Dive
+from snr_sim.plants.pool import Pool
+from snr_sim.plants.propulsion import Propulsion
+from snr_sim.prelude.scenario import Verdict
+
+ROBOT = "urov"
+ENGINES, CONTROLLER, TIME_LIMIT_S = ("mujoco",), "holds", 60.0
+
+
+class Dashing(WatchedUrov):
+    pushed_s = None
+
+    def step(self, dt_s):
+        super().step(dt_s)
+        if max(map(abs, self.thrusters.forces_n)) > 1.0:
+            self.pushed_s = self.time_s
+
+
+def parameters(seed):
+    return UrovParameters(vehicle(), (Cue(1.5, is_armed=True, mode="manual", surge=0.5),))
+
+
+def plant(seed, engine):
+    return Dashing(vehicle(), Pool(), lambda seed: Dive(position_m=(-8.0, 0.0, -1.0)), Propulsion(8), seed)
+
+
+def verdict(plant):
+    is_over = plant.pushed_s is not None and plant.time_s > plant.pushed_s + 0.6
+    return Verdict("still", True) if is_over else None
+
+
+def metrics(plant, seed):
+    return {"pushed_s": plant.pushed_s}
+'''
+
+Start = Callable[..., subprocess.Popen[str]]
+
+
+@pytest.fixture
+def start(here: Path) -> Iterator[Start]:
+    """Starts a role; whatever still runs at the end is killed."""
+    (here / "dash.py").write_text(DASH)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    running: list[subprocess.Popen[str]] = []
+
+    def start(role: str) -> subprocess.Popen[str]:
+        words = ["run", "./dash.py", "--role", role, "--option", f"port={port}", "--no-rrd", "--json", "--out", role]
+        command = [sys.executable, "-m", "snr_sim", *words]
+        running.append(subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True))
+        return running[-1]
+
+    yield start
+    for process in running:
+        process.kill()
+        process.communicate()
+
+
+def wait_for_page(folder: Path, key: str, says: str, process: subprocess.Popen[str]) -> None:
+    """Waits until the newest page of a key that a role has recorded holds a text."""
+    end_s = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end_s:
+        assert process.poll() is None, process.communicate()
+        for path in folder.glob("*/" + FILE_NAME):
+            lines = [line for line in path.read_text().splitlines() if f'"key":"{key}"' in line]
+            if lines and says in lines[-1]:
+                return
+        time.sleep(0.02)
+    raise AssertionError(f"{folder.name}: no page '{key}' with {says} within {PATIENCE_S} s")
+
+
+def trace_in(folder: Path) -> Trace:
+    (path,) = folder.glob("*/" + FILE_NAME)
+    return read_trace(path)
+
+
+def pages(trace: Trace, key: str) -> list[tuple[float, Any]]:
+    """When each page of a key was stored, and its data."""
+    found = [record for record in trace.records if isinstance(record, PageRecord) and record.name == key]
+    return [(record.t, json.loads(bytes(record.values))[0]["data"]) for record in found]
+
+
+def test_a_topside_that_is_killed_leaves_thrust_at_neutral_within_half_a_second(here: Path, start: Start) -> None:
+    topside, urov = start("topside"), start("urov")  # in this order: either may be first
+    wait_for_page(here / "urov", "vehicle", '"rules":"pilot"', urov)
+    time.sleep(0.5)  # of thrust, in real time: that is what the roles run in
+    topside.send_signal(signal.SIGKILL)
+    out, complaints = urov.communicate(timeout=PATIENCE_S)
+    fields = json.loads(out)
+    assert (fields["outcome"], urov.returncode) == ("still", 0), complaints
+    trace = trace_in(here / "urov")
+    last_s = pages(trace, "controls")[-1][0]
+    turning = [t for t, data in pages(trace, "pwm") if any(abs(pulse - 1500.0) > 1.0 for pulse in data["pulses_us"])]
+    assert turning
+    assert 0.0 < turning[-1] - last_s < 0.5
+    # Both clocks are the wall's, so the trace of either replays by itself; that of the killed one up to its last line.
+    for role in ("topside", "urov"):
+        trace = trace_in(here / role)
+        assert trace.header.clock == "wall"
+        assert trace.header.roles == [role]
+        replayed = replay_node(trace, role, prepare(request_of(trace.opening, trace.header)).config(None))
+        assert replayed.is_identical, replayed.divergences[0]
+        assert replayed.executed > 50
+
+
+def test_a_vehicle_that_is_killed_is_missed_at_the_surface_within_a_second(here: Path, start: Start) -> None:
+    urov, topside = start("urov"), start("topside")
+    wait_for_page(here / "topside", "vehicle", '"rules":"pilot"', topside)
+    urov.send_signal(signal.SIGKILL)
+    killed_s = time.monotonic()
+    wait_for_page(here / "topside", "link_tether", '"up":false', topside)
+    assert time.monotonic() - killed_s < 1.0
+    topside.send_signal(signal.SIGINT)
+    out, complaints = topside.communicate(timeout=PATIENCE_S)
+    assert (json.loads(out)["outcome"], topside.returncode) == ("ended", 0), complaints
+    assert "link_tether is down" in complaints
+
+
+def test_a_role_by_itself_runs_at_no_other_speed_than_the_clocks(snr: Any) -> None:
+    answer = snr("run", "urov_teleop", "--role", "topside", "--speed", "4")
+    assert answer.status == 2
+    assert "on the wall clock" in answer.err
+
+
+@pytest.mark.parametrize("port", ["abc", "-1", "70000"])
+def test_a_port_that_is_none_is_refused(snr: Any, port: str) -> None:
+    answer = snr("run", "urov_teleop", "--option", f"port={port}")
+    assert answer.status == 2
+    assert "port" in answer.err
