@@ -30,11 +30,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snr_sim.plants.vehicle import Matrix, Six, Vehicle
+from snr_sim.prelude.errors import PlantError
+from snr_sim.prelude.wrench import AXES
 
 Three: TypeAlias = tuple[float, float, float]
 Product: TypeAlias = Callable[[float, float, float, float, float, float], Six]
 
-ROUNDS = 3
+ROUNDS, MOST_ROUNDS = 3, 60
+SETTLED = 1e-4  # m/s, rad/s: a round that changes the middle's velocity by more is not the last
+CAREFUL = 0.2  # share of the way, once rounds overshoot: up to a tenfold drag, which no vehicle meets, it still settles
 WET_STEPS = 64
 AT_REST: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -91,6 +95,9 @@ class Hydrodynamics:
             arm: buoyancy times its place less weight times its place [N m], body frame.
             guess: acceleration of the step before.
             dt_s: length of the step; with 0, the acceleration is that of this moment.
+
+        Raises:
+            PlantError: the step is too long for a motion so violent, or a number is not finite.
         """
         u0, v0, w0, p0, q0, r0 = nu
         kx, ky, kz = up
@@ -100,7 +107,7 @@ class Hydrodynamics:
         momentum, acceleration = self._momentum, self._acceleration
         half = 0.5 * dt_s
         au, av, aw, ap, aq, ar = guess
-        for _ in range(ROUNDS):
+        for i in range(MOST_ROUNDS):
             u, v, w = u0 + half * au, v0 + half * av, w0 + half * aw
             p, q, r = p0 + half * ap, q0 + half * aq, r0 + half * ar
             # The mean of `up` over the step, which solves up - up0 = half * (up x w).
@@ -126,9 +133,29 @@ class Hydrodynamics:
                 push_n + arm_x * up_y - arm_y * up_x
                 + ang_1 * q - ang_2 * p + lin_1 * v - lin_2 * u - r * (lin_r + quad_r * abs(r))
             )  # fmt: skip
-            au, av, aw, ap, aq, ar = acceleration(x, y, z, k, m, n)
+            if i < ROUNDS - 1 and half > 0.0:
+                au, av, aw, ap, aq, ar = acceleration(x, y, z, k, m, n)
+                continue
+            before = au, av, aw, ap, aq, ar
+            au, av, aw, ap, aq, ar = found = acceleration(x, y, z, k, m, n)
+            b1, b2, b3, b4, b5, b6 = before
+            gap = abs(au - b1) + abs(av - b2) + abs(aw - b3) + abs(ap - b4) + abs(aq - b5) + abs(ar - b6)
+            if half * gap < SETTLED:
+                break
+            # So much drag that each round overshoots: go a part of the way.
+            au, av, aw, ap, aq, ar = (a + CAREFUL * (b - a) for a, b in zip(before, found, strict=True))
+        else:
+            raise PlantError(
+                f"At {in_words(nu)} through the water, a step of {dt_s:g} s is too long for what pushes and drags.",
+                fix="look at the last commands and at the vehicle's numbers; or take a shorter step.",
+            )
         middle = u0 + half * au, v0 + half * av, w0 + half * aw, p0 + half * ap, q0 + half * aq, r0 + half * ar
         return middle, (au, av, aw, ap, aq, ar)
+
+
+def in_words(nu: Sequence[float]) -> str:
+    """Returns six velocities with their names, for a message."""
+    return ", ".join(f"{axis} {value:.3g}" for axis, value in zip(AXES, nu, strict=True)) + " (m/s, rad/s)"
 
 
 def product_with(matrix: NDArray[np.floating[Any]]) -> Product:

@@ -26,7 +26,7 @@ from snr_sim.plants import dive as dives
 from snr_sim.plants.attitude import Quaternion, Rotation, rotation_of, turned
 from snr_sim.plants.dive import Dive
 from snr_sim.plants.flotation import Flotation
-from snr_sim.plants.hydrodynamics import AT_REST, Hydrodynamics
+from snr_sim.plants.hydrodynamics import AT_REST, Hydrodynamics, in_words
 from snr_sim.plants.mujoco_body import MujocoBody
 from snr_sim.plants.mujoco_engine import MujocoWorld
 from snr_sim.plants.pool import BODY, Pool
@@ -470,11 +470,10 @@ class Urov:
         _, _, _, p, q, r = change
         if x * x + y * y + z * z + p * p + q * q + r * r < EXPLODED * EXPLODED:  # not so if one is NaN
             return
-        before = ", ".join(f"{axis} {value:g}" for axis, value in zip(AXES, nu, strict=True))
         lost = [axis for axis, value in zip(AXES, change, strict=True) if not abs(value) < EXPLODED]
         raise PlantError(
             f"At {self.time_s:g} s the acceleration in {', '.join(lost) or 'the world'} is no longer finite; the "
-            f"velocities through the water were {before} (m/s, rad/s).",
+            f"velocities through the water were {in_words(nu)}.",
             fix="look at the last commands and at what was added to the vehicle; or try a shorter step.",
         )
 

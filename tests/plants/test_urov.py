@@ -102,9 +102,11 @@ def test_a_state_that_explodes_is_an_error_that_says_what_it_was(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    plant = swim(step_s=0.02, velocity_mps=(99.0, 0.0, 0.0))  # drag takes more than all of it in a step
-    with pytest.raises(PlantError, match=r"acceleration in surge.* is no longer finite; the velocities .* surge "):
-        go(plant, 1.0)
+    with pytest.raises(PlantError, match=r"^At surge 0, sway 0, .* a step of 0\.005 s is too long"):
+        go(swim(), 1.0, (1e9, 0.0, 0.0))
+    on_the_floor = swim(pool=Pool(), position_m=(0.0, 0.0, -3.88))
+    with pytest.raises(PlantError, match=r"At 0 s the acceleration in heave is no longer finite; .* surge 0, "):
+        go(on_the_floor, 1.0, (0.0, 0.0, -1e12))
     assert list(tmp_path.iterdir()) == []  # MuJoCo has not seen it, and wrote no log
 
 
@@ -386,6 +388,14 @@ def test_pulses_that_are_none_are_refused() -> None:
     plant.write("pwm", PwmCommand([0.5] * 8))
     with pytest.raises(PlantError, match=r"sent a pulse of 0\.5 us"):
         plant.step(plant.step_s)
+
+
+def test_drag_as_hard_as_no_vehicle_meets_is_still_answered() -> None:
+    plant = go(swim(replace(HEAVY, net_buoyancy_n=0.0)), 5.0, (1e5, 0.0, 0.0))
+    terminal = (math.sqrt(13.7**2 + 4.0 * 141.0 * 1e5) - 13.7) / 282.0
+    assert plant.through_water[0] == pytest.approx(terminal, rel=1e-4)
+    dropped = go(swim(position_m=(0.0, 0.0, 50.0), attitude_rad=(0.3, 0.2, 0.0)), 20.0)
+    assert -2.0 < dropped.position_m[2] < 0.0
 
 
 # -- other worlds, other processes ------------------------------------------------------------------------------------
