@@ -14,6 +14,7 @@ import math
 from snr_sim.prelude.angles import wrap_rad
 from snr_sim.prelude.signals import DepthReading, ImuReading
 from snr_sim.std_mods.pid import Pid
+from snr_sim.std_mods.slew import approach
 
 from .controls import MODES, Controls
 from .parameters import Gains, HoldNumbers
@@ -89,7 +90,7 @@ class Holds:
             self._wanted_depth_m = controls.depth_m
         numbers = self.numbers
         self._wanted_depth_m = max(0.0, self._wanted_depth_m - controls.heave * numbers.sink_mps * dt_s)
-        move_m = _approach(self._wanted_depth_m - self.depth_m, numbers.sink_mps, numbers.brake_mps2, dt_s)
+        move_m = approach(self._wanted_depth_m - self.depth_m, numbers.sink_mps, numbers.brake_mps2, dt_s)
         self.depth_m += move_m
         # What moving costs is known: the drag at that speed. So it has not to be learnt by being late.
         sink_mps = move_m / dt_s
@@ -116,20 +117,11 @@ class Holds:
         if controls.heading_rad is not None:
             self._wanted_heading_rad = controls.heading_rad
         self._wanted_heading_rad = wrap_rad(self._wanted_heading_rad + controls.yaw * numbers.turn_radps * dt_s)
-        turn = _approach(
+        turn = approach(
             wrap_rad(self._wanted_heading_rad - self.heading_rad), numbers.turn_radps, numbers.brake_radps2, dt_s
         )
         self.heading_rad = wrap_rad(self.heading_rad + turn)
         return self._heading.update(self.heading_rad, imu.yaw_rad, dt_s, rate=imu.rate_radps[2] - turn / dt_s)
-
-
-def _approach(left: float, speed: float, brake: float, dt_s: float) -> float:
-    """Returns how far what is held moves towards what is wanted, in a time.
-
-    No faster than the vehicle can follow, and slower before it arrives: a jump would only fill the integral.
-    """
-    most = min(speed, math.sqrt(2.0 * brake * abs(left))) * dt_s
-    return min(most, max(-most, left))
 
 
 def _pid(gains: Gains, smoothing_s: float = 0.0, is_angle: bool = False) -> Pid:

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
+from snr_sim.plants.dive import Dive
+from snr_sim.plants.pool import Pool
 from snr_sim.plants.urov import Urov
 from snr_sim.plants.urov_2d import Urov2D
+from snr_sim.plants.vehicle import Vehicle
 from snr_sim.prelude.angles import roll_pitch_yaw_rad
 from snr_sim.prelude.scenario import Verdict
+
+from .sight import place_of
 
 SAMPLE_S = 0.1
 
@@ -31,12 +37,19 @@ class Sample(NamedTuple):
 
 
 class Watched(Urov):
-    """A vehicle with somebody who takes down its course, ten times a second.
+    """A vehicle with somebody above who takes down its course, ten times a second, and can tell where it is: "place".
 
     Attributes:
         course: since the reset.
         touched_n: the hardest contact since the reset.
     """
+
+    def __init__(
+        self, vehicle: Vehicle, pool: Pool, start_of: Callable[[int], Dive], thrusters: Any, seed: int
+    ) -> None:
+        super().__init__(vehicle, pool, start_of, thrusters, seed)
+        self.outputs = (*self.outputs, "place")
+        self._readers["place"] = partial(place_of, self)
 
     def reset(self, seed: int) -> None:
         """Starts anew, with an empty course."""

@@ -20,6 +20,7 @@ from snr_sim.std_mods.comms.faults import Faults
 
 from .guard import GuardLimits
 from .pilot import Cue
+from .seeing_pilot import Waypoint
 from .tether_link import tether_faults
 
 VEHICLES = Path(__file__).parent / "vehicles"
@@ -81,6 +82,7 @@ class UrovParameters:
     Args:
         vehicle: its numbers.
         script: what the pilot does, where there is no person.
+        route: where a pilot who sees goes; if there is one, he flies instead.
         sensors, holds, guard: see there.
         nominal_v: at which the pulse for a thrust is looked up.
         slew_nps: how fast a thrust may change.
@@ -93,6 +95,7 @@ class UrovParameters:
 
     vehicle: Vehicle
     script: tuple[Cue, ...] = ()
+    route: tuple[Waypoint, ...] = ()
     sensors: Sensors = field(default_factory=Sensors)
     holds: HoldNumbers = field(default_factory=HoldNumbers)
     guard: GuardLimits = field(default_factory=GuardLimits)

@@ -20,7 +20,7 @@ from functools import partial
 from typing import Any
 
 from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
-from snr_sim.devices.simulated import SimActuator
+from snr_sim.devices.simulated import SimActuator, SimSensor
 from snr_sim.plants.t200 import LEAST_US, MOST_US
 from snr_sim.prelude.component import Factory
 from snr_sim.prelude.errors import ParameterError
@@ -30,6 +30,8 @@ from snr_sim.std_mods.comms.sockets import SocketsPair
 
 from .parameters import UrovParameters
 from .pilot import ScriptedPilotFactory
+from .seeing_pilot import SeeingPilotFactory
+from .sight import EYES
 
 ROLES = ("urov", "topside")
 IO = ("sim",)
@@ -43,6 +45,11 @@ def sim_sensor(rig: Rig, name: str) -> Any:
     return getattr(rig.robot.parameters.sensors, name).simulated(rig.plant, name, rig.rng(name))
 
 
+def sim_eyes(rig: Rig) -> SimSensor:
+    """Opens the eyes of the pilot above the water."""
+    return SimSensor(rig.plant, "place", EYES, rig.rng("place"))
+
+
 def sim_pwm(rig: Rig) -> SimActuator[PwmCommand]:
     """Opens the simulated outputs to the speed controllers."""
     return SimActuator(rig.plant, "pwm", PwmCommand, {"pulses_us": (LEAST_US, MOST_US)})
@@ -50,7 +57,7 @@ def sim_pwm(rig: Rig) -> SimActuator[PwmCommand]:
 
 # What each device is, for each way of running the robot. Nothing else decides between simulation and hardware.
 DEVICES: dict[str, dict[str, Callable[[Rig], Any]]] = {
-    "sim": {**{name: partial(sim_sensor, name=name) for name in SENSORS}, "pwm": sim_pwm},
+    "sim": {**{name: partial(sim_sensor, name=name) for name in SENSORS}, "place": sim_eyes, "pwm": sim_pwm},
 }
 
 
@@ -73,8 +80,13 @@ def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
     pwm = ActuatorLoopFactory("pwm", partial(devices["pwm"], rig), parameters.pwm_hz, timeout_s=0.25)
     return {
         "urov": [tether.server(TO_TOPSIDE, accept=["controls"]), *sensors, *controller, pwm],
-        "topside": [
-            ScriptedPilotFactory(parameters.script, parameters.command_hz),
-            tether.client("controls", accept=TO_TOPSIDE),
-        ],
+        "topside": [tether.client("controls", accept=TO_TOPSIDE), *_pilot(rig, parameters)],
     }
+
+
+def _pilot(rig: Rig, parameters: UrovParameters) -> list[Factory]:
+    """Returns who flies: somebody who sees, if there is a route; else somebody who does as it is written."""
+    if parameters.route:
+        eyes = SensorLoopFactory("place", partial(DEVICES[rig.io]["place"], rig), 10.0)
+        return [eyes, SeeingPilotFactory(parameters.route)]
+    return [ScriptedPilotFactory(parameters.script, parameters.command_hz)]

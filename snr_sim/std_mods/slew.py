@@ -1,7 +1,7 @@
-"""A slew limit: several values that go together may change only so fast.
+"""Limits on how fast something changes: several values that go together, or a setpoint on its way to another one.
 
-All of them take the same share of their way, the one that the slowest can keep up with. So on the way they still mean
-the same thing, only less of it: thrusts that turn a vehicle do not push it aside for a moment.
+Values that go together all take the same share of their way, the one that the slowest can keep up with. So on the way
+they still mean the same thing, only less of it: thrusts that turn a vehicle do not push it aside for a moment.
 """
 
 from __future__ import annotations
@@ -55,3 +55,21 @@ class SlewLimit:
         share = 1.0 if longest <= most else most / longest
         self.values = [old + share * way for old, way in zip(self.values, ways, strict=True)]
         return self.values
+
+
+def approach(left: float, speed: float, brake: float, dt_s: float) -> float:
+    """Returns how far a setpoint moves in a time: no faster than a robot can follow, and slower before it arrives.
+
+    A setpoint that jumps fills the integral of its controller, and the robot overshoots; one that moves does not.
+
+    Args:
+        left: the way that is left, with its sign.
+        speed: at most.
+        brake: how fast it slows down, in speed per second.
+        dt_s: how long.
+
+    >>> approach(5.0, speed=0.5, brake=0.1, dt_s=0.1), approach(-0.05, speed=0.5, brake=0.1, dt_s=0.1)
+    (0.05, -0.010000000000000002)
+    """
+    most = min(speed, math.sqrt(2.0 * brake * abs(left))) * dt_s
+    return min(most, max(-most, left))

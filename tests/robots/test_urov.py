@@ -1,22 +1,29 @@
 """The underwater vehicle's software, part by part, without a node: what it hears, whose word counts, what it holds."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
 import pytest
 
-from snr_sim import library
+from snr_sim import Config, Endpoint, EndpointFactory, Mode, Node, SimRunner, Task, TaskId, TaskType, library
+from snr_sim.core.clocks import SimClock
+from snr_sim.plants.stepping import Stepper
 from snr_sim.prelude.errors import CommandError, ParameterError, SnrError, UnknownName
+from snr_sim.prelude.scenario import Rig, Robot
 from snr_sim.prelude.signals import DepthReading, ImuReading
+from snr_sim.testing.parts import Ticker, TickerFactory
 
-library.load_robot(library.find("robots", "urov"))
+robot = library.load_robot(library.find("robots", "urov"))
 
+from snr_sim_robot_urov.autopilot import AutopilotFactory  # noqa: E402
 from snr_sim_robot_urov.controls import MODES, Controls, controls_of  # noqa: E402
 from snr_sim_robot_urov.guard import Guard, GuardLimits  # noqa: E402
 from snr_sim_robot_urov.holds import Holds  # noqa: E402
 from snr_sim_robot_urov.parameters import HoldNumbers  # noqa: E402
 from snr_sim_robot_urov.pilot import Cue, ScriptedPilotFactory  # noqa: E402
+from snr_sim_robot_urov.seeing_pilot import SeeingPilotFactory, Waypoint  # noqa: E402
 from snr_sim_robot_urov.tether_link import tether_faults  # noqa: E402
 
 DT_S = 0.02
@@ -217,6 +224,125 @@ def test_what_the_thrusters_cannot_push_is_not_held() -> None:
         wrench = one.wrench(Controls(mode=mode), depth(1.0), imu(roll=0.2, pitch=0.2), DT_S)
         assert wrench[4] == 0.0
         assert wrench[3] < 0.0
+
+
+# -- a pilot who sees --------------------------------------------------------------------------------------------------
+
+
+def test_a_pilot_without_a_route_is_refused() -> None:
+    with pytest.raises(ParameterError, match="no waypoints"):
+        SeeingPilotFactory(())
+
+
+def test_a_pilot_pushes_towards_where_he_wants_to_be_whichever_way_the_vehicle_points() -> None:
+    for yaw, stick, side in ((0.0, "surge", 1.0), (math.pi / 2, "sway", -1.0), (math.pi, "surge", -1.0)):
+        told = look(Waypoint(5.0, 0.0, 2.0, 0.0), [(0.0, 0.0, -2.0, yaw)] * 40)
+        assert side * told[-1][stick] > 0.3
+        assert not told[0]["is_armed"]
+        assert told[-1]["is_armed"]
+        assert (told[-1]["mode"], told[-1]["depth_m"]) == ("heading_hold", 2.0)
+
+
+def look(goal: Waypoint, places: list[tuple[float, ...]]) -> list[dict[str, Any]]:
+    """The controls of a pilot who sees these places, ten times a second."""
+    told: list[dict[str, Any]] = []
+    left = list(places)
+
+    def see(loop: Ticker) -> None:
+        if left:
+            x, y, z, yaw = left.pop(0)
+            loop.store_data("place", {"position_m": [x, y, z], "yaw_rad": yaw, "stamp_s": loop.get_time_s()})
+
+    parts = [TickerFactory(see, rate_hz=10.0), SeeingPilotFactory([goal]), listener("controls", told)]
+    SimRunner(Config(Mode.TEST, {"topside": parts}), until_s=0.1 * len(places)).run()
+    return told
+
+
+def listener(key: str, told: list[dict[str, Any]]) -> EndpointFactory:
+    """An endpoint that keeps the data of every page of a key."""
+
+    class Listener(Endpoint):
+        def __init__(self, factory: EndpointFactory, parent: Node, name: str) -> None:
+            super().__init__(factory, parent, name)
+            self.task_handlers = {(TaskType.process_data, key): self.hear}
+
+        def hear(self, task: Task, task_id: TaskId) -> None:
+            told.append(dict(self.get_data(key)))
+
+    class ListenerFactory(EndpointFactory):
+        def get(self, parent: Node) -> Endpoint:
+            return Listener(self, parent, "listener")
+
+    return ListenerFactory()
+
+
+# -- both roles, with the plant ---------------------------------------------------------------------------------------
+
+
+def dived(script: list[Cue], until_s: float, meddle: Any = None, **changes: Any) -> list[dict[str, Any]]:
+    """What the surface is told, ten times a second, by a vehicle that a pilot flies from 1 m of depth.
+
+    Args:
+        script: what the pilot does.
+        until_s: how long.
+        meddle: makes another component of the surface.
+        changes: of the parameters.
+    """
+    scenario = library.load_scenario(library.find("scenarios", "urov_depth_hold"))
+    parameters = replace(scenario.parameters(1), script=tuple(script), **changes)
+    plant = scenario.plant(1, "mujoco")
+    rig = Rig(Robot("urov", "urov", "test", "mujoco", parameters, {}), "sim", 1, plant)
+    told: list[dict[str, Any]] = []
+    parts = robot.roles(rig, [AutopilotFactory(parameters)])
+    parts["topside"] += [listener("vehicle", told), *([] if meddle is None else [meddle])]
+    clock = SimClock()
+    clock.follow(Stepper(plant).advance_to)
+    SimRunner(Config(Mode.TEST, parts), clock=clock, until_s=until_s).run()
+    for one in told:
+        one["thrust_n"] = 0.0
+    told[-1]["thrust_n"] = sum(map(abs, plant.thrusters.forces_n))
+    return told
+
+
+ARM = Cue(1.5, is_armed=True, mode="depth_hold")
+
+
+def test_an_emergency_stop_is_acknowledged_and_kept_until_it_is_cleared_and_the_pilot_has_disarmed() -> None:
+    script = [ARM, Cue(2.5, is_stop=True), Cue(3.0, is_stop=False)]
+    told = dived(script, 4.0)
+    stopped = [one["is_stopped"] for one in told]
+    assert stopped == sorted(stopped), "once stopped, it stays stopped"
+    assert (told[-1]["is_stopped"], told[-1]["rules"], told[-1]["is_armed"]) == (True, "idle", False)
+    assert told[-1]["thrust_n"] < 0.01
+    script += [Cue(4.0, is_armed=False, clears_stop=True), Cue(4.5, is_armed=True, clears_stop=False)]
+    told = dived(script, 5.5)
+    assert (told[-1]["is_stopped"], told[-1]["rules"]) == (False, "pilot")
+    assert told[-1]["thrust_n"] > 1.0
+
+
+def test_controls_that_are_none_are_told_and_not_obeyed_and_the_vehicle_lives_on() -> None:
+    def spoil(loop: Ticker) -> None:
+        if loop.get_time_s() > 3.0:
+            loop.store_data("controls", {"number": 10**6, "is_armed": True, "mode": "warp"})
+
+    told = dived([ARM], 4.0, TickerFactory(spoil, "spoiler", rate_hz=20.0))
+    assert any("no mode 'warp'" in one["refused"] for one in told)
+    assert told[-1]["rules"] == "pilot", "the pilot's own still come in between"
+
+
+def test_before_somebody_arms_nothing_pushes_whatever_the_sticks_say() -> None:
+    told = dived([Cue(0.0, surge=1.0, heave=-1.0)], 3.0)
+    assert {one["rules"] for one in told} == {"idle"}
+    assert told[-1]["thrust_n"] < 0.01
+
+
+def test_manual_full_ahead_pushes_as_the_sticks_say() -> None:
+    told = dived([Cue(1.5, is_armed=True, surge=1.0)], 3.0)
+    assert told[-1]["mode"] == "manual"
+    assert told[-1]["share"] == 1.0
+    # Four thrusters at 45 degrees give 60 N. They sit 8.5 cm low, and the upright ones, 12 cm out, keep the nose down.
+    # The battery is fuller than the one that the curve is for, so all of them push a little more.
+    assert told[-1]["thrust_n"] == pytest.approx(60.0 * 2.0**0.5 + 60.0 * 0.085 / 0.12, rel=0.1)
 
 
 # -- the link through the tether --------------------------------------------------------------------------------------

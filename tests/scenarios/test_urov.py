@@ -60,6 +60,18 @@ def test_a_vehicle_that_takes_in_water_comes_up_by_itself_and_stays_up() -> None
     assert result.metrics["water_l"] == 1.0
 
 
+def test_a_pilot_who_sees_keeps_the_vehicle_in_its_place_when_the_water_begins_to_move() -> None:
+    result = fly("urov_station_keeping", 1)
+    assert (result.error, result.outcome) == ("", "held")
+    assert 0.05 < result.metrics["worst_place_error_m"] < 0.5, "the current was felt"
+
+
+def test_the_vehicle_swims_through_three_gates_without_touching_them() -> None:
+    result = fly("urov_gate", 2)
+    assert (result.error, result.outcome) == ("", "swum")
+    assert result.metrics["gates"] == ["gate_1", "gate_2", "gate_3"]
+
+
 def test_a_dive_is_the_same_dive_every_time_and_both_roles_replay(tmp_path: Path) -> None:
     simulation, result, trace = record(tmp_path / "a", "urov_depth_hold", 5)
     assert result.success

@@ -1,9 +1,10 @@
 import math
+from itertools import pairwise
 
 import pytest
 
 from snr_sim.prelude.errors import ParameterError
-from snr_sim.std_mods.slew import SlewLimit
+from snr_sim.std_mods.slew import SlewLimit, approach
 
 
 def test_what_is_slow_enough_passes_as_it_is() -> None:
@@ -46,3 +47,17 @@ def test_values_that_are_none_are_refused_and_change_nothing(values: list[float]
     with pytest.raises(ParameterError, match="slew limit"):
         slew.update(values, dt_s)
     assert slew.values == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("way", [3.0, -3.0])
+def test_a_setpoint_goes_at_its_speed_and_brakes_evenly_and_arrives(way: float) -> None:
+    """Braking by b from a speed v takes v / b, and the way v^2 / 2 b: that is the closed form of the whole."""
+    at, course = 0.0, [0.0]
+    while abs(way - at) > 1e-6:
+        at += approach(way - at, speed=0.5, brake=0.1, dt_s=0.01)
+        course.append(at)
+    speeds = [abs(b - a) / 0.01 for a, b in pairwise(course)]
+    assert max(speeds) == pytest.approx(0.5)
+    assert len(course) * 0.01 == pytest.approx((3.0 - 0.5**2 / 0.2) / 0.5 + 0.5 / 0.1, abs=0.3)
+    assert max(abs(at) for at in course) <= 3.0
+    assert max(a - b for a, b in pairwise(speeds[:-30])) == pytest.approx(0.1 * 0.01, rel=0.1)

@@ -1,0 +1,127 @@
+"""A pilot who sees where the vehicle is, and steers it along a route: forward and sideways, while it holds the rest.
+
+    page "place" --> error in the world --> two PID controllers --> turned into the vehicle's frame --> page "controls"
+
+He flies as a person does: by eye, with a delay, with the sticks. Depth and heading he asks for by number.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import msgspec
+
+from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
+from snr_sim.prelude.errors import ParameterError
+from snr_sim.std_mods.pid import Pid
+from snr_sim.std_mods.slew import approach
+
+from .controls import Controls
+from .sight import Place
+
+ARM_S = 2.0  # speed controllers need a second before it
+# Sticks per metre, per metre and second, and per metre a second: for a full stick of 60 N, 20 kg with water and a
+# delay of 0.3 s. Our own choice.
+KP, KI, KD, MOST = 0.35, 0.06, 0.55, 0.7
+SPEED_MPS, BRAKE_MPS2 = 0.35, 0.06  # how he wants it to come in
+FEEL = 1.5  # stick per m/s that it takes to go so fast, with what KD takes away
+
+
+@dataclass(frozen=True)
+class Waypoint:
+    """Where to go next.
+
+    Args:
+        x_m, y_m: world frame.
+        depth_m: positive down.
+        heading_rad: to point to on the way there.
+        within_m: as close as this counts as there.
+        stay_s: how long to stay there: who comes in sideways goes on sideways.
+    """
+
+    x_m: float
+    y_m: float
+    depth_m: float
+    heading_rad: float
+    within_m: float = 0.25
+    stay_s: float = 0.0
+
+
+class SeeingPilotFactory(EndpointFactory):
+    """Makes the pilot.
+
+    Args:
+        route: where to go, in this order; at the last place he stays.
+
+    Raises:
+        ParameterError: there is nowhere to go.
+    """
+
+    def __init__(self, route: Sequence[Waypoint]) -> None:
+        super().__init__()
+        if not route:
+            raise ParameterError("A pilot with a route of no waypoints.", fix="route=[Waypoint(...), ...].")
+        self.route = tuple(route)
+
+    def get(self, parent: Node) -> SeeingPilot:
+        """Returns the endpoint 'pilot'."""
+        return SeeingPilot(self, parent, "pilot")
+
+
+class SeeingPilot(Endpoint):
+    """Answers each look at the vehicle with controls."""
+
+    factory: SeeingPilotFactory
+
+    def __init__(self, factory: SeeingPilotFactory, parent: Node, name: str) -> None:
+        super().__init__(factory, parent, name)
+        self.left = list(factory.route)
+        self.along = [Pid(KP, KI, KD, (-MOST, MOST), smoothing_s=0.3) for _ in range(2)]
+        self.seen_s: float | None = None
+        self.there_since_s = 0.0
+        self.wanted_m: tuple[float, float] | None = None  # on the way to the next place
+        self.number = 0
+        self.task_handlers = {(TaskType.process_data, "place"): self.on_place}
+
+    def on_place(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Steers to the next place."""
+        place = Place(**self.get_data("place"))
+        x, y, z = place.position_m
+        goal = self.left[0]
+        now_s = self.get_time_s()
+        if math.dist((goal.x_m, goal.y_m, -goal.depth_m), (x, y, z)) > goal.within_m:
+            self.there_since_s = now_s
+        elif len(self.left) > 1 and now_s - self.there_since_s >= goal.stay_s:
+            del self.left[0]
+            goal = self.left[0]
+        dt_s = 0.0 if self.seen_s is None else now_s - self.seen_s
+        self.seen_s = now_s
+        self.number += 1
+        is_armed = now_s >= ARM_S
+        surge = sway = 0.0
+        if is_armed and dt_s > 0.0:
+            east, north = self.towards(goal, (x, y), dt_s)
+            cos, sin = math.cos(place.yaw_rad), math.sin(place.yaw_rad)
+            surge, sway = cos * east + sin * north, -sin * east + cos * north
+        controls = Controls(
+            self.number,
+            "heading_hold",
+            is_armed,
+            surge=surge,
+            sway=sway,
+            depth_m=goal.depth_m,
+            heading_rad=goal.heading_rad,
+        )
+        return self.store_data_task("controls", msgspec.structs.asdict(controls))
+
+    def towards(self, goal: Waypoint, place_m: tuple[float, float], dt_s: float) -> list[float]:
+        """Returns sticks to the east and to the north, for a way to the goal at a speed that can be kept."""
+        from_m = self.wanted_m or place_m
+        left_m = math.dist((goal.x_m, goal.y_m), from_m)
+        share = approach(left_m, SPEED_MPS, BRAKE_MPS2, dt_s) / left_m if left_m > 0.0 else 0.0
+        steps_m = share * (goal.x_m - from_m[0]), share * (goal.y_m - from_m[1])
+        self.wanted_m = from_m[0] + steps_m[0], from_m[1] + steps_m[1]
+        sticks = zip(self.along, self.wanted_m, place_m, steps_m, strict=True)
+        return [pid.update(wanted, at, dt_s, feed_forward=FEEL * step / dt_s) for pid, wanted, at, step in sticks]

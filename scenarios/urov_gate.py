@@ -1,0 +1,108 @@
+"""Through three gates, one after the other, without touching them. The pilot sees the vehicle, and knows the gates.
+
+The course was swum if the vehicle went through all gates in their order and touched nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from itertools import pairwise
+from typing import Any
+
+from snr_sim_robot_urov.judging import WatchedUrov
+from snr_sim_robot_urov.parameters import UrovParameters, vehicle
+from snr_sim_robot_urov.seeing_pilot import Waypoint
+
+from snr_sim.plants.dive import Current, Dive
+from snr_sim.plants.pool import Gate, Pool
+from snr_sim.plants.propulsion import Propulsion
+from snr_sim.plants.tether import Tether
+from snr_sim.prelude.rng import rng_for
+from snr_sim.prelude.scenario import Verdict
+
+ROBOT = "urov"
+ENGINES = ("mujoco",)
+CONTROLLER = "holds"
+TIME_LIMIT_S = 120.0
+
+START_M = (-9.0, 0.0, -1.5)
+ROOM_M = 1.2  # before a gate the vehicle lines up, and behind it it may turn
+
+
+@lru_cache(maxsize=4)
+def gates(seed: int) -> tuple[Gate, ...]:
+    """Returns the gates of a seed: about six metres apart, to and fro, and each turned a little."""
+    rng = rng_for(seed, "gates")
+    return tuple(
+        Gate(
+            f"gate_{i + 1}",
+            (-5.0 + 5.0 * i, rng.uniform(-1.5, 1.5), -rng.uniform(1.3, 2.5)),
+            heading_rad=rng.uniform(-0.35, 0.35),
+        )
+        for i in range(3)
+    )
+
+
+@lru_cache(maxsize=4)
+def dive(seed: int) -> Dive:
+    """Returns what happens in the run of a seed."""
+    rng = rng_for(seed, "dive")
+    current = Current(0.0, (rng.uniform(-0.05, 0.05), rng.uniform(-0.05, 0.05), 0.0))
+    return Dive(position_m=START_M, currents=(current,), tether=Tether(anchor_m=(-9.0, 0.0, 0.0)))
+
+
+def parameters(seed: int) -> UrovParameters:
+    """Returns what the controller may know, and the pilot's way: before each gate, then behind it."""
+    route = []
+    for gate in gates(seed):
+        x, y, z = gate.position_m
+        ahead = math.cos(gate.heading_rad), math.sin(gate.heading_rad)
+        for side, within_m, stay_s in ((-ROOM_M, 0.2, 1.0), (ROOM_M, 0.4, 0.0)):
+            place = x + side * ahead[0], y + side * ahead[1]
+            route.append(Waypoint(*place, -z, gate.heading_rad, within_m, stay_s))
+    return UrovParameters(vehicle(), route=tuple(route))
+
+
+class Course(WatchedUrov):
+    """The vehicle, with somebody who counts the gates it went through."""
+
+    def passed(self) -> list[str]:
+        """Returns the names of the gates it went through, in the right direction, in this order."""
+        names = []
+        for before, after in pairwise(self.course):
+            for gate in self.pool.gates:
+                (a, _, _), (b, across, up) = (_seen_from(gate, one.position_m) for one in (before, after))
+                if a < 0.0 <= b and abs(across) < 0.5 * gate.width_m and abs(up) < 0.5 * gate.height_m:
+                    names.append(gate.name)
+        return names
+
+
+def plant(seed: int, engine: str) -> Course:
+    """Returns the vehicle at its start."""
+    return Course(vehicle(), Pool(25.0, 12.5, 4.0, gates=gates(seed)), dive, Propulsion(8), seed)
+
+
+def verdict(plant: Course) -> Verdict | None:
+    """Returns how it ended, or None while it swims."""
+    if plant.touched_n > 0.0:
+        return Verdict("touched", False, f"it touched something with {plant.touched_n:.0f} N")
+    last = plant.pool.gates[-1]
+    if _seen_from(last, plant.position_m)[0] < 0.5:
+        return None
+    passed, wanted = plant.passed(), [gate.name for gate in plant.pool.gates]
+    if passed == wanted:
+        return Verdict("swum", True)
+    return Verdict("missed", False, f"it went through {', '.join(passed) or 'no gate'} instead of {', '.join(wanted)}")
+
+
+def metrics(plant: Course, seed: int) -> dict[str, Any]:
+    """Returns which gates it went through, how long that took and what it cost."""
+    return {"gates": plant.passed(), "time_s": plant.time_s, "energy_j": plant.thrusters.energy_j}
+
+
+def _seen_from(gate: Gate, place_m: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Returns a place as seen from a gate: how far behind it, to its left, and above its middle."""
+    x, y, z = (a - b for a, b in zip(place_m, gate.position_m, strict=True))
+    cos, sin = math.cos(gate.heading_rad), math.sin(gate.heading_rad)
+    return cos * x + sin * y, -sin * x + cos * y, z
