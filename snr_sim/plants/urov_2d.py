@@ -72,15 +72,13 @@ class Urov2D(Urov):
         """Moves on by one step."""
         step_s, plane, water, flotation = self.step_s, self._plane, self._water, self._flotation
         (vx, _, vz), (cx, _, cz), pitch_rate = self._velocity, self._current, self._rate[1]
-        nu = self.through_water
-        push = self._around(self._thrust(), nu, step_s)
+        push = self._around(self._thrust(), self.through_water, step_s)
         plane.drift(0.5 * step_s)
         through = vx - cx, vz - cz, pitch_rate
         arm_x, _, arm_z = flotation.arm
         rx, rz, rate = water.advance(
             through, self._pitch, (push[0], push[2], push[4]), flotation.net_n, (arm_x, arm_z), step_s
         )
-        self._check_finite(nu, (rx, 0.0, rz), (rx, 0.0, rz, 0.0, rate, 0.0))
         motion, self._contact_n = (rx + cx, rz + cz, rate), None
         touches = plane.touches()
         if touches:

@@ -27,10 +27,15 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from snr_sim.plants.hydrodynamics import in_words
 from snr_sim.plants.vehicle import Vehicle
+from snr_sim.prelude.errors import PlantError
 
 PLANE = (0, 2, 4)  # surge, heave and pitch among the six axes
 ROUNDS = 4  # with three, momentum that is left alone drifts by 3e-4 in 20 s at 10 ms, with four by 2e-7
+SETTLED = 1e-6  # m/s, rad/s: a round that changes the velocity by more is not the last
+MOST_ROUNDS, CAREFUL = 100, 0.2  # share of the way, where drag is so hard that rounds overshoot
+EXPLODED = 1e9  # the same, of a round that leads nowhere
 
 Three: TypeAlias = tuple[float, float, float]  # along x and z, then about y
 
@@ -65,6 +70,9 @@ class Water2D:
             net_n: buoyancy less weight.
             arm: x and z of buoyancy times its place less weight times its place [N m], body frame.
             dt_s: length of the step.
+
+        Raises:
+            PlantError: the step is too long for a motion so violent, or a number is not finite.
         """
         vx0, vz0, q0 = velocity
         (m11, m12, m13), (_, m22, m23), (_, _, m33) = self._mass
@@ -78,7 +86,7 @@ class Water2D:
         cos_m, sin_m = math.cos(middle), math.sin(middle)
         x, z, moment = push[0] - net_n * sin_m, push[1] + net_n * cos_m, push[2] - arm[1] * sin_m - arm[0] * cos_m
         vx, vz, q = velocity
-        for _ in range(ROUNDS):
+        for i in range(MOST_ROUNDS):
             vx_m, vz_m, q_m = 0.5 * (vx0 + vx), 0.5 * (vz0 + vz), 0.5 * (q0 + q)
             u, w = cos_m * vx_m - sin_m * vz_m, sin_m * vx_m + cos_m * vz_m
             p1, p3 = m11 * u + m12 * w + m13 * q_m, m12 * u + m22 * w + m23 * q_m
@@ -92,8 +100,21 @@ class Water2D:
             cos, sin = math.cos(end), math.sin(end)
             p1, p3 = cos * px - sin * pz, sin * px + cos * pz
             u, w = i11 * p1 + i12 * p3 + i13 * pq, i12 * p1 + i22 * p3 + i23 * pq
-            vx, vz, q = cos * u + sin * w, cos * w - sin * u, i13 * p1 + i23 * p3 + i33 * pq
-        return vx, vz, q
+            to_x, to_z, to_q = cos * u + sin * w - vx, cos * w - sin * u - vz, i13 * p1 + i23 * p3 + i33 * pq - q
+            gap = abs(to_x) + abs(to_z) + abs(to_q)
+            if not gap < EXPLODED:  # also a NaN
+                break
+            # So much drag that each round overshoots: go a part of the way.
+            share = 1.0 if i < ROUNDS else CAREFUL
+            vx, vz, q = vx + share * to_x, vz + share * to_z, q + share * to_q
+            if i >= ROUNDS - 1 and gap < SETTLED:
+                return vx, vz, q
+        u, w = cos_m * vx0 - sin_m * vz0, sin_m * vx0 + cos_m * vz0
+        raise PlantError(
+            f"At {in_words((u, 0.0, w, 0.0, q0, 0.0))} through the water, a step of {dt_s:g} s is too long for what "
+            "pushes and drags.",
+            fix="look at the last commands and at the vehicle's numbers; or take a shorter step.",
+        )
 
     def mobility(self, pitch: float) -> list[list[float]]:
         """Returns the inverse of the mass in the world's frame, 3 x 3: what an impulse does to the velocity."""

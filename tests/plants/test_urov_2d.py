@@ -327,7 +327,16 @@ def test_what_of_a_dive_leads_out_of_the_plane_is_left_out() -> None:
     assert (roll, yaw) == (0.0, 0.0)
 
 
-def test_a_state_that_is_no_longer_finite_is_named() -> None:
-    plant = both(replace(HEAVY, quadratic_damping=(1e300,) * 6))[1]
-    with pytest.raises(PlantError, match=r"At 0 s the acceleration in surge"):
-        go([plant, plant], 2.0, at([1e200, 0.0, 0.0]))
+@pytest.mark.parametrize("force", [1e9, 1e200, math.inf])
+def test_a_push_too_violent_for_the_step_is_an_error_that_says_what_it_was(force: float) -> None:
+    plant = both()[1]
+    plant._wrench = (force, 0.0, 0.0, 0.0, 0.0, 0.0)  # `write` would not take infinity
+    with pytest.raises(PlantError, match=r"^At surge 0, sway 0, .* a step of 0\.005 s is too long"):
+        plant.step(0.005)
+
+
+def test_drag_as_hard_as_no_vehicle_meets_is_still_answered() -> None:
+    plant = both(replace(HEAVY, net_buoyancy_n=0.0))[1]
+    go([plant, plant], 2.0, at([1e5, 0.0, 0.0]))
+    terminal = (math.sqrt(13.7**2 + 4.0 * 141.0 * 1e5) - 13.7) / 282.0
+    assert plant.through_water[0] == pytest.approx(terminal, rel=1e-4)
