@@ -1,16 +1,20 @@
 """One picture that tells a whole run: the body at several moments of its way over the ground, and plots beside it.
 
-Made for bodies that move in the x-z plane, seen from the south. One that only rises and falls is spread out along time.
+Bodies are seen from the south, in the x-z plane. One that only rises and falls is spread out along time; one
+under water whose way is better seen on a map is seen from above.
 Everything comes from the header's scene and the true states of the trace, so any plant can have its picture taken.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, TypeAlias
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,8 +32,17 @@ PLOTS = (640.0, 62.0, 884.0, 474.0)
 FAR_M = 1e6
 SKY: Rgb = (9, 12, 24)
 PATH: Rgb = (110, 190, 250)
+WATER: Rgb = (12, 52, 84)
+SURFACE: Rgb = (120, 200, 232)
 FLAME: tuple[Rgb, Rgb] = ((255, 120, 30), (255, 225, 130))
+JET: tuple[Rgb, Rgb] = ((120, 205, 240), (235, 250, 255))  # of a propeller: water, not fire
+CURRENT: Rgb = (150, 235, 190)
+CURRENT_POINTS_PER_NEWTON = 3.5  # the arrow "current" of a plant is 40 N for 1 m/s
 LIGHT = np.array([-0.45, -0.65, 0.62])  # towards the light: from the left, from the front and from above
+SURFACE_SHOWN_M = 4.0  # a way that comes as near to the surface is shown together with it
+TURN_RAD, FLAT_M = math.radians(45.0), 1.0  # see `_wants_map`
+THIN_M = 0.01  # lines thinner than this are marks on the floor
+NO_PUSH = ("current", "tether")  # arrows that are no thrust
 STROBES_MAX = 9
 BODY_SHARE = 0.14  # of the scene's height: a body is drawn so large, or it would be a dot on its way
 GROUND_SHARE = 0.12  # so much of the scene lies below the lowest point of the way
@@ -84,6 +97,49 @@ class _Flight:
     arrows: list[dict[str, list[float]]]
     values: list[dict[str, float]]
     touchdown_s: float | None
+
+
+def _is_in_water(header: Header) -> bool:
+    """Whether the scene has a line named 'surface': that of still water at z = 0."""
+    return "surface" in header.scene.get("statics", {})
+
+
+def _wants_map(poses: Rows) -> bool:
+    """Whether a way goes more to the north than up or down, and either turns or hardly goes up or down at all."""
+    _, spread_y, spread_z = np.ptp(poses[:, :3], axis=0)
+    x, y, z, w = poses[:, 3:].T
+    heading = np.unwrap(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+    turns = bool(np.ptp(heading) > TURN_RAD)
+    return bool(spread_y > spread_z) and (turns or bool(spread_z < FLAT_M))
+
+
+def _from_above(header: Header, flight: _Flight) -> tuple[Header, _Flight]:
+    """Returns the world laid on its back: north is up, up is towards who looks, and below is behind."""
+
+    def point(at: Sequence[float]) -> list[float]:
+        return [at[0], -at[2], at[1]]
+
+    def laid(shape: dict[str, Any]) -> dict[str, Any]:
+        return {**shape, "points_m": [point(at) for at in shape["points_m"]]}
+
+    half = math.sqrt(0.5)  # a quarter turn about x
+
+    def pose(at: Any) -> list[float]:
+        x, y, z, w = at[3:]
+        return [*point(at[:3]), half * (x + w), half * (y - z), half * (z + y), half * (w - x)]
+
+    statics = header.scene["statics"].items()
+    scene = {
+        "statics": {name: laid(shape) for name, shape in statics if shape.get("kind") == "polyline"},
+        "bodies": header.scene["bodies"],
+    }
+    return msgspec.structs.replace(header, scene=scene), replace(
+        flight,
+        poses={body: np.array([pose(at) for at in rows]) for body, rows in flight.poses.items()},
+        arrows=[
+            {name: [*point(arrow[:3]), *point(arrow[3:])] for name, arrow in arrows.items()} for arrows in flight.arrows
+        ],
+    )
 
 
 def _flight(header: Header, batch: Batch) -> _Flight:
@@ -148,25 +204,36 @@ class _Camera:
 
 
 def _draw_scene(canvas: Canvas, header: Header, flight: _Flight) -> None:
-    bodies = header.scene["bodies"]
     main = next(iter(flight.poses))
+    in_water = _is_in_water(header)
+    is_above = in_water and _wants_map(flight.poses[main])
+    if is_above:
+        header, flight = _from_above(header, flight)
+    bodies = header.scene["bodies"]
     feet_m, size_m = _feet_and_size(bodies)
+    feet_m = 0.0 if in_water else feet_m  # what swims stands on nothing
     poses = flight.poses[main]
     feet = np.array([_turned(pose, [0.0, 0.0, feet_m]) for pose in poses])
     is_time = np.ptp(feet[:, 0]) < 0.02 * np.ptp(feet[:, 2])
     along, heights = (flight.times_s if is_time else feet[:, 0]), feet[:, 2]
-    camera = _Camera(along, heights, size_m, is_time)
+    shown = [*heights, 0.0] if in_water and not is_above and heights.max() > -SURFACE_SHOWN_M else heights
+    camera = _Camera(along, np.array(shown), size_m, is_time)
     canvas.rectangle(*SCENE, fill=SKY)
+    if in_water:
+        _draw_water(canvas, camera, is_above)
+    _draw_lines(canvas, camera, header.scene.get("statics", {}), is_above, is_time)
     way = [camera.at(a, z) for a, z in zip(along, heights, strict=True)]
     canvas.line(way[:: max(1, len(way) // 800)] + way[-1:], PATH, 1.2)
     enlarged = max(1.0, BODY_SHARE * (SCENE[3] - SCENE[1]) / (size_m * camera.z_scale))
-    strongest = max((_length(arrow) for arrows in flight.arrows for arrow in arrows.values()), default=0.0) or 1.0
+    forces = [arrow for arrows in flight.arrows for name, arrow in arrows.items() if name not in NO_PUSH]
+    strongest = max(map(_length, forces), default=0.0) or 1.0
     size = size_m * camera.z_scale * enlarged
     moments = _moments(np.array(way), 1.25 * size)
     places = [_Place(way[i], feet[i], camera.z_scale * enlarged) for i in moments]
     for i, place in zip(moments, places, strict=True):
-        for arrow in flight.arrows[i].values():
-            _draw_flame(canvas, place, arrow, 0.8 * size / strongest)
+        for name, arrow in flight.arrows[i].items():
+            if name not in NO_PUSH:
+                _draw_flame(canvas, place, arrow, 0.8 * size / strongest, JET if in_water else FLAME)
     _draw_ground(canvas, camera, header.scene.get("statics", {}), is_time)  # over flames, under feet
     for i, place in zip(moments, places, strict=True):
         shapes = [(shape, flight.poses[body][i]) for body in flight.poses for shape in bodies[body]]
@@ -174,6 +241,9 @@ def _draw_scene(canvas: Canvas, header: Header, flight: _Flight) -> None:
         beside = (way[i][0] + 0.62 * size, way[i][1] - 0.5 * size)
         canvas.text(beside, f"{flight.times_s[i]:.0f} s", 10.5, PALE, "lm")
     _frame(canvas, camera, is_time)
+    if in_water:
+        _draw_current(canvas, flight.arrows[-1].get("current"))
+        canvas.text((SCENE[0] + 8, SCENE[1] + 8), "from above" if is_above else "from the south", 10.0, FAINT, "la")
     if enlarged > 1.5:
         canvas.text((SCENE[2] - 8, SCENE[1] + 8), f"{main} drawn {enlarged:.0f} times its size", 10.0, FAINT, "ra")
 
@@ -252,7 +322,82 @@ def _faces(shape: dict[str, Any]) -> list[Rows]:
     return []
 
 
-def _draw_flame(canvas: Canvas, place: _Place, arrow: Sequence[float], points_per_newton: float) -> None:
+def _draw_water(canvas: Canvas, camera: _Camera, is_above: bool) -> None:
+    """Fills the scene with water, seen from the south up to its surface."""
+    left, top, right, bottom = SCENE
+    level = top if is_above else max(top, camera.at(0.0, 0.0)[1])
+    if level < bottom:
+        canvas.rectangle(left, level, right, bottom, fill=WATER)
+    if top < level < bottom:
+        canvas.line([(left, level), (right, level)], SURFACE, 1.6)
+
+
+def _draw_lines(canvas: Canvas, camera: _Camera, statics: dict[str, Any], is_above: bool, is_time: bool) -> None:
+    """Draws what of the world is made of lines, such as gates, faintly what is on the floor."""
+    if is_time:
+        return
+    for name, shape in statics.items():
+        if shape.get("kind") != "polyline" or (name == "surface" and not is_above):
+            continue
+        rgb = rgb_of(shape)
+        is_thin = shape.get("radius_m", 0.1) < THIN_M
+        color = mixed(WATER, (rgb[0], rgb[1], rgb[2]), 0.25 if is_thin else 1.0)
+        points = [camera.at(at[0], at[2]) for at in points_of(shape)]
+        for start, end in pairwise(points):
+            part = _clipped(start, end)
+            if part is not None:
+                canvas.line(list(part), color, 0.8 if is_thin else 2.2)
+
+
+def _clipped(start: Point, end: Point) -> tuple[Point, Point] | None:
+    """Returns the part of a segment that lies within the scene; None if none does.
+
+    >>> _clipped((0.0, 100.0), (1000.0, 100.0)) == ((SCENE[0], 100.0), (SCENE[2], 100.0))
+    True
+    >>> _clipped((0.0, 0.0), (1000.0, 0.0)) is None
+    True
+    """
+    (x, y), (dx, dy) = start, (end[0] - start[0], end[1] - start[1])
+    enters, leaves = 0.0, 1.0
+    for way, room_before, room_after in (
+        (dx, SCENE[0] - x, SCENE[2] - x),
+        (dy, SCENE[1] - y, SCENE[3] - y),
+    ):
+        if way == 0.0:
+            if room_before > 0.0 or room_after < 0.0:
+                return None
+            continue
+        first, last = sorted((room_before / way, room_after / way))
+        enters, leaves = max(enters, first), min(leaves, last)
+    if enters >= leaves:
+        return None
+    return (x + enters * dx, y + enters * dy), (x + leaves * dx, y + leaves * dy)
+
+
+def _draw_current(canvas: Canvas, arrow: Sequence[float] | None) -> None:
+    """Draws where the water goes at the end of the run, in a corner of the scene."""
+    if arrow is None:
+        return
+    x, y = SCENE[2] - 60.0, SCENE[3] - 40.0
+    dx, dy = CURRENT_POINTS_PER_NEWTON * arrow[3], -CURRENT_POINTS_PER_NEWTON * arrow[5]
+    length = math.hypot(dx, dy)
+    if length < 1.0:
+        return
+    ux, uy = dx / length, dy / length
+    tip = (x + 0.5 * dx, y + 0.5 * dy)
+    canvas.line([(x - 0.5 * dx, y - 0.5 * dy), tip], CURRENT, 2.0)
+    back = [(tip[0] - 7.0 * ux + side * 4.0 * uy, tip[1] - 7.0 * uy - side * 4.0 * ux) for side in (1.0, -1.0)]
+    canvas.polygon([tip, *back], CURRENT)
+    canvas.text((x, SCENE[3] - 72.0), "current", 10.0, CURRENT, "ma")
+
+
+def _draw_flame(
+    canvas: Canvas,
+    place: _Place,
+    arrow: Sequence[float],
+    points_per_newton: float,
+    colors: tuple[Rgb, Rgb],
+) -> None:
     """Draws a force as what makes it: a flame the other way, out of the point where it acts."""
     length = _length(arrow) * points_per_newton
     if length < 1.0:
@@ -260,7 +405,7 @@ def _draw_flame(canvas: Canvas, place: _Place, arrow: Sequence[float], points_pe
     x, y = place.at(arrow[:3])
     along = np.array([-arrow[3], arrow[5]]) / _length(arrow)
     across = np.array([-along[1], along[0]])
-    for color, long, wide in zip(FLAME, (1.0, 0.55), (0.13, 0.07), strict=True):
+    for color, long, wide in zip(colors, (1.0, 0.55), (0.13, 0.07), strict=True):
         half = wide * min(length, 40.0) + 1.0
         tip = along * length * long
         canvas.polygon(
