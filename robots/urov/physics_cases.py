@@ -39,7 +39,7 @@ BASIN = Pool(length_m=20.0, width_m=20.0, depth_m=4.0)
 
 SECOND_ORDER = "error of the midpoint rule, of second order in the step"
 LEFT = "what is left of the way to it in 12 s"
-ROUNDING = "what three rounds leave of the midpoint rule's equation"
+ROUNDING = "what the rounds leave of the midpoint rule's equation"
 
 
 @dataclass(frozen=True)

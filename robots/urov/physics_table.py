@@ -19,8 +19,8 @@ HEAD = f"""# What the vehicle's physics is worth
 Made by `python robots/urov/physics_table.py`; a test compares it with what the plant does. Each case is known without a
 simulation: a closed form, a conserved quantity, the root of steady equations, or the Runge-Kutta of `fossen_rk4.py`,
 which shares nothing with the plant but the numbers. Errors are shares of the reference, or in its unit where that is
-0, at steps of {", ".join(f"{1e3 * step_s:g}" for step_s in STEPS_S)} ms (the plant's own is 5); 0 is below 1e-9.
-"Allowed" is what the test allows at each of them, and why.
+0, at steps of {", ".join(f"{1e3 * step_s:g}" for step_s in STEPS_S)} ms (the plant's own is 5); 0 is rounding, or less than a ten-thousandth
+of what is allowed. "Allowed" is what the test allows at each step, and why.
 
 `benzon2022` and `wu2018` are as they are in `vehicles/`, in fresh water; where only one axis is meant, they are
 ballasted to weigh nothing, with their buoyancy at their centre of mass.
@@ -36,14 +36,19 @@ def row(case: Case, ours: list[float]) -> str:
     """
     errors = " | ".join(_error(case, value) for value in ours)
     allowed = f"{case.allowed:.0e}" + ("" if case.reference else f" {case.unit}")
-    shown = f"{ours[1]:.5g}" if case.reference else f"{ours[1]:.0e}"
+    shown = f"{ours[1]:.5g}" if case.reference else _error(case, ours[1])
     return f"| {case.name} | {case.reference:.5g} {case.unit} | {shown} | {errors} | {allowed}: {case.why} |"
 
 
 def _error(case: Case, ours: float) -> str:
-    """Returns an error to one digit; what is not there but for rounding is 0."""
+    """Returns an error to one digit; what matters to nobody, and may differ between computers, is 0."""
     error = case.error(ours)
-    return f"{error:+.0e}" if abs(error) >= 1e-9 else "0"
+    return f"{error:+.0e}" if abs(error) >= least_shown(case) else "0"
+
+
+def least_shown(case: Case) -> float:
+    """Returns the least error that is shown."""
+    return max(1e-9, 1e-4 * case.allowed)
 
 
 def page(rows: dict[str, str]) -> str:

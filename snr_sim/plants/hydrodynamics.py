@@ -14,8 +14,8 @@ which is -C(nu) nu for any symmetric M (Kirchhoff's equations), the moment of Mu
 
 Why the middle: the step (nu1 - nu0) / dt = a((nu0 + nu1) / 2) neither makes nor loses energy or momentum by itself,
 since both are quadratic in nu, and its error shrinks with dt squared. With the velocity of the step's begin, energy
-without damping grew by 73 % in 20 s at 10 ms. It is an equation for nu1; three rounds solve it well enough (1e-5 of the
-energy in 20 s at 10 ms, where two would lose 4e-3), because the first guess is the acceleration of the step before.
+without damping grew by 73 % in 20 s at 10 ms. It is an equation for nu1, solved in rounds. Two are enough (1e-5 of that
+energy are lost) when the first guess is good: the last acceleration, changed once more as it changed last.
 
 Source: Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control (2011), chapters 3, 6 to 8; the scheme is the
 implicit midpoint rule (Hairer, Lubich, Wanner: Geometric Numerical Integration, IV.2).
@@ -36,8 +36,8 @@ from snr_sim.prelude.wrench import AXES
 Three: TypeAlias = tuple[float, float, float]
 Product: TypeAlias = Callable[[float, float, float, float, float, float], Six]
 
-ROUNDS, MOST_ROUNDS = 3, 60
-SETTLED = 1e-4  # m/s, rad/s: a round that changes the middle's velocity by more is not the last
+ROUNDS, MOST_ROUNDS = 2, 60
+SETTLED = 1e-5  # m/s, rad/s: a round that changes the middle's velocity by more is not the last
 CAREFUL = 0.2  # share of the way, once rounds overshoot: up to a tenfold drag, which no vehicle meets, it still settles
 WET_STEPS = 64
 AT_REST: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -93,7 +93,7 @@ class Hydrodynamics:
             push: wrench of all else that acts, body frame.
             net_n: buoyancy less weight.
             arm: buoyancy times its place less weight times its place [N m], body frame.
-            guess: acceleration of the step before.
+            guess: of the acceleration of this step.
             dt_s: length of the step; with 0, the acceleration is that of this moment.
 
         Raises:

@@ -147,6 +147,7 @@ class State(NamedTuple):
     steps: int = 0
     happened: int = 0  # how many moments of the dive have passed
     acceleration: Six = AT_REST  # of the velocity through the water, body frame, without contacts
+    guess: Six = AT_REST  # what it will be in the next step
     gained: Vector = (0.0, 0.0, 0.0)  # acceleration of the last step, world frame
     wet: float = 1.0  # share of the volume at the last step
     water_l: float = 0.0  # leaked and weighed
@@ -251,7 +252,7 @@ class Urov:
             self._float(self._place[2], self._rotation[6:])
         # Sensors may ask before the first step: the acceleration that it begins with.
         nu = self.through_water
-        _, self._acceleration = self._hydro.advance(
+        _, change = self._hydro.advance(
             nu,
             self._rotation[6:],
             self._around(AT_REST, nu, 0.0),
@@ -260,7 +261,8 @@ class Urov:
             AT_REST,
             0.0,
         )
-        self._gained = self._seen_from_world(self._acceleration)
+        self._acceleration = self._guess = change
+        self._gained = self._seen_from_world(change)
 
     def _check(self, dive: Dive) -> None:
         x, y, z = dive.position_m
@@ -287,6 +289,7 @@ class Urov:
             steps=self._steps,
             happened=self._happened,
             acceleration=self._acceleration,
+            guess=self._guess,
             gained=self._gained,
             wet=self._wet,
             water_l=self._water_l,
@@ -305,7 +308,7 @@ class Urov:
         self._place, self._attitude = snapshot.place, snapshot.attitude
         self._velocity, self._rate = snapshot.velocity, snapshot.rate
         self._rotation: Rotation = rotation_of(snapshot.attitude)
-        self._acceleration, self._gained = snapshot.acceleration, snapshot.gained
+        self._acceleration, self._guess, self._gained = snapshot.acceleration, snapshot.guess, snapshot.gained
         self._steps, self._happened = snapshot.steps, snapshot.happened
         self._wrench, self._pulses = snapshot.wrench, list(snapshot.pulses)
         self._water_l = snapshot.water_l
@@ -405,14 +408,17 @@ class Urov:
         step_s, flotation = self.step_s, self._flotation
         r11, r12, r13, r21, r22, r23, r31, r32, r33 = self._rotation
         (mu, mv, mw, mp, mq, mr), change = self._hydro.advance(
-            nu, (r31, r32, r33), push, flotation.net_n, flotation.arm, self._acceleration, step_s
+            nu, (r31, r32, r33), push, flotation.net_n, flotation.arm, self._guess, step_s
         )
-        self._acceleration = change
         self._attitude = attitude = turned(self._attitude, mp, mq, mr, step_s)
         self._rotation = rotation = rotation_of(attitude)
         s11, s12, s13, s21, s22, s23, s31, s32, s33 = rotation
         u, v, w, p, q, r = nu
         au, av, aw, ap, aq, ar = change
+        bu, bv, bw, bp, bq, br = self._acceleration
+        # The next step's, if it changes as much again.
+        self._guess = (au + au - bu, av + av - bv, aw + aw - bw, ap + ap - bp, aq + aq - bq, ar + ar - br)
+        self._acceleration = change
         u, v, w = u + step_s * au, v + step_s * av, w + step_s * aw
         vx, vy, vz = self._velocity
         cx, cy, cz = self._current
@@ -441,7 +447,7 @@ class Urov:
         _, change = self._hydro.advance(
             nu, self._rotation[6:], push, self._flotation.net_n, self._flotation.arm, AT_REST, 0.0
         )
-        self._acceleration = change
+        self._acceleration = self._guess = change
         gained = self._seen_from_world(change)
         self._check_finite(nu, gained, change)
         body = self._mujoco
