@@ -1,24 +1,20 @@
-"""A pilot dives and comes back: yours, or the one that is written here.
+"""Fly it yourself, for five minutes: `snr run urov_teleop --speed real --view`. With a game controller or the keyboard.
 
-A person needs both roles in real time, each in a terminal of its own:
+    w s   ahead, astern     a d   left, right        1 2   arm, disarm       space   emergency stop
+    i k   up, down          j l   turn left, right   - +   mode down, up     c       clear the stop
 
-    snr run urov_teleop --role urov
-    snr run urov_teleop --role topside --option pilot=keyboard      (or pilot=pad)
-
-Without a person, `snr run urov_teleop` lets a script swim a square at 1.5 m. Criterion: it was deeper than 1 m, it is
-back at the surface with its thrusters still, and it has touched nothing harder than 60 N.
+There are three gates. You have brought it home if it was a metre deep, is at the surface at the end, and hit nothing
+with more than 50 N.
 """
 
 from __future__ import annotations
 
 import math
 from functools import lru_cache
-from itertools import pairwise
 from typing import Any
 
-from snr_sim_robot_urov.judging import Watched, WatchedUrov
+from snr_sim_robot_urov.judging import WatchedUrov, judged
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
-from snr_sim_robot_urov.pilot import Cue
 
 from snr_sim.plants.dive import Current, Dive
 from snr_sim.plants.pool import Gate, Pool
@@ -30,70 +26,56 @@ from snr_sim.prelude.scenario import Verdict
 ROBOT = "urov"
 ENGINES = ("mujoco",)
 CONTROLLER = "holds"
-TIME_LIMIT_S = 1800.0  # a person takes a while
+END_S = 300.0
+TIME_LIMIT_S = END_S + 1.0
 
-POOL = Pool(25.0, 12.5, 4.0, gates=(Gate("gate_red", (4.0, 0.0, -1.5)), Gate("gate_yellow", (8.0, 2.0, -2.0), 0.6)))
-DEEP_M, BACK_M, STILL_N, HARD_N = 1.0, 0.35, 0.2, 60.0
-DOWN_M, LEG_S, ARM_S = 1.5, 5.0, 2.0
+SURFACE_M, HARD_N = 0.4, 50.0
 
 
 @lru_cache(maxsize=4)
 def dive(seed: int) -> Dive:
     """Returns where the run of a seed begins, and its current."""
     rng = rng_for(seed, "dive")
-    speed, way = rng.uniform(0.0, 0.05), rng.uniform(-math.pi, math.pi)
-    return Dive(
-        position_m=(rng.uniform(-6.0, -5.0), rng.uniform(-2.0, -1.0), -0.15),
-        attitude_rad=(0.0, 0.0, rng.uniform(-0.3, 0.3)),
-        currents=(Current(0.0, (speed * math.cos(way), speed * math.sin(way), 0.0)),),
-        tether=Tether(anchor_m=(-12.0, 0.0, 0.0)),
-    )
+    current = Current(0.0, (rng.uniform(-0.1, 0.1), rng.uniform(-0.1, 0.1), 0.0))
+    return Dive(position_m=(-9.0, 0.0, -0.5), currents=(current,), tether=Tether(anchor_m=(-9.0, 0.0, 0.0)))
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Returns what the controller may know, and what the pilot does if nobody is there."""
-    legs = [
-        Cue(12.0 + i * (LEG_S + 3.0), surge=0.5, heading_rad=math.remainder(i * 0.5 * math.pi, 2.0 * math.pi))
-        for i in range(4)
-    ]
-    turns = [
-        Cue(12.0 + i * (LEG_S + 3.0) + LEG_S, surge=0.0, heading_rad=math.remainder((i + 1) * 0.5 * math.pi, math.tau))
-        for i in range(4)
-    ]
-    script = [
-        Cue(ARM_S, is_armed=True, mode="heading_hold", depth_m=DOWN_M, heading_rad=0.0),
-        *sorted([*legs, *turns], key=lambda cue: cue.at_s),
-        Cue(45.0, depth_m=0.1),
-        Cue(54.0, is_armed=False),
-    ]
-    return UrovParameters(vehicle(), tuple(script))
+    """Returns what the controller may know; a person flies."""
+    return UrovParameters(vehicle(), is_flown_by_hand=True)
 
 
-def plant(seed: int, engine: str) -> Watched:
+def plant(seed: int, engine: str) -> WatchedUrov:
     """Returns the vehicle at its start."""
-    return WatchedUrov(vehicle(), POOL, dive, Propulsion(8), seed)
+    rng = rng_for(seed, "gates")
+    gates = tuple(
+        Gate(f"gate_{i + 1}", (-5.0 + 5.0 * i, rng.uniform(-2.0, 2.0), -rng.uniform(1.3, 2.5)), rng.uniform(-0.5, 0.5))
+        for i in range(3)
+    )
+    return WatchedUrov(vehicle(), Pool(25.0, 12.5, 4.0, gates=gates), dive, Propulsion(8), seed)
 
 
-def verdict(plant: Watched) -> Verdict | None:
-    """Returns how it ended, or None while it dives."""
+def verdict(plant: WatchedUrov) -> Verdict | None:
+    """Returns how it ended, once the time is over."""
+    if plant.time_s < END_S - 1e-6:
+        return None
+    found, misses = metrics(plant, 0), []
+    if found["deepest_m"] < 1.0:
+        misses.append("was never a metre deep")
+    if found["end_depth_m"] > SURFACE_M:
+        misses.append(f"ended {found['end_depth_m']:.2f} m deep, not at the surface")
     if plant.touched_n > HARD_N:
-        return Verdict("crashed", False, f"it hit something with {plant.touched_n:.0f} N, more than {HARD_N:g} N")
-    forces = plant.thrusters.forces_n if plant.thrusters is not None else []
-    is_back = -plant.position_m[2] < BACK_M and max(map(abs, forces), default=0.0) < STILL_N
-    return Verdict("home", True) if is_back and _deepest_m(plant) > DEEP_M else None
+        misses.append(f"hit something with {plant.touched_n:.0f} N")
+    return judged(misses)
 
 
-def metrics(plant: Watched, seed: int) -> dict[str, Any]:
-    """Returns what the pilot made of it."""
-    course = plant.course
-    way_m = sum(math.dist(one.position_m, other.position_m) for one, other in pairwise(course))
+def metrics(plant: WatchedUrov, seed: int) -> dict[str, Any]:
+    """Returns where it went, and what it cost."""
+    steps = zip(plant.course, plant.course[1:], strict=False)
     return {
-        "deepest_m": _deepest_m(plant),
-        "way_m": way_m,
-        "touched_n": plant.touched_n,
+        "deepest_m": max((sample.depth_m for sample in plant.course), default=0.0),
+        "end_depth_m": plant.course[-1].depth_m if plant.course else 0.0,
+        "way_m": sum(math.dist(a.position_m, b.position_m) for a, b in steps),
+        "hardest_n": plant.touched_n,
         "energy_j": plant.thrusters.energy_j,
     }
-
-
-def _deepest_m(plant: Watched) -> float:
-    return max((sample.depth_m for sample in plant.course), default=0.0)

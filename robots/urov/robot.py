@@ -20,6 +20,8 @@ from functools import partial
 from typing import Any
 
 from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
+from snr_sim.devices.pad import PadLoopFactory
+from snr_sim.devices.pygame_pad import PygamePad
 from snr_sim.devices.simulated import SimActuator, SimSensor
 from snr_sim.plants.t200 import LEAST_US, MOST_US
 from snr_sim.prelude.component import Factory
@@ -28,6 +30,9 @@ from snr_sim.prelude.scenario import Rig
 from snr_sim.prelude.signals import PwmCommand
 from snr_sim.std_mods.comms.sockets import SocketsPair
 
+from .display import DisplayFactory
+from .keyboard import Hands
+from .pad_pilot import PadPilotFactory
 from .parameters import UrovParameters
 from .pilot import ScriptedPilotFactory
 from .seeing_pilot import SeeingPilotFactory
@@ -50,6 +55,11 @@ def sim_eyes(rig: Rig) -> SimSensor:
     return SimSensor(rig.plant, "place", EYES, rig.rng("place"))
 
 
+def hands(rig: Rig) -> Hands:
+    """Opens a game controller, or the keyboard."""
+    return Hands(PygamePad)
+
+
 def sim_pwm(rig: Rig) -> SimActuator[PwmCommand]:
     """Opens the simulated outputs to the speed controllers."""
     return SimActuator(rig.plant, "pwm", PwmCommand, {"pulses_us": (LEAST_US, MOST_US)})
@@ -57,7 +67,12 @@ def sim_pwm(rig: Rig) -> SimActuator[PwmCommand]:
 
 # What each device is, for each way of running the robot. Nothing else decides between simulation and hardware.
 DEVICES: dict[str, dict[str, Callable[[Rig], Any]]] = {
-    "sim": {**{name: partial(sim_sensor, name=name) for name in SENSORS}, "place": sim_eyes, "pwm": sim_pwm},
+    "sim": {
+        **{name: partial(sim_sensor, name=name) for name in SENSORS},
+        "place": sim_eyes,
+        "pwm": sim_pwm,
+        "hands": hands,
+    },
 }
 
 
@@ -85,7 +100,10 @@ def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
 
 
 def _pilot(rig: Rig, parameters: UrovParameters) -> list[Factory]:
-    """Returns who flies: somebody who sees, if there is a route; else somebody who does as it is written."""
+    """Returns who flies: a person; or somebody who sees, if there is a route; or somebody who does as it is written."""
+    if parameters.is_flown_by_hand:
+        hands = PadLoopFactory("pad", partial(DEVICES[rig.io]["hands"], rig), parameters.command_hz)
+        return [hands, PadPilotFactory(), DisplayFactory()]
     if parameters.route:
         eyes = SensorLoopFactory("place", partial(DEVICES[rig.io]["place"], rig), 10.0)
         return [eyes, SeeingPilotFactory(parameters.route)]

@@ -1,0 +1,101 @@
+"""What the person at the surface sees in the terminal: what the vehicle is doing, a few times a second.
+
+A loop and no endpoint: it looks at pages that are there and stores none, and a replay does without it.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from typing import Any
+
+from snr_sim import Loop, LoopFactory, Node
+
+SILENT_S = 1.0  # a vehicle that was not heard for so long is told in red
+
+
+class DisplayFactory(LoopFactory):
+    """Makes the display.
+
+    Args:
+        rate_hz: how often it is drawn.
+    """
+
+    def __init__(self, rate_hz: float = 5.0) -> None:
+        super().__init__()
+        self.rate_hz = rate_hz
+
+    def get(self, parent: Node) -> Display:
+        """Returns the loop 'display'."""
+        return Display(self, parent, "display", self.rate_hz)
+
+
+class Display(Loop):
+    """Draws rows into a terminal; where there is none, it draws nothing."""
+
+    factory: DisplayFactory
+
+    def setup(self) -> None:
+        """Takes the terminal, if standard error is one."""
+        self.live: Any = None
+        if sys.stderr.isatty():
+            from rich.console import Console
+            from rich.live import Live
+
+            self.live = Live(console=Console(stderr=True), auto_refresh=False, transient=True)
+            self.live.start()
+
+    def loop(self) -> None:
+        """Draws what is known now."""
+        if self.live is None:
+            return
+        from rich.table import Table
+
+        table = Table(show_header=False, title=f"t = {self.get_time_s():.1f} s")
+        for name, text in rows({key: self.get_page(key) for key in KEYS}, self.get_time_s()):
+            table.add_row(name, text)
+        self.live.update(table, refresh=True)
+
+    def halt(self) -> None:
+        """Gives the terminal back."""
+        if self.__dict__.get("live") is not None:
+            self.live.stop()
+
+
+KEYS = ("vehicle", "depth", "altitude", "power", "leak")
+
+
+def rows(pages: dict[str, Any], now_s: float) -> list[tuple[str, str]]:
+    """Returns names and texts, for rich to show.
+
+    Args:
+        pages: the newest of KEYS, or None.
+        now_s: the time.
+    """
+    page = pages["vehicle"]
+    if page is None:
+        return [("vehicle", "[red]not heard yet[/red]")]
+    age_s, vehicle = now_s - page.created_at_s, page.data
+    shown = [("vehicle", f"[red]silent for {age_s:.1f} s[/red]" if age_s > SILENT_S else f"heard {age_s:.2f} s ago")]
+    state = "[red]EMERGENCY STOP[/red]" if vehicle["is_stopped"] else "armed" if vehicle["is_armed"] else "disarmed"
+    shown.append(("state", f"{state}, {vehicle['mode']}, obeys: {vehicle['rules']}"))
+    if vehicle["refused"]:
+        shown.append(("refused", f"[red]{vehicle['refused']}[/red]"))
+    if pages["depth"] is not None:
+        held = vehicle["depth_m"]
+        wanted = "" if held is None else f" (holds {held:.2f} m)"
+        shown.append(("depth", f"{pages['depth'].data['depth_m']:.2f} m{wanted}"))
+    roll, pitch, yaw = (math.degrees(angle) for angle in vehicle["attitude_rad"])
+    held = vehicle["heading_rad"]
+    wanted = "" if held is None else f" (holds {math.degrees(held):.0f})"
+    shown.append(("attitude", f"roll {roll:.0f}, pitch {pitch:.0f}, yaw {yaw:.0f} deg{wanted}"))
+    if pages["altitude"] is not None and pages["altitude"].data["confidence"] > 0.0:
+        shown.append(("floor", f"{pages['altitude'].data['distance_m']:.2f} m below"))
+    if pages["power"] is not None:
+        power = pages["power"].data
+        shown.append(("battery", f"{power['voltage_v']:.1f} V, {power['current_a']:.0f} A"))
+    if vehicle["share"] < 1.0:
+        shown.append(("thrusters", f"[yellow]at their limits: {vehicle['share']:.0%} of what is asked[/yellow]"))
+    if pages["leak"] is not None and pages["leak"].data["is_wet"]:
+        shown.append(("leak", "[red]WATER IN THE HULL[/red]"))
+    return shown

@@ -1,0 +1,136 @@
+"""The keyboard as a game controller, for who has none: a Sensor of the same readings, from the terminal.
+
+w s   ahead, astern     a d   left, right        1 2   arm, disarm       space   emergency stop
+i k   up, down          j l   turn left, right   - +   mode down, up     c       clear the stop
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+from snr_sim.prelude.errors import MissingExtra, SensorLost
+from snr_sim.prelude.signals import PadReading
+
+from .pad_pilot import AXES, AXIS_COUNT, BUTTON_COUNT, BUTTONS
+
+# A terminal does not tell when a key is let go, only repeats it: the first time after half a second.
+KEPT_S = 0.6
+STICK_KEYS = {
+    "w": ("surge", -1.0), "s": ("surge", 1.0), "a": ("sway", -1.0), "d": ("sway", 1.0),
+    "i": ("heave", -1.0), "k": ("heave", 1.0), "j": ("yaw", -1.0), "l": ("yaw", 1.0),
+}  # fmt: skip
+BUTTON_KEYS = {"1": "arm", "2": "disarm", " ": "stop", "c": "clear", "-": "mode_down", "+": "mode_up", "=": "mode_up"}
+
+
+class Keyboard:
+    """Keeps the promise of Sensor.
+
+    Args:
+        typed: returns what was typed since it was asked last, at once; None is the program's own terminal.
+        now_s: tells the time.
+    """
+
+    def __init__(self, typed: Callable[[], str] | None = None, now_s: Callable[[], float] = time.monotonic) -> None:
+        self._terminal = _Terminal() if typed is None else None
+        self._typed = self._terminal.typed if self._terminal is not None else typed
+        self._now_s = now_s
+        self._until_s: dict[str, float] = {}  # of keys that move a stick
+        self._is_open = True
+
+    def read(self) -> PadReading:
+        """Returns sticks and buttons as the keys have them.
+
+        Raises:
+            SensorLost: it was closed.
+        """
+        if not self._is_open or self._typed is None:
+            raise SensorLost("The keyboard has been closed.", fix="read before close().")
+        now_s, buttons, axes = self._now_s(), [False] * BUTTON_COUNT, [0.0] * AXIS_COUNT
+        for key in self._typed().lower():
+            if key in BUTTON_KEYS:
+                buttons[BUTTONS[BUTTON_KEYS[key]]] = True
+            elif key in STICK_KEYS:
+                self._until_s[key] = now_s + KEPT_S
+        for key, until_s in self._until_s.items():
+            if now_s < until_s:
+                stick, side = STICK_KEYS[key]
+                axes[AXES[stick]] += side
+        return PadReading(axes, buttons, [])
+
+    def close(self) -> None:
+        """Gives the terminal back. Safe to call twice."""
+        self._is_open = False
+        if self._terminal is not None:
+            self._terminal.give_back()
+
+
+class Hands:
+    """A game controller if one is plugged in, else the keyboard. Keeps the promise of Sensor.
+
+    Args:
+        open_pad: opens the controller.
+        open_keyboard: opens the keyboard.
+    """
+
+    def __init__(self, open_pad: Callable[[], Any], open_keyboard: Callable[[], Any] = Keyboard) -> None:
+        try:
+            self._pad: Any = open_pad()
+        except MissingExtra:
+            self._pad = None
+        self._keyboard = open_keyboard()
+
+    def read(self) -> PadReading:
+        """Returns the reading of whichever there is. One that has just been unplugged is a keyboard nobody touches."""
+        keys: PadReading = self._keyboard.read()
+        if self._pad is None:
+            return keys
+        try:
+            pad: PadReading = self._pad.read()
+        except SensorLost:
+            return keys
+        return pad
+
+    def close(self) -> None:
+        """Lets go of both."""
+        if self._pad is not None:
+            self._pad.close()
+        self._keyboard.close()
+
+
+class _Terminal:
+    """The program's terminal, told to give each key at once; if it is none, nobody types."""
+
+    def __init__(self) -> None:
+        self._before: Any = None
+        if sys.stdin is not None and sys.stdin.isatty():
+            import termios
+            import tty
+
+            self._before = termios.tcgetattr(sys.stdin.fileno())
+            tty.setcbreak(sys.stdin.fileno())
+
+    def typed(self) -> str:
+        """Returns what was typed since the last time."""
+        if self._before is None:
+            return ""
+        descriptor = sys.stdin.fileno()
+        keys = b""
+        while select.select([descriptor], [], [], 0.0)[0]:
+            new = os.read(descriptor, 256)
+            if not new:
+                break
+            keys += new
+        return keys.decode(errors="ignore")
+
+    def give_back(self) -> None:
+        """Puts the terminal back as it was."""
+        if self._before is not None:
+            import termios
+
+            termios.tcsetattr(sys.stdin.fileno(), termios.TCSADRAIN, self._before)
+            self._before = None

@@ -1,0 +1,202 @@
+"""A person at the surface: game controller, keyboard, what they are made into, and what the person sees."""
+
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from snr_sim import Config, Mode, SimRunner, TaskType, library
+from snr_sim.devices.pad import PadLoopFactory
+from snr_sim.prelude.errors import MissingExtra, SensorLost
+from snr_sim.prelude.page import Page
+from snr_sim.prelude.signals import PadReading
+from snr_sim.testing.contracts import check_sensor
+from snr_sim.testing.fakes import FakeSensor
+from snr_sim.testing.parts import Part, PartFactory
+
+library.load_robot(library.find("robots", "urov"))
+
+from snr_sim_robot_urov.controls import MODES, controls_of  # noqa: E402
+from snr_sim_robot_urov.display import rows  # noqa: E402
+from snr_sim_robot_urov.keyboard import KEPT_S, Hands, Keyboard  # noqa: E402
+from snr_sim_robot_urov.pad_pilot import AXES, BUTTONS, Held, PadPilotFactory, eased, pressed  # noqa: E402
+
+RATE_HZ = 20.0
+
+
+def pad(*down: str, **sticks: float) -> PadReading:
+    """A reading with some buttons down and some axes moved."""
+    axes, buttons = [0.0] * 6, [False] * 8
+    for stick, value in sticks.items():
+        axes[AXES[stick]] = value
+    for name in down:
+        buttons[BUTTONS[name]] = True
+    return PadReading(axes, buttons, [])
+
+
+def flown(readings: list[Any], vehicle_stopped: list[bool] | None = None) -> list[dict[str, Any]]:
+    """The controls that a pilot makes of readings, one after the other.
+
+    Args:
+        readings: of the pad.
+        vehicle_stopped: what the vehicle says, at each of them.
+    """
+    told: list[dict[str, Any]] = []
+    said = list(vehicle_stopped or [])
+    parts: list[Part] = []
+
+    def hear(task: Any, task_id: Any) -> Any:
+        told.append(dict(parts[0].get_data("controls")))
+        return parts[0].store_data_task("vehicle", {"is_stopped": said.pop(0)}) if said else None
+
+    listener = PartFactory({(TaskType.process_data, "controls"): hear}, begin=parts.append)
+    hand = PadLoopFactory("pad", lambda: FakeSensor(readings), RATE_HZ)
+    config = Config(Mode.TEST, {"topside": [hand, PadPilotFactory(), listener]})
+    SimRunner(config, until_s=(len(readings) - 0.5) / RATE_HZ).run()
+    return told
+
+
+def test_sticks_are_forward_left_and_up_whatever_a_pad_thinks() -> None:
+    (ahead, left, up, turn) = flown([pad(surge=-1.0), pad(sway=-1.0), pad(heave=-1.0), pad(yaw=-1.0)])
+    for controls, stick in ((ahead, "surge"), (left, "sway"), (up, "heave"), (turn, "yaw")):
+        assert controls[stick] == 1.0
+        assert controls_of(controls).number > 0
+
+
+def test_a_stick_that_is_not_quite_at_rest_is_at_rest_and_the_rest_is_smooth() -> None:
+    assert eased(0.079) == 0.0
+    course = [eased(i / 100 - 1.0) for i in range(201)]
+    assert course == sorted(course)
+    assert (course[0], course[-1]) == (-1.0, 1.0)
+    assert max(b - a for a, b in pairwise(course)) < 0.03
+
+
+def test_buttons_count_when_they_go_down_and_not_while_they_are_held() -> None:
+    told = flown([pad(), pad("mode_up"), pad("mode_up"), pad(), pad("mode_up"), pad("arm"), pad("disarm")])
+    assert [MODES.index(one["mode"]) for one in told] == [0, 1, 1, 1, 2, 2, 2]
+    assert [one["is_armed"] for one in told] == [False] * 5 + [True, False]
+
+
+def test_a_button_that_is_down_at_the_first_reading_does_nothing() -> None:
+    assert [one["is_armed"] for one in flown([pad("arm"), pad("arm")])] == [False, False]
+
+
+def test_modes_end_at_both_ends() -> None:
+    assert pressed(Held(mode=0), ["mode_down"]).mode == 0
+    assert pressed(Held(mode=len(MODES) - 1), ["mode_up"]).mode == len(MODES) - 1
+
+
+def test_a_stop_disarms_and_only_clear_ends_it() -> None:
+    stopped = pressed(Held(2, is_armed=True), ["stop", "arm"])
+    assert stopped == Held(2, is_armed=False, is_stop=True)
+    assert pressed(stopped, ["arm"]) == stopped
+    assert pressed(stopped, ["clear"]) == Held(2)
+
+
+def test_clearing_a_stop_is_asked_for_until_the_vehicle_says_it_is_done_and_unarmed_till_then() -> None:
+    readings = [pad(), pad("stop"), pad(), pad("clear"), pad(), pad("arm"), pad(), pad()]
+    told = flown(readings, [False, True, True, True, True, True, False, False])
+    assert [one["is_stop"] for one in told] == [False, True, True, False, False, False, False, False]
+    assert [one["clears_stop"] for one in told] == [False, False, False, True, True, True, True, False]
+    assert [one["is_armed"] for one in told] == [False] * 7 + [True]
+
+
+def test_a_pad_that_is_unplugged_lets_go_of_the_sticks_and_the_controls_go_on() -> None:
+    told = flown([pad(), pad("arm"), pad(surge=-1.0), SensorLost("gone"), SensorLost("gone"), pad()])
+    assert [one["surge"] for one in told] == [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
+    assert told[-1]["number"] == 6
+    assert told[-1]["is_armed"]
+
+
+class Typist:
+    """Types what it is told to, by a clock of its own."""
+
+    def __init__(self) -> None:
+        self.keys, self.time_s = "", 0.0
+
+    def typed(self) -> str:
+        keys, self.keys = self.keys, ""
+        return keys
+
+    def now_s(self) -> float:
+        return self.time_s
+
+
+def test_the_keyboard_keeps_the_promise_of_sensors() -> None:
+    check_sensor(lambda: Keyboard(lambda: ""))
+
+
+def test_a_key_holds_its_stick_until_it_is_no_longer_repeated() -> None:
+    typist = Typist()
+    keyboard = Keyboard(typist.typed, typist.now_s)
+    typist.keys = "wJ"
+    assert keyboard.read() == pad(surge=-1.0, yaw=-1.0)
+    typist.time_s = KEPT_S - 0.01
+    assert keyboard.read() == pad(surge=-1.0, yaw=-1.0)
+    typist.time_s = KEPT_S + 0.01
+    assert keyboard.read() == pad()
+
+
+def test_opposite_keys_cancel_and_others_mean_nothing() -> None:
+    typist = Typist()
+    keyboard = Keyboard(typist.typed, typist.now_s)
+    typist.keys = "wsx?\n"
+    assert keyboard.read() == pad()
+
+
+def test_space_is_the_emergency_stop() -> None:
+    typist = Typist()
+    keyboard = Keyboard(typist.typed, typist.now_s)
+    typist.keys = "1 "
+    assert keyboard.read() == pad("arm", "stop")
+    assert keyboard.read() == pad()
+
+
+def test_hands_take_the_pad_if_there_is_one_and_the_keyboard_else() -> None:
+    keys = FakeSensor([pad("arm")])
+    there = Hands(lambda: FakeSensor([pad(surge=0.5), SensorLost("unplugged"), pad(yaw=0.5)]), lambda: keys)
+    assert [there.read() for _ in range(3)] == [pad(surge=0.5), pad("arm"), pad(yaw=0.5)]
+
+    def not_installed() -> Any:
+        raise MissingExtra("pygame-ce", "pad")
+
+    without = Hands(not_installed, lambda: keys)
+    assert without.read() == pad("arm")
+    without.close()
+    with pytest.raises(SensorLost):
+        without.read()
+
+
+VEHICLE = {
+    "rules": "pilot", "mode": "depth_hold", "is_armed": True, "is_stopped": False, "refused": "", "depth_m": 2.0,
+    "heading_rad": None, "share": 1.0, "attitude_rad": [0.0, 0.0, 1.5708], "is_wet": False,
+}  # fmt: skip
+
+
+def shown(now_s: float = 10.1, wet: bool = False, **changes: Any) -> dict[str, str]:
+    data = {
+        "vehicle": {**VEHICLE, **changes},
+        "depth": {"depth_m": 1.98},
+        "altitude": {"distance_m": 2.5, "confidence": 1.0},
+        "power": {"voltage_v": 15.9, "current_a": 4.2},
+        "leak": {"is_wet": wet},
+    }
+    return dict(rows({key: Page(key, value, "urov", 10.0, True) for key, value in data.items()}, now_s))
+
+
+def test_the_display_says_what_the_vehicle_does_and_holds() -> None:
+    assert shown()["state"] == "armed, depth_hold, obeys: pilot"
+    assert shown()["depth"] == "1.98 m (holds 2.00 m)"
+    assert shown()["attitude"] == "roll 0, pitch 0, yaw 90 deg"
+    assert shown()["battery"] == "15.9 V, 4 A"
+    assert "leak" not in shown()
+
+
+def test_the_display_says_what_is_wrong() -> None:
+    assert "silent for 1.5 s" in shown(now_s=11.5)["vehicle"]
+    assert "EMERGENCY STOP" in shown(is_stopped=True)["state"]
+    assert "WATER" in shown(wet=True)["leak"]
+    assert "40%" in shown(share=0.4)["thrusters"]
+    assert "warp" in shown(refused="There is no mode 'warp'.")["refused"]
+    nothing: dict[str, Any] = dict.fromkeys(("vehicle", "depth", "altitude", "power", "leak"))
+    assert "not heard yet" in dict(rows(nothing, 1.0))["vehicle"]
