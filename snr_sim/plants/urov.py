@@ -36,7 +36,7 @@ from snr_sim.plants.urov_outputs import Altitude, Depth, Imu, Leak, Power
 from snr_sim.plants.urov_shapes import pool_shapes, vehicle_shapes
 from snr_sim.plants.vehicle import Matrix, Six, Vector, Vehicle
 from snr_sim.prelude.angles import quaternion_of, roll_pitch_yaw_rad
-from snr_sim.prelude.errors import ParameterError, PlantError, UnknownName, nearest
+from snr_sim.prelude.errors import CommandError, ParameterError, PlantError, UnknownName, nearest
 from snr_sim.prelude.signals import PwmCommand
 from snr_sim.prelude.wrench import AXES
 
@@ -365,7 +365,7 @@ class Urov:
             return
         values = [*command.force_n, *command.moment_nm]
         if len(values) != 6 or not math.isfinite(sum(values)):
-            raise PlantError(f"At {self.time_s:g} s the vehicle was told {command}.", fix="send six finite numbers.")
+            raise CommandError(f"At {self.time_s:g} s the vehicle was told {command}.", fix="send six finite numbers.")
         x, y, z, k, m, n = values
         self._wrench = (x, y, z, k, m, n)
 
@@ -375,7 +375,7 @@ class Urov:
             return [None] * count
         pulses = command.pulses_us or [STOP_US] * count
         if len(pulses) != count or not math.isfinite(sum(pulses)):
-            raise PlantError(
+            raise CommandError(
                 f"At {self.time_s:g} s {count} thrusters were sent the pulses {command.pulses_us}.",
                 fix=f"send {count} finite numbers, 1500 to stop; or is_on=False for no pulses.",
             )

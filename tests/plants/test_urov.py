@@ -18,7 +18,7 @@ from snr_sim.plants.tether import Tether
 from snr_sim.plants.urov import Urov, WrenchCommand
 from snr_sim.plants.vehicle import Vehicle
 from snr_sim.plants.vehicle_file import read_vehicle
-from snr_sim.prelude.errors import ParameterError, PlantError, UnknownName
+from snr_sim.prelude.errors import CommandError, ParameterError, PlantError, UnknownName
 from snr_sim.prelude.signals import PwmCommand
 from snr_sim.testing.contracts import check_plant
 
@@ -383,7 +383,7 @@ def test_level_thrusters_that_run_ahead_push_it_ahead_and_its_nose_up() -> None:
 def test_pulses_that_are_none_are_refused() -> None:
     plant = Urov(HEAVY, Pool(), lambda seed: Dive(), Propulsion(8))
     for pulses in ([1500.0] * 7, [math.nan] + [1500.0] * 7):
-        with pytest.raises(PlantError, match="8 thrusters were sent the pulses"):
+        with pytest.raises(CommandError, match="8 thrusters were sent the pulses"):
             plant.write("pwm", PwmCommand(pulses))
     plant.write("pwm", PwmCommand([0.5] * 8))
     with pytest.raises(PlantError, match=r"sent a pulse of 0\.5 us"):
