@@ -94,7 +94,7 @@ def test_what_cannot_be_is_refused_in_words() -> None:
         plant.write("pwm", PULSES)
     with pytest.raises(UnknownName, match="no output 'power'"):
         plant.read("power")
-    with pytest.raises(PlantError, match="six finite numbers"):
+    with pytest.raises(CommandError, match="six finite numbers"):
         plant.write("wrench", WrenchCommand([math.nan, 0.0, 0.0]))
 
 
