@@ -1,10 +1,17 @@
-"""Fly it yourself, for five minutes: `snr run urov_teleop --speed real --view`. With a game controller or the keyboard.
+"""Fly it yourself, for up to five minutes, with a game controller or the keyboard:
+
+    snr run urov_teleop --speed real --option pilot=hands
+
+or as on a real boat, each end in a process of its own, in two terminals:
+
+    snr run urov_teleop --role urov
+    snr run urov_teleop --role topside --option pilot=hands
 
     w s   ahead, astern     a d   left, right        1 2   arm, disarm       space   emergency stop
     i k   up, down          j l   turn left, right   - +   mode down, up     c       clear the stop
 
-There are three gates. You have brought it home if it was a metre deep, is at the surface at the end, and hit nothing
-with more than 50 N.
+There are three gates. You have brought it home if it was a metre deep, is at the surface with its thrusters still, and
+hit nothing with more than 50 N. Without you, a script goes down, there and back, and up again.
 """
 
 from __future__ import annotations
@@ -15,6 +22,7 @@ from typing import Any
 
 from snr_sim_robot_urov.judging import WatchedUrov, judged
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
+from snr_sim_robot_urov.pilot import Cue
 
 from snr_sim.plants.dive import Current, Dive
 from snr_sim.plants.pool import Gate, Pool
@@ -29,7 +37,7 @@ CONTROLLER = "holds"
 END_S = 300.0
 TIME_LIMIT_S = END_S + 1.0
 
-SURFACE_M, HARD_N = 0.4, 50.0
+DEEP_M, SURFACE_M, STILL_N, HARD_N = 1.0, 0.4, 0.2, 50.0
 
 
 @lru_cache(maxsize=4)
@@ -41,8 +49,16 @@ def dive(seed: int) -> Dive:
 
 
 def parameters(seed: int) -> UrovParameters:
-    """Returns what the controller may know; a person flies."""
-    return UrovParameters(vehicle(), is_flown_by_hand=True)
+    """Returns what the controller may know, and what the pilot does if you do not fly."""
+    script = (
+        Cue(2.0, is_armed=True, mode="heading_hold", depth_m=1.5, heading_rad=0.0),
+        Cue(9.0, surge=0.4),
+        Cue(12.0, surge=0.0, heading_rad=math.pi),
+        Cue(17.0, surge=0.4),
+        Cue(20.0, surge=0.0, depth_m=0.1),
+        Cue(29.0, is_armed=False),
+    )
+    return UrovParameters(vehicle(), script)
 
 
 def plant(seed: int, engine: str) -> WatchedUrov:
@@ -56,14 +72,21 @@ def plant(seed: int, engine: str) -> WatchedUrov:
 
 
 def verdict(plant: WatchedUrov) -> Verdict | None:
-    """Returns how it ended, once the time is over."""
-    if plant.time_s < END_S - 1e-6:
+    """Returns how it ended, or None while it dives."""
+    is_over = plant.time_s >= END_S - 1e-6
+    is_up = -plant.position_m[2] <= SURFACE_M
+    is_still = max(map(abs, plant.thrusters.forces_n), default=0.0) < STILL_N
+    if not (is_over or (is_up and is_still)):
         return None
-    found, misses = metrics(plant, 0), []
-    if found["deepest_m"] < 1.0:
-        misses.append("was never a metre deep")
-    if found["end_depth_m"] > SURFACE_M:
-        misses.append(f"ended {found['end_depth_m']:.2f} m deep, not at the surface")
+    misses = []
+    if _deepest_m(plant) < DEEP_M:
+        if not is_over:
+            return None  # it has not begun
+        misses.append(f"was never {DEEP_M:g} m deep")
+    if not is_up:
+        misses.append(f"ended {-plant.position_m[2]:.2f} m deep, not at the surface")
+    if not is_still:
+        misses.append("its thrusters still turned at the end")
     if plant.touched_n > HARD_N:
         misses.append(f"hit something with {plant.touched_n:.0f} N")
     return judged(misses)
@@ -73,9 +96,13 @@ def metrics(plant: WatchedUrov, seed: int) -> dict[str, Any]:
     """Returns where it went, and what it cost."""
     steps = zip(plant.course, plant.course[1:], strict=False)
     return {
-        "deepest_m": max((sample.depth_m for sample in plant.course), default=0.0),
+        "deepest_m": _deepest_m(plant),
         "end_depth_m": plant.course[-1].depth_m if plant.course else 0.0,
         "way_m": sum(math.dist(a.position_m, b.position_m) for a, b in steps),
         "hardest_n": plant.touched_n,
         "energy_j": plant.thrusters.energy_j,
     }
+
+
+def _deepest_m(plant: WatchedUrov) -> float:
+    return max((sample.depth_m for sample in plant.course), default=0.0)

@@ -20,7 +20,7 @@ from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
 from snr_sim.flight import Referee, Result, TruthLog, metrics_of, why_of
 from snr_sim.plants.realtime import RealTimePlant
 from snr_sim.prelude import tasks
-from snr_sim.prelude.errors import SnrError
+from snr_sim.prelude.errors import ConfigError, SnrError
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Verdict
@@ -53,10 +53,21 @@ class World:
         self._paced = RealTimePlant(plant, self.clock)
         reached: Any = self._paced  # of a plant, devices read and write only
         self.config: Config = simulation.config(reached)
-        factories = self.config.get(self.role)
-        self.sensor_keys = [factory.key for factory in factories if isinstance(factory, SensorLoopFactory)]
-        has_devices = bool(self.sensor_keys) or any(isinstance(one, ActuatorLoopFactory) for one in factories)
-        self.plant: Plant | None = plant if has_devices else None
+        factories = self.config.factories
+        with_devices = [
+            role
+            for role in simulation.robot_file.ROLES
+            if any(isinstance(one, (SensorLoopFactory, ActuatorLoopFactory)) for one in factories.get(role, []))
+        ]
+        if len(with_devices) > 1:
+            raise ConfigError(
+                f"The roles {' and '.join(with_devices)} both have devices here, and there is only one plant: "
+                "in processes of their own, each would have another.",
+                fix=f"run them under one clock: snr run {simulation.scenario_name}, without --role.",
+            )
+        own = factories[self.role]
+        self.sensor_keys = [factory.key for factory in own if isinstance(factory, SensorLoopFactory)]
+        self.plant: Plant | None = plant if self.role in with_devices else None
 
     def start(self) -> None:
         """Has the plant's time begin with the clock's, now."""

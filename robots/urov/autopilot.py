@@ -83,10 +83,14 @@ class Autopilot(Endpoint):
             self.refused = error.message
             self.parent.note(f"Controls were refused: {error.message}")
             return
+        age_s = self.get_age_s("controls")
+        if not age_s <= self.parameters.guard.stale_s and not controls.is_stop:
+            return  # held up on its way, or nobody knows when it was made: only to stop it is never too late
         self.refused = ""
         if self.allocation.lacking and controls.mode != self.guard.controls.mode and controls.mode != "manual":
             self.parent.note(f"The thrusters cannot push {', '.join(self.allocation.lacking)}: that is not held.")
-        self.guard.hear(controls, self.get_time_s())
+        now_s = self.get_time_s()
+        self.guard.hear(controls, now_s - age_s if math.isfinite(age_s) else now_s)
 
     def on_leak(self, task: Task, task_id: TaskId) -> None:
         """Notes water in the hull."""

@@ -6,7 +6,7 @@
     hold      the link has been lost for two seconds: stays at the depth and heading it had when they were
     surface   it has been lost for longer, or water comes in: goes up
 
-Time is when controls came in, by the vehicle's own clock: that of the surface may be another.
+The age of controls is counted from when they were made, by the vehicle's own clock.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ class Guard:
         self.is_stopped = False
         self.is_wet = False
 
-    def hear(self, controls: Controls, now_s: float) -> None:
-        """Takes controls that have come in. Of two, the one with the higher number is newer."""
+    def hear(self, controls: Controls, made_s: float) -> None:
+        """Takes controls, made at a moment of the vehicle's clock. Of two, the one with the higher number is newer."""
         if self.heard_s is not None and controls.number <= self.controls.number and not self._is_new_pilot(controls):
             return
-        self.controls, self.heard_s = controls, now_s
+        self.controls, self.heard_s = controls, made_s
         if controls.is_stop:
             self.is_stopped = True
         elif controls.clears_stop and not controls.is_armed:

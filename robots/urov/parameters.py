@@ -83,7 +83,6 @@ class UrovParameters:
         vehicle: its numbers.
         script: what the pilot does, where there is no person.
         route: where a pilot who sees goes; if there is one, he flies instead.
-        is_flown_by_hand: a person flies, with a game controller or the keyboard.
         sensors, holds, guard: see there.
         nominal_v: at which the pulse for a thrust is looked up.
         slew_nps: how fast a thrust may change.
@@ -97,7 +96,6 @@ class UrovParameters:
     vehicle: Vehicle
     script: tuple[Cue, ...] = ()
     route: tuple[Waypoint, ...] = ()
-    is_flown_by_hand: bool = False
     sensors: Sensors = field(default_factory=Sensors)
     holds: HoldNumbers = field(default_factory=HoldNumbers)
     guard: GuardLimits = field(default_factory=GuardLimits)

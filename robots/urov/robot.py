@@ -25,7 +25,7 @@ from snr_sim.devices.pygame_pad import PygamePad
 from snr_sim.devices.simulated import SimActuator, SimSensor
 from snr_sim.plants.t200 import LEAST_US, MOST_US
 from snr_sim.prelude.component import Factory
-from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
 from snr_sim.prelude.scenario import Rig
 from snr_sim.prelude.signals import PwmCommand
 from snr_sim.std_mods.comms.sockets import SocketsPair
@@ -40,6 +40,7 @@ from .sight import EYES
 
 ROLES = ("urov", "topside")
 IO = ("sim",)
+PILOTS = ("scripted", "hands")
 
 SENSORS = ("depth", "altitude", "power", "leak", "imu")  # the last one sets off control, so it comes after the others
 TO_TOPSIDE = ("vehicle", "depth", "altitude", "power", "leak")
@@ -100,8 +101,14 @@ def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
 
 
 def _pilot(rig: Rig, parameters: UrovParameters) -> list[Factory]:
-    """Returns who flies: a person; or somebody who sees, if there is a route; or somebody who does as it is written."""
-    if parameters.is_flown_by_hand:
+    """Returns who flies: with `--option pilot=hands` a person.
+
+    Else somebody who sees, if there is a route, or somebody who does as it is written.
+    """
+    pilot = rig.robot.options.get("pilot", PILOTS[0])
+    if pilot not in PILOTS:
+        raise UnknownName(f"--option pilot={pilot}: there is no such pilot.", fix=nearest(pilot, PILOTS))
+    if pilot == "hands":
         hands = PadLoopFactory("pad", partial(DEVICES[rig.io]["hands"], rig), parameters.command_hz)
         return [hands, PadPilotFactory(), DisplayFactory()]
     if parameters.route:
