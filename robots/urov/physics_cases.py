@@ -22,7 +22,8 @@ from fossen_rk4 import Fossen, rotation
 from snr_sim.plants.dive import Current, Dive, Load
 from snr_sim.plants.pool import Pool
 from snr_sim.plants.tether import Tether
-from snr_sim.plants.urov import Urov, WrenchCommand
+from snr_sim.plants.urov import Urov
+from snr_sim.plants.urov_state import WrenchCommand
 from snr_sim.plants.vehicle import Six, Vector, Vehicle
 from snr_sim.plants.vehicle_file import read_vehicle
 from snr_sim.prelude.angles import roll_pitch_yaw_rad

@@ -9,8 +9,9 @@ How a step goes:
               contacts ask for, and moves on
 
 So contacts meet the mass that a body in water has: pressed on the floor with 40 N it presses with 40 N, and a bump
-takes as long as it should. Where nothing touches, the position moves by the mean velocity of the step, which is right
-to the second order; where something does, by the new one, as MuJoCo's contacts want it.
+takes as long as it should. Where nothing touches, MuJoCo has nothing to add: the vehicle is put where the mean velocity
+of the step leads, which is right to the second order. Where something does, the water's forces are those of the step's
+begin, and the position moves by the new velocity, as MuJoCo's contacts want it.
 """
 
 from __future__ import annotations
@@ -18,13 +19,10 @@ from __future__ import annotations
 import bisect
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any
 
-import msgspec
-
-from snr_sim.plants import dive as dives
-from snr_sim.plants.attitude import Quaternion, Rotation, rotation_of, turned
-from snr_sim.plants.dive import Dive
+from snr_sim.plants.attitude import rotation_of, turned
+from snr_sim.plants.dive import Dive, Leak
 from snr_sim.plants.flotation import Flotation
 from snr_sim.plants.hydrodynamics import AT_REST, Hydrodynamics, in_words
 from snr_sim.plants.mujoco_body import MujocoBody
@@ -32,132 +30,21 @@ from snr_sim.plants.mujoco_engine import MujocoWorld
 from snr_sim.plants.pool import BODY, Pool
 from snr_sim.plants.surface import Surface
 from snr_sim.plants.tether import TetherPull
-from snr_sim.plants.urov_outputs import Altitude, Depth, Imu, Leak, Power
-from snr_sim.plants.urov_shapes import pool_shapes, vehicle_shapes
-from snr_sim.plants.vehicle import Matrix, Six, Vector, Vehicle
-from snr_sim.prelude.angles import quaternion_of, roll_pitch_yaw_rad
+from snr_sim.plants.urov_measured import UrovMeasured
+from snr_sim.plants.urov_state import Body, State, Thrusters
+from snr_sim.plants.vehicle import Six, Vector, Vehicle
+from snr_sim.prelude.angles import quaternion_of
 from snr_sim.prelude.errors import CommandError, ParameterError, PlantError, UnknownName, nearest
 from snr_sim.prelude.signals import PwmCommand
 from snr_sim.prelude.wrench import AXES
 
 STEP_S = 0.005  # the table in robots/urov/PHYSICS.md says what 2 and 10 ms would change
-AIR_PA = 101_325.0  # standard atmosphere
-# Earth's field at about 50 degrees north, magnetic north along y: 20 uT level, 44 uT down (rounded).
-FIELD_UT = (0.0, 20.0, -44.0)
-# What the supply's wires add for each ampere, body frame: our estimate. At 100 A it turns a compass by 6 degrees.
-FIELD_UT_PER_A = (0.02, 0.02, 0.05)
 EXPLODED = 1e9  # m/s2 and rad/s2: infinite as far as a vehicle goes, and still before MuJoCo writes it into a log file
-NO_GROUND_M = 1000.0  # what the echo sounder says over a world without a floor
 STOP_US = 1500.0
 WATER_STEP_L = 0.01  # leaked water is weighed anew when it has become so much more
 
 
-class Thrusters(Protocol):
-    """What the plant asks of its thrusters; `Propulsion` is it."""
-
-    count: int
-    voltage_v: float
-
-    @property
-    def forces_n(self) -> list[float]:
-        """Of each thruster along its own axis."""
-        ...
-
-    @property
-    def current_a(self) -> float:
-        """All that is drawn from the supply."""
-        ...
-
-    @property
-    def charge(self) -> float:
-        """What is left in the supply, 0 to 1."""
-        ...
-
-    def reset(self) -> None:
-        """Puts everything back to the start."""
-        ...
-
-    def step(self, dt_s: float, pulses_us: list[float | None]) -> Any:
-        """Moves on; returns the forces along each thruster's axis, shape (n,)."""
-        ...
-
-    def fail(self, thruster: int, fault: str, share: float = 0.5) -> None:
-        """Breaks a thruster."""
-        ...
-
-    def snapshot(self) -> Any:
-        """Returns all of the state."""
-        ...
-
-    def restore(self, snapshot: Any) -> None:
-        """Puts back what `snapshot` returned."""
-        ...
-
-
-class Body(Protocol):
-    """What both engines' bodies tell and take: MuJoCo's in space, and pymunk's in the plane."""
-
-    engine: str
-    rigid: Matrix
-    gravity_mps2: float
-
-    def clear(self) -> None:
-        """Puts the whole world back to its start."""
-        ...
-
-    def put(self, pose: Sequence[float], velocity: Sequence[float]) -> None:
-        """Puts the body somewhere: see `MujocoBody.put`."""
-        ...
-
-    def height_over_ground_m(self, place: Sequence[float]) -> float:
-        """Returns how far it is straight down from a place to anything but the body; negative if there is nothing."""
-        ...
-
-    def snapshot(self) -> Any:
-        """Returns all of the state."""
-        ...
-
-    def restore(self, snapshot: Any) -> None:
-        """Puts back what `snapshot` returned."""
-        ...
-
-
-class WrenchCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A force and a moment on the vehicle, in its own frame: what a test asks for instead of pulses.
-
-    Args:
-        force_n: along x, y, z.
-        moment_nm: about x, y, z.
-    """
-
-    force_n: list[float] = msgspec.field(default_factory=lambda: [0.0] * 3)
-    moment_nm: list[float] = msgspec.field(default_factory=lambda: [0.0] * 3)
-
-
-class State(NamedTuple):
-    """All of the plant. Without defaults: a start."""
-
-    dive: Dive
-    place: Vector
-    attitude: Quaternion
-    velocity: Vector  # world frame
-    rate: Vector  # body frame
-    mujoco: Any = None
-    thrusters: Any = None
-    steps: int = 0
-    happened: int = 0  # how many moments of the dive have passed
-    acceleration: Six = AT_REST  # of the velocity through the water, body frame, without contacts
-    guess: Six = AT_REST  # what it will be in the next step
-    gained: Vector = (0.0, 0.0, 0.0)  # acceleration of the last step, world frame
-    wet: float = 1.0  # share of the volume at the last step
-    water_l: float = 0.0  # leaked and weighed
-    wrench: Six = AT_REST
-    pulses: tuple[float | None, ...] = ()
-    contact_n: Vector | None = None  # None: nothing touched
-    tether_n: Vector = (0.0, 0.0, 0.0)
-
-
-class Urov:
+class Urov(UrovMeasured):
     """The underwater vehicle. Keeps the promise of Plant.
 
     Args:
@@ -201,13 +88,7 @@ class Urov:
         self.outputs: tuple[str, ...] = ("depth", "imu", "altitude", "leak", *(() if thrusters is None else ("power",)))
         self._body = self._build(mjcf)
         self.engine = self._body.engine
-        self._readers: dict[str, Callable[[], Any]] = {
-            "depth": self._depth,
-            "imu": self._imu,
-            "altitude": self._altitude,
-            "leak": self._leaked,
-            "power": self._power,
-        }
+        self._readers = self._own_readers()
         self._matrix = vehicle.thruster_matrix()
         self._surface = Surface(vehicle)
         self._hydro = Hydrodynamics(vehicle, self._body.rigid)
@@ -219,11 +100,6 @@ class Urov:
         text, source = (self.pool.mjcf(self.vehicle), "the pool") if mjcf is None else (mjcf, "the MJCF")
         self._mujoco = MujocoBody(MujocoWorld(text, self.step_s, (BODY,), source), BODY)
         return self._mujoco
-
-    @property
-    def time_s(self) -> float:
-        """Simulated time since the last reset: a count, so that nothing adds up."""
-        return self._steps * self.step_s
 
     # -- start, and being put back ------------------------------------------------------------------------------------
 
@@ -307,7 +183,7 @@ class Urov:
             self.thrusters.restore(snapshot.thrusters)
         self._place, self._attitude = snapshot.place, snapshot.attitude
         self._velocity, self._rate = snapshot.velocity, snapshot.rate
-        self._rotation: Rotation = rotation_of(snapshot.attitude)
+        self._rotation = rotation_of(snapshot.attitude)
         self._acceleration, self._guess, self._gained = snapshot.acceleration, snapshot.guess, snapshot.gained
         self._steps, self._happened = snapshot.steps, snapshot.happened
         self._wrench, self._pulses = snapshot.wrench, list(snapshot.pulses)
@@ -483,7 +359,7 @@ class Urov:
             fix="look at the last commands and at what was added to the vehicle; or try a shorter step.",
         )
 
-    def _leak(self, leak: dives.Leak) -> None:
+    def _leak(self, leak: Leak) -> None:
         """Lets water in."""
         water_l = leak.water_l(self.time_s)
         if water_l >= self._water_l + WATER_STEP_L or (water_l > self._water_l and water_l == leak.most_l):
@@ -552,141 +428,3 @@ class Urov:
         x, y, z, k, m, n = push
         self._tether_n = (fx, fy, fz)
         return x + a, y + b, z + c, k + by * c - bz * b, m + bz * a - bx * c, n + bx * b - by * a
-
-    def _in_world(self, x: float, y: float, z: float) -> Vector:
-        """Returns a vector of the body's frame in the world's."""
-        r11, r12, r13, r21, r22, r23, r31, r32, r33 = self._rotation
-        return r11 * x + r12 * y + r13 * z, r21 * x + r22 * y + r23 * z, r31 * x + r32 * y + r33 * z
-
-    def _in_body(self, x: float, y: float, z: float) -> Vector:
-        """Returns a vector of the world's frame in the body's."""
-        r11, r12, r13, r21, r22, r23, r31, r32, r33 = self._rotation
-        return r11 * x + r21 * y + r31 * z, r12 * x + r22 * y + r32 * z, r13 * x + r23 * y + r33 * z
-
-    def _through_water(self) -> Vector:
-        """Returns the velocity relative to the water, body frame."""
-        (vx, vy, vz), (cx, cy, cz) = self._velocity, self._current
-        return self._in_body(vx - cx, vy - cy, vz - cz)
-
-    # -- being measured -----------------------------------------------------------------------------------------------
-
-    @property
-    def through_water(self) -> Six:
-        """Velocity relative to the water, body frame: along x, y, z [m/s], about x, y, z [rad/s]."""
-        return *self._through_water(), *self._rate
-
-    @property
-    def position_m(self) -> Vector:
-        """Of the vehicle's origin, world frame."""
-        return self._place
-
-    @property
-    def attitude(self) -> Quaternion:
-        """Unit quaternion (w, x, y, z) from the body's frame to the world's."""
-        return self._attitude
-
-    @property
-    def velocity_mps(self) -> Vector:
-        """Of the vehicle's origin, world frame."""
-        return self._velocity
-
-    @property
-    def rate_radps(self) -> Vector:
-        """Angular velocity, body frame."""
-        return self._rate
-
-    @property
-    def mass_matrix(self) -> Matrix:
-        """6 x 6: vehicle, what hangs at it, and the water that moves with it, body frame."""
-        return self._hydro.mass
-
-    @property
-    def kinetic_energy_j(self) -> float:
-        """Of vehicle and water, seen from water that moves with the current."""
-        return self._hydro.kinetic_energy_j(self.through_water)
-
-    @property
-    def contact_n(self) -> Vector | None:
-        """What floor, walls and gates pushed in the last step, world frame; None if nothing was in reach."""
-        return self._contact_n
-
-    def read(self, name: str) -> Any:
-        """Returns what a sensor without faults would say; all of them sit at the origin but the echo sounder."""
-        reader = self._readers.get(name)
-        if reader is None or name not in self.outputs:
-            raise UnknownName(f"This plant has no output '{name}'.", fix=nearest(name, self.outputs))
-        return reader()
-
-    def _depth(self) -> Depth:
-        pool, z = self.pool, self._place[2]
-        pressure = AIR_PA + pool.density_kgm3 * self._body.gravity_mps2 * max(0.0, -z)
-        return Depth(-z, -self._velocity[2], pressure, pool.temperature_c, self.time_s)
-
-    def _imu(self) -> Imu:
-        gx, gy, gz = self._gained
-        east, north, up = FIELD_UT
-        bx, by, bz = self._in_body(east, north, up)
-        if self.thrusters is not None:
-            current = self.thrusters.current_a
-            wx, wy, wz = FIELD_UT_PER_A
-            bx, by, bz = bx + current * wx, by + current * wy, bz + current * wz
-        force = self._in_body(gx, gy, gz + self._body.gravity_mps2)
-        return Imu(list(self._rate), list(force), list(self._attitude), [bx, by, bz], self.time_s)
-
-    def _altitude(self) -> Altitude:
-        x, y, z = self._place
-        ax, ay, az = self._in_world(0.0, 0.0, -0.5 * self.vehicle.size_m[2])
-        above = max(0.0, -az)  # looks from no lower than the origin, as the bottom may give way into the floor
-        height = self._body.height_over_ground_m((x + ax, y + ay, z + az + above)) - above
-        if height < -above:
-            height = NO_GROUND_M
-        tilt = math.acos(min(1.0, max(-1.0, self._rotation[8])))
-        return Altitude(max(0.0, height), tilt, self.time_s)
-
-    def _power(self) -> Power:
-        if self.thrusters is None:
-            raise PlantError("This plant has no battery.", fix="give it thrusters.")
-        thrusters = self.thrusters
-        return Power(thrusters.voltage_v, thrusters.current_a, thrusters.charge, self.time_s)
-
-    def _leaked(self) -> Leak:
-        return Leak(self._water_l, self.time_s)
-
-    def scene(self) -> dict[str, Any]:
-        """Returns water, floor, walls and gates, and the shape of the vehicle."""
-        return {"statics": pool_shapes(self.pool), "bodies": {"vehicle": vehicle_shapes(self.vehicle)}}
-
-    def truth(self) -> dict[str, Any]:
-        """Returns the true state for the recorder."""
-        w, x, y, z = self._attitude
-        place = self._place
-        roll, pitch, yaw = roll_pitch_yaw_rad(self._attitude)
-        u, v, heave = self._through_water()
-        arrows: dict[str, list[float]] = {}
-        if self.thrusters is not None:
-            for thruster, force in zip(self.vehicle.thrusters, self.thrusters.forces_n, strict=True):
-                at = self._in_world(*thruster.position_m)
-                pull = self._in_world(*(force * value for value in thruster.direction))
-                arrows[thruster.name] = [*(a + b for a, b in zip(place, at, strict=True)), *pull]
-        if any(self._current):
-            # As the force that the same flow would need on one square metre, to have a length in newtons.
-            arrows["current"] = [place[0], place[1], place[2] + 0.5, *(40.0 * value for value in self._current)]
-        if self._tether is not None:
-            at = self._in_world(*self._tether.tether.place_m)
-            arrows["tether"] = [*(a + b for a, b in zip(place, at, strict=True)), *self._tether_n]
-        return {
-            "poses": {"vehicle": [*place, x, y, z, w]},
-            "arrows": arrows,
-            "values": {
-                "depth_m": -place[2],
-                "speed_mps": math.hypot(u, v, heave),
-                "surge_mps": u,
-                "sway_mps": v,
-                "heave_mps": heave,
-                "roll_deg": math.degrees(roll),
-                "pitch_deg": math.degrees(pitch),
-                "yaw_deg": math.degrees(yaw),
-                "contact_n": math.hypot(*(self._contact_n or ())),
-                **({} if self.thrusters is None else {"voltage_v": self.thrusters.voltage_v}),
-            },
-        }

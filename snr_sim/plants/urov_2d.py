@@ -25,7 +25,8 @@ from snr_sim.plants.dive import Dive
 from snr_sim.plants.impulses_2d import stopped
 from snr_sim.plants.pool import FRICTION, Pool
 from snr_sim.plants.pool_2d import Pool2D
-from snr_sim.plants.urov import STEP_S, State, Thrusters, Urov
+from snr_sim.plants.urov import STEP_S, Urov
+from snr_sim.plants.urov_state import State, Thrusters
 from snr_sim.plants.vehicle import Vector, Vehicle
 from snr_sim.plants.water_2d import Water2D
 

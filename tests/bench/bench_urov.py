@@ -17,7 +17,8 @@ from snr_sim.plants.mujoco_engine import MujocoWorld
 from snr_sim.plants.pool import BODY, Pool
 from snr_sim.plants.propulsion import Propulsion
 from snr_sim.plants.tether import Tether
-from snr_sim.plants.urov import STEP_S, Urov, WrenchCommand
+from snr_sim.plants.urov import STEP_S, Urov
+from snr_sim.plants.urov_state import WrenchCommand
 from snr_sim.plants.vehicle_file import read_vehicle
 from snr_sim.prelude.signals import PwmCommand
 

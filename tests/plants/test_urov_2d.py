@@ -19,8 +19,9 @@ from snr_sim.plants.dive import Current, Dive, Leak, Load, ThrusterFault
 from snr_sim.plants.pool import Gate, Pool
 from snr_sim.plants.propulsion import Propulsion
 from snr_sim.plants.tether import Tether
-from snr_sim.plants.urov import Urov, WrenchCommand
+from snr_sim.plants.urov import Urov
 from snr_sim.plants.urov_2d import Urov2D, in_plane
+from snr_sim.plants.urov_state import WrenchCommand
 from snr_sim.plants.vehicle import Vehicle
 from snr_sim.plants.vehicle_file import read_vehicle
 from snr_sim.prelude.angles import roll_pitch_yaw_rad

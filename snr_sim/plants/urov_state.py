@@ -1,0 +1,118 @@
+"""What the underwater vehicle is made of and what it remembers: thrusters, a body in an engine, all of its state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Protocol
+
+import msgspec
+
+from snr_sim.plants.attitude import Quaternion
+from snr_sim.plants.dive import Dive
+from snr_sim.plants.hydrodynamics import AT_REST
+from snr_sim.plants.vehicle import Matrix, Six, Vector
+
+
+class Thrusters(Protocol):
+    """What the plant asks of its thrusters; `Propulsion` is it."""
+
+    count: int
+    voltage_v: float
+
+    @property
+    def forces_n(self) -> list[float]:
+        """Of each thruster along its own axis."""
+        ...
+
+    @property
+    def current_a(self) -> float:
+        """All that is drawn from the supply."""
+        ...
+
+    @property
+    def charge(self) -> float:
+        """What is left in the supply, 0 to 1."""
+        ...
+
+    def reset(self) -> None:
+        """Puts everything back to the start."""
+        ...
+
+    def step(self, dt_s: float, pulses_us: list[float | None]) -> Any:
+        """Moves on; returns the forces along each thruster's axis, shape (n,)."""
+        ...
+
+    def fail(self, thruster: int, fault: str, share: float = 0.5) -> None:
+        """Breaks a thruster."""
+        ...
+
+    def snapshot(self) -> Any:
+        """Returns all of the state."""
+        ...
+
+    def restore(self, snapshot: Any) -> None:
+        """Puts back what `snapshot` returned."""
+        ...
+
+
+class Body(Protocol):
+    """What both engines' bodies tell and take: MuJoCo's in space, and pymunk's in the plane."""
+
+    engine: str
+    rigid: Matrix
+    gravity_mps2: float
+
+    def clear(self) -> None:
+        """Puts the whole world back to its start."""
+        ...
+
+    def put(self, pose: Sequence[float], velocity: Sequence[float]) -> None:
+        """Puts the body somewhere: see `MujocoBody.put`."""
+        ...
+
+    def height_over_ground_m(self, place: Sequence[float]) -> float:
+        """Returns how far it is straight down from a place to anything but the body; negative if there is nothing."""
+        ...
+
+    def snapshot(self) -> Any:
+        """Returns all of the state."""
+        ...
+
+    def restore(self, snapshot: Any) -> None:
+        """Puts back what `snapshot` returned."""
+        ...
+
+
+class WrenchCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A force and a moment on the vehicle, in its own frame: what a test asks for instead of pulses.
+
+    Args:
+        force_n: along x, y, z.
+        moment_nm: about x, y, z.
+    """
+
+    force_n: list[float] = msgspec.field(default_factory=lambda: [0.0] * 3)
+    moment_nm: list[float] = msgspec.field(default_factory=lambda: [0.0] * 3)
+
+
+class State(NamedTuple):
+    """All of the plant. Without defaults: a start."""
+
+    dive: Dive
+    place: Vector
+    attitude: Quaternion
+    velocity: Vector  # world frame
+    rate: Vector  # body frame
+    mujoco: Any = None
+    thrusters: Any = None
+    steps: int = 0
+    happened: int = 0  # how many moments of the dive have passed
+    acceleration: Six = AT_REST  # of the velocity through the water, body frame, without contacts
+    guess: Six = AT_REST  # what it will be in the next step
+    gained: Vector = (0.0, 0.0, 0.0)  # acceleration of the last step, world frame
+    wet: float = 1.0  # share of the volume at the last step
+    water_l: float = 0.0  # leaked and weighed
+    wrench: Six = AT_REST
+    pulses: tuple[float | None, ...] = ()
+    contact_n: Vector | None = None  # None: nothing touched
+    tether_n: Vector = (0.0, 0.0, 0.0)
