@@ -41,7 +41,8 @@ class Surface:
         self._places = places
         self._moments = np.column_stack([np.ones(len(places)), places]) / len(places)
         self._thrusters = np.array([thruster.position_m for thruster in vehicle.thrusters]).reshape(-1, 3)
-        self.reach_m = 0.5 * math.hypot(*vehicle.size_m) + math.hypot(*vehicle.centre_of_buoyancy_m)
+        box_m = 0.5 * math.hypot(*vehicle.size_m) + math.hypot(*vehicle.centre_of_buoyancy_m)
+        self.reach_m = max([box_m, *(math.hypot(*one.position_m) + PROPELLER_M for one in vehicle.thrusters)])
 
     def wetted(self, z_m: float, up: Vector) -> tuple[float, Vector]:
         """Returns the wet share of the displaced volume, and the middle of the wet part [m], body frame.

@@ -381,6 +381,21 @@ def test_level_thrusters_that_run_ahead_push_it_ahead_and_its_nose_up() -> None:
     assert plant.read("power").current_a > 2.0
 
 
+def test_propellers_in_the_air_push_nothing() -> None:
+    plant = Urov(HEAVY, Pool(), lambda seed: Dive((0.0, 0.0, -0.5)), Propulsion(8))
+    plant.write("pwm", PwmCommand())
+    for _ in range(400):
+        plant.step(plant.step_s)
+    plant.write("pwm", PwmCommand([1700.0] * 4 + [1500.0] * 4))
+    for _ in range(40):
+        plant.step(plant.step_s)
+    state = plant.snapshot()
+    plant.restore(state._replace(place=(0.0, 0.0, 0.6), velocity=(0.0, 0.0, 0.0), rate=(0.0, 0.0, 0.0)))
+    plant.step(plant.step_s)
+    assert max(plant.thrusters.forces_n) > 10.0
+    assert plant.read("imu").specific_force_mps2 == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
+
+
 def test_pulses_that_are_none_are_refused() -> None:
     plant = Urov(HEAVY, Pool(), lambda seed: Dive(), Propulsion(8))
     for pulses in ([1500.0] * 7, [math.nan] + [1500.0] * 7):

@@ -1,0 +1,47 @@
+import math
+from collections import Counter
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim.plants.pool import POST_M, Gate, Pool
+from snr_sim.plants.urov_shapes import pool_shapes, vehicle_shapes
+from snr_sim.plants.vehicle_file import read_vehicle
+
+VEHICLES = Path(__file__).parents[2] / "robots" / "urov" / "vehicles"
+
+
+def volume(mesh: dict[str, Any]) -> float:
+    """Positive if all its sides face outwards."""
+    total = 0.0
+    for i, j, k in mesh["triangles"]:
+        (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (mesh["vertices_m"][n] for n in (i, j, k))
+        total += ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
+    return total / 6.0
+
+
+@pytest.mark.parametrize("name", ["benzon2022", "classic"])
+def test_each_thruster_shows_as_a_closed_duct_where_it_pushes(name: str) -> None:
+    vehicle = read_vehicle(VEHICLES / f"{name}.toml")
+    meshes = [shape for shape in vehicle_shapes(vehicle) if shape["kind"] == "mesh"]
+    ducts = meshes[-len(vehicle.thrusters) :]
+    for mesh in meshes:
+        edges = Counter(edge for triangle in mesh["triangles"] for edge in pairwise([*triangle, triangle[0]]))
+        assert all(count == 1 and edges[b, a] == 1 for (a, b), count in edges.items())
+        assert volume(mesh) > 0.0
+    for duct, thruster in zip(ducts, vehicle.thrusters, strict=True):
+        middle = [sum(axis) / len(duct["vertices_m"]) for axis in zip(*duct["vertices_m"], strict=True)]
+        assert middle == pytest.approx(thruster.position_m, abs=1e-4)
+
+
+def test_gates_and_floor_are_shown_where_the_physics_has_them() -> None:
+    pool = Pool(gates=(Gate("red", (2.0, 1.0, -1.5), width_m=1.2),))
+    shapes = pool_shapes(pool)
+    gate = shapes["red"]
+    assert gate["radius_m"] == POST_M
+    assert math.dist(gate["points_m"][0], gate["points_m"][3]) == pytest.approx(1.2)
+    floor = next(shape for name, shape in shapes.items() if "floor" in name and shape["kind"] == "mesh")
+    assert {z for _, _, z in floor["vertices_m"]} == {-pool.depth_m}
+    assert volume(floor) < 0.0  # seen from the origin above it, its upper side faces in
