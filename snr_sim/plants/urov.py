@@ -195,8 +195,8 @@ class Urov(UrovMeasured):
             else TetherPull(dive.tether, self.pool.density_kgm3, self.vehicle.mass_kg + self.vehicle.added_mass[0, 0])
         )
         self._contact_n, self._tether_n = snapshot.contact_n, snapshot.tether_n
-        self._take_up(self._moments_s[snapshot.happened - 1] if snapshot.happened else -math.inf)
         self._wet = snapshot.wet
+        self._take_up(self._moments_s[snapshot.happened - 1] if snapshot.happened else -math.inf)
 
     # -- what happens by the clock -------------------------------------------------------------------------------------
 
@@ -220,10 +220,10 @@ class Urov(UrovMeasured):
         self._weigh()
 
     def _weigh(self) -> None:
-        """Weighs vehicle, loads and leaked water, as if all of it were under water."""
+        """Weighs vehicle, loads and leaked water."""
         leak = self.dive.leak
         self._flotation.load(self._loads, self._water_l, (0.0, 0.0, 0.0) if leak is None else leak.place_m)
-        self._set_wet(1.0)
+        self._set_wet(self._wet)
 
     def _set_wet(self, share: float) -> None:
         """Sets the mass to what it is with this share of the volume in the water."""

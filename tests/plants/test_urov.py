@@ -296,6 +296,17 @@ def test_a_load_weighs_where_it_hangs_until_it_is_let_go() -> None:
     assert plant.mass_matrix[0, 0] == pytest.approx(plant.vehicle.mass_kg + 6.3567)
 
 
+def test_a_load_let_go_in_the_air_leaves_the_dry_mass() -> None:
+    plant = swim(position_m=(0.0, 0.0, 5.0), loads=(Load(1.0, until_s=0.1),))
+    assert plant.mass_matrix[0, 0] == pytest.approx(plant.vehicle.mass_kg + 1.0)
+    go(plant, 0.2)
+    assert plant.mass_matrix[0, 0] == pytest.approx(plant.vehicle.mass_kg)
+    in_the_air = plant.snapshot()
+    go(plant, 3.0)
+    plant.restore(in_the_air)
+    assert plant.mass_matrix[0, 0] == pytest.approx(plant.vehicle.mass_kg)
+
+
 def test_a_leak_makes_it_heavier_until_the_hull_is_full() -> None:
     plant = go(swim(leak=Leak(1.0, 0.1, most_l=0.5)), 2.0)
     assert plant.read("leak").water_l == pytest.approx(0.1, abs=0.011)
