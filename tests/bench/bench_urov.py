@@ -1,4 +1,4 @@
-"""UROV: what the water costs beside MuJoCo's own step of the same world.
+"""UROV: what the water costs beside MuJoCo's own step of the same world; and a minute of a dive, with both nodes.
 
 Run by `snr bench urov`, or by itself: python tests/bench/bench_urov.py [--quick] [--json]
 """
@@ -6,12 +6,15 @@ Run by `snr bench urov`, or by itself: python tests/bench/bench_urov.py [--quick
 from __future__ import annotations
 
 import math
+import shutil
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 from harness import Row, compare, report
 
+from snr_sim.flight import Flight
 from snr_sim.plants.dive import Current, Dive
 from snr_sim.plants.mujoco_engine import MujocoWorld
 from snr_sim.plants.pool import BODY, Pool
@@ -21,11 +24,15 @@ from snr_sim.plants.urov import STEP_S, Urov
 from snr_sim.plants.urov_state import WrenchCommand
 from snr_sim.plants.vehicle_file import read_vehicle
 from snr_sim.prelude.signals import PwmCommand
+from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.simulation import Request, prepare
 
 VEHICLE = read_vehicle(Path(__file__).parents[2] / "robots" / "urov" / "vehicles" / "benzon2022.toml")
 POOL = Pool(depth_m=60.0)
 LIMIT_US = 40.0
 STEPS = 2000
+DIVE, SEED, DIVE_S = "urov_depth_hold", 1, 40.0
+MINUTE_LIMIT_S = 2.0
 
 
 def bare() -> Callable[[], Any]:
@@ -108,6 +115,59 @@ def measure(is_quick: bool) -> Iterator[Row]:
             baseline=1e6 * found.shortest_s[0] / STEPS,
             compared_to="bare mj_step of the same world",
             ratio=found.ratios[i],
+        )
+    yield from dives(3 if is_quick else 7)
+
+
+def dives(rounds: int) -> Iterator[Row]:
+    """Yields what a minute of a dive takes: both nodes, link, sensors, holds and plant in lock step, and the trace."""
+    simulation = prepare(Request(DIVE, SEED))
+    folder = Path(tempfile.mkdtemp())
+
+    def with_nodes(is_recorded: bool) -> Callable[[], Any]:
+        plant = simulation.plant()
+        config = simulation.config(plant)
+        recorder = None
+        if is_recorded:
+            path = Path(tempfile.mkdtemp(dir=folder)) / FILE_NAME
+            recorder = TraceWriter(path, simulation.header(plant, config), simulation.opening())
+        flight = Flight(simulation, plant, config, recorder)
+
+        def run() -> None:
+            result = flight.run()
+            if recorder is not None:
+                recorder.close()
+            assert result.success
+
+        return run
+
+    def plant_alone() -> Callable[[], Any]:
+        plant = simulation.plant()
+        steps = round(DIVE_S / STEP_S)
+
+        def run() -> None:
+            for i in range(steps):
+                if i % 4 == 0:
+                    push = 40.0 * math.sin(0.01 * i)
+                    plant.write("pwm", PwmCommand([1500.0 + push] * 8))
+                plant.step(STEP_S)
+
+        return run
+
+    try:
+        found = compare(plant_alone, lambda: with_nodes(False), lambda: with_nodes(True), rounds=rounds)
+    finally:
+        shutil.rmtree(folder)
+    for i, name in ((1, "urov, 60 s of a dive in lock step"), (2, "urov, the same with the trace")):
+        yield Row(
+            name,
+            60.0 / DIVE_S * found.shortest_s[i],
+            "s",
+            limit=MINUTE_LIMIT_S if i == 2 else None,
+            baseline=60.0 / DIVE_S * found.shortest_s[0],
+            compared_to="the plant alone, pulses changing at 50 Hz",
+            ratio=found.ratios[i],
+            note=f"{DIVE}, of {DIVE_S:g} s, counted for 60",
         )
 
 

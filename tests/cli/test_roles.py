@@ -158,3 +158,17 @@ def test_a_port_that_is_none_is_refused(snr: Any, port: str) -> None:
     answer = snr("run", "urov_teleop", "--option", f"port={port}")
     assert answer.status == 2
     assert "port" in answer.err
+
+
+def test_roles_that_share_a_plant_do_not_run_apart(snr: Any, here: Path) -> None:
+    answer = snr("run", "urov_gate", "--role", "topside")  # its pilot sees the vehicle
+    assert answer.status == 2
+    assert "only one plant" in answer.err
+    assert "without --role" in answer.err
+    assert not (here / "runs").exists()
+
+
+def test_a_pilot_who_does_not_exist_is_told_with_those_who_do(snr: Any) -> None:
+    answer = snr("run", "urov_teleop", "--option", "pilot=hand")
+    assert answer.status == 2
+    assert "did you mean 'hands'?" in answer.err
