@@ -71,7 +71,7 @@ class Sensors:
     power: PowerModule = field(default_factory=PowerModule)
     leak: LeakProbe = field(default_factory=LeakProbe)
     rates_hz: dict[str, float] = field(
-        default_factory=lambda: {"depth": 20.0, "imu": 50.0, "altitude": 10.0, "power": 10.0, "leak": 2.0}
+        default_factory=lambda: {"depth": 20.0, "imu": 50.0, "altitude": 10.0, "power": 5.0, "leak": 2.0}
     )
 
 

@@ -43,6 +43,7 @@ IO = ("sim",)
 PILOTS = ("scripted", "hands")
 
 SENSORS = ("depth", "altitude", "power", "leak", "imu")  # the last one sets off control, so it comes after the others
+ANSWERED = ("leak", "imu")  # of these each reading sets off work; the others are looked up when they are needed
 TO_TOPSIDE = ("vehicle", "depth", "altitude", "power", "leak")
 
 
@@ -91,7 +92,8 @@ def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
     devices = DEVICES[rig.io]
     tether = SocketsPair(address(rig.robot.options, parameters.port), name="tether", faults=parameters.tether)
     sensors = [
-        SensorLoopFactory(name, partial(devices[name], rig), parameters.sensors.rates_hz[name]) for name in SENSORS
+        SensorLoopFactory(name, partial(devices[name], rig), parameters.sensors.rates_hz[name], name in ANSWERED)
+        for name in SENSORS
     ]
     pwm = ActuatorLoopFactory("pwm", partial(devices["pwm"], rig), parameters.pwm_hz, timeout_s=0.25)
     return {

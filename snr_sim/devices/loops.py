@@ -27,13 +27,15 @@ class SensorLoopFactory(LoopFactory):
         key: of the page.
         open_device: opens the sensor.
         rate_hz: how often it is read.
+        process: whether a reading sets off work (a task `process_data`), or is only there for who looks it up.
     """
 
-    def __init__(self, key: str, open_device: Callable[[], Sensor[Any]], rate_hz: float) -> None:
+    def __init__(self, key: str, open_device: Callable[[], Sensor[Any]], rate_hz: float, process: bool = True) -> None:
         super().__init__()
         self.key = key
         self.open_device = open_device
         self.rate_hz = rate_hz
+        self.process = process
 
     def get(self, parent: Node) -> SensorLoop:
         """Returns the loop `<key>_sensor`."""
@@ -51,7 +53,8 @@ class SensorLoop(Loop):
 
     def loop(self) -> None:
         """Reads once."""
-        self.store_data(self.factory.key, msgspec.to_builtins(self.sensor.read()))
+        factory = self.factory
+        self.store_data(factory.key, msgspec.to_builtins(self.sensor.read()), factory.process)
 
     def terminate(self) -> None:
         """Closes the sensor."""

@@ -153,6 +153,8 @@ class SimActuator(Generic[CommandT]):
         changed: dict[str, Any] = {}
         for name, low, high in self._bounds:
             value = getattr(command, name)
+            if type(value) is list and all(type(one) is float and low <= one <= high for one in value):
+                continue  # as it nearly always is
             if type(value) is not float or not low <= value <= high:
                 limited = self._limited(name, value, low, high)
                 if limited is not value:

@@ -81,9 +81,10 @@ class Allocation:
             )
         self._given = given.tolist()
         self._limits = _checked_limits(limits_n, self.count)
-        self._of_wrench = _inverse(given, self.lacking)
         rest = [i for i, axis in enumerate(AXES) if axis not in first]
         self._groups = [[AXES.index(axis) for axis in first], rest] if first and rest else [list(range(len(AXES)))]
+        inverse = _inverse(given, self.lacking)
+        self._of_wrench = [[[row[i] for i in group] for row in inverse] for group in self._groups]
 
     def require(self, *axes: str) -> None:
         """Checks that the thrusters can push along or about these axes.
@@ -116,9 +117,9 @@ class Allocation:
             )
         thrusts = [0.0] * self.count
         share = 1.0
-        for group in self._groups:
-            wanted = [wrench[i] if i in group else 0.0 for i in range(len(AXES))] if len(self._groups) > 1 else wrench
-            more = [sum(map(mul, row, wanted)) for row in self._of_wrench]
+        for group, of_wrench in zip(self._groups, self._of_wrench, strict=True):
+            wanted = [wrench[i] for i in group]
+            more = [sum(map(mul, row, wanted)) for row in of_wrench]
             share = self._room(thrusts, more)
             thrusts = [thrust + share * extra for thrust, extra in zip(thrusts, more, strict=True)]
         lacking = tuple(axis for axis in self.lacking if wrench[AXES.index(axis)] != 0.0)

@@ -84,6 +84,16 @@ def test_each_reading_becomes_a_page_and_the_sensor_is_closed_at_the_end(clock: 
     assert sensor.is_closed
 
 
+@pytest.mark.parametrize("process", [True, False])
+def test_a_reading_sets_off_work_only_if_it_is_to(process: bool) -> None:
+    seen: list[Any] = []
+    sensor = FakeSensor([Depth(1.0, 0.0), Depth(2.0, 0.01)])
+    watcher = PartFactory({(TaskType.process_data, "depth"): lambda task, task_id: seen.append(task)})
+    node = run(SensorLoopFactory("depth", lambda: sensor, 100, process), watcher)
+    assert bool(seen) is process
+    assert node.get_data("depth")["depth_m"] == 2.0
+
+
 def test_a_sensor_that_is_lost_ends_the_run_in_its_own_words_and_is_closed() -> None:
     sensor: FakeSensor[Depth] = FakeSensor([Depth(1.0, 0.0), SensorLost("The depth sensor has not answered for 2 s.")])
     with pytest.raises(ComponentFailed, match=r"has not answered for 2 s(.|\n)*'depth_sensor'"):
