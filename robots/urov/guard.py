@@ -48,18 +48,18 @@ class Guard:
         self.is_wet = False
 
     def hear(self, controls: Controls, made_s: float) -> None:
-        """Takes controls, made at a moment of the vehicle's clock. Of two, the one with the higher number is newer."""
-        if self.heard_s is not None and controls.number <= self.controls.number and not self._is_new_pilot(controls):
+        """Takes controls, made at a moment of the vehicle's clock. A stop counts in any order.
+
+        Of two others, the one with the higher number is newer; but after a silence any number counts, for a program at
+        the surface that was started again begins with 1.
+        """
+        self.is_stopped = self.is_stopped or controls.is_stop
+        is_overtaken = self.heard_s is not None and controls.number <= self.controls.number
+        if is_overtaken and made_s - (self.heard_s or 0.0) <= self.limits.stale_s:
             return
         self.controls, self.heard_s = controls, made_s
-        if controls.is_stop:
-            self.is_stopped = True
-        elif controls.clears_stop and not controls.is_armed:
+        if controls.clears_stop and not (controls.is_stop or controls.is_armed):
             self.is_stopped = False
-
-    def _is_new_pilot(self, controls: Controls) -> bool:
-        """A program at the surface that was started again counts from the beginning."""
-        return controls.number < self.controls.number - 1000 or controls.number <= 1
 
     def age_s(self, now_s: float) -> float | None:
         """Returns how old the newest controls are; None if there are none."""

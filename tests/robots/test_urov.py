@@ -124,6 +124,13 @@ def test_a_command_that_was_overtaken_is_not_obeyed() -> None:
     assert (one.rules(0.1), one.age_s(0.1)) == ("pilot", pytest.approx(0.1))
 
 
+def test_a_stop_that_was_overtaken_is_a_stop_all_the_same() -> None:
+    one = guard()
+    one.hear(armed(7), 0.0)
+    one.hear(Controls(6, is_stop=True), 0.1)
+    assert one.rules(0.1) == "idle"
+
+
 def test_a_surface_that_was_started_again_is_obeyed_though_it_counts_from_one() -> None:
     one = guard()
     one.hear(armed(5000), 0.0)
