@@ -40,9 +40,10 @@ CURRENT: Rgb = (150, 235, 190)
 CURRENT_POINTS_PER_NEWTON = 3.5  # the arrow "current" of a plant is 40 N for 1 m/s
 LIGHT = np.array([-0.45, -0.65, 0.62])  # towards the light: from the left, from the front and from above
 SURFACE_SHOWN_M = 4.0  # a way that comes as near to the surface is shown together with it
-TURN_RAD, FLAT_M = math.radians(45.0), 1.0  # see `_wants_map`
+TURN_RAD, FLAT, FLAT_M = math.radians(45.0), 4.0, 0.2  # see `_wants_map`
 THIN_M = 0.01  # lines thinner than this are marks on the floor
 NO_PUSH = ("current", "tether")  # arrows that are no thrust
+ENLARGED_IN_WATER = 2.0
 STROBES_MAX = 9
 BODY_SHARE = 0.14  # of the scene's height: a body is drawn so large, or it would be a dot on its way
 GROUND_SHARE = 0.12  # so much of the scene lies below the lowest point of the way
@@ -105,12 +106,13 @@ def _is_in_water(header: Header) -> bool:
 
 
 def _wants_map(poses: Rows) -> bool:
-    """Whether a way goes more to the north than up or down, and either turns or hardly goes up or down at all."""
-    _, spread_y, spread_z = np.ptp(poses[:, :3], axis=0)
+    """Whether a way goes much farther to the sides than up and down, or turns and goes farther to the north than so."""
+    spread_x, spread_y, spread_z = np.ptp(poses[:, :3], axis=0)
+    if max(spread_x, spread_y) > FLAT * max(spread_z, FLAT_M):
+        return True
     x, y, z, w = poses[:, 3:].T
     heading = np.unwrap(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
-    turns = bool(np.ptp(heading) > TURN_RAD)
-    return bool(spread_y > spread_z) and (turns or bool(spread_z < FLAT_M))
+    return bool(np.ptp(heading) > TURN_RAD and spread_y > spread_z)
 
 
 def _from_above(header: Header, flight: _Flight) -> tuple[Header, _Flight]:
@@ -218,13 +220,17 @@ def _draw_scene(canvas: Canvas, header: Header, flight: _Flight) -> None:
     along, heights = (flight.times_s if is_time else feet[:, 0]), feet[:, 2]
     shown = [*heights, 0.0] if in_water and not is_above and heights.max() > -SURFACE_SHOWN_M else heights
     camera = _Camera(along, np.array(shown), size_m, is_time)
+    if is_above:
+        camera.low_z = float(heights.min() + heights.max()) / 2 - 0.5 * (SCENE[3] - SCENE[1]) / camera.z_scale
     canvas.rectangle(*SCENE, fill=SKY)
     if in_water:
         _draw_water(canvas, camera, is_above)
-    _draw_lines(canvas, camera, header.scene.get("statics", {}), is_above, is_time)
+    lines = _lines(header, is_above) if in_water and not is_time else {}
+    _draw_lines(canvas, camera, [shape for shape in lines.values() if shape.get("radius_m", 0.1) < THIN_M])
     way = [camera.at(a, z) for a, z in zip(along, heights, strict=True)]
     canvas.line(way[:: max(1, len(way) // 800)] + way[-1:], PATH, 1.2)
     enlarged = max(1.0, BODY_SHARE * (SCENE[3] - SCENE[1]) / (size_m * camera.z_scale))
+    enlarged = min(enlarged, ENLARGED_IN_WATER) if in_water else enlarged  # or it would not fit through its gates
     forces = [arrow for arrows in flight.arrows for name, arrow in arrows.items() if name not in NO_PUSH]
     strongest = max(map(_length, forces), default=0.0) or 1.0
     size = size_m * camera.z_scale * enlarged
@@ -240,6 +246,7 @@ def _draw_scene(canvas: Canvas, header: Header, flight: _Flight) -> None:
         _draw_shapes(canvas, place, shapes)
         beside = (way[i][0] + 0.62 * size, way[i][1] - 0.5 * size)
         canvas.text(beside, f"{flight.times_s[i]:.0f} s", 10.5, PALE, "lm")
+    _draw_lines(canvas, camera, [shape for shape in lines.values() if shape.get("radius_m", 0.1) >= THIN_M])
     _frame(canvas, camera, is_time)
     if in_water:
         _draw_current(canvas, flight.arrows[-1].get("current"))
@@ -332,13 +339,18 @@ def _draw_water(canvas: Canvas, camera: _Camera, is_above: bool) -> None:
         canvas.line([(left, level), (right, level)], SURFACE, 1.6)
 
 
-def _draw_lines(canvas: Canvas, camera: _Camera, statics: dict[str, Any], is_above: bool, is_time: bool) -> None:
-    """Draws what of the world is made of lines, such as gates, faintly what is on the floor."""
-    if is_time:
-        return
-    for name, shape in statics.items():
-        if shape.get("kind") != "polyline" or (name == "surface" and not is_above):
-            continue
+def _lines(header: Header, is_above: bool) -> dict[str, Any]:
+    """Returns what of the world is made of lines; from the side the surface is drawn with the water."""
+    return {
+        name: shape
+        for name, shape in header.scene.get("statics", {}).items()
+        if shape.get("kind") == "polyline" and (is_above or name != "surface")
+    }
+
+
+def _draw_lines(canvas: Canvas, camera: _Camera, shapes: Iterable[dict[str, Any]]) -> None:
+    """Draws lines such as gates, and faintly those that are marks on the floor."""
+    for shape in shapes:
         rgb = rgb_of(shape)
         is_thin = shape.get("radius_m", 0.1) < THIN_M
         color = mixed(WATER, (rgb[0], rgb[1], rgb[2]), 0.25 if is_thin else 1.0)

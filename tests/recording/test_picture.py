@@ -171,7 +171,8 @@ def pool() -> dict[str, Any]:
         ([1.0, 4.0, -3.0], 0.0, "from the south"),
         ([1.0, 4.0, -3.0], 1.5, "from above"),
         ([1.0, 4.0, -0.2], 0.0, "from above"),
-        ([4.0, 0.1, -0.5], 1.5, "from the south"),
+        ([4.0, 0.1, -2.0], 1.5, "from the south"),
+        ([9.0, 0.1, -1.0], 0.0, "from above"),
     ],
 )
 def test_under_water_it_is_seen_from_where_its_way_shows(
