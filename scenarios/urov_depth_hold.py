@@ -77,7 +77,7 @@ def verdict(plant: Watched) -> Verdict | None:
         misses.append(f"was back {_in_s(back.settling_s)} after the payload had gone, not in {RECOVERY_S:g} s")
     if max(step.steady, back.steady) > STEADY_M:
         misses.append(f"ended {max(step.steady, back.steady):.3f} m off, more than {STEADY_M:g} m")
-    return judged(misses)
+    return judged(plant, misses)
 
 
 def metrics(plant: Watched, seed: int) -> dict[str, Any]:

@@ -91,7 +91,7 @@ def verdict(plant: Turning) -> Verdict | None:
         misses.append(f"ended {step.steady:.1f} deg off, more than {STEADY_DEG:g} deg")
     if _depth_error_m(plant) > DEPTH_BAND_M:
         misses.append(f"was {_depth_error_m(plant):.2f} m from its depth, more than {DEPTH_BAND_M:g} m")
-    return judged(misses)
+    return judged(plant, misses)
 
 
 def metrics(plant: Turning, seed: int) -> dict[str, Any]:

@@ -57,7 +57,7 @@ def verdict(plant: Watched) -> Verdict | None:
         misses.append(f"was not at the surface {UP_S:g} s after the leak began")
     if found["end_depth_m"] > SURFACE_M:
         misses.append(f"ended {found['end_depth_m']:.2f} m deep")
-    return judged(misses)
+    return judged(plant, misses)
 
 
 def metrics(plant: Watched, seed: int) -> dict[str, Any]:

@@ -71,7 +71,7 @@ def verdict(plant: Watched) -> Verdict | None:
         misses.append(f"ended {found['end_depth_m']:.2f} m deep, not at the surface")
     if plant.touched_n > 0.0:
         misses.append(f"touched something with {plant.touched_n:.0f} N")
-    return judged(misses)
+    return judged(plant, misses)
 
 
 def metrics(plant: Watched, seed: int) -> dict[str, Any]:

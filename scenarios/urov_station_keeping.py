@@ -63,7 +63,7 @@ def verdict(plant: WatchedUrov) -> Verdict | None:
         misses.append(f"was {found['place_error_m']:.2f} m from its place, more than {PLACE_BAND_M:g} m")
     if found["depth_error_m"] > DEPTH_BAND_M:
         misses.append(f"was {found['depth_error_m']:.2f} m from its depth, more than {DEPTH_BAND_M:g} m")
-    return judged(misses)
+    return judged(plant, misses)
 
 
 def metrics(plant: WatchedUrov, seed: int) -> dict[str, Any]:

@@ -89,7 +89,7 @@ def verdict(plant: WatchedUrov) -> Verdict | None:
         misses.append("its thrusters still turned at the end")
     if plant.touched_n > HARD_N:
         misses.append(f"hit something with {plant.touched_n:.0f} N")
-    return judged(misses)
+    return judged(plant, misses)
 
 
 def metrics(plant: WatchedUrov, seed: int) -> dict[str, Any]:

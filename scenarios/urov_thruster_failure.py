@@ -68,7 +68,7 @@ def verdict(plant: WatchedUrov) -> Verdict | None:
         misses.append(f"was {found['depth_error_m']:.2f} m from its depth, more than {DEPTH_BAND_M:g} m")
     if found["heading_error_deg"] > HEADING_BAND_DEG:
         misses.append(f"was {found['heading_error_deg']:.1f} deg from its heading, more than {HEADING_BAND_DEG:g} deg")
-    return judged(misses)
+    return judged(plant, misses)
 
 
 def metrics(plant: WatchedUrov, seed: int) -> dict[str, Any]:

@@ -77,9 +77,25 @@ class Watched(Urov):
         return [sample for sample in self.course if from_s - 1e-9 <= sample.time_s <= to_s + 1e-9]
 
 
-def judged(misses: Sequence[str]) -> Verdict:
+def judged(plant: Watched, misses: Sequence[str]) -> Verdict:
     """Returns the verdict over a dive that has come to its end: held, if nothing was missed."""
-    return Verdict("missed" if misses else "held", not misses, "; ".join(misses))
+    if not misses:
+        return Verdict("held", True)
+    return Verdict("missed", False, "; ".join([*misses, *unready(plant)]))
+
+
+def unready(plant: Watched) -> list[str]:
+    """Returns what is to be said of speed controllers that were not armed as they should be: a beginner's mistake."""
+    if plant.thrusters is None:
+        return []
+    said = []
+    if not any(esc.is_armed for esc in plant.thrusters.escs):
+        said.append("no speed controller is armed: each must be sent 1500 us for a second first")
+    false = {esc.state.stop_us for esc in plant.thrusters.escs if esc.has_false_stop}
+    if false:
+        pulses = ", ".join(f"{pulse_us:g}" for pulse_us in sorted(false))
+        said.append(f"speed controllers were first sent {pulses} us and took that for stop: begin with 1500 us")
+    return said
 
 
 class WatchedUrov(Watched):

@@ -8,7 +8,8 @@ and there again in a replay. So the answer is the same there.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
 
 from snr_sim.prelude.page import Page
 
@@ -19,17 +20,37 @@ LINK_PREFIX = "link_"
 
 
 def age_s(node: Node, page: Page) -> float:
-    """Returns how long ago a page was made [s], in doubt the older: infinite, if no link knows its maker's clock."""
-    offset_s = 0.0 if node.is_in_lock_step or page.origin == node.name else clock_offset_s(node, page.origin)
-    return node.get_time_s() - page.created_at_s - offset_s
+    """Returns how long ago the newest page of a key was made [s], in doubt the older.
+
+    Of another node's page on the wall clock that is infinite, if no link knows its maker's clock. No page is younger
+    than the time it has been here: that is known by our own clock, whatever became of the program that made it.
+    """
+    now_s = node.get_time_s()
+    if page.origin == node.name:
+        return now_s - page.created_at_s
+    here_s = now_s - node.came_at_s(page.key)
+    offset_s = 0.0 if node.is_in_lock_step else clock_offset_s(node, page.origin)
+    return max(here_s, now_s - page.created_at_s - offset_s)
 
 
 def clock_offset_s(node: Node, far: str) -> float:
-    """Returns what a link of ours has found to be added to the far node's times to have ours; -inf if none has."""
-    for key, page in node.datastore.pages.copy().items():
+    """Returns what our links have found to be added to the far node's times to have ours; -inf if none has.
+
+    Where several nodes have that name, the least: then a page is older than it should be rather than younger.
+    """
+    offsets_s = [
+        peer["clock_offset_s"]
+        for key, page in node.datastore.pages.copy().items()
         # What a far end has stored under such a key is no state of a link of ours.
-        if key.startswith(LINK_PREFIX) and page.origin == node.name and isinstance(page.data, dict):
-            peer = page.data.get("peers", {}).get(far, {})
-            if peer.get("clock_offset_s") is not None:
-                return float(peer["clock_offset_s"])
-    return -math.inf
+        if key.startswith(LINK_PREFIX) and page.origin == node.name
+        for name, peer in _peers_in(page.data)
+        if (name == far or str(name).startswith(f"{far}#")) and isinstance(peer, dict)
+        if isinstance(peer.get("clock_offset_s"), float)
+    ]
+    return min(offsets_s, default=-math.inf)
+
+
+def _peers_in(state: Any) -> Iterable[tuple[Any, Any]]:
+    """Returns name and state of each peer in a link's page; nothing, if somebody has stored something else there."""
+    peers = state.get("peers") if isinstance(state, dict) else None
+    return peers.items() if isinstance(peers, dict) else ()

@@ -454,6 +454,10 @@ class Node:
         page = self.datastore.get(key)
         return float("inf") if page is None else age_s(self, page)
 
+    def came_at_s(self, key: DataKey) -> float:
+        """Returns when the newest page of a key that another node has made came here; -inf if none did."""
+        return self._core.came_s.get(key, float("-inf"))
+
     def tap(self, key: DataKey, way_out: Callable[[Page], None]) -> None:
         """Has every page of a key handed to `way_out` right after it was stored, on the node's thread.
 

@@ -32,6 +32,8 @@ class NodeCore(Endpoint):
     def __init__(self, parent: Node) -> None:
         super().__init__(EndpointFactory(), parent, CORE_NAME)
         self._put = parent.datastore.put
+        self._mine = parent.name
+        self.came_s: dict[DataKey, float] = {}  # when the newest page of a key came here, of those other nodes made
         # Ways out of the node, by key: links send these pages on. Not part of the machine, so not of a replay.
         self.taps: dict[DataKey, list[Callable[[Page], None]]] = {}
         self._changes = Changes(parent)
@@ -54,6 +56,8 @@ class NodeCore(Endpoint):
             )
         page = task.val_list[0]
         self._put(page)
+        if page.origin != self._mine:
+            self.came_s[page.key] = self.parent.machine.now_s
         if self.taps:
             for tap in self.taps.get(page.key, ()):
                 tap(page)

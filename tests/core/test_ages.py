@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, Node, Page, SimClock, tasks
+from snr_sim.testing.parts import PartFactory
 
 
 class SetClock:
@@ -22,9 +23,12 @@ class SetClock:
 
 
 def node_with(*pages: Page, clock: Any) -> Node:
-    node = Node("rov", Config(factories={"rov": []}), clock=clock)
+    """A node that has just got these pages."""
+    node = Node("rov", Config(factories={"rov": [PartFactory()]}), clock=clock)
+    node.begin()
     for page in pages:
-        node.datastore.put(page)
+        node.store_page(page)
+    node.run_ready()
     return node
 
 
@@ -33,6 +37,12 @@ def link_page(origin: str = "rov_node", **peer: Any) -> Page:
 
 
 COMMAND = Page("controls", 1, "topside_node", 100.0)
+NONSENSE: list[Any] = [
+    {"peers": 5},
+    {"peers": {"topside_node": 5}},
+    {"peers": {"topside_node": {"clock_offset_s": "soon"}}},
+    {"peers": {"topside_node": {"clock_offset_s": {}}}},
+]
 
 
 def test_a_page_of_the_nodes_own_is_as_old_as_its_clock_says() -> None:
@@ -59,6 +69,7 @@ def test_on_the_wall_clock_a_far_nodes_time_is_read_by_what_its_link_knows_of_it
         [link_page("topside_node", clock_offset_s=-92.0)],  # the far end's own word is not believed
         [Page("link_tether", {"peers": {"other_node": {"clock_offset_s": -92.0}}}, "rov_node", 7.0)],
         [Page("link_tether", {"peers": {}}, "rov_node", 7.0), Page("link_x", "of the student's", "rov_node", 7.0)],
+        *([Page("link_tether", nonsense, "rov_node", 7.0)] for nonsense in NONSENSE),
     ],
 )
 def test_a_page_whose_makers_clock_nobody_knows_is_infinitely_old(known: list[Page]) -> None:
@@ -70,9 +81,33 @@ def test_a_page_that_is_not_there_is_infinitely_old() -> None:
 
 
 def test_a_component_asks_as_its_node_does() -> None:
-    from snr_sim.testing.parts import PartFactory
-
     ages: list[float] = []
     part = PartFactory(begin=lambda part: [ages.append(part.get_age_s("x")), part.schedule(tasks.terminate("done"))])
     Node("r", Config(factories={"r": [part]})).loop()
     assert ages == [math.inf]
+
+
+def test_of_two_nodes_with_one_name_a_page_is_older_than_it_should_be_rather_than_younger() -> None:
+    peers = {"topside_node": {"clock_offset_s": 5.0}, "topside_node#2": {"clock_offset_s": -92.0}}
+    state = Page("link_tether", {"peers": peers}, "rov_node", 7.0)
+    node = node_with(COMMAND, Page("young", 1, "topside_node", 3.0), state, clock=SetClock(8.25))
+    assert node.get_age_s("controls") == pytest.approx(0.25)
+    assert node.get_age_s("young") > 90.0
+
+
+@pytest.mark.parametrize("clock", [SetClock(0.0), SimClock()])
+def test_no_page_is_younger_than_the_time_it_has_been_here(clock: Any) -> None:
+    """Its maker's program has been started again, so its clock shows less: the page seems to be from the future."""
+    node = Node("rov", Config(factories={"rov": [PartFactory()]}), clock=clock)
+    node.begin()
+    node.store_page(COMMAND)
+    node.store_page(link_page(clock_offset_s=-2.0))
+    node.run_ready()
+    assert node.get_age_s("controls") == 0.0
+    if isinstance(clock, SetClock):
+        clock.time_s = 1.5
+    else:
+        clock.call_at(1.5, lambda: None)
+        clock.run_next()
+    assert node.get_age_s("controls") == 1.5
+    node.end()

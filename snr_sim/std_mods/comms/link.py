@@ -11,6 +11,7 @@ import logging
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from snr_sim.core.ages import LINK_PREFIX
 from snr_sim.core.authors import who_stored
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.endpoint import Endpoint
@@ -19,6 +20,7 @@ from snr_sim.core.node import Node
 from snr_sim.prelude.errors import SnrError, nearest
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.task import Task, TaskType
+from snr_sim.prelude.tasks import ADD_COMPONENT_TASK_NAME, REMOVE_COMPONENT_TASK_NAME
 from snr_sim.std_mods.comms.frames import HEADER_BYTES, encode_frame
 from snr_sim.std_mods.comms.options import MAX_KEY_CHARS, LinkOptions
 
@@ -31,6 +33,8 @@ MAX_BYTES_WAITING = 1 << 26
 # Remembered of pages of other nodes that were passed on, so that none goes round in a mesh for ever.
 _RELAYED_REMEMBERED = 4096
 KEPT_OUT_REMEMBERED = 20  # keys of the far end that `accept` keeps out, for a note
+# What this node tells of itself; a far end's page of such a key comes in only if `accept` names it.
+OUTCOMES = frozenset((TaskType.reload.value, ADD_COMPONENT_TASK_NAME, REMOVE_COMPONENT_TASK_NAME))
 _STORE_PAGE = TaskType.store_page
 _OBJECT_MARK = b'"$":"object"'
 
@@ -178,7 +182,10 @@ class Link(Loop):
         self.received += len(pages)
 
     def _is_wanted(self, key: DataKey, accept: frozenset[DataKey] | None) -> bool:
-        return self._is_accepted(key, accept) if accept is not None else 0 < len(key) <= MAX_KEY_CHARS
+        if accept is not None:
+            return self._is_accepted(key, accept)
+        is_own_state = key in OUTCOMES or (key.startswith(LINK_PREFIX) and key in self.parent.components)
+        return 0 < len(key) <= MAX_KEY_CHARS and not is_own_state
 
     def _is_accepted(self, key: DataKey, accept: frozenset[DataKey]) -> bool:
         """Whether a key is one of `accept`; remembered for notes at the end, of others only as many as one holds."""

@@ -189,3 +189,26 @@ def test_a_page_of_a_node_whose_clock_shows_another_time_is_as_old_as_it_is(star
     assert robot.node.get_page("controls").created_at_s > 5000.0
     age_s = robot.node.get_age_s("controls")
     assert -LIMIT_S < age_s <= robot.node.clock.now_s() - begun_s
+
+
+@pytest.mark.parametrize("key", ["link_tether", "reload", "add_component"])
+def test_what_a_node_tells_of_itself_no_far_end_can_overwrite(start: Callable[..., Any], key: str) -> None:
+    pair = SocketsPair((HERE, 0), name="tether")
+    robot = start("robot", [pair.server()])
+    robot.until_link("tether", up=False)
+    intruder = start("intruder", [SocketsPair((HERE, pair.port), name="other").client([key, "end"])])
+    intruder.until_link("other")
+    intruder.store(key, {"up": True, "peers": 5})
+    intruder.store("end", 1)
+    robot.until_stored("end")
+    assert {"up": True, "peers": 5} not in robot.stored[key]
+    assert robot.node.components["link_tether"].unwanted == 1
+
+
+def test_what_a_far_end_tells_of_itself_comes_in_if_it_is_asked_for(start: Callable[..., Any]) -> None:
+    pair = SocketsPair((HERE, 0), name="tether")
+    topside = start("topside", [pair.server(accept=["reload"])])
+    topside.until_link("tether", up=False)
+    robot = start("robot", [pair.client("reload")])
+    robot.store("reload", {"ok": True})
+    assert topside.until_stored("reload") == [{"ok": True}]

@@ -1,0 +1,35 @@
+"""What is said of a dive that missed its criterion, beside by how much."""
+
+import pytest
+
+from snr_sim import library
+from snr_sim.plants.dive import Dive
+from snr_sim.plants.pool import Pool
+from snr_sim.plants.propulsion import Propulsion
+from snr_sim.prelude.signals import PwmCommand
+
+library.load_robot(library.find("robots", "urov"))
+
+from snr_sim_robot_urov.judging import WatchedUrov, judged  # noqa: E402
+from snr_sim_robot_urov.parameters import vehicle  # noqa: E402
+
+
+@pytest.mark.parametrize(
+    ("pulse_us", "time_s", "said"),
+    [
+        (None, 2.0, "too deep; no speed controller is armed: each must be sent 1500 us for a second first"),
+        (1700.0, 0.5, "too deep; no speed controller is armed: each must be sent 1500 us for a second first"),
+        (1700.0, 2.0, "too deep; speed controllers were first sent 1700 us and took that for stop: begin with 1500 us"),
+        (1500.0, 2.0, "too deep"),
+    ],
+)
+def test_a_missed_dive_tells_of_speed_controllers_that_were_not_shown_stop_first(
+    pulse_us: float | None, time_s: float, said: str
+) -> None:
+    plant = WatchedUrov(vehicle(), Pool(), lambda seed: Dive(), Propulsion(8), 0)
+    plant.write("pwm", PwmCommand([pulse_us] * 8) if pulse_us is not None else PwmCommand(is_on=False))
+    while plant.time_s < time_s:
+        plant.step(plant.step_s)
+    verdict = judged(plant, ["too deep"])
+    assert (verdict.success, verdict.why) == (False, said)
+    assert judged(plant, []).success
