@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from snr_sim.devices.camera import Camera
 from snr_sim.devices.echo_sounder import EchoSounder
 from snr_sim.devices.hull_watch import LeakProbe, PowerModule
 from snr_sim.devices.imu import InertialUnit
@@ -63,13 +64,14 @@ class HoldNumbers:
 
 @dataclass(frozen=True)
 class Sensors:
-    """The parts, and how often each is read."""
+    """The parts, and how often each is read. No camera unless one is given: it takes longer than all others."""
 
     depth: Ms5837 = field(default_factory=Ms5837)
     imu: InertialUnit = field(default_factory=InertialUnit)
     altitude: EchoSounder = field(default_factory=EchoSounder)
     power: PowerModule = field(default_factory=PowerModule)
     leak: LeakProbe = field(default_factory=LeakProbe)
+    camera: Camera | None = None
     rates_hz: dict[str, float] = field(
         default_factory=lambda: {"depth": 20.0, "imu": 50.0, "altitude": 10.0, "power": 5.0, "leak": 2.0}
     )

@@ -7,6 +7,7 @@
                 altitude, power, leak
 
     controls  what the surface asks for, 20 times a second    (controls.py)
+    camera    what it sees, if it has a camera; that stays on board  (snr_sim/devices/camera.py)
     vehicle   what the vehicle is doing, and for whom          (autopilot.py, guard.py)
     pwm       pulses_us of each thruster
 
@@ -19,6 +20,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
+from snr_sim.devices.camera import Camera, CameraLoopFactory
 from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
 from snr_sim.devices.pad import PadLoopFactory
 from snr_sim.devices.pygame_pad import PygamePad
@@ -52,6 +54,18 @@ def sim_sensor(rig: Rig, name: str) -> Any:
     return getattr(rig.robot.parameters.sensors, name).simulated(rig.plant, name, rig.rng(name))
 
 
+def camera_of(rig: Rig) -> Camera | None:
+    """Returns the camera, if there is one: `--option camera=ahead` or `camera=down`, else that of the parameters."""
+    looks = rig.robot.options.get("camera")
+    given: Camera | None = rig.robot.parameters.sensors.camera
+    return given if looks is None else Camera(looks)
+
+
+def sim_camera(rig: Rig) -> SimSensor:
+    """Opens the simulated camera."""
+    return (camera_of(rig) or Camera()).simulated(rig.plant, "pose", rig.rng("camera"))
+
+
 def sim_eyes(rig: Rig) -> SimSensor:
     """Opens the eyes of the pilot above the water."""
     return SimSensor(rig.plant, "place", EYES, rig.rng("place"))
@@ -71,6 +85,7 @@ def sim_pwm(rig: Rig) -> SimActuator[PwmCommand]:
 DEVICES: dict[str, dict[str, Callable[[Rig], Any]]] = {
     "sim": {
         **{name: partial(sim_sensor, name=name) for name in SENSORS},
+        "camera": sim_camera,
         "place": sim_eyes,
         "pwm": sim_pwm,
         "hands": hands,
@@ -95,6 +110,10 @@ def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
         SensorLoopFactory(name, partial(devices[name], rig), parameters.sensors.rates_hz[name], name in ANSWERED)
         for name in SENSORS
     ]
+    camera = camera_of(rig)
+    if camera is not None:
+        open_camera = partial(devices["camera"], rig)
+        sensors.insert(0, CameraLoopFactory("camera", open_camera, 1.0 / camera.period_s, process=False))
     pwm = ActuatorLoopFactory("pwm", partial(devices["pwm"], rig), parameters.pwm_hz, timeout_s=0.25)
     return {
         "urov": [tether.server(TO_TOPSIDE, accept=["controls"]), *sensors, *controller, pwm],

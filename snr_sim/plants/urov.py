@@ -85,7 +85,8 @@ class Urov(UrovMeasured):
         self.pool, self.start_of, self.thrusters = pool, start_of, thrusters
         self.step_s: float = step_s
         self.inputs: tuple[str, ...] = ("wrench",) if thrusters is None else ("pwm",)
-        self.outputs: tuple[str, ...] = ("depth", "imu", "altitude", "leak", *(() if thrusters is None else ("power",)))
+        power = () if thrusters is None else ("power",)
+        self.outputs: tuple[str, ...] = ("depth", "imu", "altitude", "leak", "pose", *power)
         self._body = self._build(mjcf)
         self.engine = self._body.engine
         self._readers = self._own_readers()

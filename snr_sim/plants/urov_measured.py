@@ -13,7 +13,7 @@ from snr_sim.plants.attitude import Quaternion, Rotation
 from snr_sim.plants.hydrodynamics import Hydrodynamics
 from snr_sim.plants.pool import Pool
 from snr_sim.plants.tether import TetherPull
-from snr_sim.plants.urov_outputs import Altitude, Depth, Imu, Leak, Power
+from snr_sim.plants.urov_outputs import Altitude, Depth, Imu, Leak, Pose, Power
 from snr_sim.plants.urov_shapes import pool_shapes, vehicle_shapes
 from snr_sim.plants.urov_state import Body, Thrusters
 from snr_sim.plants.vehicle import Matrix, Six, Vector, Vehicle
@@ -147,6 +147,9 @@ class UrovMeasured:
     def _leaked(self) -> Leak:
         return Leak(self._water_l, self.time_s)
 
+    def _pose(self) -> Pose:
+        return Pose(list(self._place), list(self._attitude), self.time_s)
+
     def _own_readers(self) -> dict[str, Callable[[], Any]]:
         """Returns what gives each output."""
         return {
@@ -154,6 +157,7 @@ class UrovMeasured:
             "imu": self._imu,
             "altitude": self._altitude,
             "leak": self._leaked,
+            "pose": self._pose,
             "power": self._power,
         }
 

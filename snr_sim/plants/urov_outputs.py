@@ -5,7 +5,7 @@ measures pressure and reckons depth from it, as the real part does.
 
     output "depth"     Depth       output "power"   Power
     output "imu"       Imu         output "leak"    Leak
-    output "altitude"  Altitude
+    output "altitude"  Altitude     output "pose"    Pose
 
 Frames: world x east, y north, z up; body x forward, y left, z up.
 """
@@ -62,6 +62,20 @@ class Altitude(msgspec.Struct, frozen=True):
 
     altitude_m: float
     tilt_rad: float
+    stamp_s: float
+
+
+class Pose(msgspec.Struct, frozen=True):
+    """Where the vehicle's origin is and which way it is turned: for what a camera sees.
+
+    Args:
+        position_m: [x, y, z], world frame.
+        attitude: [w, x, y, z] unit quaternion that turns vectors of the body into the world's.
+        stamp_s: when.
+    """
+
+    position_m: list[float]
+    attitude: list[float]
     stamp_s: float
 
 

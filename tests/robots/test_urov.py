@@ -352,6 +352,38 @@ def test_manual_full_ahead_pushes_as_the_sticks_say() -> None:
     assert told[-1]["thrust_n"] == pytest.approx(60.0 * 2.0**0.5 + 60.0 * 0.085 / 0.12, rel=0.1)
 
 
+# -- the camera -------------------------------------------------------------------------------------------------------
+
+
+def rig_with(**options: str) -> Rig:
+    scenario = library.load_scenario(library.find("scenarios", "urov_depth_hold"))
+    return Rig(Robot("urov", "urov", "test", "mujoco", scenario.parameters(1), options), "sim", 1, None)
+
+
+def test_there_is_no_camera_unless_somebody_asks_for_one() -> None:
+    def keys(rig: Rig) -> list[str]:
+        return [getattr(part, "key", "") for part in robot.roles(rig, [])["urov"]]
+
+    assert "camera" not in keys(rig_with())
+    assert keys(rig_with(camera="down")).count("camera") == 1
+    with pytest.raises(UnknownName, match="camera"):
+        robot.roles(rig_with(camera="up"), [])
+
+
+def test_the_same_seed_gives_the_same_picture_and_another_one_another() -> None:
+    scenario = library.load_scenario(library.find("scenarios", "urov_depth_hold"))
+
+    def picture(seed: int) -> bytes:
+        plant = scenario.plant(seed, "mujoco")
+        Stepper(plant).advance_to(0.5)
+        camera = robot.sim_camera(replace(rig_with(camera="down"), plant=plant))
+        seen: bytes = camera.read().rgb.tobytes()
+        return seen
+
+    assert picture(1) == picture(1)
+    assert picture(1) != picture(2)
+
+
 # -- the link through the tether --------------------------------------------------------------------------------------
 
 

@@ -15,9 +15,11 @@ def fly(scenario: str, seed: int) -> Result:
     return Flight(simulation, plant, simulation.config(plant)).run()
 
 
-def record(folder: Path, scenario: str, seed: int) -> tuple[Simulation, Result, Trace]:
+def record(
+    folder: Path, scenario: str, seed: int, options: dict[str, str] | None = None
+) -> tuple[Simulation, Result, Trace]:
     folder.mkdir(parents=True)
-    simulation = prepare(Request(scenario, seed))
+    simulation = prepare(Request(scenario, seed, options=options or {}))
     plant = simulation.plant()
     config = simulation.config(plant)
     recorder = TraceWriter(folder / FILE_NAME, simulation.header(plant, config), simulation.opening())
@@ -78,3 +80,12 @@ def test_a_dive_is_the_same_dive_every_time_and_both_roles_replay(tmp_path: Path
     assert trace.digest == record(tmp_path / "b", "urov_depth_hold", 5)[2].digest
     for role in ("urov", "topside"):
         assert replay_node(trace, role, simulation.config(None)).is_identical
+
+
+def test_a_dive_with_a_camera_keeps_its_pictures_and_replays(tmp_path: Path) -> None:
+    simulation, result, trace = record(tmp_path / "a", "urov_depth_hold", 5, {"camera": "down"})
+    assert result.success
+    pages = [line for line in (tmp_path / "a" / FILE_NAME).read_text().splitlines() if '"key":"camera"' in line]
+    assert len(pages) >= 199, "five a second for 40 s"
+    assert all('"dtype":"uint8","shape":[48,64,3]' in page for page in pages)
+    assert replay_node(trace, "urov", simulation.config(None)).is_identical

@@ -1,0 +1,145 @@
+import math
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from snr_sim.devices.camera import Camera, CameraReading
+from snr_sim.plants.urov_outputs import Pose
+from snr_sim.prelude.errors import ParameterError, SnrError, UnknownName
+from snr_sim.prelude.values import decode_value, encode_value
+from snr_sim.testing.contracts import check_sensor
+from snr_sim.testing.fakes import FakePlant
+
+UPRIGHT = [1.0, 0.0, 0.0, 0.0]
+ABOVE = [0.0, 0.0, 2.0]  # in air: nothing is lost on the way down but what the veil takes
+SQUARE = Camera("down", 80, 80, math.radians(90.0))  # 1 m away it sees 2 m x 2 m, a pixel is 25 mm
+
+
+def box(center_m: list[float], half_size_m: list[float], rgb: tuple[int, int, int] = (255, 0, 0)) -> dict[str, Any]:
+    return {"kind": "box", "half_size_m": half_size_m, "center_m": center_m, "rgb": list(rgb)}
+
+
+def floor(z_m: float) -> dict[str, Any]:
+    corners = [[x, y, z_m] for x, y in ((50.0, 50.0), (-50.0, 50.0), (-50.0, -50.0), (50.0, -50.0))]
+    return {"kind": "mesh", "vertices_m": corners, "triangles": [[0, 1, 2], [0, 2, 3]], "rgb": [100, 100, 100]}
+
+
+def reddish(rgb: Any) -> Any:
+    return rgb[..., 0] > rgb[..., 1].astype(int) + 40
+
+
+class SeenPlant(FakePlant):
+    """A vehicle above a box."""
+
+    def scene(self) -> dict[str, Any]:
+        return {"statics": {"box": box([0.0, 0.0, -3.0], [0.2, 0.2, 0.2])}, "bodies": {}}
+
+
+def opened(camera: Camera) -> Any:
+    plant = SeenPlant({"pose": Pose([0.0, 0.0, -1.0], UPRIGHT, 0.0)})
+    return plant, camera.simulated(plant, "pose", np.random.default_rng(1))
+
+
+def test_it_keeps_the_promise_of_sensors() -> None:
+    check_sensor(lambda: opened(Camera("down"))[1])
+
+
+@pytest.mark.parametrize(("away_m", "half_m"), [(2.0, 0.5), (2.0, 0.3), (4.0, 0.5), (1.0, 0.25)])
+def test_a_box_covers_as_many_pixels_as_its_size_and_distance_say(away_m: float, half_m: float) -> None:
+    top = 2.0 - away_m
+    scene = {"box": box([0.0, 0.0, top - 0.1], [half_m, half_m, 0.1]), "floor": floor(top - 0.2)}
+    without = SQUARE.picture({"floor": scene["floor"]}, ABOVE, UPRIGHT)
+    seen = (SQUARE.picture(scene, ABOVE, UPRIGHT) != without).any(axis=2)
+    side_px = 2.0 * half_m / (away_m * SQUARE.pixel)  # 20, 12, 10, 20: whole numbers, so each edge lies between pixels
+    assert seen.sum() == round(side_px) ** 2
+    for axis in (0, 1):
+        edges = np.flatnonzero(seen.any(axis=axis))[[0, -1]]
+        assert edges.tolist() == [40 - round(side_px / 2), 39 + round(side_px / 2)]
+
+
+def test_looking_down_ahead_is_up_and_port_is_left_and_a_quarter_turn_turns_the_picture() -> None:
+    scene = {"box": box([1.0, 0.5, 0.0], [0.1, 0.1, 0.01])}
+    where = np.argwhere(reddish(SQUARE.picture(scene, ABOVE, UPRIGHT)))
+    assert where.mean(axis=0).tolist() == pytest.approx([39.5 - 20.0, 39.5 - 10.0], abs=0.6)
+    turned = [math.cos(math.pi / 4), 0.0, 0.0, math.sin(math.pi / 4)]  # heads north: the box is to starboard, ahead
+    where = np.argwhere(reddish(SQUARE.picture(scene, ABOVE, turned)))
+    assert where.mean(axis=0).tolist() == pytest.approx([39.5 - 10.0, 39.5 + 20.0], abs=0.6)
+
+
+def test_looking_ahead_up_is_up_and_what_is_behind_is_not_seen() -> None:
+    ahead = Camera("ahead", 80, 80, math.radians(90.0))
+    above = np.argwhere(reddish(ahead.picture({"box": box([2.0, 0.5, 3.0], [0.01, 0.1, 0.1])}, ABOVE, UPRIGHT)))
+    assert above.mean(axis=0).tolist() == pytest.approx([39.5 - 20.0, 39.5 - 10.0], abs=0.6)
+    assert not reddish(ahead.picture({"box": box([-2.0, 0.0, 2.0], [0.1, 0.1, 0.1])}, ABOVE, UPRIGHT)).any()
+
+
+def test_what_is_nearer_hides_what_is_farther_in_whichever_order_they_are_named() -> None:
+    near, far = box([0.0, 0.0, 1.0], [3.0, 3.0, 0.1], (0, 255, 0)), box([0.0, 0.0, 0.0], [3.0, 3.0, 0.1])
+    for scene in ({"near": near, "far": far}, {"far": far, "near": near}):
+        rgb = SQUARE.picture(scene, ABOVE, UPRIGHT)
+        assert not reddish(rgb).any()
+        assert (rgb[..., 1] > 200).all()
+
+
+def test_a_bar_is_as_wide_as_it_is_and_never_thinner_than_a_pixel() -> None:
+    bar = {"kind": "polyline", "points_m": [[-9.0, 0.0, 0.0], [9.0, 0.0, 0.0]], "rgb": [255, 0, 0]}
+    for radius_m, wide_px in ((0.25, 10), (0.001, 1)):
+        eye = [0.0, 0.0 if wide_px > 1 else 0.5 * 2.0 * SQUARE.pixel, 2.0]  # the thin one in a pixel's middle
+        seen = reddish(SQUARE.picture({"bar": bar | {"radius_m": radius_m}}, eye, UPRIGHT))
+        assert set(seen.sum(axis=1)) == {wide_px}
+
+
+def test_a_thin_bar_just_between_two_rows_is_not_lost() -> None:
+    bar = {"kind": "polyline", "points_m": [[3.0, -9.0, 2.0], [3.0, 9.0, 2.0]], "radius_m": 0.001, "rgb": [255, 0, 0]}
+    seen = reddish(Camera("ahead").picture({"bar": bar}, ABOVE, UPRIGHT))
+    assert seen[23:25].any(axis=0).all()
+    assert not seen[:23].any()
+    assert not seen[25:].any()
+
+
+def test_deeper_water_takes_red_before_green_and_green_before_blue() -> None:
+    shown = []
+    for depth_m in (0.5, 2.0, 4.0):
+        scene = {"box": box([0.0, 0.0, -depth_m - 0.6], [2.0, 2.0, 0.1], (200, 200, 200))}
+        shown.append(SQUARE.picture(scene, [0.0, 0.0, -depth_m], UPRIGHT)[40, 40].astype(float))
+    for before, after in ((shown[0], shown[1]), (shown[1], shown[2])):
+        lost = 1.0 - after / before
+        assert lost[0] > lost[1] > lost[2] > 0.0
+    # 1.5 m of water more on the light's way down; the veil, which adds some, is as thick.
+    assert shown[1][0] / shown[0][0] == pytest.approx(math.exp(-0.340 * 1.5), rel=0.03)
+
+
+def test_there_is_a_new_picture_each_period_and_the_same_one_in_between() -> None:
+    plant, sensor = opened(Camera("down"))
+    stamps = []
+    for _ in range(10):
+        stamps.append(sensor.read().stamp_s)
+        plant.step(0.05)
+    assert stamps == pytest.approx([0.0] * 4 + [0.2] * 4 + [0.4] * 2)
+
+
+def test_a_picture_cannot_be_changed_and_comes_back_from_a_file_byte_for_byte() -> None:
+    reading: CameraReading = opened(Camera("down"))[1].read()
+    assert (reading.rgb.shape, reading.rgb.dtype) == ((48, 64, 3), np.uint8)
+    with pytest.raises(ValueError, match="read-only"):
+        reading.rgb[0, 0, 0] = 1
+    data = msgspec.structs.asdict(reading)
+    back = decode_value(encode_value(data))
+    assert (back["rgb"].dtype, back["rgb"].tobytes()) == (np.uint8, reading.rgb.tobytes())
+
+
+@pytest.mark.parametrize(
+    ("numbers", "error"),
+    [
+        ({"looks": "donw"}, UnknownName),
+        ({"width_px": 0}, ParameterError),
+        ({"height_px": 5000}, ParameterError),
+        ({"field_of_view_rad": math.pi}, ParameterError),
+        ({"period_s": 0.0}, ParameterError),
+    ],
+)
+def test_numbers_that_make_no_sense_are_refused(numbers: dict[str, Any], error: type[SnrError]) -> None:
+    with pytest.raises(error, match="camera"):
+        Camera(**numbers)
