@@ -6,9 +6,9 @@ the same object serves simulated links and real sockets.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from numbers import Integral, Real
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.rng import rng_for
@@ -16,24 +16,27 @@ from snr_sim.prelude.rng import rng_for
 if TYPE_CHECKING:
     import numpy as np
 
+MAX_DELAY_S = 86_400.0  # a day
+MIN_BANDWIDTH_BPS = 1.0
+
 
 @dataclass(frozen=True)
 class Faults:
     """How badly a link carries. Loss, duplication and reordering are for pages; the rest is for all that is sent.
 
     Args:
-        latency_s: of everything.
+        latency_s: of everything; a day at most.
         jitter_s: further delay, evenly spread from 0 to this.
         loss: share of pages that never arrive, 0 to 1.
         duplication: share of pages that arrive twice.
         reordering: share of pages that do not wait for those before them, and may wait up to `jitter_s` and
             `latency_s` longer themselves.
         cut: moments (start_s, end_s) between which nothing that is sent arrives.
-        bandwidth_bps: bits per second; pages queue for it. None is any number.
+        bandwidth_bps: bits per second, 1 or more; pages queue for it. None is any number.
         seed: of its chance; the run's if None.
 
     Raises:
-        ParameterError: a number is out of range.
+        ParameterError: a number is none or out of range.
     """
 
     latency_s: float = 0.0
@@ -46,20 +49,46 @@ class Faults:
     seed: int | None = None
 
     def __post_init__(self) -> None:
-        bounds = {"latency_s": math.inf, "jitter_s": math.inf, "loss": 1, "duplication": 1, "reordering": 1}
+        bounds = {"latency_s": MAX_DELAY_S, "jitter_s": MAX_DELAY_S, "loss": 1, "duplication": 1, "reordering": 1}
         for name, most in bounds.items():
             value = getattr(self, name)
-            if not (math.isfinite(value) and 0 <= value <= most):
-                raise ParameterError(f"A link with {name}={value!r}.", fix=f"a number from 0 to {most}.")
-        if self.bandwidth_bps is not None and not self.bandwidth_bps > 0:
-            raise ParameterError(f"A link with bandwidth_bps={self.bandwidth_bps!r}.", fix="9600.0, or None.")
+            if not (_is_number(value) and 0 <= value <= most):
+                raise _refused(name, value, f"a number from 0 to {most:g}.")
+        bandwidth_bps = self.bandwidth_bps
+        if bandwidth_bps is not None and not (_is_number(bandwidth_bps) and bandwidth_bps >= MIN_BANDWIDTH_BPS):
+            raise _refused("bandwidth_bps", bandwidth_bps, "9600.0 or another number from 1 on, or None.")
+        seed: Any = self.seed
+        if seed is not None and (isinstance(seed, bool) or not isinstance(seed, Integral)):
+            raise _refused("seed", seed, "a whole number, or None for the run's.")
         if self.reordering and not self.latency_s + self.jitter_s:
             raise ParameterError(
                 f"A link with reordering={self.reordering!r} and no delay: nothing can overtake.", fix="latency_s=0.05."
             )
-        for interval in self.cut:
-            if len(interval) != 2 or not interval[0] <= interval[1]:
-                raise ParameterError(f"A link with a cut at {interval!r}.", fix="cut=[(start_s, end_s), ...].")
+        _check_cut(self.cut)
+
+
+def _check_cut(cut: Any) -> None:
+    fix = "cut=((start_s, end_s), ...), or () for none."
+    if not isinstance(cut, (tuple, list)):
+        raise _refused("cut", cut, fix)
+    if _is_interval(cut):
+        raise _refused("cut", cut, f"did you mean cut=({tuple(cut)!r},)?")
+    for interval in cut:
+        if not _is_interval(interval):
+            raise ParameterError(f"A link with a cut at {repr(interval)[:80]}.", fix=fix)
+
+
+def _is_interval(value: Any) -> bool:
+    is_pair = isinstance(value, (tuple, list)) and len(value) == 2 and all(map(_is_number, value))
+    return is_pair and bool(value[0] <= value[1])
+
+
+def _is_number(value: Any) -> TypeGuard[float]:
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def _refused(name: str, value: object, fix: str) -> ParameterError:
+    return ParameterError(f"A link with {name}={repr(value)[:80]}.", fix=fix)
 
 
 class Way:

@@ -192,7 +192,7 @@ class Link(Loop):
         if key in accept:
             self._accepted.add(key)
             return True
-        if len(self._kept_out) < KEPT_OUT_REMEMBERED and len(key) <= MAX_KEY_CHARS:
+        if len(self._kept_out) < KEPT_OUT_REMEMBERED and len(key) <= MAX_KEY_CHARS and key.isprintable():
             self._kept_out.add(key)
         return False
 

@@ -150,6 +150,8 @@ class Roster:
         parts = place.removeprefix(f"{self.prefix}/").split("/")
         if len(parts) != 3 or "*" in place or not place.startswith(f"{self.prefix}/") or place == self.own_place:
             return None
+        if not (unquote(parts[0]) + unquote(parts[1])).isprintable():  # names are shown in terminals
+            return None
         if len(self._fars) >= MAX_MEMBERS:
             oldest = next((place for place, far in self._fars.items() if not far.is_here), None)
             if oldest is None:

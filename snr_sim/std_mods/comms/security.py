@@ -7,9 +7,9 @@ import hmac
 import ipaddress
 import os
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from snr_sim.prelude.errors import ConfigError
 
@@ -24,7 +24,7 @@ def as_secret(secret: str | bytes | None, source: str = "secret=") -> bytes | No
     """Returns a shared secret as bytes; None stays None.
 
     Raises:
-        ConfigError: it is neither text nor bytes, or too short to be one.
+        ConfigError: it is neither text nor bytes, is text that cannot be written, or too short to be one.
     """
     if secret is None:
         return None
@@ -33,7 +33,13 @@ def as_secret(secret: str | bytes | None, source: str = "secret=") -> bytes | No
             f"The shared secret ({source}) is of type {type(secret).__name__}.",
             fix="text or bytes; secret_from_file(path) and secret_from_env(name) read one.",
         )
-    raw = secret.encode() if isinstance(secret, str) else secret
+    try:
+        raw = secret.encode() if isinstance(secret, str) else secret
+    except UnicodeEncodeError as error:
+        raise ConfigError(
+            f"The shared secret ({source}) holds half a character at place {error.start}, which is no text in UTF-8.",
+            fix="plain letters and digits, or bytes.",
+        ) from None
     if len(raw) < MIN_SECRET_BYTES:
         raise ConfigError(
             f"The shared secret ({source}) has {len(raw)} bytes, and at least {MIN_SECRET_BYTES} are needed.",
@@ -91,16 +97,20 @@ def as_networks(allow: Iterable[str]) -> tuple[Network, ...]:
     >>> as_networks(["10.0.0.7", "192.168.2.0/24"])
     (IPv4Network('10.0.0.7/32'), IPv4Network('192.168.2.0/24'))
     """
-    if isinstance(allow, str):
-        allow = [allow]
+    fix = '["192.168.2.7"] or ["192.168.2.0/24"].'
+    listed: Any = [allow] if isinstance(allow, str) else allow
+    if not isinstance(listed, Iterable) or isinstance(listed, bytes):
+        raise ConfigError(f"A link with allow={allow!r}.", fix=f"{fix[:-1]}, or () for this machine alone.")
     networks = []
-    for text in allow:
+    for text in listed:
         try:
+            if isinstance(text, (int, bytes)):  # which would be taken for the number of an address
+                raise ValueError("it is no text")
             networks.append(ipaddress.ip_network(text))
         except ValueError as error:
             raise ConfigError(
                 f"allow= holds {text!r}, which is neither an address nor a network: {error}.",
-                fix='["192.168.2.7"] or ["192.168.2.0/24"].',
+                fix=fix,
             ) from error
     return tuple(networks)
 
@@ -136,6 +146,9 @@ class Tls:
         client_authority: signed the clients' certificates; if given, a server takes only clients that have one.
         client_certificate: of the client.
         client_key: of that certificate.
+
+    Raises:
+        ConfigError: something that is no file's name.
     """
 
     certificate: str | Path | None = None
@@ -145,6 +158,15 @@ class Tls:
     client_authority: str | Path | None = None
     client_certificate: str | Path | None = None
     client_key: str | Path | None = None
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not isinstance(value, (str, Path)) and not (value is None and field.name != "server_name"):
+                what = (
+                    "the name in the server's certificate" if field.name == "server_name" else "the path of a PEM file"
+                )
+                raise ConfigError(f"TLS with {field.name}={value!r}.", fix=f"{what}.")
 
     def server_context(self) -> ssl.SSLContext:
         """Returns what a server needs.

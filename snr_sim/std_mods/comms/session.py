@@ -37,6 +37,7 @@ from snr_sim.std_mods.comms.messages import (
     encode_message,
 )
 from snr_sim.std_mods.comms.security import proof_of
+from snr_sim.std_mods.console.readable import printable
 
 # Whoever has not said hello yet gets no more of our memory than this.
 MAX_GREETING_BYTES = 4096
@@ -227,7 +228,8 @@ class Session:
     def refuse(self, reason: str) -> None:
         """Ends the session and tells the other end what was wrong with it."""
         if self.state is not State.closed:
-            self._say(Refused(reason[:MAX_REASON_CHARS]))
+            reason = on_one_line(reason)  # it may quote what came
+            self._say(Refused(reason))
             self.was_refused = True
             self._close(reason)
 
@@ -243,10 +245,10 @@ class Session:
     def _answer(self, message: Control, now_s: float) -> None:
         match message:
             case Bye():
-                self._close(f"'{self.peer_node}' left: {message.reason}")
+                self._close(f"'{self.peer_node}' left: {on_one_line(message.reason)}")
             case Refused():
                 self.was_refused = True
-                self._close(f"the other end refused: {message.reason}")
+                self._close(f"the other end refused: {on_one_line(message.reason)}")
             case Hello() if self.peer is None:
                 self._greet(message, now_s)
             case Auth() if self.state is State.proving:
@@ -268,6 +270,11 @@ class Session:
             self.refuse(
                 f"node '{terms.node}' speaks {PROTOCOL} version {VERSION}, the other end {hello.protocol} version "
                 f"{hello.version}. Try: the same release of snr_sim on both."
+            )
+        elif not hello.node.isprintable():
+            self.refuse(
+                f"the other end names itself {hello.node!a}, with characters that no terminal shows. "
+                "Try: a role's name of letters, digits and underscores."
             )
         elif hello.purpose != terms.purpose:
             self.refuse(
@@ -321,3 +328,12 @@ class Session:
         self._outbox_bytes += len(frame)
         if self._outbox_bytes > MAX_WAITING_BYTES and self.state is not State.closed:
             self._close("the other end does not read its answers.")
+
+
+def on_one_line(reason: str) -> str:
+    """Returns a reason without what a terminal would obey: whoever sent it wrote what an operator reads.
+
+    >>> on_one_line("gone.\\n  Try: \\x1b[2J")
+    'gone. Try: \\\\x1b[2J'
+    """
+    return printable(" ".join(reason.split()))[:MAX_REASON_CHARS]

@@ -99,6 +99,17 @@ def test_a_key_that_nobody_stores_is_noted_with_the_nearest_name() -> None:
     assert not any("link_tether" in note for note in runner.nodes["topside"].notes)
 
 
+def test_a_kept_out_key_that_no_terminal_shows_stands_in_no_note() -> None:
+    tether = SocketsPair((HERE, 1), name="tether")
+    sends = TickerFactory(lambda loop: (loop.store_data("d\x1b[2J", 1), loop.store_data("heading", 1)), rate_hz=10)
+    roles = {"robot": [sends, tether.server(["d\x1b[2J", "heading"])], "topside": [tether.client(accept=["depth"])]}
+    runner = SimRunner(Config(factories=roles), until_s=1.0)
+    runner.run()
+    (note,) = (note for note in runner.nodes["topside"].notes if "link_tether" in note)
+    assert "heading" in note
+    assert note.isprintable()
+
+
 @pytest.mark.parametrize(("accept", "has_note"), [("dept", True), ("depth", False), ("key_1", False)])
 def test_an_accepted_key_that_never_comes_is_noted_with_those_that_were_kept_out(accept: str, has_note: bool) -> None:
     def store(loop: Any) -> None:

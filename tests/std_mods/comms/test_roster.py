@@ -21,6 +21,13 @@ def test_a_place_says_who_stands_there(roster: Roster) -> None:
     assert [far.member for far in roster.here()] == [member]
 
 
+@pytest.mark.parametrize("place", ["snr/fleet/rov1/a%0Ab/7", "snr/fleet/r%1B[2J/auv_node/7"])
+def test_whose_name_no_terminal_shows_is_not_listened_to(roster: Roster, place: str) -> None:
+    roster.shows(place, 0.0)
+    assert roster.takes(place, "x", 1, 0.0) == (None, False)
+    assert roster.here() == []
+
+
 def test_who_left_and_is_back_is_a_newcomer_whose_last_page_is_none(roster: Roster) -> None:
     roster.shows(PLACE, 0.0)
     assert (roster.take_newcomer(), roster.take_newcomer()) == (True, False)

@@ -30,6 +30,24 @@ def test_only_text_and_bytes_are_a_secret(secret: Any) -> None:
         CommandReceiverFactory(0, token=secret)
 
 
+def test_text_that_is_none_in_utf8_is_no_secret() -> None:
+    with pytest.raises(ConfigError, match=r"\(secret=\) holds half a character at place 4"):
+        SocketsPair((HERE, 0), secret="good\ud800 and sixteen or more")
+
+
+@pytest.mark.parametrize("allow", [None, 5, b"1234", [1], [b"1234"]])
+def test_what_names_no_address_allows_nobody(allow: Any) -> None:
+    with pytest.raises(ConfigError, match=r"allow(.|\n)*Try: \[\"192"):
+        SocketsPair((HERE, 0), allow=allow)
+
+
+def test_certificates_are_paths() -> None:
+    with pytest.raises(ConfigError, match=r"TLS with certificate=5\.(.|\n)*Try: the path of a PEM file"):
+        Tls(5, 6)  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match=r"TLS with server_name=None"):
+        Tls(server_name=None)  # type: ignore[arg-type]
+
+
 def test_a_secret_comes_from_a_file_or_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "secret").write_text("0123456789abcdef\n")
     assert secret_from_file(tmp_path / "secret") == b"0123456789abcdef"

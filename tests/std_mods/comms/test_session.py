@@ -248,6 +248,42 @@ def test_goodbye_ends_both_ends_with_its_reason() -> None:
     assert not server.was_refused
 
 
+TAKES_OVER = "\x1b[2J\x1b]0;pwned\x07 ok\nlink_t is up: topside_node"
+
+
+@pytest.mark.parametrize("message", [Bye(TAKES_OVER), Refused(TAKES_OVER)])
+def test_a_last_word_is_shown_on_one_line_and_no_terminal_obeys_it(message: Bye | Refused) -> None:
+    server = greeted()
+    say(server, encode_message(message))
+    assert server.is_closed
+    assert server.reason.isprintable()
+    assert "\\x1b[2J" in server.reason
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        hello(node=TAKES_OVER),
+        hello(protocol=TAKES_OVER),
+        hello(purpose=TAKES_OVER),
+        msgspec.json.encode({"$": TAKES_OVER}),
+        msgspec.json.encode({"$": "bye", "reason": "", TAKES_OVER: 1}),
+    ],
+)
+def test_what_a_refusal_quotes_no_terminal_obeys(payload: bytes) -> None:
+    _, server = ends()
+    say(server, payload)
+    assert server.was_refused
+    assert server.reason.isprintable()
+    assert last_word(server).reason == server.reason
+
+
+def test_a_node_whose_name_no_terminal_shows_is_refused_in_words() -> None:
+    _, server = ends()
+    say(server, hello(node="a\x1b[2J"))
+    assert "names itself 'a\\x1b[2J', with characters that no terminal shows. Try: " in last_word(server).reason
+
+
 def test_who_asks_and_never_reads_the_answers_is_left() -> None:
     server = greeted()
     for _ in range(MAX_WAITING_BYTES):
