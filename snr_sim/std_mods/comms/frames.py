@@ -13,6 +13,8 @@ MAX_FRAME_BYTES = 1 << 20  # of a payload, if nobody says otherwise
 MOST_FRAME_BYTES = (1 << 32) - 1  # what the length can say
 _LENGTH = struct.Struct(">I")
 HEADER_BYTES = _LENGTH.size
+# With these a TLS record begins: an alert or a handshake, and the version (RFC 8446, section 5.1).
+_TLS_RECORDS, _TLS_MAJOR = (21, 22), 3
 
 
 def encode_frame(payload: bytes, max_bytes: int = MAX_FRAME_BYTES) -> bytes:
@@ -87,6 +89,11 @@ class FrameReader:
         return HEADER_BYTES if length > self.max_bytes else HEADER_BYTES + length
 
     def _too_large(self, header: bytes, length: int) -> FrameTooLarge:
+        if header[0] in _TLS_RECORDS and header[1] == _TLS_MAJOR:
+            return FrameTooLarge(
+                "The other end speaks TLS, this one does not.",
+                fix="tls=Tls(...) on both ends.",
+            )
         if header.isascii() and header.decode().isprintable():
             return FrameTooLarge(
                 f"The other end began a message with the text {header.decode()!r}: it does not speak this protocol.",

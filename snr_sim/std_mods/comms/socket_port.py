@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from snr_sim.prelude.errors import LinkError
+from snr_sim.std_mods.comms.tls_errors import tls_words
 
 if TYPE_CHECKING:
     import ssl
@@ -47,10 +48,12 @@ class SocketPort:
         self.is_shareable = context is None  # OpenSSL is not for two threads at a time
         self._sock = sock
         self._blocked: tuple[type[Exception], ...] = ()
+        self._broken: tuple[type[ssl.SSLError], ...] = ()
         if context is not None:
             import ssl  # only links with TLS pay for it
 
             self._blocked = (ssl.SSLWantReadError, ssl.SSLWantWriteError)
+            self._broken = (ssl.SSLError,)
             self._sock = context.wrap_socket(
                 sock, server_side=server_name is None, server_hostname=server_name, do_handshake_on_connect=False
             )
@@ -73,6 +76,8 @@ class SocketPort:
         except self._blocked:
             if not chunks:
                 raise BlockingIOError from None
+        except self._broken as error:
+            raise OSError(tls_words(error)) from None
         return b"".join(chunks)
 
     def write(self, data: bytes | memoryview) -> int:
@@ -81,6 +86,8 @@ class SocketPort:
             return self._sock.send(data)
         except self._blocked:
             raise BlockingIOError from None
+        except self._broken as error:
+            raise OSError(tls_words(error)) from None
 
     def end_writing(self) -> None:
         """Tells the far end that nothing more comes."""

@@ -1,0 +1,47 @@
+"""What goes wrong in TLS, in words: OpenSSL's own are for who knows OpenSSL, and stand in brackets behind ours."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import ssl
+
+# Codes of X509_verify_cert, from OpenSSL's x509_vfy.h.
+_CERTIFICATES = {
+    9: "the other end's certificate is not valid yet. Try: set both clocks",
+    10: "the other end's certificate has expired. Try: a new one there; or are both clocks right?",
+    62: "the other end's certificate is for another name. Try: Tls(server_name=...) with the name that it is for",
+    64: "the other end's certificate is for another address. Try: Tls(server_name=...) with the name that it is for",
+}
+_UNKNOWN_AUTHORITY = (
+    "the other end's certificate is not signed by the authority this end trusts. Try: the authority= that signed it"
+)
+_NO_TLS = "this end speaks TLS, the other does not. Try: tls=Tls(...) on both ends"
+_REASONS = {
+    # Bytes that are no TLS have many names, by OpenSSL's version and by what stands in them.
+    "BAD_RECORD_TYPE": _NO_TLS,
+    "HTTP_REQUEST": _NO_TLS,
+    "PACKET_LENGTH_TOO_LONG": _NO_TLS,
+    "RECORD_LAYER_FAILURE": _NO_TLS,
+    "UNKNOWN_PROTOCOL": _NO_TLS,
+    "WRONG_VERSION_NUMBER": _NO_TLS,
+    "PEER_DID_NOT_RETURN_A_CERTIFICATE": (
+        "the client shows no certificate. Try: Tls(client_certificate=..., client_key=...) there"
+    ),
+}
+_REJECTED = "the other end does not take this end's certificate. Try: what the other end says about it"
+
+
+def tls_words(error: ssl.SSLError) -> str:
+    """Returns what happened and what to try, and in brackets what OpenSSL says."""
+    openssl = (error.strerror or str(error)).partition(" (_ssl.c")[0]
+    name = error.reason or ""
+    code = getattr(error, "verify_code", None)
+    if code is not None:
+        words = _CERTIFICATES.get(code, _UNKNOWN_AUTHORITY)
+    elif "ALERT" in name and any(part in name for part in ("CERTIFICATE", "UNKNOWN_CA")):
+        words = _REJECTED
+    else:
+        words = _REASONS.get(name, "")
+    return f"{words} ({openssl})" if words else openssl
