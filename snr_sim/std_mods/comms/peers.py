@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import threading
+from collections.abc import Iterable
 from typing import Any
 
 from snr_sim.core.loop import LoopFactory
@@ -74,7 +75,14 @@ class PeerLink(Link):
         self._lost = self._duplicated = 0  # by faults, on the ways to far ends that have gone
         self._unsent: dict[DataKey, tuple[Page, bytes]] = {}  # stored while nobody was there
         self._numbers = itertools.count(1)
+        self._warned: set[str] = set()  # of names that mean two nodes
         self._meeting = threading.Lock()  # held for a few steps when a page finds nobody and when a peer comes or goes
+
+    def terminate(self) -> None:
+        """Tells at the end of the run also which names meant two nodes."""
+        super().terminate()
+        for words in sorted(self._warned):
+            self.parent.note(f"'{self.name}': {words}")
 
     def _carry(self, page: Page, raw: bytes, frame: bytes, by: object) -> None:
         peers = self.peers
@@ -84,8 +92,45 @@ class PeerLink(Link):
                 if not peers:
                     self._keep(page, frame)
         for peer in peers:
-            if peer is not by and peer.session.peer_node != page.origin and peer.takes(frame):
+            if peer is not by and self._is_for(peer, page, peers) and peer.takes(frame):
                 peer.put(frame)
+
+    def _is_for(self, peer: Peer, page: Page, peers: Iterable[Peer]) -> bool:
+        """Whether a far end has not made this page itself, as far as names tell; told apart if two have one name."""
+        name = peer.session.peer_node
+        if name != page.origin:
+            return True
+        if name == self.parent.name:  # made here, and the far end would take it for its own
+            peer.dropped += 1
+            return False
+        return any(other is not peer and other.session.peer_node == name for other in peers)
+
+    def _names_meant_twice(self, peers: Iterable[Peer]) -> str:
+        """Returns what is wrong with the names of this end and the far ends, in words."""
+        sessions: dict[str, Session] = {}
+        for session in (peer.session for peer in peers):
+            name = session.peer_node
+            if name == self.parent.name:
+                return (
+                    f"the other end is also named '{name}': its pages are taken for ours and do not cross; "
+                    "give one of the roles another name."
+                )
+            other = sessions.setdefault(name, session)
+            # Not if one has been silent since the other came: then somebody lost a connection and called again.
+            both_s = max(session.begun_s, other.begun_s) + self.options.keep_alive_s
+            if other is not session and min(session.heard_s, other.heard_s) > both_s:
+                return (
+                    f"two far ends are named '{name}': each takes the other's pages for its own; "
+                    "give one of the roles another name."
+                )
+        return ""
+
+    def _report(self, now_s: float) -> None:
+        words = self._names_meant_twice(self.peers)
+        if words and words not in self._warned:
+            self._warned.add(words)
+            self.log.warning("%s: %s", self.name, words)
+        super()._report(now_s)
 
     def _keep(self, page: Page, frame: bytes) -> None:
         if self._unsent.pop(page.key, None) is not None:  # taken out, so that the order is that of storing
@@ -97,7 +142,7 @@ class PeerLink(Link):
         with self._meeting:
             unsent, self._unsent = self._unsent, {}
             for page, frame in unsent.values():
-                if peer.session.peer_node != page.origin and peer.takes(frame):
+                if self._is_for(peer, page, (*self.peers, peer)) and peer.takes(frame):
                     peer.put(frame)
             self.peers = (*self.peers, peer)
 
@@ -143,7 +188,7 @@ class PeerLink(Link):
             "sent": self.sent + sum(peer.sent for peer in peers),
             "received": self.received,
             "unwanted": self.unwanted,
-            "reason": "" if peers else self.reason,
+            "reason": self._names_meant_twice(peers) if peers else self.reason,
             "peers": each,
         }
         if self.options.faults is not None:

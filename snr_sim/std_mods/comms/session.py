@@ -118,7 +118,7 @@ class Session:
         self._decode = decode
         self._reader = FrameReader(min(MAX_GREETING_BYTES, terms.max_frame_bytes))
         self._nonce = (nonce or os.urandom(NONCE_BYTES)).hex()
-        self._begun_s = now_s
+        self.begun_s = now_s
         self._ping_s = now_s
         self._offsets_s: deque[float] = deque(maxlen=OFFSETS_REMEMBERED)
         self._outbox: list[bytes] = []
@@ -204,7 +204,7 @@ class Session:
         if self.state is State.up:
             what, since_s, most_s = "nothing was heard", self.heard_s, terms.timeout_s
         else:
-            what, since_s = "the greeting was not completed", self._begun_s
+            what, since_s = "the greeting was not completed", self.begun_s
             most_s = terms.timeout_s if terms.greeting_s is None else terms.greeting_s
         if now_s - since_s > most_s:
             self._close(f"{what} for {most_s:g} s.")
