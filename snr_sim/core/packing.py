@@ -1,8 +1,8 @@
 """Factories on their way into another process: packed here, unpacked there, and said in words where that cannot be.
 
 Only this way: a process gets objects from who started it, and sends back nothing but plain values. Code goes as the
-source of its files: also of those that were loaded by path, such as a robot's, and of the program itself. So the
-process runs what its node runs, whatever has been written into the files since.
+source of its files: also of those that were loaded by path, such as a robot's, of the student's files around them that
+are loaded too, and of the program itself. So the process runs what its node runs, as exactly as `source_of` knows it.
 """
 
 from __future__ import annotations
@@ -10,6 +10,8 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import io
+import linecache
+import os
 import pickle
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,12 +22,14 @@ from types import FunctionType, ModuleType
 from typing import Any
 
 from snr_sim.core import spawned
-from snr_sim.core.blame import short_path
-from snr_sim.core.sources import source_of
+from snr_sim.core.blame import is_student_file, short_path
+from snr_sim.core.sources import file_of, source_of
 from snr_sim.prelude.errors import ConfigError
 
 _MAIN = "__main__"
 _MAIN_THERE = "__main_of_parent__"  # not "__main__", so that what stands under `if __name__ == ...` does not run
+# Of the files around those that are needed: far more than a course's robots have, and sent in a few milliseconds.
+_NEIGHBOURS_MAX_BYTES = 4_000_000
 
 
 def pack(thing: Any, name: str, user: str) -> dict[str, Any]:
@@ -55,7 +59,7 @@ def pack(thing: Any, name: str, user: str) -> dict[str, Any]:
         )
     return {
         "pickle": data,
-        "modules": {module: place for name in modules for module, place in _places(name)},
+        "modules": _neighbours(modules) | {module: place for name in modules for module, place in _places(name)},
         "main": [getattr(main.__spec__, "name", None), *_file_and_source(main)] if _MAIN in modules else None,
         "argv": sys.argv,
     }
@@ -121,10 +125,42 @@ def _places(name: str) -> Iterator[tuple[str, list[Any]]]:
             yield part, [*_file_and_source(module), None if folders is None else list(folders)]
 
 
+def _neighbours(names: Sequence[str]) -> dict[str, list[Any]]:
+    """Returns the places of a student's loaded modules in the folders of those that are needed, and beneath them.
+
+    The ones that are needed may import them, and the process is not to read a file that is just being written.
+    """
+    folders = tuple({f"{folder}{os.sep}" for name in names for folder in _folders(name)})
+    found: dict[str, list[Any]] = {}
+    left_bytes = _NEIGHBOURS_MAX_BYTES
+    for name, module in list(sys.modules.items()):
+        file = file_of(module) if isinstance(module, ModuleType) else None
+        if file is None or not str(file).startswith(folders) or not is_student_file(str(file)):
+            continue
+        new = {part: place for part, place in _places(name) if part not in found}
+        left_bytes -= sum(len(source or b"") for _, source, _ in new.values())
+        if left_bytes < 0:
+            break
+        found |= new
+    return found
+
+
+def _folders(name: str) -> Iterator[Path]:
+    """Yields the folders that a student's module, and the packages it is in, stand in; of any other module none."""
+    parts = name.split(".")
+    module = sys.modules.get(name)
+    file = None if module is None else file_of(module)
+    if file is None or not is_student_file(str(file)):
+        return
+    yield file.parent
+    for end in range(1, len(parts)):
+        yield from map(Path, getattr(sys.modules.get(".".join(parts[:end])), "__path__", ()))
+
+
 def _file_and_source(module: ModuleType) -> tuple[str | None, bytes | None]:
     file = getattr(module, "__file__", None)
     try:
-        return file, None if file is None else source_of(Path(file))
+        return file, None if file is None else source_of(module)
     except OSError:  # it is gone, and was never read by us: the process says so
         return file, None
 
@@ -145,6 +181,12 @@ class _PackedLoader(SourceLoader):
         if path != self._file:
             raise OSError(f"{path} did not come along")
         return self._source
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Executes the module; a message about it shows the line that came along, not what stands in the file now."""
+        lines = importlib.util.decode_source(self._source).splitlines(keepends=True)
+        linecache.cache[self._file] = (len(self._source), None, lines, self._file)
+        super().exec_module(module)
 
 
 class _PackedFinder(MetaPathFinder):

@@ -57,6 +57,8 @@ class ProcessBacking:
         self._is_going = False
         self._is_killed = False
         self._is_finished = False  # it has said that all is over
+        self._is_refused = False  # it failed in a trial: somebody has been told, and the node goes on
+        self._late_failure: ComponentFailed | None = None  # since the node goes on without it: `join` tells
         self._give_up_s: float | None = None
         self._threads: list[threading.Thread] = []
         self._taps: list[tuple[list[Tap], Tap]] = []  # ours, and the lists they are in
@@ -198,7 +200,13 @@ class ProcessBacking:
 
     def _fail(self, message: str) -> None:
         failure = ComponentFailed(message, self._node.name, self._loop.name)
-        if not self._tried(failure):
+        if self._tried(failure):
+            self._is_refused = True
+        elif self._is_refused:
+            self._node.note(failure.message)
+        elif self._loop.is_taken_out:
+            self._late_failure = self._late_failure or failure
+        else:
             self._node.door.fail(failure)
 
     def _tried(self, failure: ComponentFailed | None) -> bool:
@@ -226,7 +234,11 @@ class ProcessBacking:
             self._outbox.put(_STOP)
 
     def join(self) -> None:
-        """Stops, and returns once the process has ended; one that does not is ended."""
+        """Stops, and returns once the process has ended; one that does not is ended.
+
+        Raises:
+            ComponentFailed: the loop was taken out of its node, and failed after that.
+        """
         self.stop()
         if not self._threads or self._give_up_s is None:
             return
@@ -243,6 +255,8 @@ class ProcessBacking:
         while self._taps:  # here and not in the listener: this is the thread that goes through the lists
             taps, tap = self._taps.pop()
             taps.remove(tap)
+        if self._late_failure is not None:
+            raise self._late_failure
 
 
 def _nothing(*args: Any) -> None:

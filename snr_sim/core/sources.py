@@ -7,16 +7,19 @@ import hashlib
 import linecache
 import sys
 from contextvars import ContextVar
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 from types import FunctionType, ModuleType
+from weakref import WeakKeyDictionary
 
 from snr_sim.core.blame import is_student_file
 from snr_sim.core.component import ComponentFactory, NodeComponent
 from snr_sim.prelude.errors import ConfigError
 
-# What stood in a file when its code was read, as far as somebody has asked: a process that begins later runs the code
-# that its node runs, and not what somebody is just writing.
-_sources: dict[Path, bytes] = {}
+# What stood in a module's file when somebody first asked, or at its last reload: a process that begins later runs the
+# code that its node runs, and not what somebody is just writing. Beside it the module's spec: `importlib.reload`, as
+# in a notebook, gives the module another one, and then its code is another, too.
+_sources: WeakKeyDictionary[ModuleType, tuple[ModuleSpec | None, bytes]] = WeakKeyDictionary()
 
 # The file that is read anew at this moment: a robot's program must not start its node a second time from there.
 being_read: ContextVar[str] = ContextVar("being_read", default="")
@@ -49,15 +52,22 @@ def file_of(module: ModuleType) -> Path | None:
     return Path(file) if isinstance(file, str) and file.endswith(".py") else None
 
 
-def source_of(path: Path) -> bytes:
-    """Returns the source of the code that was read from a file: at the first call what stands there now.
+def source_of(module: ModuleType) -> bytes:
+    """Returns the source of the code that a module has; it has a file.
+
+    At the first call, and at the first one after Python has imported the module again, that is what stands in the file
+    now: Python does not keep what it has read. From then on it is the same text, until a reload has read another.
 
     Raises:
         OSError: the file is gone.
     """
-    if path not in _sources:
-        _sources[path] = path.read_bytes()
-    return _sources[path]
+    spec, source = _sources.get(module, (None, None))
+    if source is None or spec is not module.__spec__:
+        path = module.__file__
+        assert path is not None
+        source = Path(path).read_bytes()
+        _sources[module] = module.__spec__, source
+    return source
 
 
 def _check_target(factory: str, target: object) -> None:
@@ -95,8 +105,8 @@ class Reading:
             raise ConfigError(f"The file {path} cannot be read again: {error.strerror}.") from error
         linecache.checkcache(str(path))  # a message about the new code shows the new line
         self.module = module
-        self._path, self._source = path, source
-        self._source_before = _sources.get(path)
+        self._source = source
+        self._source_before = _sources.get(module)
         self.name = "/".join(path.parts[-2:])  # the same from whatever folder a replay is started
         self.sha256 = hashlib.sha256(source).hexdigest()
         tree = ast.parse(source, str(path))
@@ -109,7 +119,7 @@ class Reading:
         """Executes the new code in the module, as Python does at the first import. Raises what that raises."""
         namespace = vars(self.module)
         before = self._before = dict(namespace)
-        _sources[self._path] = self._source
+        _sources[self.module] = self.module.__spec__, self._source
         token = being_read.set(self.name)
         try:
             exec(self._code, namespace)
@@ -131,7 +141,9 @@ class Reading:
         if self._before is None:
             return
         if self._source_before is not None:
-            _sources[self._path] = self._source_before
+            _sources[self.module] = self._source_before
+        else:
+            _sources.pop(self.module, None)  # what was undone is not what runs
         namespace = vars(self.module)
         for name in [name for name in namespace if name not in self._before]:
             del namespace[name]

@@ -1,10 +1,12 @@
 """Factories on their way to another process: also those loaded by path, and what is said of those that cannot go."""
 
+import importlib
 import os
 import pickle
 import subprocess
 import sys
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -123,6 +125,65 @@ def test_what_is_defined_at_a_prompt_is_told_to_go_into_a_file(tmp_path: Path) -
     assert status == 1
     assert "EyeFactory is defined where no file is" in err
     assert "put its class into a file" in err
+
+
+FACTORY = """
+from snr_sim import LoopFactory
+WORD = "first"
+
+
+class EyeFactory(LoopFactory):
+    pass
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder that Python imports from, without bytecode: files are written twice within a second here."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    known = set(sys.modules)
+    yield tmp_path
+    for name in set(sys.modules) - known:
+        del sys.modules[name]
+
+
+def packed_source(factory: Any, module: str) -> str:
+    source = pack(factory, type(factory).__name__, "Loop 'eye'")["modules"][module][1]
+    assert isinstance(source, bytes)
+    return source.decode()
+
+
+def test_a_process_gets_the_text_its_node_runs_also_after_python_has_imported_it_again(folder: Path) -> None:
+    path = folder / "packed_eye.py"
+    path.write_text(FACTORY)
+    module = importlib.import_module("packed_eye")
+    assert packed_source(module.EyeFactory(), "packed_eye") == FACTORY
+    edited = FACTORY.replace("first", "second, edited")
+    path.write_text(edited)
+    assert packed_source(module.EyeFactory(), "packed_eye") == FACTORY
+    importlib.reload(module)
+    assert module.WORD == "second, edited"
+    assert packed_source(module.EyeFactory(), "packed_eye") == edited
+
+
+def test_a_loaded_helper_comes_along_as_it_was_from_its_package_too_and_what_is_elsewhere_does_not(
+    folder: Path,
+) -> None:
+    for name in ("packed_boat", "packed_boat/eyes"):
+        (folder / name).mkdir()
+        (folder / name / "__init__.py").write_text("")
+    (folder / "packed_boat" / "lens.py").write_text("WORD = 'lens'\n")
+    (folder / "packed_outside.py").write_text("")
+    (folder / "packed_boat" / "eyes" / "eye.py").write_text(
+        "from ..lens import WORD\nimport packed_outside\n" + FACTORY
+    )
+    factory = importlib.import_module("packed_boat.eyes.eye").EyeFactory()
+    assert packed_source(factory, "packed_boat.lens") == "WORD = 'lens'\n"
+    (folder / "packed_boat" / "lens.py").write_text("WORD = 'half typ")
+    modules = pack(factory, "EyeFactory", "Loop 'eye'")["modules"]
+    assert modules["packed_boat.lens"][1] == b"WORD = 'lens'\n"
+    assert sorted(modules) == ["packed_boat", "packed_boat.eyes", "packed_boat.eyes.eye", "packed_boat.lens"]
 
 
 class Inner:

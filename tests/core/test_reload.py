@@ -388,6 +388,59 @@ def test_a_loop_in_a_process_reloads_too(student: Student) -> None:
     assert (node.exit_reason, outcome(node)["ok"]) == ("done", True)
 
 
+@pytest.mark.parametrize(
+    ("halt", "said"),
+    [
+        ("self.lens.close()", "self.lens.close()\n  AttributeError"),  # the line that ran, not what is there now
+        ("os.kill(os.getpid(), 9)", "was ended by SIGKILL"),
+    ],
+)
+@pytest.mark.parametrize("page", ["reload", "remove_component"])
+def test_a_process_that_fails_while_its_loop_is_taken_out_is_told_and_the_node_goes_on(
+    student: Student, halt: str, said: str, page: str
+) -> None:
+    pages: list[Any] = []
+
+    def on_page(task: Task, task_id: Any) -> Any:
+        pages.append(task.val_list[0].data[0])
+        if pages == ["old"]:
+            student.save(PROCESS_LOOP.replace('"old"', '"new"'))
+            return tasks.reload_component("camera") if page == "reload" else tasks.remove_component("camera")
+        return tasks.finish("done") if pages[-1] == "new" else None
+
+    def on_told(task: Task, task_id: Any) -> Any:
+        return tasks.finish("done") if page == "remove_component" else None
+
+    failing = PROCESS_LOOP.replace("def loop", f"def halt(self):\n            {halt}\n\n        def loop")
+    factory = student.load(failing).CameraFactory()
+    handlers = {(TaskType.store_page, "thrust"): on_page, (TaskType.store_page, page): on_told}
+    node = Node("r", Config(factories={"r": [PartFactory(handlers), factory]}))
+    node.loop()
+    assert node.exit_reason == "done"
+    assert said in node.get_data(page)["message"]
+    assert any(said in note for note in node.notes)
+
+
+def test_a_loop_in_a_process_reloads_while_a_helper_it_imports_is_half_typed(student: Student) -> None:
+    def on_page(task: Task, task_id: Any) -> Any:
+        if task.val_list[0].data[0] == "new helper":
+            return tasks.finish("done")
+        student.save("WORD = 'half typ", "lens_helper.py")
+        student.save(helped.replace("lens_helper.WORD", '"new " + lens_helper.WORD'))
+        return None if node.get_page("reload") is not None else tasks.reload_component("camera")
+
+    def on_reload(task: Task, task_id: Any) -> Any:
+        return None if outcome(node)["ok"] else tasks.finish("not reloaded")
+
+    helped = PROCESS_LOOP.replace("import os", "import os\n    import lens_helper").replace('"old"', "lens_helper.WORD")
+    student.save("WORD = 'helper'\n", "lens_helper.py")
+    factory = student.load(helped).CameraFactory()
+    handlers = {(TaskType.store_page, "thrust"): on_page, (TaskType.process_data, "reload"): on_reload}
+    node = Node("r", Config(factories={"r": [PartFactory(handlers), factory]}))
+    node.loop()
+    assert (node.exit_reason, outcome(node)["ok"]) == ("done", True), outcome(node)["message"]
+
+
 def test_a_removed_loop_whose_halt_fails_on_its_thread_leaves_the_others_alone(student: Student) -> None:
     loop = TickerFactory(lambda loop: loop.store_data("thrust", 1), halt=lambda loop: loop.missing())
     node = run_on_the_wall_clock(loop, lambda: [tasks.remove_component("ticker"), tasks.finish("done")])

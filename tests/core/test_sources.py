@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, Node, SimClock, TimeoutLoopFactory, tasks
-from snr_sim.core.sources import Reading, modules_of
+from snr_sim.core.sources import Reading, modules_of, source_of
 from snr_sim.library import Found, load_controller, load_program, load_robot
 from snr_sim.testing.parts import PartFactory
 
@@ -130,6 +130,19 @@ def test_what_the_new_code_no_longer_defines_is_gone_and_what_was_set_from_outsi
     assert not hasattr(module, "old")
     assert module.note == "from outside"
     assert callable(module.kept)
+
+
+def test_a_bad_text_that_was_undone_is_not_what_the_module_runs(tmp_path: Path) -> None:
+    path = tmp_path / "failing.py"
+    path.write_text("x = 1\n")
+    module = load_program(str(path))
+    path.write_text("x = 1 / 0\n")
+    reading = Reading(module)
+    with pytest.raises(ZeroDivisionError):
+        reading.execute()
+    reading.undo()
+    path.write_text("x = 1\n")
+    assert source_of(module) == b"x = 1\n"
 
 
 # A program that reloads its own file while it runs as a script; START is how it starts its robot.
