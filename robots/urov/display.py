@@ -52,7 +52,9 @@ class Display(Loop):
         from rich.table import Table
 
         table = Table(show_header=False, title=f"t = {self.get_time_s():.1f} s")
-        for name, text in rows({key: self.get_page(key) for key in KEYS}, self.get_time_s()):
+        # By when it came here: what the vehicle's own clock shows, another computer cannot compare with.
+        heard_s = self.get_time_s() - self.parent.came_at_s("vehicle")
+        for name, text in rows({key: self.get_page(key) for key in KEYS}, heard_s):
             table.add_row(name, text)
         self.live.update(table, refresh=True)
 
@@ -65,18 +67,19 @@ class Display(Loop):
 KEYS = ("vehicle", "depth", "altitude", "power", "leak")
 
 
-def rows(pages: dict[str, Any], now_s: float) -> list[tuple[str, str]]:
+def rows(pages: dict[str, Any], heard_s: float) -> list[tuple[str, str]]:
     """Returns names and texts, for rich to show.
 
     Args:
         pages: the newest of KEYS, or None.
-        now_s: the time.
+        heard_s: how long ago the vehicle was heard.
     """
     page = pages["vehicle"]
     if page is None:
         return [("vehicle", "[red]not heard yet[/red]")]
-    age_s, vehicle = now_s - page.created_at_s, page.data
-    shown = [("vehicle", f"[red]silent for {age_s:.1f} s[/red]" if age_s > SILENT_S else f"heard {age_s:.2f} s ago")]
+    vehicle = page.data
+    is_silent = heard_s > SILENT_S
+    shown = [("vehicle", f"[red]silent for {heard_s:.1f} s[/red]" if is_silent else f"heard {heard_s:.2f} s ago")]
     state = "[red]EMERGENCY STOP[/red]" if vehicle["is_stopped"] else "armed" if vehicle["is_armed"] else "disarmed"
     shown.append(("state", f"{state}, {vehicle['mode']}, obeys: {vehicle['rules']}"))
     if vehicle["refused"]:

@@ -11,7 +11,10 @@ import select
 import sys
 import time
 from collections.abc import Callable
+from itertools import zip_longest
 from typing import Any
+
+import msgspec
 
 from snr_sim.prelude.errors import MissingExtra, SensorLost
 from snr_sim.prelude.signals import PadReading
@@ -70,7 +73,7 @@ class Keyboard:
 
 
 class Hands:
-    """A game controller if one is plugged in, else the keyboard. Keeps the promise of Sensor.
+    """A game controller if one is plugged in, else the keyboard; its buttons always count. Keeps the promise of Sensor.
 
     Args:
         open_pad: opens the controller.
@@ -85,7 +88,10 @@ class Hands:
         self._keyboard = open_keyboard()
 
     def read(self) -> PadReading:
-        """Returns the reading of whichever there is. One that has just been unplugged is a keyboard nobody touches."""
+        """Returns the controller's sticks, or the keyboard's if there is none; and the buttons of both.
+
+        So space stops the vehicle, whatever may be plugged in and taken for a controller.
+        """
         keys: PadReading = self._keyboard.read()
         if self._pad is None:
             return keys
@@ -93,7 +99,8 @@ class Hands:
             pad: PadReading = self._pad.read()
         except SensorLost:
             return keys
-        return pad
+        either = zip_longest(pad.buttons, keys.buttons, fillvalue=False)
+        return msgspec.structs.replace(pad, buttons=[pads or keyboards for pads, keyboards in either])
 
     def close(self) -> None:
         """Lets go of both."""

@@ -1,21 +1,23 @@
 """A person at the surface: game controller, keyboard, what they are made into, and what the person sees."""
 
 from itertools import pairwise
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from snr_sim import Config, Mode, SimRunner, TaskType, library
+from snr_sim import Config, Mode, SimRunner, TaskType, TestRunner, TimeoutLoopFactory, library, tasks
 from snr_sim.devices.pad import PadLoopFactory
 from snr_sim.prelude.errors import MissingExtra, SensorLost
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.signals import PadReading
 from snr_sim.testing.contracts import check_sensor
 from snr_sim.testing.fakes import FakeSensor
-from snr_sim.testing.parts import Part, PartFactory
+from snr_sim.testing.parts import Part, PartFactory, TickerFactory
 
 library.load_robot(library.find("robots", "urov"))
 
+from snr_sim_robot_urov import display  # noqa: E402
 from snr_sim_robot_urov.controls import MODES, controls_of  # noqa: E402
 from snr_sim_robot_urov.display import rows  # noqa: E402
 from snr_sim_robot_urov.keyboard import KEPT_S, Hands, Keyboard  # noqa: E402
@@ -155,7 +157,7 @@ def test_space_is_the_emergency_stop() -> None:
 def test_hands_take_the_pad_if_there_is_one_and_the_keyboard_else() -> None:
     keys = FakeSensor([pad("arm")])
     there = Hands(lambda: FakeSensor([pad(surge=0.5), SensorLost("unplugged"), pad(yaw=0.5)]), lambda: keys)
-    assert [there.read() for _ in range(3)] == [pad(surge=0.5), pad("arm"), pad(yaw=0.5)]
+    assert [there.read() for _ in range(3)] == [pad("arm", surge=0.5), pad("arm"), pad("arm", yaw=0.5)]
 
     def not_installed() -> Any:
         raise MissingExtra("pygame-ce", "pad")
@@ -167,13 +169,22 @@ def test_hands_take_the_pad_if_there_is_one_and_the_keyboard_else() -> None:
         without.read()
 
 
+def test_space_stops_the_vehicle_also_while_a_pad_is_plugged_in() -> None:
+    typist, plugged = Typist(), FakeSensor([pad("mode_up"), PadReading([], [], [])])
+    hands = Hands(lambda: plugged, lambda: Keyboard(typist.typed, typist.now_s))
+    typist.keys = "w "
+    assert hands.read() == pad("mode_up", "stop")
+    typist.keys = " "
+    assert hands.read().buttons[BUTTONS["stop"]]
+
+
 VEHICLE = {
     "rules": "pilot", "mode": "depth_hold", "is_armed": True, "is_stopped": False, "refused": "", "depth_m": 2.0,
     "heading_rad": None, "share": 1.0, "attitude_rad": [0.0, 0.0, 1.5708], "is_wet": False,
 }  # fmt: skip
 
 
-def shown(now_s: float = 10.1, wet: bool = False, **changes: Any) -> dict[str, str]:
+def shown(heard_s: float = 0.1, wet: bool = False, **changes: Any) -> dict[str, str]:
     data = {
         "vehicle": {**VEHICLE, **changes},
         "depth": {"depth_m": 1.98},
@@ -181,7 +192,7 @@ def shown(now_s: float = 10.1, wet: bool = False, **changes: Any) -> dict[str, s
         "power": {"voltage_v": 15.9, "current_a": 4.2},
         "leak": {"is_wet": wet},
     }
-    return dict(rows({key: Page(key, value, "urov", 10.0, True) for key, value in data.items()}, now_s))
+    return dict(rows({key: Page(key, value, "urov", 10.0, True) for key, value in data.items()}, heard_s))
 
 
 def test_the_display_says_what_the_vehicle_does_and_holds() -> None:
@@ -193,10 +204,28 @@ def test_the_display_says_what_the_vehicle_does_and_holds() -> None:
 
 
 def test_the_display_says_what_is_wrong() -> None:
-    assert "silent for 1.5 s" in shown(now_s=11.5)["vehicle"]
+    assert "silent for 1.5 s" in shown(heard_s=1.5)["vehicle"]
     assert "EMERGENCY STOP" in shown(is_stopped=True)["state"]
     assert "WATER" in shown(wet=True)["leak"]
     assert "40%" in shown(share=0.4)["thrusters"]
     assert "warp" in shown(refused="There is no mode 'warp'.")["refused"]
     nothing: dict[str, Any] = dict.fromkeys(("vehicle", "depth", "altitude", "power", "leak"))
     assert "not heard yet" in dict(rows(nothing, 1.0))["vehicle"]
+
+
+def test_the_display_goes_by_when_the_vehicle_was_heard_and_not_by_its_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The vehicle has been on for 500 s when the surface starts; then it is heard no more."""
+    drawn: list[float] = []
+    monkeypatch.setattr(display, "rows", lambda pages, heard_s: drawn.append(round(heard_s, 6)) or [])
+    screen = SimpleNamespace(update=lambda table, refresh: None, stop=lambda: None)
+
+    def takes_the_screen(part: Any) -> None:
+        part.parent.components["display"].live = screen
+
+    page = Page("vehicle", VEHICLE, "urov_node", 500.0)
+    heard = TimeoutLoopFactory(seconds=0.5, task=tasks.store_page(page), name="heard")
+    TestRunner(
+        Config(factories={"test": [display.DisplayFactory(2.0), heard, TickerFactory(takes_the_screen, "screen")]}),
+        until_s=2.0,
+    ).run()
+    assert drawn[-3:] == [0.5, 1.0, 1.5]
