@@ -1,4 +1,4 @@
-"""Writes PHYSICS.md beside it: each case of physics_cases.py, its reference, what the plant makes of it, the error.
+"""Writes PHYSICS.md beside it: each case in physics_cases/, its reference, what the plant makes of it, the error.
 
 python robots/urov/physics_table.py            writes the page
 python robots/urov/physics_table.py --print    shows it
@@ -10,7 +10,8 @@ import sys
 from itertools import groupby
 from pathlib import Path
 
-from physics_cases import STEPS_S, Case, cases
+from physics_cases.all_cases import cases
+from physics_cases.case import STEPS_S, Case
 
 PAGE = Path(__file__).parent / "PHYSICS.md"
 

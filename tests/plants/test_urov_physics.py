@@ -1,6 +1,6 @@
-"""The vehicle beside what is known without a simulation, at 2, 5 and 10 ms: cases of robots/urov/physics_cases.py."""
+"""The vehicle beside what is known without a simulation, at 2, 5 and 10 ms: the cases in robots/urov/physics_cases."""
 
-import importlib.util
+import importlib
 import math
 import sys
 from pathlib import Path
@@ -12,22 +12,18 @@ import pytest
 UROV = Path(__file__).parents[2] / "robots" / "urov"
 
 
-def load(name: str) -> ModuleType:
-    """A file beside the robot, under the name by which its neighbours import it."""
-    spec = importlib.util.spec_from_file_location(name, UROV / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
+def table_of_the_robot() -> ModuleType:
+    """physics_table.py, imported as if it were run: with its folder on the path, and only then."""
+    sys.path.insert(0, str(UROV))
+    try:
+        return importlib.import_module("physics_table")
+    finally:
+        sys.path.remove(str(UROV))
 
 
-load("fossen_rk4")
-physics = load("physics_cases")
-table = load("physics_table")
+table = table_of_the_robot()
 
-CASES = physics.cases()
+CASES = table.cases()
 PAGE = (UROV / "PHYSICS.md").read_text(encoding="utf-8")
 
 
@@ -41,7 +37,7 @@ def shown_alike(cell: str, shown: str, least: float) -> bool:
 @pytest.mark.parametrize("case", CASES, ids=[case.name for case in CASES])
 def test_the_plant_is_as_near_to_the_reference_as_the_page_says(case: Any) -> None:
     line = next(line for line in PAGE.splitlines() if line.startswith(f"| {case.name} |"))
-    ours = [case.run(step_s) for step_s in physics.STEPS_S]
+    ours = [case.run(step_s) for step_s in table.STEPS_S]
     now = table.row(case, ours)
     assert all(abs(case.error(value)) <= case.allowed for value in ours), now
     *before, _, e2, e5, e10, allowed = (cell.strip() for cell in line.strip("|").split("|"))

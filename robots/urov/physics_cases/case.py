@@ -1,0 +1,44 @@
+"""A case in which the vehicle's motion is known without a simulation.
+
+Each case runs at 2, 5 and 10 ms. The reference is a closed form, a conserved quantity, the root of steady equations or
+a second opinion that shares nothing with the plant; `allowed` is how far the plant may be from it, and `why` says what
+that leaves room for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+STEPS_S = (0.002, 0.005, 0.01)
+
+SECOND_ORDER = "error of the midpoint rule, of second order in the step"
+LEFT = "what is left of the way to it in 12 s"
+ROUNDING = "what the rounds leave of the midpoint rule's equation"
+
+
+@dataclass(frozen=True)
+class Case:
+    """One number that is known.
+
+    Args:
+        group: heading of the page it stands under.
+        name: what is measured.
+        reference: what it should be.
+        unit: of it.
+        run: gives what it is, for a step.
+        allowed: largest error, a share of the reference; if that is 0, in the unit.
+        why: what `allowed` leaves room for.
+    """
+
+    group: str
+    name: str
+    reference: float
+    unit: str
+    run: Callable[[float], float]
+    allowed: float
+    why: str = SECOND_ORDER
+
+    def error(self, ours: float) -> float:
+        """Returns the error as `allowed` counts it."""
+        return ours / self.reference - 1.0 if self.reference else ours

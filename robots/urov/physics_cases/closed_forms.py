@@ -1,0 +1,64 @@
+"""Motions that can be written down: along one axis against drag, a pendulum, a steady circle."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from snr_sim.plants.vehicle import Vehicle
+
+from .swimming import mass_along
+
+
+def step_response(mass: float, a: float, b: float, push: float, time_s: float) -> tuple[float, float]:
+    """Returns speed and way from rest under a constant push, against drag a u + b u |u|."""
+    u1 = (math.sqrt(a * a + 4.0 * b * push) - a) / (2.0 * b)
+    u2 = u1 + a / b
+    k = b * (u1 + u2) / mass
+    e = math.exp(-k * time_s)
+    return u1 * (1.0 - e) / (1.0 + u1 / u2 * e), u1 * time_s - (u1 + u2) / k * math.log(
+        (1.0 + u1 / u2) / (1.0 + u1 / u2 * e)
+    )
+
+
+def terminal_speed(a: float, b: float, push: float) -> float:
+    """Returns the speed at which drag is the push."""
+    return (math.sqrt(a * a + 4.0 * b * push) - a) / (2.0 * b)
+
+
+def coasting(mass: float, a: float, b: float, speed: float, time_s: float) -> float:
+    """Returns what is left of a speed."""
+    if a == 0.0:
+        return speed / (1.0 + b * speed * time_s / mass)
+    return a / (math.exp(a * time_s / mass) * (a / speed + b) - b)
+
+
+def pendulum_period(mass: float, stiffness: float, swing_rad: float) -> float:
+    """Returns the period of an undamped pendulum at any swing, by the arithmetic-geometric mean."""
+    a, b = 1.0, math.cos(0.5 * swing_rad)
+    while abs(a - b) > 1e-15:
+        a, b = 0.5 * (a + b), math.sqrt(a * b)
+    return 2.0 * math.pi * math.sqrt(mass / stiffness) / a
+
+
+def steady_circle(one: Vehicle, push: float) -> tuple[float, float, float]:
+    """Returns speed ahead, sideways and rate of the circle that a push ahead ends in, by Newton's method."""
+    mx, my = mass_along(one, 0), mass_along(one, 1)
+
+    def unbalanced(state: np.ndarray) -> np.ndarray:
+        u, v, r = state
+        drag = [
+            one.linear_damping[i] * value + one.quadratic_damping[i] * value * abs(value)
+            for i, value in ((0, u), (1, v), (5, r))
+        ]
+        return np.array([push + my * v * r - drag[0], -mx * u * r - drag[1], (mx - my) * u * v - drag[2]])
+
+    # Begins from where the circle is wide: sideways speed as great as half of the speed ahead.
+    ahead = terminal_speed(one.linear_damping[0], one.quadratic_damping[0], push)
+    state = np.array([0.7 * ahead, -0.4 * ahead, 0.5])
+    for _ in range(100):
+        slope = np.array([(unbalanced(state + 1e-7 * e) - unbalanced(state)) / 1e-7 for e in np.eye(3)]).T
+        state = state - 0.5 * np.linalg.solve(slope, unbalanced(state))
+    u, v, r = state.tolist()
+    return u, v, r
