@@ -11,7 +11,7 @@ import msgspec
 import pytest
 
 from snr_sim.prelude.errors import MissingExtra, TraceError
-from snr_sim.recording import picture, picture_canvas
+from snr_sim.recording import picture, picture_canvas, picture_world
 from snr_sim.recording.picture_plots import ticks
 from snr_sim.recording.records import EndRecord, Header, Record, TruthRecord
 
@@ -186,7 +186,7 @@ def test_under_water_it_is_seen_from_where_its_way_shows(
 def test_water_reaches_up_to_the_surface_and_no_higher(tmp_path: Path) -> None:
     image: Any = image_module.open(drawn(tmp_path, dive([0.5, 0.0, -2.0], 0.0), scene=pool()))
     column = [image.convert("RGB").getpixel((1184, y)) for y in range(180, 900)]
-    blue = [abs(pixel[2] - picture.WATER[2]) < 12 and pixel[2] > 60 for pixel in column]
+    blue = [abs(pixel[2] - picture_world.WATER[2]) < 12 and pixel[2] > 60 for pixel in column]
     assert blue[-1]
     assert not blue[0]
     first = blue.index(True)
