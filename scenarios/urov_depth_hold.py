@@ -88,7 +88,7 @@ def metrics(plant: Watched, seed: int) -> dict[str, Any]:
         "overshoot_m": step.overshoot,
         "steady_error_m": back.steady,
         "recovery_s": back.settling_s,
-        "recovery_error_m": max(abs(back.overshoot), 0.0),
+        "recovery_error_m": back.overshoot,
         "energy_j": plant.thrusters.energy_j,
         "charge": plant.thrusters.charge,
     }

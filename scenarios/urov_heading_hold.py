@@ -116,5 +116,5 @@ def _turn(plant: Turning) -> Step:
     return followed(plant.course, left_deg, (TURN_S, END_S), (-90.0, 0.0), BAND_DEG)
 
 
-def _depth_error_m(plant: Turning) -> float:
-    return max((abs(sample.depth_m - DEPTH_M) for sample in plant.during(TURN_S, END_S)), default=0.0)
+def _depth_error_m(plant: Turning) -> float | None:
+    return max((abs(sample.depth_m - DEPTH_M) for sample in plant.during(TURN_S, END_S)), default=None)

@@ -65,7 +65,7 @@ def metrics(plant: Watched, seed: int) -> dict[str, Any]:
     up = [sample.time_s for sample in plant.during(LEAKS_S, END_S) if sample.depth_m < SURFACE_M]
     return {
         "surfaced_s": up[0] - LEAKS_S if up else None,
-        "end_depth_m": max((sample.depth_m for sample in plant.during(END_S - 5.0, END_S)), default=0.0),
+        "end_depth_m": max((sample.depth_m for sample in plant.during(END_S - 5.0, END_S)), default=None),
         "water_l": plant.read("leak").water_l,
         "energy_j": plant.thrusters.energy_j,
     }

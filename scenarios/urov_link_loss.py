@@ -81,9 +81,9 @@ def metrics(plant: Watched, seed: int) -> dict[str, Any]:
     held = plant.during(CUT_S, CUT_S + GUARD.lost_s + GUARD.hold_s)
     risen = [sample.time_s for sample in plant.during(CUT_S, END_S) if sample.depth_m < SURFACE_M]
     return {
-        "thrust_after_cut_n": max((sample.thrust_n for sample in quiet), default=0.0),
-        "depth_error_m": max((abs(sample.depth_m - at_cut[0].depth_m) for sample in held), default=0.0),
+        "thrust_after_cut_n": max((sample.thrust_n for sample in quiet), default=None),
+        "depth_error_m": max((abs(sample.depth_m - at_cut[0].depth_m) for sample in held), default=None),
         "surfaced_s": risen[0] - CUT_S if risen else None,
-        "end_depth_m": plant.course[-1].depth_m,
+        "end_depth_m": plant.course[-1].depth_m if plant.course else None,
         "energy_j": plant.thrusters.energy_j,
     }

@@ -70,8 +70,8 @@ def metrics(plant: WatchedUrov, seed: int) -> dict[str, Any]:
     """Returns how far off it was: at worst, and after it had time to answer the current."""
     worst, kept = plant.during(CURRENT_S, KEPT_S), plant.during(KEPT_S, END_S)
     return {
-        "place_error_m": max((math.hypot(*sample.position_m[:2]) for sample in kept), default=0.0),
-        "worst_place_error_m": max((math.hypot(*sample.position_m[:2]) for sample in worst), default=0.0),
-        "depth_error_m": max((abs(sample.depth_m - DEPTH_M) for sample in [*worst, *kept]), default=0.0),
+        "place_error_m": max((math.hypot(*sample.position_m[:2]) for sample in kept), default=None),
+        "worst_place_error_m": max((math.hypot(*sample.position_m[:2]) for sample in worst), default=None),
+        "depth_error_m": max((abs(sample.depth_m - DEPTH_M) for sample in [*worst, *kept]), default=None),
         "energy_j": plant.thrusters.energy_j,
     }

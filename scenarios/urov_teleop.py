@@ -97,7 +97,7 @@ def metrics(plant: WatchedUrov, seed: int) -> dict[str, Any]:
     steps = zip(plant.course, plant.course[1:], strict=False)
     return {
         "deepest_m": _deepest_m(plant),
-        "end_depth_m": plant.course[-1].depth_m if plant.course else 0.0,
+        "end_depth_m": plant.course[-1].depth_m if plant.course else None,
         "way_m": sum(math.dist(a.position_m, b.position_m) for a, b in steps),
         "hardest_n": plant.touched_n,
         "energy_j": plant.thrusters.energy_j,

@@ -77,9 +77,9 @@ def metrics(plant: WatchedUrov, seed: int) -> dict[str, Any]:
     return {
         "fault": plant.dive.faults[0].fault,
         "thruster": plant.vehicle.thrusters[plant.dive.faults[0].thruster].name,
-        "depth_error_m": max((abs(sample.depth_m - DEPTH_M) for sample in coped), default=0.0),
-        "heading_error_deg": max((abs(math.degrees(wrap_rad(sample.yaw_rad))) for sample in coped), default=0.0),
-        "worst_depth_error_m": max((abs(sample.depth_m - DEPTH_M) for sample in worst), default=0.0),
-        "worst_heading_error_deg": max((abs(math.degrees(wrap_rad(sample.yaw_rad))) for sample in worst), default=0.0),
+        "depth_error_m": max((abs(sample.depth_m - DEPTH_M) for sample in coped), default=None),
+        "heading_error_deg": max((abs(math.degrees(wrap_rad(sample.yaw_rad))) for sample in coped), default=None),
+        "worst_depth_error_m": max((abs(sample.depth_m - DEPTH_M) for sample in worst), default=None),
+        "worst_heading_error_deg": max((abs(math.degrees(wrap_rad(sample.yaw_rad))) for sample in worst), default=None),
         "energy_j": plant.thrusters.energy_j,
     }

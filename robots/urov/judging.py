@@ -115,13 +115,14 @@ class Step(NamedTuple):
 
     Args:
         settling_s: from the step until the error stayed within the band; None if it never did.
-        overshoot: beyond the new value, in the direction of the step; 0 if it never was.
-        steady: mean size of the error at the end.
+        overshoot: beyond the new value, in the direction of the step; 0 if it never was; None if the dive ended before
+            the step.
+        steady: mean size of the error at the end; None if the dive ended before there was one.
     """
 
     settling_s: float | None
-    overshoot: float
-    steady: float
+    overshoot: float | None
+    steady: float | None
 
 
 def followed(
@@ -148,6 +149,6 @@ def followed(
     side = math.copysign(1.0, values[1] - values[0])
     return Step(
         settling_s=(outside[-1] + SAMPLE_S - begin_s if outside else 0.0) if reached else None,
-        overshoot=max((side * error for _, error in errors if side * error > 0.0), default=0.0),
-        steady=sum(last) / len(last) if last else math.inf,
+        overshoot=max(0.0, *(side * error for _, error in errors)) if errors else None,
+        steady=sum(last) / len(last) if last else None,
     )

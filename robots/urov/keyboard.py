@@ -27,6 +27,9 @@ STICK_KEYS = {
     "w": ("surge", -1.0), "s": ("surge", 1.0), "a": ("sway", -1.0), "d": ("sway", 1.0),
     "i": ("heave", -1.0), "k": ("heave", 1.0), "j": ("yaw", -1.0), "l": ("yaw", 1.0),
 }  # fmt: skip
+URGENT = ("stop", "disarm")  # these overtake what was typed before them, and undo it
+UNDONE = ("arm", "clear")
+MOST_WAITING = 8  # presses: whoever leans on a key is not obeyed for seconds afterwards
 BUTTON_KEYS = {"1": "arm", "2": "disarm", " ": "stop", "c": "clear", "-": "mode_down", "+": "mode_up", "=": "mode_up"}
 
 
@@ -43,6 +46,8 @@ class Keyboard:
         self._typed = self._terminal.typed if self._terminal is not None else typed
         self._now_s = now_s
         self._until_s: dict[str, float] = {}  # of keys that move a stick
+        self._presses: list[str] = []  # of buttons, that wait for a reading of their own
+        self._down = ""  # the button that was down in the last reading
         self._is_open = True
 
     def read(self) -> PadReading:
@@ -56,14 +61,33 @@ class Keyboard:
         now_s, buttons, axes = self._now_s(), [False] * BUTTON_COUNT, [0.0] * AXIS_COUNT
         for key in self._typed().lower():
             if key in BUTTON_KEYS:
-                buttons[BUTTONS[BUTTON_KEYS[key]]] = True
+                self._press(BUTTON_KEYS[key])
             elif key in STICK_KEYS:
                 self._until_s[key] = now_s + KEPT_S
+        self._down = self._next_down()
+        if self._down:
+            buttons[BUTTONS[self._down]] = True
         for key, until_s in self._until_s.items():
             if now_s < until_s:
                 stick, side = STICK_KEYS[key]
                 axes[AXES[stick]] += side
         return PadReading(axes, buttons, [])
+
+    def _press(self, button: str) -> None:
+        """Has a press wait for its reading, in the order of typing."""
+        if button in URGENT:
+            self._presses = [button, *(one for one in self._presses if one not in (*UNDONE, button))]
+        elif len(self._presses) < MOST_WAITING:
+            self._presses.append(button)
+
+    def _next_down(self) -> str:
+        """Returns the button that is down in this reading, or "".
+
+        One press a reading, and the same button is let go between two of its own: a press is seen by its beginning.
+        """
+        if not self._presses or (self._presses[0] == self._down and self._down not in URGENT):
+            return ""
+        return self._presses.pop(0)
 
     def close(self) -> None:
         """Gives the terminal back. Safe to call twice."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import sys
 from contextlib import ExitStack
 from pathlib import Path
@@ -286,9 +287,9 @@ def _say(fields: dict[str, Any], result: Result, is_quiet: bool) -> None:
 def _in_words(value: Any) -> str:
     if isinstance(value, dict):
         return ", ".join(f"{key} {_in_words(item)}" for key, item in value.items())
-    if isinstance(value, float):
-        return f"{value:.3f}"
-    return "-" if value is None else str(value)
+    if value is None or (isinstance(value, float) and not math.isfinite(value)):
+        return "not reached"  # null in result.json
+    return f"{value:.3f}" if isinstance(value, float) else str(value)
 
 
 def pace_of(speed: str) -> float | None:

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from snr_sim.cli.run import pace_of
+from snr_sim.library import find
 from snr_sim.recording.folder import RESULT_NAME
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.trace import FILE_NAME
@@ -442,3 +443,22 @@ def test_a_fast_run_cannot_be_watched(snr: Snr, here: Path) -> None:
     assert answer.status == 2
     assert "--watch with --speed real" in answer.err
     assert list(here.iterdir()) == []
+
+
+# Metrics
+
+UNMEASURED = """
+
+def metrics(plant, seed):
+    return {"settling_s": float("inf"), "error_m": float("nan"), "worst_m": None, "depth_m": 1.5}
+"""
+
+
+def test_metrics_that_are_no_numbers_are_null_in_json_and_words_for_a_person(snr: Snr, here: Path) -> None:
+    (here / "unmeasured.py").write_text(Path(find("scenarios", "lander_vertical").path).read_text() + UNMEASURED)
+    answer = snr("run", "./unmeasured.py", "--no-rrd")
+    lines = [line.split(maxsplit=1) for line in answer.out.splitlines() if line.startswith("  ")]
+    said = {name: words for name, words in lines if name.endswith(("_s", "_m"))}
+    assert said == {**dict.fromkeys(("settling_s", "error_m", "worst_m"), "not reached"), "depth_m": "1.500"}
+    fields = json.loads((run_folder(here) / RESULT_NAME).read_text(), parse_constant=pytest.fail)
+    assert [fields[name] for name in said] == [None, None, None, 1.5]

@@ -149,9 +149,40 @@ def test_opposite_keys_cancel_and_others_mean_nothing() -> None:
 def test_space_is_the_emergency_stop() -> None:
     typist = Typist()
     keyboard = Keyboard(typist.typed, typist.now_s)
-    typist.keys = "1 "
-    assert keyboard.read() == pad("arm", "stop")
-    assert keyboard.read() == pad()
+    typist.keys = "+1c "
+    assert keyboard.read() == pad("stop"), "before all that was typed before it"
+    assert [keyboard.read() for _ in range(3)] == [pad("mode_up"), pad(), pad()], "which neither arms nor clears"
+
+
+def test_each_press_of_a_key_counts_however_fast_it_is_typed() -> None:
+    typist = Typist()
+    keyboard = Keyboard(typist.typed, typist.now_s)
+    typist.keys = "+++-1"
+    readings = [pad(), *(keyboard.read() for _ in range(10))]
+    told = flown(readings)
+    modes = [MODES.index(one["mode"]) for one in told]
+    assert max(modes) == 3
+    assert modes[-1] == 2
+    assert told[-1]["is_armed"]
+
+
+def test_whoever_disarms_in_haste_is_disarmed_at_once_and_whoever_arms_after_it_is_armed() -> None:
+    typist = Typist()
+    keyboard = Keyboard(typist.typed, typist.now_s)
+    typist.keys = "1++++2"
+    assert keyboard.read() == pad("disarm")
+    typist.keys = "21"
+    told = flown([pad(), *(keyboard.read() for _ in range(20))])
+    assert told[-1]["is_armed"]
+
+
+def test_a_key_that_is_leant_on_is_not_obeyed_for_seconds_afterwards() -> None:
+    typist = Typist()
+    keyboard = Keyboard(typist.typed, typist.now_s)
+    typist.keys = "+" * 100
+    readings = [keyboard.read() for _ in range(40)]
+    assert readings[0] == pad("mode_up")
+    assert readings[20:] == [pad()] * 20, "a second at 20 Hz"
 
 
 def test_hands_take_the_pad_if_there_is_one_and_the_keyboard_else() -> None:

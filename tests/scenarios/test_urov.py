@@ -1,7 +1,11 @@
 """Dives of the underwater vehicle from end to end: both roles, the link and the plant under one clock."""
 
+import math
 from pathlib import Path
 
+import pytest
+
+from snr_sim import library
 from snr_sim.flight import Flight, Result
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.replay import replay_node
@@ -89,3 +93,15 @@ def test_a_dive_with_a_camera_keeps_its_pictures_and_replays(tmp_path: Path) -> 
     assert len(pages) >= 199, "five a second for 40 s"
     assert all('"dtype":"uint8","shape":[48,64,3]' in page for page in pages)
     assert replay_node(trace, "urov", simulation.config(None)).is_identical
+
+
+@pytest.mark.parametrize("scenario", [found.name for found in library.known("scenarios") if "urov" in found.name])
+def test_of_a_dive_that_has_just_begun_nothing_is_said_that_was_not_measured(scenario: str) -> None:
+    simulation = prepare(Request(scenario, 1))
+    plant = simulation.plant()
+    plant.step(plant.step_s)
+    metrics = simulation.scenario.metrics(plant, 1)
+    assert metrics["energy_j"] > 0.0
+    numbers = {name: value for name, value in metrics.items() if isinstance(value, float)}
+    assert all(map(math.isfinite, numbers.values())), numbers
+    assert not [name for name in numbers if "error" in name or "settling" in name or "overshoot" in name]
