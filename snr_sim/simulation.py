@@ -20,6 +20,7 @@ from snr_sim.core.config import AnyFactory, Config, Mode
 from snr_sim.core.endpoint import EndpointFactory
 from snr_sim.core.loop import LoopFactory
 from snr_sim.devices.loops import ActuatorLoopFactory
+from snr_sim.options import check_options
 from snr_sim.prelude.errors import ConfigError, SnrError, UnknownName, nearest
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.rng import rng_for
@@ -173,7 +174,7 @@ def prepare(request: Request) -> Simulation:
     """Finds, loads and checks everything a request names.
 
     Raises:
-        UnknownName: scenario, robot, controller, engine or io is not known.
+        UnknownName: scenario, robot, controller, engine, io or an option is not known.
         ConfigError: one of the files is not what it should be.
     """
     rng_for(request.seed, request.scenario)  # no simulation without chance: if numpy is missing, that is said now
@@ -197,6 +198,7 @@ def prepare(request: Request) -> Simulation:
         )
     controller_name = request.controller or scenario.CONTROLLER
     controller = library.load_controller(robot_found, controller_name)
+    check_options(request.options, robot, controller)
     whole = Request(
         # A file is named by its path, so that a replay from another folder finds it again.
         scenario=scenario_found.name if scenario_found.place != "the path given" else str(scenario_found.path),

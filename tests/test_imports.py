@@ -24,6 +24,7 @@ FLOOR = {
     "recording": 2,
     "behaviors": 2,
     "library": 3,
+    "options": 3,
     "schemas": 3,
     "supervision": 3,
     "testing": 3,

@@ -214,19 +214,23 @@ def test_recording_changes_nothing(name: str, tmp_path: Path) -> None:
 
 
 def test_a_header_leads_back_to_its_request(tmp_path: Path) -> None:
-    simulation = prepare(Request("lander_pad", seed=5, options={"a": "b"}))
+    path = tmp_path / "mine.py"
+    path.write_text('OPTIONS = {"a": "something"}\n\n\ndef factories(robot):\n    return []\n')
+    simulation = prepare(Request("lander_pad", seed=5, controller=str(path), options={"a": "b"}))
     plant = simulation.plant()
     header = simulation.header(plant, simulation.config(plant))
     again = prepare(request_of(simulation.opening(), header))
     assert isinstance(again, Simulation)
     assert again.request.scenario == "lander_pad"
+    assert again.request.controller == str(path)
     assert (again.request.seed, again.request.engine, again.request.options) == (
         5,
         simulation.request.engine,
         {"a": "b"},
     )
     assert again.sources() == header.sources
-    assert prepare(request_of(simulation.opening(), header, "coast")).request.controller == "coast"
+    other = path.rename(tmp_path / "other.py")
+    assert prepare(request_of(simulation.opening(), header, str(other))).request.controller == str(other)
 
 
 def test_a_controller_file_is_found_again_from_another_folder(

@@ -26,6 +26,7 @@ from snr_sim.prelude.signals import EngineCommand
 
 ROLES = ("lander",)
 IO = ("sim",)
+OPTIONS: dict[str, str] = {}
 
 
 def sim_radar(rig: Rig) -> SimSensor:

@@ -43,6 +43,12 @@ from .sight import EYES
 ROLES = ("urov", "topside")
 IO = ("sim",)
 PILOTS = ("scripted", "hands")
+OPTIONS = {
+    "pilot": "who flies: scripted, or hands (game controller, keyboard)",
+    "camera": "ahead or down: gives the vehicle a camera",
+    "host": "where the vehicle listens, when roles run by themselves: 127.0.0.1",
+    "port": "and its port there, the same at both ends: 9120",
+}
 
 SENSORS = ("depth", "altitude", "power", "leak", "imu")  # the last one sets off control, so it comes after the others
 ANSWERED = ("leak", "imu")  # of these each reading sets off work; the others are looked up when they are needed

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -19,19 +19,20 @@ def listing(
 ) -> None:
     """List what there is to run.
 
-    Robots with their controllers, scenarios and assignments, and where each was found.
+    Robots with their controllers and options, scenarios and assignments, and where each was found.
     """
     from snr_sim.core.blame import short_path
     from snr_sim.library import controllers, known
+    from snr_sim.options import written_options
     from snr_sim.prelude.errors import UnknownName, nearest
 
     if what and what not in _WHAT:
         raise UnknownName(f"There are no '{what}' to list.", fix=nearest(what, _WHAT))
-    rows = []
+    rows: list[dict[str, Any]] = []
     for kind in _WHAT:
         if what in ("", kind):
             for found in known(kind):  # type: ignore[arg-type]
-                row = {
+                row: dict[str, Any] = {
                     "kind": kind,
                     "name": found.name,
                     "about": _first_line(found),
@@ -39,7 +40,10 @@ def listing(
                     "path": short_path(str(found.path)),
                 }
                 if kind == "robots":
-                    row["controllers"] = ", ".join(controllers(found))
+                    names = controllers(found)
+                    row["controllers"] = ", ".join(names)
+                    files = [found.path / "robot.py", *(found.path / "controllers" / f"{one}.py" for one in names)]
+                    row["options"] = {key: text for file in files for key, text in written_options(file).items()}
                 rows.append(row)
     if as_json:
         import json
@@ -56,6 +60,8 @@ def listing(
             print(f"  {row['name']:<18} {row['about']}  [{row['place']}: {row['path']}]")
             if row.get("controllers"):
                 print(f"  {'':<18} controllers: {row['controllers']}")
+            for key, text in row.get("options", {}).items():
+                print(f"  {'':<18} --option {key}=...  {text}")
 
 
 def _first_line(found: Found) -> str:

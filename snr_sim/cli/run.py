@@ -27,7 +27,7 @@ def run(
     role: Annotated[str, typer.Option(help="Runs one role only: in real time, beside the others.")] = "",
     io: Annotated[str, typer.Option(help="Where devices are: a row of the robot's table.")] = "sim",
     speed: Annotated[str, typer.Option(help="'fast', 'real', or a multiple of real time such as 4.")] = "fast",
-    option: Annotated[list[str], typer.Option(help="KEY=VALUE for the controller; may be repeated.")] = [],  # noqa: B006
+    option: Annotated[list[str], typer.Option(help="KEY=VALUE, see `snr list robots`; may be repeated.")] = [],  # noqa: B006
     out: Annotated[Path, typer.Option(help="Folder that run folders go into.")] = Path("runs"),
     no_rrd: Annotated[bool, typer.Option("--no-rrd", help="Leave out view.rrd.")] = False,
     show: Annotated[
@@ -321,6 +321,9 @@ def _options(pairs: list[str]) -> dict[str, str]:
     for pair in pairs:
         key, equals, value = pair.partition("=")
         if not (key and equals):
-            raise ParameterError(f"--option {pair} is not KEY=VALUE.", fix="--option t_go_s=60.")
+            raise ParameterError(
+                f"--option {pair} is not KEY=VALUE.",
+                fix="--option pilot=hands, for a robot that has it: snr list robots.",
+            )
         options[key] = value
     return options

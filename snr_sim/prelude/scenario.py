@@ -12,6 +12,9 @@ Python modules found by path; the library knows none of their names. What it ask
       plant(seed, engine) -> Plant, already reset           factories(robot) -> [factory, ...]
       verdict(plant) -> Verdict | None (None: goes on)
       metrics(plant, seed) -> dict, into result.json
+
+robot.py and a controller may also have OPTIONS, a dict from each key that they read in `options` to a line of help.
+With OPTIONS in robot.py, any other `--option` is refused before the run; without, any key goes. A scenario reads none.
 """
 
 from __future__ import annotations

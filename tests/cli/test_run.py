@@ -138,6 +138,13 @@ WRONG = [
     ((*RUN, "--engine", "pymnk"), "does not run on engine 'pymnk'", "Try: 'closed_form' is the only one."),
     ((*RUN, "--io", "pi"), "no devices for --io pi", "Try: 'sim' is the only one."),
     ((*RUN, "--option", "t_go_s"), "--option t_go_s is not KEY=VALUE", "Try: --option"),
+    ((*RUN, "--option", "t_go_s=60"), "--option t_go_s=...: there is no such option here.", "Try: leave it out."),
+    (
+        ("run", "urov_teleop", "--option", "pilto=hands"),
+        "no such option here",
+        "did you mean 'pilot'? One of: camera, ",
+    ),
+    (("run", "urov_teleop", "--option", "port=9130", "--option", "prot=9"), "--option prot=", "did you mean 'port'?"),
     ((*RUN, "--seed", "seven"), "'--seed'", "--help"),
     ((*RUN, "--bogus"), "No such option: --bogus", "--help"),
     (("runn",), "No such command", "--help"),

@@ -352,6 +352,8 @@ def test_the_list_names_what_there_is_and_where(snr: Snr, here: Path) -> None:
     by_name = {(row["kind"], row["name"]): row for row in rows}
     assert "optimal" in by_name["robots", "lander"]["controllers"]
     assert by_name["scenarios", "lander_vertical"]["about"]
+    assert by_name["robots", "urov"]["options"]["pilot"].startswith("who flies")
+    assert "--option pilot=...  who flies" in snr("list", "robots").out
     assert {row["place"] for row in rows} == {"the kit"}
     assert snr("list", "scenarios").out.startswith("scenarios:\n  lander_low_gate ")
     answer = snr("list", "scenarois")

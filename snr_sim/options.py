@@ -1,0 +1,69 @@
+"""What `--option KEY=VALUE` may say: robot.py and controller declare it, and a run asks before anything is written.
+
+    OPTIONS = {"port": "of the link between the roles, the same at both ends"}
+
+A misspelt key would else be a run that is not what was asked for. Robots without OPTIONS are asked nothing: there any
+key goes, as only they know what they read.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from snr_sim.core.blame import short_path
+from snr_sim.prelude.errors import ConfigError, UnknownName, nearest
+
+
+def check_options(given: Iterable[str], robot: ModuleType, controller: ModuleType) -> None:
+    """Checks that each key is one that the robot's file or the controller's has declared.
+
+    Raises:
+        UnknownName: one is not; tells the nearest.
+        ConfigError: OPTIONS is not what it should be.
+    """
+    of_robot, of_controller = _declared(robot), _declared(controller)
+    if of_robot is None:
+        return
+    known = {**of_robot, **(of_controller or {})}
+    for key in given:
+        if key not in known:
+            place = short_path(str(controller.__file__))
+            reads_it = f'Or if {place} reads it, add there: OPTIONS = {{"{key}": "what it is for"}}.'
+            choice = nearest(key, known) if known else "leave it out."
+            raise UnknownName(f"--option {key}=...: there is no such option here.", fix=f"{choice} {reads_it}")
+
+
+def written_options(path: Path) -> dict[str, str]:
+    """Returns the OPTIONS of a file, without running it; none if they are not written out."""
+    try:
+        tree = ast.parse(path.read_bytes())
+    except (OSError, SyntaxError, ValueError):
+        return {}
+    for node in tree.body:
+        target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", None)
+        if isinstance(node, (ast.Assign, ast.AnnAssign)) and isinstance(target, ast.Name) and target.id == "OPTIONS":
+            try:
+                value = ast.literal_eval(node.value) if node.value is not None else {}
+            except (ValueError, TypeError):
+                return {}
+            return value if _is_options(value) else {}
+    return {}
+
+
+def _declared(module: ModuleType) -> Mapping[str, str] | None:
+    """Returns the OPTIONS of a loaded file, or None if it declares none."""
+    options: Any = getattr(module, "OPTIONS", None)
+    if options is None or _is_options(options):
+        return options  # type: ignore[no-any-return]
+    raise ConfigError(
+        f"{short_path(str(module.__file__))}: OPTIONS is {options!r}, not a dict of names and texts.",
+        fix='OPTIONS = {"gain": "of the depth controller"}; {} takes none.',
+    )
+
+
+def _is_options(value: object) -> bool:
+    return isinstance(value, dict) and all(isinstance(one, str) for pair in value.items() for one in pair)
