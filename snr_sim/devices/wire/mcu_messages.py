@@ -1,0 +1,194 @@
+"""What a computer and the microcontroller that drives the speed controllers have to say to each other.
+
+How these messages become bytes is in `mcu_frames.py`; states, rules and timings are in docs/formats.md, section 8.
+The other end is `robots/urov/firmware/`.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum, IntFlag
+
+import msgspec
+
+PROTOCOL = 1
+BAUD = 115_200
+NEUTRAL_US = 1500.0
+NO_COMMAND_MS = 0xFFFF  # the age of the last command when there was none
+
+
+class State(IntEnum):
+    """What the microcontroller is doing."""
+
+    STARTING = 0  # shows the speed controllers neutral until they know it
+    DISARMED = 1  # neutral, whatever is asked for
+    ARMED = 2  # does what it is told
+    STOPPED = 3  # emergency stop: neutral until it is cleared
+
+
+class Fault(IntFlag):
+    """Why an output is not what was asked for. Those marked * stay until the next `Hello`."""
+
+    LEASE_EXPIRED = 1  # it was armed and commands stopped coming; until it is armed again
+    STOPPED = 2  # emergency stop
+    STALE = 4  # the last command was older than its lease when it came
+    REPEATED = 8  # the last command was no newer than the one before, so it extended no lease
+    CLAMPED = 16  # the last command had a width beyond the limits
+    LIMITED = 32  # an output is on its way: slew limit, or waiting in the dead band
+    BAD_LENGTH = 64  # * a frame had not as many bytes as its type has; a command like that disarms
+    OTHER_SESSION = 128  # * somebody else talks on the line
+    OVERRUN = 256  # * bytes were lost before they could be read
+    UNKNOWN_TYPE = 512  # * a frame of a type that this firmware does not know
+
+
+class ResetCause(IntFlag):
+    """Why the microcontroller started, as its register MCUSR says. 0: a boot loader has cleared it."""
+
+    POWER_ON = 1
+    EXTERNAL = 2  # the reset pin: also whoever opens the port of an Arduino
+    BROWN_OUT = 4
+    WATCHDOG = 8  # the firmware hung
+
+
+class Result(IntEnum):
+    """What came of a request."""
+
+    DONE = 0
+    STARTING = 1  # the speed controllers have not been shown neutral for long enough
+    NO_COMMAND = 2  # there is no command, or its lease has run out: nothing to be armed with
+    NOT_NEUTRAL = 3  # the last command is not neutral on every channel
+    STOPPED = 4  # an emergency stop must be cleared first
+    OTHER_SESSION = 5  # say hello first
+    OTHER_PROTOCOL = 6
+
+
+class Hello(msgspec.Struct, frozen=True, tag="hello"):
+    """To the microcontroller: somebody begins. Disarms if the session is a new one. `Ident` answers.
+
+    Args:
+        session: 1 to 65535, another one each time a program opens the port.
+    """
+
+    session: int
+    protocol: int = PROTOCOL
+
+
+class SetWidths(msgspec.Struct, frozen=True, tag="set_widths"):
+    """To the microcontroller: a command. `Telemetry` answers.
+
+    Args:
+        seq: 0 to 65535, then from 0 again.
+        stamp_ms: when the command was computed, by the computer's clock; it may wrap at 2^32.
+        age_ms: how long ago that was when the frame was sent.
+        lease_ms: how long after it was computed it holds; the firmware has an upper limit.
+        widths_us: of each channel, in steps of 0.5.
+    """
+
+    session: int
+    seq: int
+    stamp_ms: int
+    age_ms: int
+    lease_ms: int
+    widths_us: tuple[float, ...]
+
+
+class Arm(msgspec.Struct, frozen=True, tag="arm"):
+    """To the microcontroller: from now on do what you are told. `Answer` answers, as to all that follow."""
+
+    session: int
+
+
+class Disarm(msgspec.Struct, frozen=True, tag="disarm"):
+    """To the microcontroller: neutral at once, and until armed again."""
+
+    session: int
+
+
+class EmergencyStop(msgspec.Struct, frozen=True, tag="emergency_stop"):
+    """To the microcontroller, by anybody: neutral at once, and until cleared."""
+
+    session: int = 0
+
+
+class ClearStop(msgspec.Struct, frozen=True, tag="clear_stop"):
+    """To the microcontroller: the emergency is over. It is disarmed then."""
+
+    session: int
+
+
+class Ident(msgspec.Struct, frozen=True, tag="ident"):
+    """From the microcontroller: who it is, and what it keeps to whatever it is told."""
+
+    nth: int
+    session: int
+    protocol: int
+    firmware: tuple[int, int]
+    channels: int
+    lowest_us: float
+    neutral_us: float
+    highest_us: float
+    dead_band_us: float
+    resolution_ns: int
+    period_us: int
+    most_lease_ms: int
+    esc_start_ms: int
+    slew_us_per_100ms: int
+    dwell_ms: int
+    mcu: str
+    name: str
+
+
+class Telemetry(msgspec.Struct, frozen=True, tag="telemetry"):
+    """From the microcontroller: after each command, and 20 times a second if none comes.
+
+    Args:
+        nth: counts its frames, 0 to 255 and from 0 again.
+        session: whose commands it takes; 0 if nobody has said hello since it started.
+        seq: of the last command taken.
+        uptime_ms: since it started.
+        command_age_ms: since that command was computed; `NO_COMMAND_MS` if there is none.
+        crc_errors: frames that were damaged, since it started.
+        battery_pin_mv, current_pin_mv: at the pins A0 and A1; what they mean depends on what is soldered there.
+        widths_us: what is at the outputs.
+    """
+
+    nth: int
+    session: int
+    seq: int
+    uptime_ms: int
+    state: State
+    faults: Fault
+    reset_cause: ResetCause
+    command_age_ms: int
+    crc_errors: int
+    battery_pin_mv: int
+    current_pin_mv: int
+    widths_us: tuple[float, ...]
+
+
+class Answer(msgspec.Struct, frozen=True, tag="answer"):
+    """From the microcontroller: what came of a request.
+
+    Args:
+        to: type byte of the request, as in `TYPE_OF`.
+    """
+
+    nth: int
+    session: int
+    to: int
+    result: Result
+
+
+ToMcu = Hello | SetWidths | Arm | Disarm | EmergencyStop | ClearStop
+FromMcu = Ident | Telemetry | Answer
+
+TYPE_OF: dict[type, int] = {
+    Hello: 0x01,
+    SetWidths: 0x02,
+    Arm: 0x03,
+    Disarm: 0x04,
+    EmergencyStop: 0x05,
+    ClearStop: 0x06,
+    Ident: 0x81,
+    Telemetry: 0x82,
+    Answer: 0x83,
+}
