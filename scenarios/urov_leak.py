@@ -20,7 +20,7 @@ from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import Verdict
 
 ROBOT = "urov"
-ENGINES = tuple(BODIES)
+ENGINES = ("mujoco", "pymunk")
 CONTROLLER = "holds"
 END_S = 45.0
 TIME_LIMIT_S = END_S + 1.0

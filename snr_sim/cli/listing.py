@@ -19,7 +19,8 @@ def listing(
 ) -> None:
     """List what there is to run.
 
-    Robots with their controllers and options, scenarios and assignments, and where each was found.
+    Robots with their controllers and options, scenarios with the engines they run on, and assignments, and where each
+    was found.
     """
     from snr_sim.core.blame import short_path
     from snr_sim.library import controllers, known
@@ -44,6 +45,8 @@ def listing(
                     row["controllers"] = ", ".join(names)
                     files = [found.path / "robot.py", *(found.path / "controllers" / f"{one}.py" for one in names)]
                     row["options"] = {key: text for file in files for key, text in written_options(file).items()}
+                if kind == "scenarios":
+                    row["engines"] = ", ".join(_engines(found))
                 rows.append(row)
     if as_json:
         import json
@@ -58,8 +61,9 @@ def listing(
             if number == 0:
                 print(f"{kind}:")
             print(f"  {row['name']:<18} {row['about']}  [{row['place']}: {row['path']}]")
-            if row.get("controllers"):
-                print(f"  {'':<18} controllers: {row['controllers']}")
+            for more in ("controllers", "engines"):
+                if row.get(more):
+                    print(f"  {'':<18} {more}: {row[more]}")
             for key, text in row.get("options", {}).items():
                 print(f"  {'':<18} --option {key}=...  {text}")
 
@@ -68,8 +72,23 @@ def _first_line(found: Found) -> str:
     """Returns the first line of the file's docstring, without running the file."""
     if found.kind == "assignments":
         return (found.path / "README.md").read_text(errors="replace").partition("\n")[0].lstrip("# ")
+    source = _parsed(found)
+    return "(does not parse)" if source is None else (ast.get_docstring(source) or "").partition("\n")[0]
+
+
+def _engines(scenario: Found) -> list[str]:
+    """Returns the engines that a scenario's file names, the default first; none if it says so in another way."""
+    source = _parsed(scenario)
+    for node in source.body if source is not None else ():
+        match node:
+            case ast.Assign(targets=[ast.Name(id="ENGINES")], value=ast.Tuple(elts=names)):
+                return [str(name.value) for name in names if isinstance(name, ast.Constant)]
+    return []
+
+
+def _parsed(found: Found) -> ast.Module | None:
     path = found.path / "robot.py" if found.kind == "robots" else found.path
     try:
-        return (ast.get_docstring(ast.parse(path.read_bytes())) or "").partition("\n")[0]
+        return ast.parse(path.read_bytes())
     except (SyntaxError, ValueError):
-        return "(does not parse)"
+        return None

@@ -10,11 +10,12 @@ from collections.abc import Callable
 from typing import Any
 
 from snr_sim.plants.attitude import Quaternion, Rotation
+from snr_sim.plants.dive import Dive
 from snr_sim.plants.hydrodynamics import Hydrodynamics
 from snr_sim.plants.pool import Pool
 from snr_sim.plants.tether import TetherPull
 from snr_sim.plants.urov_outputs import Altitude, Depth, Imu, Leak, Pose, Power
-from snr_sim.plants.urov_shapes import pool_shapes, vehicle_shapes
+from snr_sim.plants.urov_shapes import pool_shapes, tether_shape, vehicle_shapes
 from snr_sim.plants.urov_state import Body, Thrusters
 from snr_sim.plants.vehicle import Matrix, Six, Vector, Vehicle
 from snr_sim.prelude.angles import roll_pitch_yaw_rad
@@ -35,6 +36,7 @@ class UrovMeasured:
     Attributes:
         vehicle: its numbers, as trimmed.
         pool: where it is.
+        dive: what happens to it in this run.
         thrusters: what turns pulses into forces, if there are any.
         outputs: names that `read` takes.
         step_s: of integration.
@@ -42,6 +44,7 @@ class UrovMeasured:
 
     vehicle: Vehicle
     pool: Pool
+    dive: Dive
     thrusters: Thrusters | None
     outputs: tuple[str, ...]
     step_s: float
@@ -163,7 +166,10 @@ class UrovMeasured:
 
     def scene(self) -> dict[str, Any]:
         """Returns water, floor, walls and gates, and the shape of the vehicle."""
-        return {"statics": pool_shapes(self.pool), "bodies": {"vehicle": vehicle_shapes(self.vehicle)}}
+        scene = {"statics": pool_shapes(self.pool), "bodies": {"vehicle": vehicle_shapes(self.vehicle)}}
+        if self._tether is not None:
+            scene["tethers"] = {"tether": tether_shape(self._tether.tether)}
+        return scene
 
     def truth(self) -> dict[str, Any]:
         """Returns the true state for the recorder."""
@@ -193,13 +199,32 @@ class UrovMeasured:
                 "surge_mps": u,
                 "sway_mps": v,
                 "heave_mps": heave,
-                "roll_deg": math.degrees(roll),
-                "pitch_deg": math.degrees(pitch),
-                "yaw_deg": math.degrees(yaw),
+                "roll_rad": roll,
+                "pitch_rad": pitch,
+                "yaw_rad": yaw,
                 "contact_n": math.hypot(*(self._contact_n or ())),
                 **({} if self.thrusters is None else {"voltage_v": self.thrusters.voltage_v}),
+                **self._mishaps(),
             },
         }
+
+    def _mishaps(self) -> dict[str, float]:
+        """Returns what the dive has in store for the vehicle, as far as it has come: numbers of the truth.
+
+        `broken_<thruster>` is 1 from its failure on.
+        """
+        dive, now_s = self.dive, self.time_s + 1e-9
+        told: dict[str, float] = {}
+        if dive.loads:
+            told["load_kg"] = sum(load.mass_kg for load in dive.loads_at(now_s))
+        if dive.leak is not None:
+            told["water_l"] = self._water_l
+        for fault in dive.faults:
+            if fault.at_s <= now_s:
+                told[f"broken_{self.vehicle.thrusters[fault.thruster].name}"] = float(fault.fault != "none")
+            else:
+                told.setdefault(f"broken_{self.vehicle.thrusters[fault.thruster].name}", 0.0)
+        return told
 
     def _in_world(self, x: float, y: float, z: float) -> Vector:
         """Returns a vector of the body's frame in the world's."""

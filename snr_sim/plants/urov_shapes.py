@@ -6,9 +6,11 @@ import math
 from typing import Any
 
 from snr_sim.plants.pool import POST_M, WALLS_RISE_M, Pool
+from snr_sim.plants.tether import Tether
 from snr_sim.plants.vehicle import Thruster, Vehicle
 
 TILE_M = 1.0  # lines on the floor
+LINES_OVER_FLOOR_M = 0.005  # or the floor would hide them
 TILES_RGB = [[150, 186, 196], [138, 174, 186]]
 LINE_RGB = [92, 128, 142]
 WATER_RGB = [120, 200, 232]
@@ -34,22 +36,39 @@ def pool_shapes(pool: Pool) -> dict[str, Any]:
             "triangles": [[0, 1, 2], [0, 2, 3]],
             "rgb": TILES_RGB[0],
         },
-        "surface": _line([[x, y, 0.0] for x, y in rim], WATER_RGB, 0.03),
+        "surface": {**_line([[x, y, 0.0] for x, y in rim], WATER_RGB, 0.03), "label": "water surface"},
         "rim": _line([[x, y, top] for x, y in rim], WALL_RGB, 0.04),
     }
     for i, (x, y) in enumerate(rim[:4]):
         shapes[f"corner_{i}"] = _line([[x, y, bottom], [x, y, top]], WALL_RGB, 0.04)
-    for axis, half, other in ((0, half_x, half_y), (1, half_y, half_x)):
-        count = math.floor(half / TILE_M)
-        for i in range(-count, count + 1):
-            ends = [[i * TILE_M, -other, bottom + 0.005], [i * TILE_M, other, bottom + 0.005]]
-            if axis:
-                ends = [[y, x, z] for x, y, z in ends]
-            shapes[f"line_{'xy'[axis]}{i}"] = _line(ends, LINE_RGB, 0.008)
+    z = bottom + LINES_OVER_FLOOR_M
+    shapes["lines_north"] = _line([[x, y, z] for x, y in _to_and_fro(half_x, half_y)], LINE_RGB, 0.008)
+    shapes["lines_east"] = _line([[x, y, z] for y, x in _to_and_fro(half_y, half_x)], LINE_RGB, 0.008)
     for i, gate in enumerate(pool.gates):
         corners = [list(corner) for corner in gate.corners_m()]
-        shapes[gate.name] = _line([*corners, corners[0]], GATE_RGB[i % 2], POST_M)
+        frame = _line([*corners, corners[0]], GATE_RGB[i % 2], POST_M)
+        shapes[gate.name] = {**frame, "label": gate.name.replace("_", " ")}
     return shapes
+
+
+def tether_shape(tether: Tether) -> dict[str, Any]:
+    """Returns the tether as the viewer wants it: where it is held, and where at which body it ends."""
+    return {
+        "anchor_m": list(tether.anchor_m),
+        "body": "vehicle",
+        "place_m": list(tether.place_m),
+        "length_m": tether.length_m,
+    }
+
+
+def _to_and_fro(half: float, other: float) -> list[tuple[float, float]]:
+    """Returns the way of a pen that rules lines a tile apart, edge to edge: one line shows sooner than 40."""
+    count = math.floor(half / TILE_M)
+    way = []
+    for i in range(-count, count + 1):
+        side = other if i % 2 else -other
+        way += [(i * TILE_M, side), (i * TILE_M, -side)]
+    return way
 
 
 def vehicle_shapes(vehicle: Vehicle) -> list[dict[str, Any]]:

@@ -76,6 +76,12 @@ class Plant(Protocol):
             {"kind": "polyline", "points_m": [[x, y, z], ...], "rgb": [r, g, b], "radius_m": 0.1}
             {"kind": "mesh", "vertices_m": [[x, y, z], ...], "triangles": [[i, j, k], ...], "rgb": [r, g, b]}
             {"kind": "box", "half_size_m": [x, y, z], "center_m": [x, y, z], "rgb": [r, g, b]}
+
+        of which one that does not move may have a "label" to be read beside it. There may be
+
+            "tethers": {name: {"anchor_m": [x, y, z], "body": name, "place_m": [x, y, z], "length_m": 35.0}}
+
+        from a fixed place to one in a body's frame; the arrow of the same name is what it pulls with.
         """
         ...
 
@@ -84,6 +90,6 @@ class Plant(Protocol):
 
         {"poses": {body: [x, y, z, qx, qy, qz, qw]},          world frame [m], quaternion
          "arrows": {name: [ox, oy, oz, vx, vy, vz]},          origin [m] and vector (forces in N), world frame
-         "values": {name_with_unit: number}}
+         "values": {name_with_unit: number}}              broken_<arrow> is 1 from when what makes this arrow is broken
         """
         ...

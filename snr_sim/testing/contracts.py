@@ -23,6 +23,7 @@ _SHAPES = {
     "mesh": {"vertices_m", "triangles", "rgb"},
     "box": {"half_size_m", "center_m", "rgb"},
 }
+_TETHER = {"anchor_m", "body", "place_m", "length_m"}
 
 
 def check_sensor(open_sensor: Callable[[], Sensor[Any]]) -> None:
@@ -184,10 +185,13 @@ def _check_shown(plant: Plant) -> None:
     scene, truth = plant.scene(), plant.truth()
     for what, value in (("scene()", scene), ("truth()", truth)):
         _promise(decode_value(encode_value(value)) == value and b'"$":' not in encode_value(value), f"{what} is JSON")
-    _promise(set(scene) == {"statics", "bodies"}, f"scene() has the keys {sorted(scene)}")
+    _promise(set(scene) - {"tethers"} == {"statics", "bodies"}, f"scene() has the keys {sorted(scene)}")
     for shape in [*scene["statics"].values(), *(shape for body in scene["bodies"].values() for shape in body)]:
         wanted = _SHAPES.get(shape.get("kind"), set())
         _promise(wanted != set() and wanted <= set(shape), f"a shape has {sorted(wanted)}, not {shape!r:.200}")
+    for name, tether in scene.get("tethers", {}).items():
+        _promise(set(tether) == _TETHER, f"tether '{name}' has {sorted(_TETHER)}, not {sorted(tether)}")
+        _promise(tether["body"] in scene["bodies"], f"tether '{name}' ends at no body of scene()")
     _promise(set(truth) == {"poses", "arrows", "values"}, f"truth() has the keys {sorted(truth)}")
     for name, pose in truth["poses"].items():
         _promise(name in scene["bodies"], f"truth() has a pose of '{name}', which scene() does not show")

@@ -354,6 +354,8 @@ def test_the_list_names_what_there_is_and_where(snr: Snr, here: Path) -> None:
     assert by_name["scenarios", "lander_vertical"]["about"]
     assert by_name["robots", "urov"]["options"]["pilot"].startswith("who flies")
     assert "--option pilot=...  who flies" in snr("list", "robots").out
+    assert by_name["scenarios", "lander_pad"]["engines"] == "pymunk, mujoco"  # the default first
+    assert "engines: mujoco, pymunk\n" in snr("list", "scenarios").out
     assert {row["place"] for row in rows} == {"the kit"}
     assert snr("list", "scenarios").out.startswith("scenarios:\n  lander_low_gate ")
     answer = snr("list", "scenarois")
@@ -361,6 +363,7 @@ def test_the_list_names_what_there_is_and_where(snr: Snr, here: Path) -> None:
     (here / "scenarios").mkdir()
     (here / "scenarios" / "broken.py").write_text("def (")
     (here / "scenarios" / "odd.py").write_bytes(b"\xff\x00")
+    (here / "scenarios" / "lazy.py").write_text("ENGINES = tuple(BODIES)")  # nothing is run to make a list
     assert "(does not parse)" in snr("list", "scenarios").out
 
 

@@ -69,6 +69,25 @@ def test_what_it_shows_and_tells_is_json() -> None:
     truth = plant.truth()
     assert json.loads(json.dumps(truth)) == truth
     assert {"T1", "T8", "tether"} <= set(truth["arrows"])
+    assert plant.scene()["tethers"]["tether"]["anchor_m"] == [0.0, 0.0, 0.0]
+    assert "tethers" not in Urov(HEAVY, Pool(), lambda seed: Dive()).scene()
+
+
+def test_the_truth_says_what_is_broken_how_much_water_is_in_and_what_hangs_at_it() -> None:
+    def start(seed: int) -> Dive:
+        faults = (ThrusterFault(0.1, 3, "off"), ThrusterFault(0.2, 3, "none"), ThrusterFault(0.2, 4, "weak"))
+        return Dive(loads=(Load(0.5, until_s=0.1),), leak=Leak(0.1, rate_lps=1.0), faults=faults)
+
+    plant = Urov(HEAVY, Pool(), start, Propulsion(8))
+    seen = []
+    for _ in range(4):
+        values = plant.truth()["values"]
+        seen.append([values[name] for name in ("broken_T4", "broken_T5", "load_kg", "water_l")])
+        for _ in range(round(0.1 / plant.step_s)):
+            plant.step(plant.step_s)
+    assert [told[:3] for told in seen] == [[0, 0, 0.5], [1, 0, 0], [0, 1, 0], [0, 1, 0]]
+    assert [told[3] for told in seen] == pytest.approx([0.0, 0.0, 0.1, 0.2], abs=0.011)  # it is weighed by centilitres
+    assert not {"load_kg", "water_l", "broken_T4"} & set(swim(HEAVY).truth()["values"])
 
 
 def test_surge_follows_the_closed_form() -> None:
@@ -153,7 +172,7 @@ def test_afloat_it_lies_where_the_displaced_water_weighs_as_much() -> None:
     share = 1.0 - 60.0 / (9810.0 * light.volume_m3)
     height = (0.5 - share) * light.size_m[2] - light.centre_of_buoyancy_m[2]
     assert plant.position_m[2] == pytest.approx(height, abs=1e-3)
-    assert plant.truth()["values"]["roll_deg"] == pytest.approx(0.0, abs=0.5)
+    assert plant.truth()["values"]["roll_rad"] == pytest.approx(0.0, abs=math.radians(0.5))
 
 
 def test_depth_and_pressure_follow_the_water() -> None:
@@ -167,7 +186,7 @@ def test_depth_and_pressure_follow_the_water() -> None:
 
 def test_upside_down_it_turns_back_upright() -> None:
     plant = go(swim(attitude_rad=(3.1, 0.0, 0.0)), 60.0)
-    assert abs(plant.truth()["values"]["roll_deg"]) < 2.0
+    assert abs(plant.truth()["values"]["roll_rad"]) < math.radians(2.0)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -288,9 +307,7 @@ def test_a_load_weighs_where_it_hangs_until_it_is_let_go() -> None:
     assert plant.velocity_mps == pytest.approx((0.0, 0.0, 0.0), abs=2e-3)  # the load makes it neutral
     # The line from the load to the centre of buoyancy hangs plumb, but for the vehicle's own weight at the origin.
     stiffness = 9810.0 * HEAVY.volume_m3 * 0.01 + 9.81 * 0.5 * 0.1
-    assert plant.truth()["values"]["pitch_deg"] == pytest.approx(
-        math.degrees(math.atan(9.81 * 0.05 / stiffness)), abs=0.1
-    )
+    assert plant.truth()["values"]["pitch_rad"] == pytest.approx(math.atan(9.81 * 0.05 / stiffness), abs=0.002)
     go(plant, 1.5)
     assert plant.velocity_mps[2] > 0.05
     assert plant.mass_matrix[0, 0] == pytest.approx(plant.vehicle.mass_kg + 6.3567)
@@ -388,7 +405,7 @@ def test_level_thrusters_that_run_ahead_push_it_ahead_and_its_nose_up() -> None:
         plant.step(plant.step_s)
     assert plant.through_water[0] > 0.1
     assert abs(plant.through_water[1]) < 1e-6
-    assert plant.truth()["values"]["pitch_deg"] < -1.0  # negative is nose up
+    assert plant.truth()["values"]["pitch_rad"] < math.radians(-1.0)  # negative is nose up
     assert plant.read("power").current_a > 2.0
 
 

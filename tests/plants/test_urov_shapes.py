@@ -42,6 +42,17 @@ def test_gates_and_floor_are_shown_where_the_physics_has_them() -> None:
     gate = shapes["red"]
     assert gate["radius_m"] == POST_M
     assert math.dist(gate["points_m"][0], gate["points_m"][3]) == pytest.approx(1.2)
+    assert gate["label"] == "red"
     floor = next(shape for name, shape in shapes.items() if "floor" in name and shape["kind"] == "mesh")
     assert {z for _, _, z in floor["vertices_m"]} == {-pool.depth_m}
     assert volume(floor) < 0.0  # seen from the origin above it, its upper side faces in
+
+
+def test_lines_on_the_floor_are_a_metre_apart_and_reach_from_wall_to_wall() -> None:
+    pool = Pool(length_m=6.0, width_m=3.0, depth_m=2.0)
+    shapes = pool_shapes(pool)
+    north, east = shapes["lines_north"]["points_m"], shapes["lines_east"]["points_m"]
+    assert {x for x, _, _ in north} == {-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0}
+    assert {y for _, y, _ in north} == {-1.5, 1.5}
+    assert {y for _, y, _ in east} == {-1.0, 0.0, 1.0}
+    assert all((a[0] == b[0]) != (a[1] == b[1]) for line in (north, east) for a, b in pairwise(line))
