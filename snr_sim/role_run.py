@@ -20,7 +20,8 @@ from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
 from snr_sim.flight import Referee, Result, TruthLog, metrics_of, why_of
 from snr_sim.plants.realtime import RealTimePlant
 from snr_sim.prelude import tasks
-from snr_sim.prelude.errors import ConfigError, SnrError
+from snr_sim.prelude.component import PortFactory
+from snr_sim.prelude.errors import ConfigError, LinkError, SnrError
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Verdict
@@ -67,7 +68,28 @@ class World:
             )
         own = factories[self.role]
         self.sensor_keys = [factory.key for factory in own if isinstance(factory, SensorLoopFactory)]
+        self._ports = [factory for factory in own if isinstance(factory, PortFactory)]
         self.plant: Plant | None = plant if self.role in with_devices else None
+
+    def claim(self) -> None:
+        """Has the role's links listen already, so that a port that is taken is told before there is a run.
+
+        Raises:
+            LinkError: one is.
+        """
+        for factory in self._ports:
+            try:
+                factory.claim()
+            except LinkError as error:
+                if "port" not in getattr(self.simulation.robot_file, "OPTIONS", {}):
+                    raise
+                fix = f"{error.fix} Another one: --option port=..., the same at both ends."
+                raise LinkError(error.message, fix=fix) from error
+
+    def release(self) -> None:
+        """Lets go of the ports that no link has taken over. Safe to call twice."""
+        for factory in self._ports:
+            factory.release()
 
     def start(self) -> None:
         """Has the plant's time begin with the clock's, now."""

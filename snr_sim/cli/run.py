@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from snr_sim.core.loop import LoopFactory
     from snr_sim.flight import Result
     from snr_sim.recording.records import Header
     from snr_sim.recording.trace import TraceWriter
     from snr_sim.simulation import Request
+    from snr_sim.std_mods.console.command_receiver import CommandReceiverFactory
 
 
 def run(
@@ -120,8 +120,14 @@ def record_run(
         if is_watched:
             show_log(logging.INFO)
             config = watched(config)
+        if world is not None:  # under one clock the roles' links meet in memory, and need no port
+            stack.callback(world.release)
+            world.claim()
         if console_port is not None:
-            config.get(simulation.roles[0]).append(_console(console_port))
+            console = _console(console_port)
+            stack.callback(console.release)
+            console.claim()
+            config.get(simulation.roles[0]).append(console)
         folder = new_run_folder(out, simulation.scenario_name, request.seed)
         try:
             recorder = TraceWriter(folder / FILE_NAME, header, simulation.opening())
@@ -173,7 +179,7 @@ def _keep_result(folder: Path, fields: dict[str, Any], result: Result) -> None:
             result.notes.append(note)
 
 
-def _console(port: int) -> LoopFactory:
+def _console(port: int) -> CommandReceiverFactory:
     from snr_sim.std_mods.console.command_receiver import CommandReceiverFactory
 
     return CommandReceiverFactory(port)

@@ -30,6 +30,23 @@ class Component(Protocol):
         ...
 
 
+@runtime_checkable
+class PortFactory(Protocol):
+    """A factory whose component listens at a port of this machine, which only one program can have."""
+
+    def claim(self) -> None:
+        """Listens already, so that a port that is taken is told before there is a run; the component takes it over.
+
+        Raises:
+            LinkError: the port is taken, or the host is not this machine.
+        """
+        ...
+
+    def release(self) -> None:
+        """Lets go of the port, if no component has taken it over. Safe to call twice."""
+        ...
+
+
 class Factory(Protocol):
     """Makes one component for a node; keeps what is to survive a reload."""
 

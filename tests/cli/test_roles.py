@@ -160,6 +160,27 @@ def test_a_port_that_is_none_is_refused(snr: Any, port: str) -> None:
     assert "port" in answer.err
 
 
+@pytest.mark.parametrize("words", [("--role", "urov", "--option", "port={}"), ("--console", "{}")])
+def test_a_port_that_is_taken_is_told_before_there_is_a_run(snr: Any, here: Path, words: tuple[str, ...]) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        answer = snr("run", "urov_teleop", *(word.format(port) for word in words))
+    assert answer.status == 2
+    assert f"cannot listen on 127.0.0.1 port {port}" in answer.err
+    assert f"`ss -tlnp | grep {port}` names it" in answer.err
+    assert ("--option port=..., the same at both ends" in answer.err) == ("--role" in words)
+    assert "note:" not in answer.err
+    assert list(here.iterdir()) == []
+
+
+def test_a_run_that_comes_to_nothing_lets_go_of_its_port(snr: Any, here: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    (here / "file").write_text("no folder")
+    assert snr("run", "urov_teleop", "--role", "urov", "--option", f"port={port}", "--out", "file").status == 2
+    socket.create_server(("127.0.0.1", port)).close()
+
+
 def test_roles_that_share_a_plant_do_not_run_apart(snr: Any, here: Path) -> None:
     answer = snr("run", "urov_gate", "--role", "topside")  # its pilot sees the vehicle
     assert answer.status == 2

@@ -98,6 +98,45 @@ class SocketPort:
         self._sock.close()
 
 
+class Claim:
+    """A port at which somebody listens before the component that will serve it is there.
+
+    Args:
+        who: wants it, for the words of an error.
+    """
+
+    def __init__(self, who: str = "A link") -> None:
+        self._who = who
+        self._held: socket.socket | None = None
+
+    def make(self, address: Address) -> None:
+        """Listens; the port that a 0 has become stands in the address.
+
+        Raises:
+            LinkError: the port is taken, or the host is not this machine.
+        """
+        if self._held is None:
+            self._held = listen(address.host, address.port, self._who)
+            address.port = self._held.getsockname()[1]
+
+    def take(self, address: Address) -> socket.socket:
+        """Returns the socket that listens, for the caller to close; made now if it was not before.
+
+        Raises:
+            LinkError: as of `make`.
+        """
+        self.make(address)
+        held, self._held = self._held, None
+        assert held is not None
+        return held
+
+    def release(self) -> None:
+        """Closes it, if nobody has taken it. Safe to call twice."""
+        if self._held is not None:
+            self._held.close()
+            self._held = None
+
+
 def listen(host: str, port: int, who: str = "A link") -> socket.socket:
     """Returns a socket that listens at one address; `who` wants it, for the words of an error.
 

@@ -23,7 +23,7 @@ from snr_sim.std_mods.comms.security import Tls, as_networks, as_secret, is_loop
 from snr_sim.std_mods.comms.send_queue import Policy
 from snr_sim.std_mods.comms.session import Terms
 from snr_sim.std_mods.comms.simulated import Meeting, SimulatedLink
-from snr_sim.std_mods.comms.socket_port import Address
+from snr_sim.std_mods.comms.socket_port import Address, Claim
 from snr_sim.std_mods.comms.tcp_client import ClientLink
 from snr_sim.std_mods.comms.tcp_server import Gate, ServerLink
 
@@ -213,10 +213,19 @@ class SocketsListenerFactory(LoopFactory):
             )
         context = None if pair.tls is None else pair.tls.server_context()
         self.gate = Gate(asks_who, pair.allow, context)
+        self._claim = Claim(f"The link '{self.options.name}'")
+
+    def claim(self) -> None:
+        """Listens already; see PortFactory."""
+        self._claim.make(self.pair.address)
+
+    def release(self) -> None:
+        """Lets go of the port; see PortFactory."""
+        self._claim.release()
 
     def get(self, parent: Node) -> Loop:
         """Returns the link."""
         terms = self.pair.terms_for(parent.name, is_server=True)
         if isinstance(parent.clock, SimClock):
             return SimulatedLink(self, parent, self.options, terms, self.pair.meeting)
-        return ServerLink(self, parent, self.options, terms, self.pair.address, self.gate)
+        return ServerLink(self, parent, self.options, terms, self.pair.address, self.gate, self._claim)

@@ -11,7 +11,7 @@ from snr_sim.core.node import Node
 from snr_sim.std_mods.comms.options import LinkOptions
 from snr_sim.std_mods.comms.security import Network, is_allowed
 from snr_sim.std_mods.comms.session import Terms
-from snr_sim.std_mods.comms.socket_port import Address, SocketPort, listen
+from snr_sim.std_mods.comms.socket_port import Address, Claim, SocketPort
 from snr_sim.std_mods.comms.streams import StreamLink
 
 if TYPE_CHECKING:
@@ -43,19 +43,27 @@ class ServerLink(StreamLink):
         factory, parent, options, terms: as of StreamLink.
         address: where it listens.
         gate: who may connect.
+        claim: of the port there.
     """
 
     def __init__(
-        self, factory: LoopFactory, parent: Node, options: LinkOptions, terms: Terms, address: Address, gate: Gate
+        self,
+        factory: LoopFactory,
+        parent: Node,
+        options: LinkOptions,
+        terms: Terms,
+        address: Address,
+        gate: Gate,
+        claim: Claim,
     ) -> None:
         super().__init__(factory, parent, options, terms)
         self._address = address
         self._gate = gate
+        self._claim = claim
         self._resume_s: float | None = None
 
     def _open(self) -> None:
-        self._listener = listen(self._address.host, self._address.port)
-        self._address.port = self._listener.getsockname()[1]  # for those who asked for any
+        self._listener = self._claim.take(self._address)
         super()._open()
         self._selector.register(self._listener, selectors.EVENT_READ, self._accept)
 

@@ -14,7 +14,7 @@ from snr_sim.core.node import Node
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.std_mods.comms.security import as_secret, is_loopback
 from snr_sim.std_mods.comms.session import Terms
-from snr_sim.std_mods.comms.socket_port import listen
+from snr_sim.std_mods.comms.socket_port import Address, Claim
 from snr_sim.std_mods.console.command_processor import CommandProcessor
 from snr_sim.std_mods.console.conversation import Allowance, Conversation
 from snr_sim.std_mods.console.line import Line
@@ -60,9 +60,35 @@ class CommandReceiverFactory(LoopFactory):
                 f"A console on {host} without a token would let anybody in that network steer this node.",
                 fix='token=secret_from_file("token.txt") here, and --token-file token.txt for `snr console`.',
             )
-        self.port = port
-        self.host = host
+        self.address = Address(host, port)
         self.name = name
+        self._claim = Claim("A console")
+
+    @property
+    def host(self) -> str:
+        """Where consoles reach it."""
+        return self.address.host
+
+    @property
+    def port(self) -> int:
+        """Its port; when any was asked for, the one it has, once it listens."""
+        return self.address.port
+
+    def claim(self) -> None:
+        """Listens already; see PortFactory."""
+        self._claim.make(self.address)
+
+    def release(self) -> None:
+        """Lets go of the port; see PortFactory."""
+        self._claim.release()
+
+    def listener(self) -> socket.socket:
+        """Returns the socket that listens, for the loop to close.
+
+        Raises:
+            LinkError: the port is taken, or the host is not this machine.
+        """
+        return self._claim.take(self.address)
 
     def get(self, parent: Node) -> CommandReceiver:
         """Returns the loop."""
@@ -95,8 +121,7 @@ class CommandReceiver(Loop):
         Raises:
             LinkError: the port is taken, or the host is not this machine.
         """
-        self._listener = listen(self.factory.host, self.factory.port, "A console")
-        self.factory.port = self._listener.getsockname()[1]
+        self._listener = self.factory.listener()
         self._wake_in, self._wake_out = socket.socketpair()
         self._wake_in.setblocking(False)
         self._selector = selectors.DefaultSelector()
