@@ -10,12 +10,14 @@ A wrench has six numbers: force along x, y, z [N], then moment about x, y, z [N 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from snr_sim.plants.plausible import LIMITS, MILLIMETRES, Limit, check_members, check_number, check_vector, shown
 from snr_sim.prelude.errors import ParameterError, nearest
 from snr_sim.prelude.wrench import AXES, lacking_axes
 
@@ -39,11 +41,16 @@ class Thruster:
     direction: Vector
 
     def __post_init__(self) -> None:
-        length = math.sqrt(sum(value * value for value in self.direction))
-        if not math.isfinite(sum(self.position_m)) or not 0.99 < length < 1.01:
+        if not isinstance(self.name, str) or not self.name.strip():
+            raise ParameterError(f"A thruster is named {shown(self.name)}.", fix='give it a name, such as "T1".')
+        who = f"Thruster '{self.name}'"
+        check_vector(f"{who}: position_m", self.position_m, LIMITS["place_m"])
+        check_vector(f"{who}: direction", self.direction)
+        length = math.hypot(*self.direction)
+        if not 0.99 < length < 1.01:
             raise ParameterError(
-                f"Thruster '{self.name}' is at {self.position_m}; its direction {self.direction} is {length:g} long.",
-                fix="give its place in metres and a direction of length 1.",
+                f"{who} has a direction that is {length:g} long.",
+                fix="give a direction of length 1, such as [1.0, 0.0, 0.0] for straight ahead.",
             )
         x, y, z = self.direction
         object.__setattr__(self, "direction", (x / length, y / length, z / length))
@@ -55,7 +62,7 @@ class Vehicle:
 
     Args:
         name: of the set of numbers.
-        mass_kg: dry, with ballast.
+        mass_kg: dry, as printed. With `net_buoyancy_n`, the plant's is what `trimmed` makes of it, up to a tenth off.
         inertia_kgm2: 3 x 3, about the centre of mass.
         volume_m3: of the water it displaces.
         added_mass: 6 x 6, symmetric.
@@ -65,7 +72,7 @@ class Vehicle:
         centre_of_buoyancy_m: of the displaced water.
         size_m: length, width and height of its frame: what meets walls, and over which it gets wet at the surface.
         thrusters: in the order of their pulses.
-        net_buoyancy_n: what `trimmed` makes of it: how much buoyancy exceeds weight. None leaves the mass as it is.
+        net_buoyancy_n: how much buoyancy is to exceed weight; None leaves the mass as it is.
         sources: where each number is from, by its name.
 
     Raises:
@@ -88,32 +95,88 @@ class Vehicle:
 
     def __post_init__(self) -> None:
         for name in ("mass_kg", "volume_m3"):
-            self._check(name, getattr(self, name) > 0.0, "it must be more than 0")
+            check_number(self._what(name), getattr(self, name), LIMITS[name])
+        if self.net_buoyancy_n is not None:
+            check_number(self._what("net_buoyancy_n"), self.net_buoyancy_n, LIMITS["net_buoyancy_n"])
         for name in ("linear_damping", "quadratic_damping"):
-            values = getattr(self, name)
-            self._check(name, len(values) == 6, "it has a number per axis: surge, sway, heave, roll, pitch, yaw")
-            for axis, value in zip(AXES, values, strict=True):
-                self._check(
-                    f"{name} of {axis}",
-                    value >= 0.0,
-                    "damping opposes motion, and stands here without its minus",
-                    value,
-                )
-        self._check("size_m", min(self.size_m) > 0.0, "it must be more than 0")
+            check_vector(self._what(name), getattr(self, name), LIMITS[name], AXES)
+        check_vector(self._what("size_m"), self.size_m, LIMITS["size_m"], ("length", "width", "height"))
         for name in ("centre_of_mass_m", "centre_of_buoyancy_m"):
-            self._check(name, math.isfinite(sum(getattr(self, name))), "it must be finite")
-        self._check_matrix("inertia_kgm2", 3)
-        self._check_matrix("added_mass", 6)
-        least = float(np.linalg.eigvalsh(self.inertia_kgm2)[0])
-        self._check("inertia_kgm2", least > 0.0, "an inertia is positive about any axis")
-        principal = np.linalg.eigvalsh(self.inertia_kgm2)
-        is_body = principal[0] + principal[1] >= principal[2] * (1.0 - 1e-9)
-        self._check("inertia_kgm2", bool(is_body), "no body has one inertia above the sum of the two others")
-        for axis, value in zip(AXES, np.diag(self.added_mass).tolist(), strict=True):
-            self._check(f"added_mass of {axis}", value >= 0.0, "it adds mass, and stands here without its minus", value)
-        least = float(np.linalg.eigvalsh(self.added_mass)[0])
-        scale = float(np.abs(self.added_mass).max())
-        self._check("added_mass", least >= -1e-9 * scale, "water pushed aside has energy in any direction")
+            place = getattr(self, name)
+            check_vector(self._what(name), place, LIMITS["place_m"])
+            for axis, value, size in zip("xyz", place, self.size_m, strict=True):
+                inside = Limit(0.0, 0.5 * size, "m", "it is inside the frame, as size_m says", MILLIMETRES)
+                check_number(self._what(f"{name}, off the middle in {axis},"), abs(value), inside)
+        self._check_inertia()
+        self._check_added_mass()
+        check_number(self._what("mass by volume"), self.mass_kg / self.volume_m3, LIMITS["density_kgm3"])
+        self._check_thrusters()
+
+    def _what(self, name: str) -> str:
+        return f"Vehicle '{self.name}': {name}"
+
+    def _check_inertia(self) -> None:
+        inertia = self._checked_matrix("inertia_kgm2", AXES[3:])
+        principal = np.linalg.eigvalsh(inertia)
+        if not principal[0] > 0.0:
+            raise ParameterError(
+                f"{self._what('inertia_kgm2')} is {inertia.tolist()}, about one axis {principal[0]:.3g}.",
+                fix="an inertia is positive about any axis.",
+            )
+        if principal[0] + principal[1] < principal[2] * (1.0 - 1e-9):
+            raise ParameterError(
+                f"{self._what('inertia_kgm2')} is {inertia.tolist()}: one is more than the two others together.",
+                fix="no body is like that: look at the largest.",
+            )
+        low, high = sorted(self.size_m)[1:]
+        corners = 0.25 * self.mass_kg * (low * low + high * high)
+        share = float(principal[2]) / corners
+        if not LIMITS["inertia_share"].holds(share):
+            raise ParameterError(
+                f"{self._what('inertia_kgm2')} has {principal[2]:.3g} kg m2, {share:.1f} times the most that "
+                f"{self.mass_kg:g} kg can have in this frame.",
+                fix=f"{LIMITS['inertia_share'].why}; look at mass_kg and size_m, too.",
+            )
+
+    def _check_added_mass(self) -> None:
+        added = self._checked_matrix("added_mass", AXES)
+        water = 1000.0 * self.volume_m3
+        corner = water * 0.25 * sum(side * side for side in self.size_m)
+        share = LIMITS["added_mass_share"]
+        for i, axis in enumerate(AXES):
+            most, unit = share.most * (water if i < 3 else corner), "kg" if i < 3 else "kg m2"
+            check_number(
+                self._what("added_mass"),
+                float(added[i, i]),
+                Limit(0.0, most, unit, f"it stands here without its minus, and {share.why}", share.slips),
+                axis,
+            )
+        least = float(np.linalg.eigvalsh(added)[0])
+        if least < -1e-9 * float(np.abs(added).max()):
+            raise ParameterError(
+                f"{self._what('added_mass')} is {added.tolist()}: moved one way, the water would have less energy than "
+                "at rest.",
+                fix="look at what is off the diagonal: it is too large.",
+            )
+
+    def _checked_matrix(self, name: str, axes: Sequence[str]) -> Matrix:
+        """Returns a matrix that has a row and a column of finite numbers for each axis, and is symmetric."""
+        rows = getattr(self, name)
+        if isinstance(rows, np.ndarray):
+            rows = rows.tolist()
+        what, n = self._what(name), len(axes)
+        if not isinstance(rows, list | tuple) or len(rows) != n:
+            raise ParameterError(f"{what} is {shown(rows)}.", fix=f"it is a matrix of {n} x {n}: {', '.join(axes)}.")
+        for axis, row in zip(axes, rows, strict=True):
+            check_vector(f"{what}, row of {axis}", row, axes=axes)
+        matrix: Matrix = np.array(rows, dtype=float)
+        check_symmetric(what, matrix, axes)
+        object.__setattr__(self, name, matrix)
+        return matrix
+
+    def _check_thrusters(self) -> None:
+        check_members(self._what("thrusters"), self.thrusters, Thruster)
+        object.__setattr__(self, "thrusters", tuple(self.thrusters))
         names = [thruster.name for thruster in self.thrusters]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
@@ -121,25 +184,27 @@ class Vehicle:
                 f"Vehicle '{self.name}' has more than one thruster named '{twice[0]}'.", fix="give each its own name."
             )
 
-    def _check(self, what: str, is_right: bool, why: str, value: Any = None) -> None:
-        if not is_right:
-            found = getattr(self, what) if value is None else value
-            raise ParameterError(f"Vehicle '{self.name}': {what} is {found}.", fix=f"{why}.")
-
-    def _check_matrix(self, name: str, size: int) -> None:
-        matrix = getattr(self, name)
-        self._check(name, matrix.shape == (size, size), f"it is a matrix of {size} x {size}")
-        self._check(name, bool(np.isfinite(matrix).all()), "all of it must be finite")
-        self._check(name, bool(np.allclose(matrix, matrix.T, rtol=1e-9, atol=0.0)), "it is symmetric")
-
     def trimmed(self, density_kgm3: float, gravity_mps2: float) -> Vehicle:
         """Returns the vehicle with the ballast that gives it `net_buoyancy_n` in this water.
 
-        Ballast is put on or taken off at the centre of mass, so that stays, and the inertia is not changed.
+        Ballast is put on or taken off at the centre of mass, so that stays, and the inertia is not changed. Without
+        `net_buoyancy_n` the vehicle is what it is.
+
+        Raises:
+            ParameterError: the ballast would be more than a tenth of the mass: then mass, volume and net buoyancy
+                contradict each other.
         """
         if self.net_buoyancy_n is None:
             return self
         mass = density_kgm3 * self.volume_m3 - self.net_buoyancy_n / gravity_mps2
+        if not LIMITS["ballast_share"].holds((mass - self.mass_kg) / self.mass_kg):
+            raise ParameterError(
+                f"Vehicle '{self.name}' has mass_kg {self.mass_kg:g}; to float up with net_buoyancy_n "
+                f"{self.net_buoyancy_n:g} in water of {density_kgm3:g} kg/m3, {1e3 * self.volume_m3:g} l must "
+                f"weigh {mass:.4g} kg.",
+                fix="correct mass_kg or volume_m3, or leave out net_buoyancy_n, and it weighs what it weighs: "
+                f"{LIMITS['ballast_share'].why}.",
+            )
         return replace(self, mass_kg=mass)
 
     def thruster_matrix(self) -> Matrix:
@@ -165,3 +230,18 @@ class Vehicle:
                 f"The {len(self.thrusters)} thrusters of '{self.name}' have no authority in {', '.join(lacking)}.",
                 fix="ask only for the other axes, or take a frame with thrusters that push there, such as benzon2022.",
             )
+
+
+def check_symmetric(what: str, matrix: Matrix, axes: Sequence[str]) -> None:
+    """Checks that a matrix is its own mirror image.
+
+    Raises:
+        ParameterError: it is not; the message names two numbers that differ.
+    """
+    askew = np.argwhere(~np.isclose(matrix, matrix.T, rtol=1e-9, atol=0.0))
+    if len(askew):
+        i, j = askew[0].tolist()
+        raise ParameterError(
+            f"{what} has {matrix[i, j]:g} at {axes[i]}, {axes[j]}, but {matrix[j, i]:g} at {axes[j]}, {axes[i]}.",
+            fix="it is symmetric.",
+        )

@@ -7,22 +7,38 @@ are turned into ours.
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.plants.vehicle import Matrix, Six, Thruster, Vector, Vehicle
+from snr_sim.plants.plausible import check_number, check_vector, shown
+from snr_sim.plants.vehicle import Matrix, Six, Thruster, Vector, Vehicle, check_symmetric
 from snr_sim.prelude.errors import ParameterError, nearest
-from snr_sim.prelude.wrench import lacking_axes
+from snr_sim.prelude.wrench import AXES, lacking_axes
 
 FLIP = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])  # from FRD to FLU and back
-_NUMBERS = {
-    "mass_kg", "inertia_kgm2", "volume_m3", "added_mass", "linear_damping", "quadratic_damping",
-    "centre_of_mass_m", "centre_of_buoyancy_m", "size_m", "net_buoyancy_n",
-}  # fmt: skip
+FRAMES = {"FRD": FLIP, "FLU": np.ones(6)}
+PLACE = ("x", "y", "z")
+# What each number is made of: nothing is a single one, names are a row of numbers, and names twice are a matrix.
+_NUMBERS: dict[str, tuple[tuple[str, ...], ...]] = {
+    "mass_kg": (),
+    "volume_m3": (),
+    "net_buoyancy_n": (),
+    "inertia_kgm2": (AXES[3:], AXES[3:]),
+    "added_mass": (AXES, AXES),
+    "linear_damping": (AXES,),
+    "quadratic_damping": (AXES,),
+    "centre_of_mass_m": (PLACE,),
+    "centre_of_buoyancy_m": (PLACE,),
+    "size_m": (("length", "width", "height"),),
+}
 _OPTIONAL = {"net_buoyancy_n"}
+_KNOWN = ("about", "frame", "sources", "thruster", "thrusters_source", "lacks", *_NUMBERS)
+_NUMBER = ("value", "source")
+_THRUSTER = ("name", "position_m", "direction")
 
 
 def read_vehicle(path: Path) -> Vehicle:
@@ -33,25 +49,52 @@ def read_vehicle(path: Path) -> Vehicle:
     thrusters cannot push, so that a misplaced one is not taken for a choice. Matrices may be given by their diagonal.
 
     Raises:
-        ParameterError: the file cannot be read, lacks a number or its source, or a number cannot be.
+        ParameterError: the file cannot be read, lacks a number or its source, or a number cannot be; the message names
+            the file, the field and what was found in it.
     """
+    path = Path(path)
+    data = _tables(path)
     try:
-        with path.open("rb") as file:
-            data = tomllib.load(file)
-    except (OSError, tomllib.TOMLDecodeError) as error:
+        vehicle = _vehicle(path.stem, data)
+        # What cannot be trimmed is told where it stands, not when it is put into water.
+        vehicle.trimmed(1000.0, 9.81)
+        _check_upright(vehicle)
+        _check_lacks(vehicle, _lacks(data))
+    except ParameterError as error:
+        raise ParameterError(f"{path.name}: {error.message}", fix=error.fix) from error
+    return vehicle
+
+
+def _tables(path: Path) -> dict[str, Any]:
+    """Returns what stands in the file."""
+    try:
+        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        line = error.object[: error.start].count(b"\n") + 1
+        raise ParameterError(
+            f"The vehicle in {path} cannot be read: line {line} has the byte 0x{error.object[error.start]:02x}, which "
+            "is not UTF-8.",
+            fix="save the file as UTF-8.",
+        ) from error
+    except (OSError, tomllib.TOMLDecodeError, RecursionError) as error:
         raise ParameterError(
             f"The vehicle in {path} cannot be read: {error}", fix="compare it with benzon2022.toml."
         ) from error
-    known = {"about", "frame", "sources", "thruster", "thrusters_source", "lacks", *_NUMBERS}
-    for key in data:
-        if key not in known:
-            raise ParameterError(f"{path.name} has '{key}', which is no number of a vehicle.", fix=nearest(key, known))
-    values, sources = _numbers(path.name, data)
-    flip = {"FRD": FLIP, "FLU": np.ones(6)}.get(data.get("frame", ""))
-    if flip is None:
-        raise ParameterError(f"{path.name} has the frame {data.get('frame')!r}.", fix='write frame = "FRD" or "FLU".')
-    vehicle = Vehicle(
-        path.stem,
+
+
+def _vehicle(name: str, data: dict[str, Any]) -> Vehicle:
+    """Returns the vehicle that the file's tables say."""
+    _check_keys("the file", data, "number of a vehicle", _KNOWN)
+    frame = data.get("frame")
+    if not isinstance(frame, str) or frame not in FRAMES:
+        found = f"the file has the frame {shown(frame)}" if "frame" in data else "the file lacks frame"
+        raise ParameterError(f"{found}.", fix='write frame = "FRD" (z down) or frame = "FLU" (z up).')
+    flip = FRAMES[frame]
+    if not isinstance(data.get("about", ""), str):
+        raise ParameterError(f"about is {shown(data['about'])}, which is no text.", fix='write about = "...".')
+    values, sources = _numbers(data)
+    return Vehicle(
+        name,
         mass_kg=float(values["mass_kg"]),
         inertia_kgm2=_matrix(values["inertia_kgm2"], flip[:3]),
         volume_m3=float(values["volume_m3"]),
@@ -61,47 +104,119 @@ def read_vehicle(path: Path) -> Vehicle:
         centre_of_mass_m=_vector(values["centre_of_mass_m"], flip),
         centre_of_buoyancy_m=_vector(values["centre_of_buoyancy_m"], flip),
         size_m=_vector(values["size_m"], np.ones(6)),
-        thrusters=tuple(
-            Thruster(str(one["name"]), _vector(one["position_m"], flip), _vector(one["direction"], flip))
-            for one in data.get("thruster", [])
-        ),
+        thrusters=_thrusters(data.get("thruster", []), flip),
         net_buoyancy_n=values.get("net_buoyancy_n"),
         sources=sources,
     )
-    _check_upright(vehicle)
-    _check_lacks(vehicle, tuple(data.get("lacks", ())))
-    return vehicle
 
 
-def _numbers(file: str, data: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
+def _numbers(data: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
     """Returns the values and their sources, in full, by name."""
+    named = _sources(data)
     values, sources = {}, {}
-    named = data.get("sources", {})
-    for name in sorted(_NUMBERS):
-        entry = data.get(name)
-        if entry is None:
+    for name, shape in _NUMBERS.items():
+        if name not in data:
             if name in _OPTIONAL:
                 continue
-            raise ParameterError(f"{file} lacks {name}.", fix=f'write {name} = {{ value = ..., source = "..." }}.')
-        if not isinstance(entry, dict) or set(entry) != {"value", "source"} or entry["source"] not in named:
+            raise ParameterError(f"the file lacks {name}.", fix=f'write {name} = {{ value = ..., source = "..." }}.')
+        entry = data[name]
+        if not isinstance(entry, dict):
             raise ParameterError(
-                f"{file}: {name} is {entry!r}, which is not a value with a source.",
-                fix=f'write {{ value = ..., source = "..." }}, with one of the sources {", ".join(sorted(named))}.',
+                f"{name} is {shown(entry)}, which is not a value with a source.",
+                fix=f'write {name} = {{ value = ..., source = "..." }}.',
             )
-        values[name] = entry["value"]
-        sources[name] = named[entry["source"]]
+        _check_keys(name, entry, "part of a number", _NUMBER, _NUMBER)
+        values[name] = _checked(name, entry["value"], shape)
+        sources[name] = _source(f"{name}: source", entry["source"], named)
     if data.get("thruster"):
-        source = data.get("thrusters_source")
-        if source not in named:
-            raise ParameterError(f"{file}: the thrusters have no source.", fix='write thrusters_source = "...".')
-        sources["thrusters"] = named[source]
+        if "thrusters_source" not in data:
+            raise ParameterError("the thrusters have no source.", fix='write thrusters_source = "...".')
+        sources["thrusters"] = _source("thrusters_source", data["thrusters_source"], named)
     return values, sources
+
+
+def _sources(data: dict[str, Any]) -> dict[str, str]:
+    named = data.get("sources", {})
+    if not isinstance(named, dict):
+        raise ParameterError(f"sources is {shown(named)}.", fix='write [sources] and below it paper = "who, where".')
+    for key, text in named.items():
+        if not isinstance(text, str) or not text.strip():
+            raise ParameterError(
+                f"sources: {key} is {shown(text)}, which tells nobody where a number is from.", fix="name the paper."
+            )
+    return named
+
+
+def _source(what: str, key: Any, named: dict[str, str]) -> str:
+    """Returns the text of a source."""
+    if not isinstance(key, str) or key not in named:
+        raise ParameterError(
+            f"{what} is {shown(key)}, which is not a value with a source that [sources] has.",
+            fix=nearest(str(key), named),
+        )
+    return named[key]
+
+
+def _checked(name: str, value: Any, shape: tuple[tuple[str, ...], ...]) -> Any:
+    """Returns a value that has the shape due, each of its numbers finite."""
+    if not shape:
+        check_number(name, value)
+    elif len(shape) == 1:
+        check_vector(name, value, axes=shape[0])
+    elif isinstance(value, list) and any(isinstance(row, list) for row in value):
+        if len(value) != len(shape[0]):
+            n = len(shape[0])
+            raise ParameterError(f"{name} has {len(value)} rows, not {n}.", fix=f"give {n} rows of {n} numbers.")
+        for axis, row in zip(shape[0], value, strict=True):
+            check_vector(f"{name}, row of {axis}", row, axes=shape[1])
+        check_symmetric(name, np.array(value, dtype=float), shape[0])  # here, as the file has it, not turned to FLU
+    else:
+        check_vector(name, value, axes=shape[0])
+    return value
+
+
+def _thrusters(tables: Any, flip: NDArray[np.float64]) -> tuple[Thruster, ...]:
+    if not isinstance(tables, list) or not all(isinstance(one, dict) for one in tables):
+        raise ParameterError(
+            f"thruster is {shown(tables)}.", fix="begin each thruster with [[thruster]], in two pairs."
+        )
+    thrusters = []
+    for i, one in enumerate(tables, start=1):
+        name = one.get("name")
+        where = f"thruster {i}" + (f" ('{name}')" if isinstance(name, str) else "")
+        _check_keys(where, one, "part of a thruster", _THRUSTER, _THRUSTER)
+        if not isinstance(name, str):
+            raise ParameterError(f"{where}: name is {shown(name)}, which is no text.", fix='write name = "T1".')
+        for key in ("position_m", "direction"):
+            check_vector(f"{where}: {key}", one[key])
+        thrusters.append(Thruster(name, _vector(one["position_m"], flip), _vector(one["direction"], flip)))
+    return tuple(thrusters)
+
+
+def _check_keys(where: str, table: dict[str, Any], what: str, known: Sequence[str], needed: Sequence[str] = ()) -> None:
+    for key in table:
+        if key not in known:
+            raise ParameterError(f"{where} has '{key}', which is no {what}.", fix=nearest(key, known))
+    for key in needed:
+        if key not in table:
+            raise ParameterError(f"{where} lacks {key}.", fix=f"it has {', '.join(needed)}.")
+
+
+def _lacks(data: dict[str, Any]) -> tuple[str, ...]:
+    """Returns the axes that the file says its thrusters cannot push."""
+    declared = data.get("lacks", [])
+    if not isinstance(declared, list):
+        raise ParameterError(f"lacks is {shown(declared)}, which is no list.", fix='write lacks = ["pitch"], or [].')
+    for axis in declared:
+        if not isinstance(axis, str) or axis not in AXES:
+            raise ParameterError(f"lacks has {shown(axis)}, which is no axis.", fix=nearest(str(axis), AXES))
+    return tuple(declared)
 
 
 def _matrix(value: list[Any], flip: NDArray[np.float64]) -> Matrix:
     given = np.array(value, dtype=float)
     matrix: Matrix = np.diag(given) if given.ndim == 1 else given
-    return matrix * np.outer(flip, flip) if matrix.shape == (len(flip), len(flip)) else matrix
+    return matrix * np.outer(flip, flip) + 0.0
 
 
 def _vector(value: list[float], flip: NDArray[np.float64]) -> Vector:

@@ -167,7 +167,7 @@ def test_falling_into_the_water_and_coming_up_never_make_energy(step_s: float) -
 
 
 def test_afloat_it_lies_where_the_displaced_water_weighs_as_much() -> None:
-    light = replace(HEAVY, net_buoyancy_n=60.0)
+    light = replace(HEAVY, mass_kg=13.4 - 60.0 / 9.81, net_buoyancy_n=None)
     plant = go(swim(light, position_m=(0.0, 0.0, -0.1), attitude_rad=(0.1, 0.05, 0.0)), 60.0)
     share = 1.0 - 60.0 / (9810.0 * light.volume_m3)
     height = (0.5 - share) * light.size_m[2] - light.centre_of_buoyancy_m[2]

@@ -1,3 +1,4 @@
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -51,6 +52,15 @@ def test_ballast_gives_the_net_buoyancy_in_any_water() -> None:
     assert as_printed.mass_kg == 13.5
 
 
+def test_trim_that_would_hide_a_wrong_mass_is_refused() -> None:
+    """The mass is what the net buoyancy makes of it, so a mass far from that would have no effect without a word."""
+    wrong = replace(HEAVY, mass_kg=20.0)
+    with pytest.raises(ParameterError, match=r"mass_kg 20; .* net_buoyancy_n 1\.5 .* 13\.4 l must weigh 13\.25 kg"):
+        wrong.trimmed(1000.0, 9.81)
+    heavy = replace(wrong, net_buoyancy_n=None).trimmed(1000.0, 9.81)
+    assert heavy.mass_kg == 20.0  # said to weigh what it weighs, it does
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -62,11 +72,29 @@ def test_ballast_gives_the_net_buoyancy_in_any_water() -> None:
         ({"quadratic_damping": (1.0, 1.0, 1.0)}, "quadratic_damping is"),
         ({"added_mass": np.diag([-6.4, 7.1, 18.7, 0.2, 0.1, 0.2])}, "added_mass of surge is -6.4"),
         ({"added_mass": np.eye(3)}, "added_mass is"),
-        ({"added_mass": np.eye(6) + 0.1 * np.eye(6, k=1)}, "added_mass is"),
+        ({"added_mass": np.eye(6) + 0.1 * np.eye(6, k=1)}, r"added_mass has 0\.1 at surge, sway, but 0 at sway, surge"),
         ({"added_mass": np.eye(6) - 2.0 * np.fliplr(np.eye(6))}, "added_mass is"),
         ({"inertia_kgm2": np.diag([0.1, -0.1, 0.1])}, "inertia_kgm2 is"),
         ({"inertia_kgm2": np.diag([0.1, 0.1, 0.9])}, "inertia_kgm2 is"),
-        ({"size_m": (0.4, 0.0, 0.2)}, "size_m is"),
+        ({"added_mass": "heavy"}, "added_mass is 'heavy'"),
+        ({"added_mass": 1e3 * np.diag([6.4, 7.1, 18.7, 0.2, 0.1, 0.2])}, r"added_mass of surge is 6400\.0: grams\?"),
+        ({"inertia_kgm2": np.diag([5.25, 7.94, 6.91])}, r"inertia_kgm2 has 7\.94 kg m2, 4\.4 times the most"),
+        ({"mass_kg": 13500.0}, r"mass_kg is 13500\.0: grams\?"),
+        ({"mass_kg": math.inf}, "mass_kg is inf"),
+        ({"mass_kg": True}, "mass_kg is True, which is no number"),
+        ({"mass_kg": "13.5"}, "mass_kg is '13.5', which is no number"),
+        ({"mass_kg": 150.0}, r"mass by volume is 11194\."),
+        ({"volume_m3": 13.4}, r"volume_m3 is 13\.4: litres\?"),
+        ({"volume_m3": 13400}, r"volume_m3 is 13400: cubic centimetres\?"),
+        ({"net_buoyancy_n": 1500.0}, r"net_buoyancy_n is 1500\.0: millinewtons\?"),
+        ({"net_buoyancy_n": math.nan}, "net_buoyancy_n is nan"),
+        ({"centre_of_buoyancy_m": (0.0, 0.0, 10.0)}, r"centre_of_buoyancy_m of z is 10\.0: millimetres\?"),
+        ({"centre_of_mass_m": (0.0, -0.3, 0.0)}, r"centre_of_mass_m, off the middle in y, is 0\.3"),
+        ({"centre_of_mass_m": (0.0, 0.0)}, r"centre_of_mass_m is \(0\.0, 0\.0\): 2 numbers, not 3"),
+        ({"thrusters": HEAVY.thrusters[0]}, "thrusters is one Thruster, not a row of them"),
+        ({"thrusters": ("T1",)}, "thrusters has 'T1' where a Thruster is due"),
+        ({"size_m": (457.0, 575.0, 254.0)}, r"size_m of length is 457\.0: millimetres\?"),
+        ({"size_m": (0.4, 0.0, 0.2)}, "size_m of width is 0.0"),
     ],
 )
 def test_a_number_that_cannot_be_is_named(change: dict[str, object], message: str) -> None:
@@ -81,8 +109,12 @@ def test_a_thruster_named_twice_or_pointing_nowhere_is_refused() -> None:
         replace(HEAVY, thrusters=(first, first))
     with pytest.raises(ParameterError, match=r"Thruster 'T1'.* is 0\.5 long"):
         Thruster("T1", (0.0, 0.0, 0.0), (0.5, 0.0, 0.0))
-    with pytest.raises(ParameterError, match="Thruster 'T1'"):
+    with pytest.raises(ParameterError, match="Thruster 'T1': position_m of y is nan"):
         Thruster("T1", (0.0, float("nan"), 0.0), (1.0, 0.0, 0.0))
+    with pytest.raises(ParameterError, match=r"position_m of x is 156\.0: millimetres\?"):
+        Thruster("T1", (156.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+    with pytest.raises(ParameterError, match="A thruster is named ''"):
+        Thruster("", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
 
 
 def test_a_vehicle_without_thrusters_is_one_too() -> None:

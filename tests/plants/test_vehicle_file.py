@@ -7,6 +7,8 @@ from snr_sim.plants.vehicle_file import read_vehicle
 from snr_sim.prelude.errors import ParameterError
 
 VEHICLES = Path(__file__).parents[2] / "robots" / "urov" / "vehicles"
+ADDED = "[6.3567, 7.1206, 18.6863, 0.1858, 0.1348, 0.2215]"
+ASKEW = str([[float(i == j) for j in range(6)] for i in range(5)] + [[0.2, 0.0, 0.0, 0.0, 0.0, 1.0]])
 TEXT = (VEHICLES / "benzon2022.toml").read_text(encoding="utf-8")
 
 
@@ -37,8 +39,7 @@ def test_vectors_and_matrices_are_turned_from_frd(tmp_path: Path) -> None:
     assert vehicle.thrusters[0].direction == pytest.approx((0.5**0.5, 0.5**0.5, 0.0))
     rows = [[6.0, 0.5, 0.3, 0, 0.2, 0], [0.5, 7.0, 0, 0, 0, 0], [0.3, 0, 18.0, 0, 0, 0],
             [0, 0, 0, 0.2, 0, 0], [0.2, 0, 0, 0, 0.2, 0], [0, 0, 0, 0, 0, 0.2]]  # fmt: skip
-    old = "[6.3567, 7.1206, 18.6863, 0.1858, 0.1348, 0.2215]"
-    full = read_vehicle(changed(tmp_path, old, str(rows)))
+    full = read_vehicle(changed(tmp_path, ADDED, str(rows)))
     signs = np.array([1, -1, -1, 1, -1, -1])
     assert full.added_mass == pytest.approx(np.array(rows) * np.outer(signs, signs))
 
@@ -59,6 +60,47 @@ def test_vectors_and_matrices_are_turned_from_frd(tmp_path: Path) -> None:
         ("volume_m3", "volum_m3", "has 'volum_m3', which is no number of a vehicle"),
         ("lacks = []", 'lacks = ["pitch"]', "lack authority in no axis, the file says pitch"),
         ("about =", "about", "cannot be read"),
+        ("value = 13.5,", "value = [13.5],", r"mine\.toml: mass_kg is \[13\.5\], which is no number"),
+        ("value = 13.5,", 'value = "13.5",', r"mine\.toml: mass_kg is '13\.5', which is no number"),
+        ("value = 13.5,", "value = true,", "mass_kg is True, which is no number"),
+        ("value = 13.5,", "value = inf,", "mass_kg is inf"),
+        ("value = 13.5,", "value = 13500,", r"mine\.toml: .* mass_kg is 13500\.0: grams\?"),
+        ("value = 13.5,", f"value = 1{400 * '0'},", "mass_kg is 1000.*which is no number"),
+        ("value = 13.5,", "value = 20,", r"mine\.toml: .*mass_kg 20; .* must weigh 13\.25 kg"),
+        ("value = 13.5,", "valeu = 13.5,", "mass_kg has 'valeu', which is no part of a number"),
+        (ADDED, "[6.4, 7.1, 18.7]", r"added_mass is \[6\.4, 7\.1, 18\.7\]: 3 numbers, not 6"),
+        (ADDED, "6.4", r"added_mass is 6\.4, which is no row of numbers"),
+        (ADDED, "{ surge = 6.4 }", "added_mass is {'surge': 6.4}, which is no row of numbers"),
+        (ADDED, "[6.4, 'x', 18.7, 0.2, 0.1, 0.2]", "added_mass of sway is 'x', which is no number"),
+        (ADDED, "[[1, 2], [3, 4]]", "added_mass has 2 rows, not 6"),
+        (ADDED, str([[1.0] * 6] * 5 + [[1.0]]), r"added_mass, row of yaw is \[1\.0\]: 1 numbers, not 6"),
+        (ADDED, ASKEW, "added_mass has 0 at surge, yaw, but 0.2 at yaw, surge"),
+        ("-0.01]", "-10]", r"centre_of_buoyancy_m of z is 10\.0: millimetres"),
+        ("-0.01]", "nan]", "centre_of_buoyancy_m of z is nan"),
+        ("[0.457, 0.575, 0.254]", "[0.457, 0.575]", "size_m is .* 2 numbers, not 3"),
+        ("lacks = []", 'lacks = "pitch"', "lacks is 'pitch', which is no list"),
+        ("lacks = []", 'lacks = ["pich"]', "lacks has 'pich', which is no axis"),
+        ('frame = "FRD"', 'frame = ["FRD"]', r"has the frame \['FRD'\]"),
+        ('frame = "FRD"', "", "lacks frame"),
+        ('about = "', 'about = 3 # "', "about is 3, which is no text"),
+        ('paper = "von', 'paper = 3 # "von', "sources: paper is 3, which tells nobody"),
+        ('thrusters_source = "paper"', 'thrusters_source = ["paper"]', r"thrusters_source is \['paper'\]"),
+        ('name = "T1"', "name = 1", "thruster 1: name is 1, which is no text"),
+        ('name = "T1"', "", "thruster 1 lacks name"),
+        (
+            'name = "T1"',
+            'name = "T1"\ncolour = "red"',
+            r"thruster 1 \('T1'\) has 'colour', which is no part of a thruster",
+        ),
+        ("position_m = [0.156, 0.111, 0.085]", "", r"thruster 1 \('T1'\) lacks position_m"),
+        ("position_m = [0.156, 0.111, 0.085]", "position_m = 3", r"thruster 1 \('T1'\): position_m is 3"),
+        ("position_m = [0.156, 0.111, 0.085]", "position_m = [nan, 0, 0]", r"\('T1'\): position_m of x is nan"),
+        (
+            "position_m = [0.156, 0.111, 0.085]",
+            "position_m = [156, 111, 85]",
+            r"position_m of x is 156\.0: millimetres",
+        ),
+        ("direction = [0.70710678, -0.70710678, 0.0]", "direction = [1, 0]", "direction is .* 2 numbers, not 3"),
     ],
 )
 def test_a_mistake_in_a_file_is_told_in_its_words(tmp_path: Path, old: str, new: str, message: str) -> None:
@@ -80,3 +122,42 @@ def test_a_geometry_without_rank_is_refused_unless_the_file_says_so(tmp_path: Pa
 def test_a_missing_file_is_told(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match=r"nowhere\.toml cannot be read"):
         read_vehicle(tmp_path / "nowhere.toml")
+
+
+def test_a_misspelt_key_is_answered_with_the_nearest_name(tmp_path: Path) -> None:
+    for old, new, meant in (
+        ("volume_m3", "volum_m3", "volume_m3"),
+        ("position_m", "positon_m", "position_m"),
+        ("value = 13.5", "valeu = 13.5", "value"),
+        ("lacks", "lack", "lacks"),
+    ):
+        with pytest.raises(ParameterError) as caught:
+            read_vehicle(changed(tmp_path, old, new))
+        assert f"did you mean '{meant}'?" in caught.value.fix
+
+
+def test_one_thruster_that_is_no_list_of_them_is_told_how_to_begin(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    one = '[thruster]\nname = "T1"\nposition_m = [0.0, 0.0, 0.0]\ndirection = [1.0, 0.0, 0.0]\n'
+    path.write_text(TEXT[: TEXT.index("[[thruster]]")] + one, encoding="utf-8")
+    with pytest.raises(ParameterError, match=r"mine\.toml: thruster is {'name': 'T1'") as caught:
+        read_vehicle(path)
+    assert "[[thruster]]" in caught.value.fix
+
+
+def test_bytes_that_are_no_text_are_told_with_their_line(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_bytes(TEXT.replace("von Benzon", "von B\xe9nzon", 1).encode("latin-1"))
+    with pytest.raises(
+        ParameterError, match=r"mine\.toml cannot be read: line 4 has the byte 0xe9, which is not UTF-8"
+    ):
+        read_vehicle(path)
+    path.write_text(TEXT.replace("[141.0", 3000 * "[" + "141.0"), encoding="utf-8")
+    with pytest.raises(ParameterError, match="cannot be read"):
+        read_vehicle(path)
+
+
+def test_a_file_as_notepad_saves_it_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "benzon2022.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + TEXT.replace("\n", "\r\n").encode())
+    assert read_vehicle(path).linear_damping == read_vehicle(VEHICLES / "benzon2022.toml").linear_damping

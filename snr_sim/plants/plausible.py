@@ -1,0 +1,177 @@
+"""What the numbers of a small vehicle in a pool can be: one table of limits, each with its reason.
+
+They are wide: what lies outside is not unusual but a slip, most often of the unit, and the message names the unit that
+would explain it. A limit tells a slip before a dive, where physics would tell it as a vehicle that behaves oddly.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from numbers import Real
+from typing import Any
+
+from snr_sim.prelude.errors import ParameterError
+
+GRAMS = {"grams": 1e-3}
+MILLIMETRES = {"millimetres": 1e-3, "centimetres": 1e-2}
+LITRES = {"litres": 1e-3, "cubic centimetres": 1e-6}
+DEGREES = {"degrees": math.pi / 180.0}
+IS_ABOVE = True  # the least number itself cannot be
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What a number can be.
+
+    Args:
+        least, most: both can be, unless `is_above`, when `least` itself cannot.
+        unit: of it.
+        why: nothing lies outside.
+        slips: units that somebody may have used instead, and how many of ours each is.
+        is_above: whether it must be more than `least`.
+    """
+
+    least: float
+    most: float
+    unit: str = ""
+    why: str = ""
+    slips: Mapping[str, float] = field(default_factory=dict)
+    is_above: bool = False
+
+    def holds(self, value: float) -> bool:
+        """Returns whether a number can be; NaN never can."""
+        return self.least <= value <= self.most and not (self.is_above and value == self.least)
+
+    def wanted(self) -> str:
+        """Returns in words what is wanted."""
+        unit = f" {self.unit}" if self.unit else ""
+        if math.isinf(self.least) and math.isinf(self.most):
+            return f"a finite number{unit and ' of' + unit}"
+        start = f"more than {self.least:g} and at most" if self.is_above else f"{self.least:g} to"
+        return f"{start} {self.most:g}{unit}"
+
+
+# fmt: off
+LIMITS = {
+    # a vehicle
+    "mass_kg": Limit(0.5, 200.0, "kg", "four people lift no more over the edge of a pool, and thrusters and a battery "
+                     "weigh half a kilogram", GRAMS),
+    "volume_m3": Limit(0.0005, 0.2, "m3", "what floats has a litre for each kilogram", LITRES),
+    "density_kgm3": Limit(500.0, 2000.0, "kg/m3", "what thrusters can hold at a depth weighs about as much as the "
+                          "water it displaces"),
+    "net_buoyancy_n": Limit(-50.0, 50.0, "N", "pilots trim to 1 or 2 N, and small thrusters must hold it down",
+                            {"millinewtons": 1e-3}),
+    "ballast_share": Limit(-0.1, 0.1, "", "trim is a matter of a few hundred grams"),
+    "size_m": Limit(0.05, 3.0, "m", "it fits into a pool, and its thrusters onto it", MILLIMETRES),
+    "place_m": Limit(-3.0, 3.0, "m", "no part of a small vehicle is farther from its origin", MILLIMETRES),
+    "inertia_share": Limit(0.0, 1.0, "", "all of the mass in the corners of the frame has no more", {}, IS_ABOVE),
+    "added_mass_share": Limit(0.0, 10.0, "", "a plate as large as the frame, moved against its face, takes along about "
+                              "four times the displaced water", GRAMS),
+    "linear_damping": Limit(0.0, 1000.0, "per m/s or rad/s", "it stands here without its minus, and published sets of "
+                            "small vehicles end at 50"),
+    "quadratic_damping": Limit(0.0, 5000.0, "per (m/s)^2 or (rad/s)^2", "it stands here without its minus, and a plate "
+                               "of a square metre, moved against its face, has about 600"),
+    # a dive
+    "time_s": Limit(0.0, 1e6, "s", "a dive begins at 0 s, and nobody waits for ten days", {"milliseconds": 1e-3}),
+    "speed_mps": Limit(-10.0, 10.0, "m/s", "the strongest tidal streams run at about that",
+                       {"centimetres a second": 1e-2, "millimetres a second": 1e-3}),
+    "start_mps": Limit(-100.0, 100.0, "m/s", "nothing begins a dive faster"),
+    "start_radps": Limit(-100.0, 100.0, "rad/s", "nothing begins a dive faster", DEGREES),
+    "angle_rad": Limit(-2.0 * math.pi, 2.0 * math.pi, "rad", "a full turn is 6.28 rad", DEGREES),
+    "position_m": Limit(-1e5, 1e5, "m", "no basin is larger", MILLIMETRES),
+    "load_kg": Limit(0.0, 100.0, "kg", "more would not hang at a small vehicle", GRAMS, IS_ABOVE),
+    "load_m3": Limit(0.0, 0.2, "m3", "a kilogram of lead displaces 0.000088", LITRES),
+    "leak_lps": Limit(0.0, 10.0, "l/s", "the hull is full in a second", {"cubic centimetres a second": 1e-3}),
+    "leak_l": Limit(0.0, 200.0, "l", "no small hull holds more", {"cubic centimetres": 1e-3}),
+    "share": Limit(0.0, 1.0, "", "it is a share of the whole", {"percent": 1e-2}),
+    # a tether
+    "length_m": Limit(0.0, 2000.0, "m", "tethers of small vehicles end at some hundred metres", MILLIMETRES, IS_ABOVE),
+    "diameter_m": Limit(0.0, 0.05, "m", "a small vehicle cannot drag a thicker one", MILLIMETRES, IS_ABOVE),
+    "modulus_pa": Limit(0.0, 2.5e11, "Pa", "steel has 2e11", {}, IS_ABOVE),
+    "across": Limit(0.0, 5.0, "", "a smooth cylinder has 1.2, one that sways in the flow up to 3"),
+    "along": Limit(0.0, 1.0, "", "skin friction is about 0.01"),
+    "damping_share": Limit(0.0, 10.0, "", "1 is critical"),
+    # a pool
+    "basin_m": Limit(0.5, 1e5, "m", "a vehicle fits in, and no basin is larger", MILLIMETRES),
+    "water_kgm3": Limit(500.0, 2000.0, "kg/m3", "fresh water has 1000, the sea 1026", {"kg/l": 1000.0}),
+    "gravity_mps2": Limit(0.1, 30.0, "m/s2", "Earth has 9.81"),
+    "temperature_c": Limit(-5.0, 60.0, "degrees Celsius", "it is liquid, and divers can stand it"),
+    "gate_m": Limit(0.1, 100.0, "m", "something can go through, and it fits into a basin", MILLIMETRES),
+}
+# fmt: on
+FINITE = Limit(-math.inf, math.inf)
+
+
+def check_number(what: str, value: Any, limit: Limit = FINITE, axis: str = "") -> None:
+    """Checks that a value is a number that can be.
+
+    Args:
+        what: it is, for the message: "The tether's length_m".
+        value: that was given.
+        limit: for it; see `LIMITS`.
+        axis: of it, if it is one of several.
+
+    Raises:
+        ParameterError: it is none; the message says what was found and what is wanted.
+    """
+    name = f"{what} of {axis}" if axis else what
+    if not is_number(value):
+        hint = ", without quotation marks" if isinstance(value, str) else ""
+        raise ParameterError(f"{name} is {shown(value)}, which is no number.", fix=f"give {limit.wanted()}{hint}.")
+    if limit.holds(value) and math.isfinite(value):
+        return
+    unit = next((unit for unit, factor in limit.slips.items() if value and limit.holds(value * factor)), None)
+    slip = f": {unit}?" if unit and math.isfinite(value) else "."
+    why = f": {limit.why}" if limit.why else ""
+    raise ParameterError(f"{name} is {value}{slip}", fix=f"give {limit.wanted()}{why}.")
+
+
+def check_vector(what: str, value: Any, limit: Limit = FINITE, axes: Sequence[str] = ("x", "y", "z")) -> None:
+    """Checks that a value is a row of numbers, one for each axis.
+
+    Raises:
+        ParameterError: it is none; the message says which of them is wrong.
+    """
+    if isinstance(value, str) or not hasattr(value, "__len__") or isinstance(value, Mapping):
+        raise ParameterError(
+            f"{what} is {shown(value)}, which is no row of numbers.", fix=f"give {len(axes)}: {', '.join(axes)}."
+        )
+    if len(value) != len(axes):
+        raise ParameterError(
+            f"{what} is {shown(value)}: {len(value)} numbers, not {len(axes)}.", fix=f"give {', '.join(axes)}."
+        )
+    for axis, one in zip(axes, value, strict=True):
+        check_number(what, one, limit, axis)
+
+
+def check_members(what: str, value: Any, kind: type) -> None:
+    """Checks that a value is a tuple or list of one kind of thing.
+
+    Raises:
+        ParameterError: it is none.
+    """
+    name = kind.__name__
+    if isinstance(value, kind):
+        raise ParameterError(f"{what} is one {name}, not a row of them.", fix=f"write ({name}(...),) with the comma.")
+    odd = value if not isinstance(value, tuple | list) else next((x for x in value if not isinstance(x, kind)), None)
+    if odd is not None or value is None:
+        raise ParameterError(f"{what} has {shown(odd)} where a {name} is due.", fix=f"give a tuple of {name}(...).")
+
+
+def is_number(value: Any) -> bool:
+    """Returns whether a value is a number; true and false are none, and neither is one too large for a float."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return False
+    try:
+        float(value)
+    except OverflowError:
+        return False
+    return True
+
+
+def shown(value: Any) -> str:
+    """Returns a value for a message, shortened."""
+    text = repr(value)
+    return text if len(text) <= 80 else f"{text[:77]}..."
