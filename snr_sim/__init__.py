@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from snr_sim.core.runners import CliRunner, SimRunner, SynchronousRunner, TestRunner
     from snr_sim.core.watch import WatchLoopFactory
     from snr_sim.prelude import tasks
+    from snr_sim.prelude.device import Health, PwmOut, Stale
     from snr_sim.prelude.errors import SnrError
+    from snr_sim.prelude.life_cycle import LifeCycle
     from snr_sim.prelude.page import DataKey, Page
     from snr_sim.prelude.task import (
         SomeTasks,
@@ -72,7 +74,9 @@ _PLACES = {
     "snr_sim.core.profiler": ("Profiler",),
     "snr_sim.core.runners": ("CliRunner", "SimRunner", "SynchronousRunner", "TestRunner"),
     "snr_sim.core.watch": ("WatchLoopFactory",),
+    "snr_sim.prelude.device": ("Health", "PwmOut", "Stale"),
     "snr_sim.prelude.errors": ("SnrError",),
+    "snr_sim.prelude.life_cycle": ("LifeCycle",),
     "snr_sim.prelude.page": ("DataKey", "Page"),
     "snr_sim.prelude.task": (
         "SomeTasks",

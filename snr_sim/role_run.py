@@ -1,8 +1,8 @@
 """One role of a scenario by itself, on the wall clock: its links reach the other roles, in processes of their own.
 
 The role that has the devices has the plant, too, which keeps up with the clock. The referee looks at it whenever a
-sensor has been read. A role without devices has no body that could be judged: it has done what it should if it ends
-without an error.
+sensor has been read. A role without devices, or with real ones only, has no body that could be judged: it has done what
+it should if it ends without an error.
 """
 
 from __future__ import annotations
@@ -50,17 +50,17 @@ class World:
         self.simulation = simulation
         self.role = simulation.roles[0]
         self.clock = WallClock()
-        plant = simulation.plant()
-        self._paced = RealTimePlant(plant, self.clock)
+        plant = simulation.plant() if simulation.has_plant else None
+        self._paced = None if plant is None else RealTimePlant(plant, self.clock)
         reached: Any = self._paced  # of a plant, devices read and write only
-        self.config: Config = simulation.config(reached)
+        self.config: Config = simulation.config(reached, lambda: self.clock.now_s())
         factories = self.config.factories
         with_devices = [
             role
             for role in simulation.robot_file.ROLES
             if any(isinstance(one, (SensorLoopFactory, ActuatorLoopFactory)) for one in factories.get(role, []))
         ]
-        if len(with_devices) > 1:
+        if plant is not None and len(with_devices) > 1:
             raise ConfigError(
                 f"The roles {' and '.join(with_devices)} both have devices here, and there is only one plant: "
                 "in processes of their own, each would have another.",
@@ -94,10 +94,12 @@ class World:
     def start(self) -> None:
         """Has the plant's time begin with the clock's, now."""
         self.clock = WallClock()
-        self._paced.follow(self.clock)
+        if self._paced is not None:
+            self._paced.follow(self.clock)
 
     def now(self) -> Any:
-        """Returns a context with the plant as it is now."""
+        """Returns a context with the plant as it is now; only for a role that has one."""
+        assert self._paced is not None
         return self._paced.now()
 
 

@@ -22,6 +22,7 @@ from snr_sim.core.loop import LoopFactory
 from snr_sim.devices.loops import ActuatorLoopFactory
 from snr_sim.options import check_options
 from snr_sim.prelude.errors import ConfigError, SnrError, UnknownName, nearest
+from snr_sim.prelude.io import BENCH, parse_io
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import Rig, Robot
@@ -85,20 +86,32 @@ class Simulation:
 
     @property
     def is_apart(self) -> bool:
-        """Whether one role of several runs: on the wall clock, and its links reach for the others over the network."""
-        return self.request.role is not None and len(self.robot_file.ROLES) > 1
+        """Whether one role runs by itself, on the wall clock: one of several, or the only one with real devices."""
+        return not self.has_plant or (self.request.role is not None and len(self.robot_file.ROLES) > 1)
 
-    def config(self, plant: Plant | None) -> Config:
+    @property
+    def has_plant(self) -> bool:
+        """Whether any of the devices is simulated."""
+        return parse_io(self.request.io).kind != "pi"
+
+    @property
+    def has_wires(self) -> bool:
+        """Whether any of the devices is real, so that the run takes as long as it says."""
+        return parse_io(self.request.io).kind in (*BENCH, "pi")
+
+    def config(self, plant: Plant | None, clock_s: Callable[[], float] | None = None) -> Config:
         """Returns the robot's wiring.
 
         Args:
             plant: what the simulated devices reach; None for a replay, where no device is opened.
+            clock_s: the clock of the run, if it is not the plant's.
 
         Raises:
             ConfigError: the controller or the robot gives something else than factories.
         """
         controller = self._factories()
-        rig = Rig(self._robot, self.request.io, self.request.seed, plant)
+        io = parse_io(self.request.io)
+        rig = Rig(self._robot, io.kind, self.request.seed, plant, io.where, clock_s)
         roles = call_student(self.robot_file.roles, "roles(rig, controller)", rig, controller)
         given = roles if isinstance(roles, dict) else {}
         missing = [role for role in self.roles if not isinstance(given.get(role), (list, tuple))]
@@ -188,9 +201,14 @@ def prepare(request: Request) -> Simulation:
             f"Scenario '{scenario_found.name}' does not run on engine '{engine}'.",
             fix=nearest(engine, scenario.ENGINES),
         )
-    if request.io not in robot.IO:
+    if parse_io(request.io).kind not in robot.IO:
         raise UnknownName(
             f"Robot '{robot_found.name}' has no devices for --io {request.io}.", fix=nearest(request.io, robot.IO)
+        )
+    if request.io == "pi" and request.role is None and len(robot.ROLES) > 1:
+        raise UnknownName(
+            f"With --io pi each role of robot '{robot_found.name}' runs by itself, where its devices are.",
+            fix=f"--role {robot.ROLES[0]} on the vehicle, and --role {robot.ROLES[-1]} where the pilot is.",
         )
     if request.role is not None and request.role not in robot.ROLES:
         raise UnknownName(

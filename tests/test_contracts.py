@@ -8,9 +8,12 @@ import pytest
 from snr_sim import library
 from snr_sim.core.config import AnyFactory
 from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
+from snr_sim.devices.pwm_loop import PwmLoopFactory
+from snr_sim.prelude.device import PwmOut
 from snr_sim.prelude.scenario import Rig, Robot
 from snr_sim.prelude.signals import EngineCommand, PwmCommand
 from snr_sim.testing.contracts import check_actuator, check_plant, check_sensor
+from snr_sim.testing.pwm_contract import check_pwm_out
 
 # A valid command for each input that any plant has, so that plants are checked under way and not only at rest.
 COMMANDS = {
@@ -23,6 +26,39 @@ def load(found: library.Found) -> tuple[ModuleType, ModuleType]:
     """The scenario and its robot."""
     robot = library.load_robot(library.find("robots", library.robot_of_scenario(found)))
     return library.load_scenario(found), robot
+
+
+class PlantBench:
+    """The outputs of a simulated vehicle: the plant's thrusters show what comes to them."""
+
+    can_unplug = False
+
+    def __init__(self, io: str) -> None:
+        found = library.find("scenarios", "urov_depth_hold")
+        self.scenario, self.robot = load(found)
+        self.plant = self.scenario.plant(1, "mujoco")
+        about = Robot(self.scenario.ROBOT, "urov", found.name, "mujoco", self.scenario.parameters(1), {})
+        self.rig = Rig(about, io, 1, self.plant)
+        self.io = io
+
+    def open(self) -> PwmOut:
+        out: PwmOut = self.robot.DEVICES[self.io]["pwm"](self.rig)
+        return out
+
+    def now_s(self) -> float:
+        return self.plant.time_s
+
+    def advance(self, seconds: float) -> None:
+        for _ in range(round(seconds / self.plant.step_s)):
+            self.plant.step(self.plant.step_s)
+
+    def pins_us(self) -> list[float] | None:
+        return None if self.io == "mirror" else [float(one) for one in self.plant.snapshot().pulses]
+
+    def unplug(self) -> None:
+        raise NotImplementedError("no wire")
+
+    plug_in = unplug
 
 
 every_scenario = pytest.mark.parametrize(
@@ -65,4 +101,10 @@ def test_actuators_keep_their_promise(found: library.Found, engine: str) -> None
     actuators = [factory for factory in devices(found, engine) if isinstance(factory, ActuatorLoopFactory)]
     assert actuators
     for actuator in actuators:
-        check_actuator(actuator.open_device, COMMANDS[actuator.key])
+        if not isinstance(actuator, PwmLoopFactory):
+            check_actuator(actuator.open_device, COMMANDS[actuator.key])
+
+
+@pytest.mark.parametrize("io", ["sim", "mirror"])
+def test_outputs_of_pulses_keep_their_promise(io: str) -> None:
+    check_pwm_out(PlantBench(io))

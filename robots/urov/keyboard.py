@@ -16,7 +16,9 @@ from typing import Any
 
 import msgspec
 
+from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import MissingExtra, SensorLost
+from snr_sim.prelude.life_cycle import LifeCycle
 from snr_sim.prelude.signals import PadReading
 
 from .pad_pilot import AXES, AXIS_COUNT, BUTTON_COUNT, BUTTONS
@@ -33,7 +35,7 @@ MOST_WAITING = 8  # presses: whoever leans on a key is not obeyed for seconds af
 BUTTON_KEYS = {"1": "arm", "2": "disarm", " ": "stop", "c": "clear", "-": "mode_down", "+": "mode_up", "=": "mode_up"}
 
 
-class Keyboard:
+class Keyboard(LifeCycle):
     """Keeps the promise of Sensor.
 
     Args:
@@ -48,7 +50,6 @@ class Keyboard:
         self._until_s: dict[str, float] = {}  # of keys that move a stick
         self._presses: list[str] = []  # of buttons, that wait for a reading of their own
         self._down = ""  # the button that was down in the last reading
-        self._is_open = True
 
     def read(self) -> PadReading:
         """Returns sticks and buttons as the keys have them.
@@ -56,7 +57,7 @@ class Keyboard:
         Raises:
             SensorLost: it was closed.
         """
-        if not self._is_open or self._typed is None:
+        if self.state == "closed" or self._typed is None:
             raise SensorLost("The keyboard has been closed.", fix="read before close().")
         now_s, buttons, axes = self._now_s(), [False] * BUTTON_COUNT, [0.0] * AXIS_COUNT
         for key in self._typed().lower():
@@ -89,14 +90,13 @@ class Keyboard:
             return ""
         return self._presses.pop(0)
 
-    def close(self) -> None:
-        """Gives the terminal back. Safe to call twice."""
-        self._is_open = False
+    def on_close(self) -> None:
+        """Gives the terminal back."""
         if self._terminal is not None:
             self._terminal.give_back()
 
 
-class Hands:
+class Hands(LifeCycle):
     """A game controller if one is plugged in, else the keyboard; its buttons always count. Keeps the promise of Sensor.
 
     Args:
@@ -119,14 +119,13 @@ class Hands:
         keys: PadReading = self._keyboard.read()
         if self._pad is None:
             return keys
-        try:
-            pad: PadReading = self._pad.read()
-        except SensorLost:
+        pad: PadReading | Stale = self._pad.read()
+        if isinstance(pad, Stale):
             return keys
         either = zip_longest(pad.buttons, keys.buttons, fillvalue=False)
         return msgspec.structs.replace(pad, buttons=[pads or keyboards for pads, keyboards in either])
 
-    def close(self) -> None:
+    def on_close(self) -> None:
         """Lets go of both."""
         if self._pad is not None:
             self._pad.close()

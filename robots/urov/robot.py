@@ -21,15 +21,19 @@ from functools import partial
 from typing import Any
 
 from snr_sim.devices.camera import Camera, CameraLoopFactory
-from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
+from snr_sim.devices.loops import SensorLoopFactory
+from snr_sim.devices.mirror import MirrorPwm
 from snr_sim.devices.pad import PadLoopFactory
+from snr_sim.devices.pwm_backend import PwmBackend
+from snr_sim.devices.pwm_loop import PwmLoopFactory
 from snr_sim.devices.pygame_pad import PygamePad
-from snr_sim.devices.simulated import SimActuator, SimSensor
+from snr_sim.devices.sim_pwm import SimPwm
+from snr_sim.devices.simulated import SimSensor
 from snr_sim.plants.t200 import LEAST_US, MOST_US
 from snr_sim.prelude.component import Factory
+from snr_sim.prelude.device import LEASE_S
 from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
 from snr_sim.prelude.scenario import Rig
-from snr_sim.prelude.signals import PwmCommand
 from snr_sim.std_mods.comms.sockets import SocketsPair
 
 from .display import DisplayFactory
@@ -41,7 +45,6 @@ from .seeing_pilot import SeeingPilotFactory
 from .sight import EYES
 
 ROLES = ("urov", "topside")
-IO = ("sim",)
 PILOTS = ("scripted", "hands")
 OPTIONS = {
     "pilot": "who flies: scripted, or hands (game controller, keyboard)",
@@ -82,21 +85,34 @@ def hands(rig: Rig) -> Hands:
     return Hands(PygamePad)
 
 
-def sim_pwm(rig: Rig) -> SimActuator[PwmCommand]:
+def sim_pwm(rig: Rig) -> PwmBackend:
     """Opens the simulated outputs to the speed controllers."""
-    return SimActuator(rig.plant, "pwm", PwmCommand, {"pulses_us": (LEAST_US, MOST_US)})
+    return SimPwm(rig.plant, rig.now_s, thruster_count(rig), limits_us=(LEAST_US, MOST_US))
+
+
+def mirror_pwm(rig: Rig) -> PwmBackend:
+    """Opens outputs with nothing behind them."""
+    return MirrorPwm(rig.now_s, thruster_count(rig), (LEAST_US, MOST_US))
+
+
+def thruster_count(rig: Rig) -> int:
+    """Returns how many thrusters the vehicle has."""
+    return len(rig.robot.parameters.vehicle.thrusters)
 
 
 # What each device is, for each way of running the robot. Nothing else decides between simulation and hardware.
-DEVICES: dict[str, dict[str, Callable[[Rig], Any]]] = {
-    "sim": {
-        **{name: partial(sim_sensor, name=name) for name in SENSORS},
-        "camera": sim_camera,
-        "place": sim_eyes,
-        "pwm": sim_pwm,
-        "hands": hands,
-    },
+SIMULATED: dict[str, Callable[[Rig], Any]] = {
+    **{name: partial(sim_sensor, name=name) for name in SENSORS},
+    "camera": sim_camera,
+    "place": sim_eyes,
+    "pwm": sim_pwm,
+    "hands": hands,
 }
+DEVICES: dict[str, dict[str, Callable[[Rig], Any]]] = {
+    "sim": SIMULATED,
+    "mirror": {**SIMULATED, "pwm": mirror_pwm},
+}
+IO = tuple(DEVICES)
 
 
 def address(options: Mapping[str, str], port: int) -> tuple[str, int]:
@@ -120,7 +136,7 @@ def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
     if camera is not None:
         open_camera = partial(devices["camera"], rig)
         sensors.insert(0, CameraLoopFactory("camera", open_camera, 1.0 / camera.period_s, process=False))
-    pwm = ActuatorLoopFactory("pwm", partial(devices["pwm"], rig), parameters.pwm_hz, timeout_s=0.25)
+    pwm = PwmLoopFactory("pwm", partial(devices["pwm"], rig), parameters.pwm_hz, timeout_s=LEASE_S)
     return {
         "urov": [tether.server(TO_TOPSIDE, accept=["controls"]), *sensors, *controller, pwm],
         "topside": [tether.client("controls", accept=TO_TOPSIDE), *_pilot(rig, parameters)],

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from snr_sim.flight import Result
     from snr_sim.recording.records import Header
     from snr_sim.recording.trace import TraceWriter
-    from snr_sim.simulation import Request
+    from snr_sim.simulation import Request, Simulation
     from snr_sim.std_mods.console.command_receiver import CommandReceiverFactory
 
 
@@ -25,7 +25,9 @@ def run(
     engine: Annotated[str, typer.Option(help="Physics engine; the scenario's first if not given.")] = "",
     controller: Annotated[str, typer.Option(help="One of the robot's by name, or a file: ./mine.py.")] = "",
     role: Annotated[str, typer.Option(help="Runs one role only: in real time, beside the others.")] = "",
-    io: Annotated[str, typer.Option(help="Where devices are: a row of the robot's table.")] = "sim",
+    io: Annotated[
+        str, typer.Option(help="Where devices are: sim, emulated, mcu:PORT, pi, ...", envvar="SNR_SIM_IO")
+    ] = "sim",
     speed: Annotated[str, typer.Option(help="'fast', 'real', or a multiple of real time such as 4.")] = "fast",
     option: Annotated[list[str], typer.Option(help="KEY=VALUE, see `snr list robots`; may be repeated.")] = [],  # noqa: B006
     out: Annotated[Path, typer.Option(help="Folder that run folders go into.")] = Path("runs"),
@@ -103,6 +105,7 @@ def record_run(
     place, out = out, out.resolve()  # the student's code may change the current folder
     with guarded(is_quiet), ExitStack() as stack:
         simulation = prepare(request)
+        pace = _pace_with_wires(simulation, pace)
         world = World(simulation) if simulation.is_apart else None
         if world is not None and pace not in (None, 1.0):
             from snr_sim.prelude.errors import ParameterError
@@ -164,6 +167,19 @@ def record_run(
             _keep_result(folder, fields, result)
     _say(fields, result, is_quiet)
     return fields, 0 if result.success else 1
+
+
+def _pace_with_wires(simulation: Simulation, pace: float | None) -> float | None:
+    """Returns the pace; real devices have only one.
+
+    Raises:
+        ParameterError: another one was asked for.
+    """
+    if not simulation.has_wires or pace in (None, 1.0):
+        return 1.0 if simulation.has_wires else pace
+    from snr_sim.prelude.errors import ParameterError
+
+    raise ParameterError(f"With --io {simulation.request.io} devices are real, and so is time.", fix="--speed real.")
 
 
 def _keep_result(folder: Path, fields: dict[str, Any], result: Result) -> None:

@@ -127,10 +127,9 @@ class CameraLoopFactory(SensorLoopFactory):
 class CameraLoop(SensorLoop):
     """Stores `{field: value}` of the newest picture, which stays an array."""
 
-    def loop(self) -> None:
-        """Reads once."""
-        factory = self.factory
-        self.store_data(factory.key, msgspec.structs.asdict(self.sensor.read()), factory.process)
+    def data_of(self, reading: CameraReading) -> dict[str, Any]:
+        """Returns what the page of a picture holds."""
+        return msgspec.structs.asdict(reading)
 
 
 def _turned(attitude: list[float], way: tuple[float, float, float]) -> tuple[float, float, float]:

@@ -15,9 +15,28 @@ from snr_sim.core.authors import who_stored
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.devices.commands import command_of, in_words
-from snr_sim.prelude.device import Actuator, Sensor
-from snr_sim.prelude.errors import CommandError
+from snr_sim.prelude.device import Actuator, Device, Sensor, Stale
+from snr_sim.prelude.errors import CommandError, DeviceError
 from snr_sim.prelude.page import Page
+
+STALE_NOTES = 5  # a loose plug is not told of for ever
+
+
+def started(device: Any, what: str) -> Any:
+    """Returns a device that has just been opened, configured and active.
+
+    Raises:
+        DeviceError: it is none; or what its `configure` and `activate` say.
+    """
+    if not isinstance(device, Device):
+        raise DeviceError(
+            f"What was opened as {what} is {device!r}, which lacks one of configure, activate, deactivate, health "
+            "and close.",
+            fix="derive its class from snr_sim.LifeCycle, which has them.",
+        )
+    device.configure()
+    device.activate()
+    return device
 
 
 class SensorLoopFactory(LoopFactory):
@@ -43,18 +62,53 @@ class SensorLoopFactory(LoopFactory):
 
 
 class SensorLoop(Loop):
-    """Stores `{field: value}` of the newest reading under the sensor's key."""
+    """Stores `{field: value}` of the newest reading under the sensor's key.
+
+    While the sensor has none nothing is stored, so the page grows old (`get_age_s`), and it is said once.
+    """
 
     factory: SensorLoopFactory
 
     def setup(self) -> None:
         """Opens the sensor."""
-        self.sensor = self.factory.open_device()
+        self._stale_times = 0
+        self._is_stale = False
+        self.sensor = started(self.factory.open_device(), f"the sensor '{self.factory.key}'")
 
     def loop(self) -> None:
         """Reads once."""
         factory = self.factory
-        self.store_data(factory.key, msgspec.to_builtins(self.sensor.read()), factory.process)
+        reading = self.sensor.read()
+        if type(reading) is Stale:
+            self._say_stale(reading)
+            return
+        if self._is_stale:
+            self._is_stale = False
+            self._say("answers again")
+        self.store_data(factory.key, self.data_of(reading), factory.process)
+
+    def data_of(self, reading: Any) -> dict[str, Any]:
+        """Returns what the page of a reading holds."""
+        data: dict[str, Any] = msgspec.to_builtins(reading)
+        return data
+
+    def _say_stale(self, stale: Stale) -> None:
+        if not self._is_stale:
+            self._is_stale = True
+            self._stale_times += 1
+            self._say(f"has no reading: {stale.why}")
+
+    def _say(self, what: str) -> None:
+        text = f"Sensor '{self.factory.key}', t = {self.get_time_s():.2f} s: it {what}"
+        if self._stale_times < STALE_NOTES:
+            self.parent.note(text)
+        elif self._stale_times == STALE_NOTES:
+            self.parent.note(f"{text} (no more is said of that)")
+
+    def halt(self) -> None:
+        """Ends measuring."""
+        if "sensor" in self.__dict__:
+            self.sensor.deactivate("the robot's program ends")
 
     def terminate(self) -> None:
         """Closes the sensor."""
@@ -72,9 +126,7 @@ class ActuatorLoopFactory(LoopFactory):
         timeout_s: age from which a command no longer counts.
     """
 
-    def __init__(
-        self, key: str, open_device: Callable[[], Actuator[Any]], rate_hz: float, timeout_s: float = 0.5
-    ) -> None:
+    def __init__(self, key: str, open_device: Callable[[], Device], rate_hz: float, timeout_s: float = 0.5) -> None:
         super().__init__()
         self.key = key
         self.open_device = open_device
@@ -93,7 +145,7 @@ class ActuatorLoop(Loop):
 
     def setup(self) -> None:
         """Opens the actuator and puts it at neutral."""
-        self.actuator = self.factory.open_device()
+        self.actuator: Actuator[Any] = started(self.factory.open_device(), f"the actuator '{self.factory.key}'")
         self.actuator.neutral()
         self._written: Page | None = None
         self._clamped: set[str] = set()
@@ -118,7 +170,7 @@ class ActuatorLoop(Loop):
             actuator.neutral()
             raise self._blamed(page, error) from error
         if applied != command:
-            self._say_clamped(command, applied)
+            self._say_clamped(command, applied, actuator.limits)
 
     def _blamed(self, page: Page, error: CommandError) -> CommandError:
         """Returns the error with whoever stored the page, whose line comes first if it is known."""
@@ -132,13 +184,13 @@ class ActuatorLoop(Loop):
         lines, who = who_stored(page.key, others)
         return CommandError(f"{lines}{what}\n  It was stored {when} by {who}.", fix=error.fix)
 
-    def _say_clamped(self, command: Any, applied: Any) -> None:
+    def _say_clamped(self, command: Any, applied: Any, limits: dict[str, tuple[float, float]]) -> None:
         for field in command.__struct_fields__:
             wanted, got = getattr(command, field), getattr(applied, field)
             if wanted != got and field not in self._clamped:
                 self._clamped.add(field)
                 self.parent.note(
-                    f"Command '{self.factory.key}.{field}' = {_shown(wanted)} is outside {self.actuator.limits[field]} "
+                    f"Command '{self.factory.key}.{field}' = {_shown(wanted)} is outside {limits[field]} "
                     f"and was clamped to {_shown(got)} (said once; t = {self.get_time_s():.2f} s)."
                 )
 
@@ -146,6 +198,7 @@ class ActuatorLoop(Loop):
         """Goes to neutral."""
         if "actuator" in self.__dict__:
             self.actuator.neutral()
+            self.actuator.deactivate("the robot's program ends")
 
     def terminate(self) -> None:
         """Closes the actuator."""

@@ -12,8 +12,8 @@ import msgspec
 
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
-from snr_sim.prelude.device import Sensor
-from snr_sim.prelude.errors import SensorLost
+from snr_sim.devices.loops import started
+from snr_sim.prelude.device import Sensor, Stale
 from snr_sim.prelude.signals import PadReading
 
 
@@ -38,26 +38,26 @@ class PadLoopFactory(LoopFactory):
 
 
 class PadLoop(Loop):
-    """Stores readings; of a pad that is lost, one at rest, in the same tick and for as long as it is lost.
+    """Stores readings; of a pad that has none, one at rest, in the same tick and for as long as it has none.
 
-    Other sensors end the run when they are lost. A pad is unplugged by tripping over its cable, and comes back.
+    Of other sensors there is just no page meanwhile. A pad is unplugged by tripping over its cable, and comes back.
     """
 
     factory: PadLoopFactory
 
     def setup(self) -> None:
         """Opens the pad."""
-        self.pad = self.factory.open_device()
+        self.pad: Sensor[PadReading] = started(self.factory.open_device(), f"the pad '{self.factory.key}'")
         self._last = PadReading([], [], [], is_connected=False)
 
     def loop(self) -> None:
         """Reads once."""
-        try:
-            self._last = self.pad.read()
-        except SensorLost as lost:
+        reading = self.pad.read()
+        if isinstance(reading, Stale):
             if self._last.is_connected:
-                self.log.warning("%s", lost)
-            self._last = at_rest(self._last)
+                self.log.warning("%s", reading.why)
+            reading = at_rest(self._last)
+        self._last = reading
         self.store_data(self.factory.key, msgspec.to_builtins(self._last))
 
     def terminate(self) -> None:

@@ -10,7 +10,9 @@ import importlib
 import os
 from typing import TYPE_CHECKING
 
+from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import MissingExtra, SensorLost
+from snr_sim.prelude.life_cycle import LifeCycle
 from snr_sim.prelude.signals import PadReading
 
 if TYPE_CHECKING:
@@ -44,7 +46,7 @@ def start_pygame() -> ModuleType:
     return pygame
 
 
-class PygamePad:
+class PygamePad(LifeCycle):
     """A game controller. Keeps the promise of Sensor; one that was unplugged is found again by itself.
 
     Args:
@@ -58,15 +60,15 @@ class PygamePad:
         self._pygame = start_pygame()
         self._has_screen = self._pygame.display.get_driver() != "dummy"
         self._index = index
-        self._is_open = True
+        self.title = f"Game controller {index}"
 
-    def read(self) -> PadReading:
-        """Returns where sticks and buttons are.
+    def read(self) -> PadReading | Stale:
+        """Returns where sticks and buttons are; `Stale` while no pad is plugged in.
 
         Raises:
-            SensorLost: no pad is plugged in, or this one is closed.
+            SensorLost: it is closed.
         """
-        if not self._is_open:
+        if self.state == "closed":
             raise SensorLost("This pad has been closed.", fix="read before close().")
         pygame = self._pygame
         pygame.event.pump()  # has SDL look at what is plugged in, and where the sticks are
@@ -74,15 +76,11 @@ class PygamePad:
             pygame.event.clear()  # nobody else is there to take them
         count = pygame.joystick.get_count()
         if count <= self._index:
-            raise SensorLost(
-                f"Game controller {self._index} is not there: {count} are plugged in.", fix="plug it in; it is noticed."
+            return Stale(
+                f"Game controller {self._index} is not there: {count} are plugged in. It is noticed if it comes."
             )
         # Anew each time, which costs 1 us if it is open already: a pad that was lost and came back is another one.
         return _reading_of(pygame.joystick.Joystick(self._index))
-
-    def close(self) -> None:
-        """Lets go of it. Safe to call twice. SDL runs on, for other pads."""
-        self._is_open = False
 
 
 def _reading_of(pad: JoystickType) -> PadReading:

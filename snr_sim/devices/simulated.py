@@ -15,6 +15,7 @@ import msgspec
 
 from snr_sim.devices.sensor_errors import SensorErrors, Spoiler
 from snr_sim.prelude.errors import CommandError, DeviceError, ParameterError, SensorLost, nearest
+from snr_sim.prelude.life_cycle import LifeCycle
 from snr_sim.prelude.plant import Plant
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ CommandT = TypeVar("CommandT", bound=msgspec.Struct)
 SAME_TIME_S = 1e-9  # two times closer than this are one, whatever rounding made of them
 
 
-class SimSensor:
+class SimSensor(LifeCycle):
     """Reads one output of a plant, as late and as badly as told. Keeps the promise of Sensor.
 
     Args:
@@ -62,7 +63,7 @@ class SimSensor:
         self._past: deque[Any] = deque()
         self._newest: Any = None
         self._due_s = plant.time_s
-        self._is_open = True
+        self.title = f"The simulated sensor '{output}'"
 
     def read(self) -> Any:
         """Returns the newest reading.
@@ -70,7 +71,7 @@ class SimSensor:
         Raises:
             SensorLost: the sensor was closed.
         """
-        if not self._is_open:
+        if self.state == "closed":
             raise SensorLost(f"The simulated sensor '{self._output}' was closed.")
         if self._period_s == 0.0:
             return self._measured()
@@ -79,10 +80,6 @@ class SimSensor:
             self._due_s += self._period_s * (1 + (time_s - self._due_s) // self._period_s)
             self._newest = self._measured()
         return self._newest
-
-    def close(self) -> None:
-        """Ends reading. Safe to call twice."""
-        self._is_open = False
 
     def _measured(self) -> Any:
         reading = self._plant.read(self._output)
@@ -103,7 +100,7 @@ class SimSensor:
         return past[0]
 
 
-class SimActuator(Generic[CommandT]):
+class SimActuator(LifeCycle, Generic[CommandT]):
     """Drives one input of a plant. Keeps the promise of Actuator.
 
     Args:
@@ -124,7 +121,7 @@ class SimActuator(Generic[CommandT]):
         self._plant, self._input = plant, input_name
         self._type, self._limits = command_type, dict(limits)
         self._bounds = [(name, low, high) for name, (low, high) in limits.items()]
-        self._is_open = True
+        self.title = f"The simulated actuator '{input_name}'"
 
     @property
     def command_type(self) -> type[CommandT]:
@@ -143,7 +140,7 @@ class SimActuator(Generic[CommandT]):
             CommandError: it is not a command of this actuator, or a value is not a finite number. What was applied
                 before stays.
         """
-        if not self._is_open:
+        if self.state == "closed":
             raise DeviceError(f"The simulated actuator '{self._input}' was closed.", fix="open it again.")
         if type(command) is not self._type:
             raise CommandError(
@@ -178,7 +175,10 @@ class SimActuator(Generic[CommandT]):
         """Stops pushing, also after `close`."""
         self._plant.write(self._input, self._type())
 
-    def close(self) -> None:
-        """Goes to neutral and takes no more commands. Safe to call twice."""
+    def on_deactivate(self, reason: str) -> None:
+        """Stops pushing."""
         self.neutral()
-        self._is_open = False
+
+    def on_close(self) -> None:
+        """Stops pushing, also if it never was active."""
+        self.neutral()

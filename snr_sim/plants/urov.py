@@ -172,6 +172,7 @@ class Urov(UrovMeasured):
             water_l=self._water_l,
             wrench=self._wrench,
             pulses=tuple(self._pulses),
+            pulses_until_s=self._pulses_until_s,
             contact_n=self._contact_n,
             tether_n=self._tether_n,
         )
@@ -188,6 +189,7 @@ class Urov(UrovMeasured):
         self._acceleration, self._guess, self._gained = snapshot.acceleration, snapshot.guess, snapshot.gained
         self._steps, self._happened = snapshot.steps, snapshot.happened
         self._wrench, self._pulses = snapshot.wrench, list(snapshot.pulses)
+        self._pulses_until_s = snapshot.pulses_until_s
         self._water_l = snapshot.water_l
         self._moments_s = dive.times_s()
         self._tether = (
@@ -238,7 +240,7 @@ class Urov(UrovMeasured):
         if name not in self.inputs:
             raise UnknownName(f"This plant has no input '{name}'.", fix=nearest(name, self.inputs))
         if name == "pwm":
-            self._pulses = self._checked_pulses(command)
+            self._pulses, self._pulses_until_s = self._checked_pulses(command), command.until_s
             return
         values = [*command.force_n, *command.moment_nm]
         if len(values) != 6 or not math.isfinite(sum(values)):
@@ -373,6 +375,8 @@ class Urov(UrovMeasured):
         """Returns the wrench of the thrusters, less what draws air, or the one that was asked for."""
         if self.thrusters is None:
             return self._wrench
+        if self._steps * self.step_s >= self._pulses_until_s:
+            self._pulses, self._pulses_until_s = [STOP_US] * len(self._pulses), math.inf  # nobody has renewed them
         forces = self.thrusters.step(self.step_s, self._pulses)
         if self._place[2] > -self._surface.reach_m:
             forces = forces * self._surface.drawing(self._place[2], self._rotation[6:])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol
 
@@ -114,5 +115,6 @@ class State(NamedTuple):
     water_l: float = 0.0  # leaked and weighed
     wrench: Six = AT_REST
     pulses: tuple[float | None, ...] = ()
+    pulses_until_s: float = math.inf
     contact_n: Vector | None = None  # None: nothing touched
     tether_n: Vector = (0.0, 0.0, 0.0)

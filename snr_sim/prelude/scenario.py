@@ -19,6 +19,7 @@ With OPTIONS in robot.py, any other `--option` is refused before the run; withou
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -73,13 +74,24 @@ class Rig:
         robot: as above.
         io: which row of the device table to use; 'sim' is the plant.
         seed: the run's seed.
-        plant: the simulated body; None when there is none, as in a replay, where no device is ever opened.
+        plant: the simulated body; None when there is none: all devices are real, or it is a replay, where none is ever
+            opened.
+        where: what follows `io` on the command line: a port, a bus and an address (`prelude/io.py`).
+        clock_s: the clock of the run, which devices stamp by; the plant's time if not given.
     """
 
     robot: Robot
     io: str
     seed: int
     plant: Plant | None
+    where: str = ""
+    clock_s: Callable[[], float] | None = None
+
+    def now_s(self) -> float:
+        """Returns the time of the run, which devices stamp by."""
+        if self.clock_s is not None:
+            return self.clock_s()
+        return 0.0 if self.plant is None else self.plant.time_s
 
     def rng(self, name: str) -> np.random.Generator:
         """Returns the generator for the chance in one device."""

@@ -6,6 +6,8 @@ into pages with the same field names.
 
 from __future__ import annotations
 
+import math
+
 import msgspec
 
 
@@ -66,10 +68,37 @@ class PwmCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         pulses_us: high time of each thruster's pulse [microseconds]: 1500 stops, 1900 is full ahead, 1100 full astern.
             An empty list is 1500 for all.
         is_on: whether pulses are sent at all. Without them the speed controllers stop, and soon disarm.
+        until_s: when outputs go to neutral by themselves, by the plant's time, unless a newer command has come.
     """
 
     pulses_us: list[float] = []
     is_on: bool = True
+    until_s: float = math.inf
+
+
+class AppliedPulses(msgspec.Struct, frozen=True):
+    """What outputs of servo pulses do, and why that is not what they were told.
+
+    Args:
+        pulses_us: of each channel, as far as is known here.
+        stamp_s: of the command that they follow.
+        why: nothing if they are as told; else some of the words below.
+    """
+
+    pulses_us: list[float]
+    stamp_s: float
+    why: list[str] = []
+
+
+# Why outputs are not as told.
+CLAMPED = "clamped"  # to the limits
+SLEWING = "slewing"  # on the way there, as fast as is allowed
+NO_PULSE = "no pulse"  # NaN, infinite, None, text: all are neutral
+WRONG_COUNT = "wrong count"  # fewer or more than channels: all are neutral
+TOO_OLD = "too old"  # the lease of the newest command has run out: all are neutral
+NOT_ACTIVE = "not active"  # not armed, or disarmed by itself since: all are neutral
+STOPPED = "stopped"  # by the emergency stop
+LOST = "lost"  # the wire is gone: what the outputs do is not known; neutral, if they fail safe alone
 
 
 class DepthReading(msgspec.Struct, frozen=True):

@@ -11,8 +11,8 @@ from typing import Any
 
 import msgspec
 
-from snr_sim.prelude.device import Actuator, Sensor
-from snr_sim.prelude.errors import CommandError, SnrError
+from snr_sim.prelude.device import Actuator, Device, Sensor, Stale
+from snr_sim.prelude.errors import CommandError, SensorLost, SnrError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.values import decode_value, encode_value
 
@@ -27,20 +27,26 @@ _TETHER = {"anchor_m", "body", "place_m", "length_m"}
 
 
 def check_sensor(open_sensor: Callable[[], Sensor[Any]]) -> None:
-    """Checks a sensor: readings that are frozen Structs, an orderly end, and that it can be opened again.
+    """Checks a sensor: its life cycle, readings that are frozen Structs, and that it can be opened again.
 
     Args:
         open_sensor: opens one that has readings to give.
     """
     for _ in range(2):
         sensor = open_sensor()
-        _promise(isinstance(sensor, Sensor), f"{sensor!r} lacks read() or close()")
+        _promise(isinstance(sensor, Sensor), f"{sensor!r} lacks read() or a step of the life cycle: see LifeCycle")
+        _start(sensor)
         for _ in range(3):
             reading = sensor.read()
-            _promise(reading is not None, "read() returned None; it raises SensorLost when there is no reading")
+            _promise(reading is not None, "read() returned None; it returns Stale when there is no reading")
+            _promise(not isinstance(reading, Stale), f"one that has readings returned {reading}")
             _check_struct(reading, "a reading")
-        sensor.close()
-        sensor.close()
+        _end(sensor)
+        try:
+            reading = sensor.read()
+        except SensorLost:
+            continue
+        raise AssertionError(f"Promise broken: read() after close() raises SensorLost, but returned {reading!r}.")
 
 
 def check_actuator(open_actuator: Callable[[], Actuator[Any]], a_command: Any) -> None:
@@ -51,13 +57,17 @@ def check_actuator(open_actuator: Callable[[], Actuator[Any]], a_command: Any) -
         a_command: a valid command, inside the limits.
     """
     actuator = open_actuator()
-    _promise(isinstance(actuator, Actuator), f"{actuator!r} lacks one of command_type, limits, write, neutral, close")
+    _promise(
+        isinstance(actuator, Actuator),
+        f"{actuator!r} lacks one of command_type, limits, write, neutral, or a step of the life cycle: see LifeCycle",
+    )
     _check_struct(a_command, "a command")
     wanted, given = actuator.command_type.__name__, type(a_command).__name__
     _promise(type(a_command) is actuator.command_type, f"the actuator takes {wanted}, the command is a {given}")
     limits = actuator.limits
     numbers = _numbers(a_command)
     _promise(set(limits) >= set(numbers), f"limits {sorted(limits)} leave out a field of {sorted(numbers)}")
+    _start(actuator)
     actuator.neutral()
     _check_inside(actuator.write(a_command), limits)
     for name in numbers:
@@ -69,8 +79,7 @@ def check_actuator(open_actuator: Callable[[], Actuator[Any]], a_command: Any) -
             _check_refused(actuator, _with(a_command, name, value), name)
     actuator.neutral()
     actuator.neutral()
-    actuator.close()
-    actuator.close()
+    _end(actuator)
     actuator.neutral()
 
 
@@ -94,6 +103,25 @@ def check_plant(make_plant: Callable[[], Plant], commands: Mapping[str, Any] | N
     _check_snapshot(plant, commands or {})
     for name, command in (commands or {}).items():
         _check_nan(plant, name, command)
+
+
+def _start(device: Device) -> None:
+    """Configures and activates a device, each twice."""
+    for step, state in ((device.configure, "inactive"), (device.activate, "active")):
+        step()
+        step()
+        _promise(device.health().state == state, f"after {step.__name__}() the state is {device.health()}")
+
+
+def _end(device: Device) -> None:
+    """Deactivates and closes a device, each twice, and once more."""
+    for _ in range(2):
+        device.deactivate("checked")
+        _promise(device.health().state == "inactive", f"after deactivate() the state is {device.health()}")
+    for _ in range(2):
+        device.close()
+        _promise(device.health().state == "closed", f"after close() the state is {device.health()}")
+    device.deactivate("checked")
 
 
 def _promise(kept: bool, message: str) -> None:

@@ -8,24 +8,32 @@ from typing import Any, Generic, TypeVar
 
 import msgspec
 
+from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import CommandError, DeviceError, SensorLost, UnknownName, nearest
+from snr_sim.prelude.life_cycle import LifeCycle
 
 ReadingT = TypeVar("ReadingT")
 CommandT = TypeVar("CommandT")
 
 
-class FakeSensor(Generic[ReadingT]):
+class FakeSensor(LifeCycle, Generic[ReadingT]):
     """Gives readings from a list, then the last one again and again. Keeps the promise of Sensor.
 
     Args:
-        readings: in order; an exception among them is raised, as by a sensor that is lost for a moment.
+        readings: in order; `Stale` among them is of a sensor that has none for a moment, and an exception is raised.
     """
 
-    def __init__(self, readings: Iterable[ReadingT | Exception]) -> None:
-        self._left = list(readings)
-        self.is_closed = False
+    title = "This fake sensor"
 
-    def read(self) -> ReadingT:
+    def __init__(self, readings: Iterable[ReadingT | Stale | Exception]) -> None:
+        self._left = list(readings)
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether it has been closed."""
+        return self.state == "closed"
+
+    def read(self) -> ReadingT | Stale:
         """Returns the next reading.
 
         Raises:
@@ -40,18 +48,16 @@ class FakeSensor(Generic[ReadingT]):
             raise reading
         return reading
 
-    def close(self) -> None:
-        """Ends it."""
-        self.is_closed = True
 
-
-class FakeActuator(Generic[CommandT]):
+class FakeActuator(LifeCycle, Generic[CommandT]):
     """Keeps in a list what it was told. Keeps the promise of Actuator.
 
     Args:
         command_type: a frozen msgspec Struct.
         limits: lowest and highest value of each of its fields that is a number, or of each number in a list.
     """
+
+    title = "This fake actuator"
 
     def __init__(self, command_type: type[CommandT], limits: Mapping[str, tuple[float, float]]) -> None:
         fields: tuple[str, ...] = getattr(command_type, "__struct_fields__", ())
@@ -65,7 +71,11 @@ class FakeActuator(Generic[CommandT]):
         self.written: list[CommandT] = []  # as applied, after clamping
         self.neutral_count = 0
         self.is_neutral = True
-        self.is_closed = False
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether it has been closed."""
+        return self.state == "closed"
 
     @property
     def command_type(self) -> type[CommandT]:
@@ -112,10 +122,13 @@ class FakeActuator(Generic[CommandT]):
         self.neutral_count += 1
         self.is_neutral = True
 
-    def close(self) -> None:
-        """Goes to neutral and ends it."""
+    def on_deactivate(self, reason: str) -> None:
+        """Goes to neutral."""
         self.neutral()
-        self.is_closed = True
+
+    def on_close(self) -> None:
+        """Goes to neutral, also if it never was active."""
+        self.neutral()
 
 
 class FakePlant:

@@ -4,7 +4,7 @@ from typing import Any
 
 from snr_sim import FakeSensor, SNRTestCase, TaskType
 from snr_sim.devices.pad import PadLoopFactory
-from snr_sim.prelude.errors import SensorLost
+from snr_sim.prelude.device import Stale
 from snr_sim.prelude.signals import PadReading
 from snr_sim.testing.parts import PartFactory
 
@@ -29,10 +29,10 @@ def test_a_reading_becomes_a_page() -> None:
 
 def test_a_pad_that_is_unplugged_lets_go_of_everything_in_the_same_tick_and_may_come_back() -> None:
     rest = {"axes": [0.0, 0.0], "buttons": [False, False], "hats": [[0, 0]], "is_connected": False}
-    came = pages_of(HELD, SensorLost("gone"), SensorLost("gone"), HELD)
+    came = pages_of(HELD, Stale("gone"), Stale("gone"), HELD)
     assert came[1:3] == [rest, rest]
     assert came[3] == came[0]
 
 
 def test_a_pad_that_was_never_there_has_nothing_to_press() -> None:
-    assert pages_of(SensorLost("none")) == [{"axes": [], "buttons": [], "hats": [], "is_connected": False}]
+    assert pages_of(Stale("none")) == [{"axes": [], "buttons": [], "hats": [], "is_connected": False}]

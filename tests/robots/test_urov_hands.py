@@ -8,6 +8,7 @@ import pytest
 
 from snr_sim import Config, Mode, SimRunner, TaskType, TestRunner, TimeoutLoopFactory, library, tasks
 from snr_sim.devices.pad import PadLoopFactory
+from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import MissingExtra, SensorLost
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.signals import PadReading
@@ -104,7 +105,7 @@ def test_clearing_a_stop_is_asked_for_until_the_vehicle_says_it_is_done_and_unar
 
 
 def test_a_pad_that_is_unplugged_lets_go_of_the_sticks_and_the_controls_go_on() -> None:
-    told = flown([pad(), pad("arm"), pad(surge=-1.0), SensorLost("gone"), SensorLost("gone"), pad()])
+    told = flown([pad(), pad("arm"), pad(surge=-1.0), Stale("gone"), Stale("gone"), pad()])
     assert [one["surge"] for one in told] == [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
     assert told[-1]["number"] == 6
     assert told[-1]["is_armed"]
@@ -187,7 +188,7 @@ def test_a_key_that_is_leant_on_is_not_obeyed_for_seconds_afterwards() -> None:
 
 def test_hands_take_the_pad_if_there_is_one_and_the_keyboard_else() -> None:
     keys = FakeSensor([pad("arm")])
-    there = Hands(lambda: FakeSensor([pad(surge=0.5), SensorLost("unplugged"), pad(yaw=0.5)]), lambda: keys)
+    there = Hands(lambda: FakeSensor([pad(surge=0.5), Stale("unplugged"), pad(yaw=0.5)]), lambda: keys)
     assert [there.read() for _ in range(3)] == [pad("arm", surge=0.5), pad("arm"), pad("arm", yaw=0.5)]
 
     def not_installed() -> Any:

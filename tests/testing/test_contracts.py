@@ -8,7 +8,9 @@ import msgspec
 import pytest
 
 from snr_sim import FakeActuator, FakeSensor
+from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import CommandError, DeviceError, SensorLost
+from snr_sim.prelude.life_cycle import LifeCycle
 from snr_sim.testing.contracts import check_actuator, check_plant, check_sensor
 
 
@@ -70,7 +72,7 @@ def test_a_fake_actuator_remembers_what_was_applied() -> None:
         FakeActuator(Push, {"thrst_n": (0.0, 1.0)})
 
 
-class Answers:
+class Answers(LifeCycle):
     """A sensor that answers what it is told to."""
 
     def __init__(self, answer: Any) -> None:
@@ -79,9 +81,16 @@ class Answers:
     def read(self) -> Any:
         return self.answer
 
+
+class ClosesOnce(Answers):
     def close(self) -> None:
-        if self.answer == "closes once":
-            raise OSError
+        if self.state == "closed":
+            raise OSError("Bad file descriptor")
+        super().close()
+
+
+class StaysActive(Answers):
+    def deactivate(self, reason: str) -> None: ...
 
 
 class Headless:
@@ -91,15 +100,23 @@ class Headless:
 @pytest.mark.parametrize(
     ("sensor", "promise"),
     [
-        (lambda: Answers(None), "returned None; it raises SensorLost"),
+        (lambda: Answers(None), "returned None; it returns Stale"),
+        (lambda: Answers(Stale("asleep")), "one that has readings returned Stale"),
         (lambda: Answers({"depth_m": 1}), "a reading is a msgspec Struct"),
         (lambda: Answers(Thawed()), "Thawed is frozen"),
-        (Headless, r"lacks read\(\) or close\(\)"),
+        (Headless, "lacks read"),
+        (lambda: StaysActive(Depth(1.0, 0.0)), r"after deactivate\(\) the state is .*'active'"),
+        (lambda: Answers(Depth(1.0, 0.0)), r"read\(\) after close\(\) raises SensorLost, but returned Depth"),
     ],
 )
 def test_a_sensor_that_breaks_a_promise_is_told_which(sensor: Callable[[], Any], promise: str) -> None:
     with pytest.raises(AssertionError, match=f"Promise broken: .*{promise}"):
         check_sensor(sensor)
+
+
+def test_a_device_that_closes_only_once_fails_with_its_own_error() -> None:
+    with pytest.raises(OSError, match="Bad file descriptor"):
+        check_sensor(lambda: ClosesOnce(Depth(1.0, 0.0)))
 
 
 class Unlimited(FakeActuator[Push]):

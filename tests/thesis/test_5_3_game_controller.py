@@ -47,8 +47,7 @@ from snr_sim import (
 from snr_sim.devices.loops import ActuatorLoopFactory
 from snr_sim.devices.pad import PadLoopFactory
 from snr_sim.devices.pygame_pad import PygamePad
-from snr_sim.prelude.device import Actuator, Sensor
-from snr_sim.prelude.errors import SensorLost
+from snr_sim.prelude.device import Actuator, Sensor, Stale
 from snr_sim.prelude.signals import PadReading
 from snr_sim.testing.parts import PartFactory
 
@@ -179,7 +178,7 @@ def test_a_button_is_pressed_once_however_long_it_is_held() -> None:
 
 
 def test_a_pad_that_is_unplugged_stops_the_motors_within_a_tick() -> None:
-    written, topside, _ = play(*[pad(ahead=1.0)] * 10, SensorLost("unplugged"))
+    written, topside, _ = play(*[pad(ahead=1.0)] * 10, Stale("unplugged"))
     assert topside.get_data("pad")["is_connected"] is False
     assert topside.get_data("controller_input")["ahead"] == 0.0
     assert written[-2:] == [ThrustCommand(1.0, 1.0), ThrustCommand(0.0, 0.0)]
