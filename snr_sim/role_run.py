@@ -193,7 +193,7 @@ class RoleRun:
         if error:
             return Verdict("error", False)
         if self._referee is None:
-            return Verdict("ended", True)
+            return Verdict("ended", True, "" if is_interrupted else self._node.exit_reason or "")
         if self._referee.verdict is not None:
             return self._referee.verdict
         if is_interrupted:

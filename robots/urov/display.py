@@ -1,6 +1,7 @@
-"""What the person at the surface sees in the terminal: what the vehicle is doing, a few times a second.
+"""What the person at the surface is shown: what the vehicle is doing.
 
-A loop and no endpoint: it looks at pages that are there and stores none, and a replay does without it.
+On a terminal that is a table, a few times a second; in a pipe a line whenever something else than numbers changes, and
+now and then. A loop and no endpoint: it looks at pages that are there and stores none, and a replay does without it.
 """
 
 from __future__ import annotations
@@ -11,7 +12,10 @@ from typing import Any
 
 from snr_sim import Loop, LoopFactory, Node
 
-SILENT_S = 1.0  # a vehicle that was not heard for so long is told in red
+# A vehicle that was not heard for so long is told to be silent; it tells of itself every 0.1 s. With the time between
+# two drawings, a vehicle that has died or stands still is told within a second.
+SILENT_S = 0.5
+LINE_EVERY_S = 10.0  # in a pipe, if nothing else than numbers changes
 
 
 class DisplayFactory(LoopFactory):
@@ -19,11 +23,13 @@ class DisplayFactory(LoopFactory):
 
     Args:
         rate_hz: how often it is drawn.
+        in_lock_step: whether it shows anything under a virtual clock; no, if nobody watches that run as it goes.
     """
 
-    def __init__(self, rate_hz: float = 5.0) -> None:
+    def __init__(self, rate_hz: float = 5.0, in_lock_step: bool = True) -> None:
         super().__init__()
         self.rate_hz = rate_hz
+        self.in_lock_step = in_lock_step
 
     def get(self, parent: Node) -> Display:
         """Returns the loop 'display'."""
@@ -31,14 +37,17 @@ class DisplayFactory(LoopFactory):
 
 
 class Display(Loop):
-    """Draws rows into a terminal; where there is none, it draws nothing."""
+    """Shows rows in a terminal, or lines where there is none."""
 
     factory: DisplayFactory
 
     def setup(self) -> None:
         """Takes the terminal, if standard error is one."""
         self.live: Any = None
-        if sys.stderr.isatty():
+        self.is_off = self.parent.is_in_lock_step and not self.factory.in_lock_step
+        self.said: list[str] = []
+        self.said_s = -math.inf
+        if sys.stderr.isatty() and not self.is_off:
             from rich.console import Console
             from rich.live import Live
 
@@ -46,17 +55,37 @@ class Display(Loop):
             self.live.start()
 
     def loop(self) -> None:
-        """Draws what is known now."""
-        if self.live is None:
+        """Shows what is known now."""
+        if self.is_off:
             return
+        # By when it came here: what the vehicle's own clock shows, another computer cannot compare with.
+        heard_s = self.get_time_s() - self.parent.came_at_s("vehicle")
+        shown = rows({key: self.get_page(key) for key in KEYS}, heard_s)
+        if self.live is None:
+            self.say(shown)
+        else:
+            self.draw(shown)
+
+    def draw(self, shown: list[tuple[str, str]]) -> None:
+        """Draws the table."""
         from rich.table import Table
 
         table = Table(show_header=False, title=f"t = {self.get_time_s():.1f} s")
-        # By when it came here: what the vehicle's own clock shows, another computer cannot compare with.
-        heard_s = self.get_time_s() - self.parent.came_at_s("vehicle")
-        for name, text in rows({key: self.get_page(key) for key in KEYS}, heard_s):
+        for name, text in shown:
             table.add_row(name, text)
         self.live.update(table, refresh=True)
+
+    def say(self, shown: list[tuple[str, str]]) -> None:
+        """Prints a line, if there is news or it is time."""
+        from rich.text import Text
+
+        now_s = self.get_time_s()
+        plain = [(name, Text.from_markup(text).plain) for name, text in shown]
+        news = [text.split()[0] if name == "vehicle" else text for name, text in plain if name in NEWS]
+        if news == self.said and now_s - self.said_s < LINE_EVERY_S:
+            return
+        self.said, self.said_s = news, now_s
+        print(f"t = {now_s:.1f} s: {'; '.join(f'{name} {text}' for name, text in plain)}", file=sys.stderr, flush=True)
 
     def halt(self) -> None:
         """Gives the terminal back."""
@@ -65,6 +94,7 @@ class Display(Loop):
 
 
 KEYS = ("vehicle", "depth", "altitude", "power", "leak")
+NEWS = ("vehicle", "state", "refused", "leak")  # rows that are told as soon as they change
 
 
 def rows(pages: dict[str, Any], heard_s: float) -> list[tuple[str, str]]:

@@ -4,7 +4,7 @@
     pilot --> page "controls" ==== link ====> guard, holds, allocation --> page "pwm" --> speed controllers --> plant
                                               ^ pages depth, imu, leak <-- sensors <--------------------------- plant
     display <-- pages vehicle, depth, <=====  page "vehicle": what it is doing
-                altitude, power, leak
+    lookout     altitude, power, leak
 
     controls  what the surface asks for, 20 times a second    (controls.py)
     camera    what it sees, if it has a camera; that stays on board  (snr_sim/devices/camera.py)
@@ -38,6 +38,7 @@ from snr_sim.std_mods.comms.sockets import SocketsPair
 
 from .display import DisplayFactory
 from .keyboard import Hands
+from .lookout import LookoutFactory
 from .pad_pilot import PadPilotFactory
 from .parameters import UrovParameters
 from .pilot import ScriptedPilotFactory
@@ -55,6 +56,8 @@ OPTIONS = {
 
 SENSORS = ("depth", "altitude", "power", "leak", "imu")  # the last one sets off control, so it comes after the others
 ANSWERED = ("leak", "imu")  # of these each reading sets off work; the others are looked up when they are needed
+# After so much silence either end counts as gone, also one that is there and stands still: told within a second.
+KEEP_ALIVE_S, GONE_S = 0.25, 0.75
 TO_TOPSIDE = ("vehicle", "depth", "altitude", "power", "leak")
 
 
@@ -127,7 +130,13 @@ def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
     """Returns the components of each role. At the vehicle sensors come first and thrusters last."""
     parameters: UrovParameters = rig.robot.parameters
     devices = DEVICES[rig.io]
-    tether = SocketsPair(address(rig.robot.options, parameters.port), name="tether", faults=parameters.tether)
+    tether = SocketsPair(
+        address(rig.robot.options, parameters.port),
+        name="tether",
+        faults=parameters.tether,
+        keep_alive_s=KEEP_ALIVE_S,
+        timeout_s=GONE_S,
+    )
     sensors = [
         SensorLoopFactory(name, partial(devices[name], rig), parameters.sensors.rates_hz[name], name in ANSWERED)
         for name in SENSORS
@@ -153,8 +162,9 @@ def _pilot(rig: Rig, parameters: UrovParameters) -> list[Factory]:
         raise UnknownName(f"--option pilot={pilot}: there is no such pilot.", fix=nearest(pilot, PILOTS))
     if pilot == "hands":
         hands = PadLoopFactory("pad", partial(DEVICES[rig.io]["hands"], rig), parameters.command_hz)
-        return [hands, PadPilotFactory(), DisplayFactory()]
+        return [hands, PadPilotFactory(), DisplayFactory(), LookoutFactory("link_tether")]
     if parameters.route:
         eyes = SensorLoopFactory("place", partial(DEVICES[rig.io]["place"], rig), 10.0)
         return [eyes, SeeingPilotFactory(parameters.route)]
-    return [ScriptedPilotFactory(parameters.script, parameters.command_hz)]
+    shown = DisplayFactory(in_lock_step=False)
+    return [ScriptedPilotFactory(parameters.script, parameters.command_hz), shown, LookoutFactory("link_tether")]

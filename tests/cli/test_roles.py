@@ -134,17 +134,31 @@ def test_a_topside_that_is_killed_leaves_thrust_at_neutral_within_half_a_second(
         assert replayed.executed > 50
 
 
-def test_a_vehicle_that_is_killed_is_missed_at_the_surface_within_a_second(here: Path, start: Start) -> None:
+@pytest.mark.parametrize("blow", [signal.SIGKILL, signal.SIGSTOP])  # gone, or there and not moving
+def test_a_vehicle_that_falls_silent_is_missed_at_the_surface_within_a_second(
+    here: Path, start: Start, blow: signal.Signals
+) -> None:
     urov, topside = start("urov"), start("topside")
     wait_for_page(here / "topside", "vehicle", '"rules":"pilot"', topside)
-    urov.send_signal(signal.SIGKILL)
-    killed_s = time.monotonic()
+    urov.send_signal(blow)
+    struck_s = time.monotonic()
     wait_for_page(here / "topside", "link_tether", '"up":false', topside)
-    assert time.monotonic() - killed_s < 1.0
+    assert time.monotonic() - struck_s < 1.0
     topside.send_signal(signal.SIGINT)
     out, complaints = topside.communicate(timeout=PATIENCE_S)
     assert (json.loads(out)["outcome"], topside.returncode) == ("ended", 0), complaints
     assert "link_tether is down" in complaints
+
+
+def test_the_surface_shows_what_it_hears_and_ends_when_the_vehicles_role_has_finished(here: Path, start: Start) -> None:
+    urov, topside = start("urov"), start("topside")
+    wait_for_page(here / "topside", "vehicle", '"rules":"pilot"', topside)
+    urov.send_signal(signal.SIGINT)
+    out, said = topside.communicate(timeout=PATIENCE_S)
+    assert (json.loads(out)["outcome"], topside.returncode) == ("ended", 0), said
+    assert "note: ended: the vehicle's role has finished: 'urov_node' left: node 'urov_node' ended: SIGINT." in said
+    assert "vehicle heard" in said
+    assert "state disarmed, manual, obeys: idle; depth 1.0" in said
 
 
 def test_a_role_by_itself_runs_at_no_other_speed_than_the_clocks(snr: Any) -> None:

@@ -245,6 +245,33 @@ def test_the_display_says_what_is_wrong() -> None:
     assert "not heard yet" in dict(rows(nothing, 1.0))["vehicle"]
 
 
+def said(pages: list[tuple[float, Any]], capfd: pytest.CaptureFixture[str], **options: Any) -> list[str]:
+    """The lines of a display without a terminal, that hears these pages 'vehicle' at these times, within 20 s."""
+    heard = [
+        TimeoutLoopFactory(seconds=at_s, task=tasks.store_page(Page("vehicle", data, "urov_node", 0.0)), name=f"{at_s}")
+        for at_s, data in pages
+    ]
+    config = Config(factories={"test": [display.DisplayFactory(5.0, **options), *heard]})
+    TestRunner(config, until_s=20.0).run()
+    return capfd.readouterr().err.splitlines()
+
+
+def test_in_a_pipe_the_display_is_a_line_when_there_is_news_and_now_and_then(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    ticks = [(1.0 + 0.25 * i, VEHICLE) for i in range(30)]
+    lines = said([*ticks, (8.5, {**VEHICLE, "is_stopped": True})], capfd)
+    assert [line.split(":")[0] for line in lines] == ["t = 0.0 s", "t = 1.2 s", "t = 8.6 s", "t = 9.2 s", "t = 19.2 s"]
+    assert lines[0].endswith(": vehicle not heard yet")
+    assert "heard 0.20 s ago; state armed, depth_hold, obeys: pilot; attitude roll 0" in lines[1]
+    assert "EMERGENCY STOP" in lines[2]
+    assert "vehicle silent for 0.7 s" in lines[3]
+
+
+def test_a_run_on_a_virtual_clock_that_nobody_watches_prints_no_lines(capfd: pytest.CaptureFixture[str]) -> None:
+    assert said([(1.0, VEHICLE)], capfd, in_lock_step=False) == []
+
+
 def test_the_display_goes_by_when_the_vehicle_was_heard_and_not_by_its_clock(monkeypatch: pytest.MonkeyPatch) -> None:
     """The vehicle has been on for 500 s when the surface starts; then it is heard no more."""
     drawn: list[float] = []

@@ -72,6 +72,7 @@ class PeerLink(Link):
         self.terms = terms
         self.peers: tuple[Peer, ...] = ()  # those that are up; never changed in place, so any thread may read it
         self.reason = "nobody has connected yet."
+        self._was_left = False  # whether the last who went said goodbye
         self._lost = self._duplicated = 0  # by faults, on the ways to far ends that have gone
         self._unsent: dict[DataKey, tuple[Page, bytes]] = {}  # stored while nobody was there
         self._numbers = itertools.count(1)
@@ -156,6 +157,12 @@ class PeerLink(Link):
             self._lost += peer.way.lost
             self._duplicated += peer.way.duplicated
         self.reason = peer.session.reason
+        self._was_left = peer.session.was_left
+
+    def _farewell(self) -> str:
+        """Returns what is said to far ends when this one ends in order."""
+        why = (self.parent.exit_reason or "").rstrip(".")
+        return f"node '{self.parent.name}' ended{f': {why}' if why else ''}."
 
     def _new_way(self) -> Way:
         """Returns the way out to a new far end: each session has a luck of its own, the same in every run."""
@@ -182,6 +189,7 @@ class PeerLink(Link):
         trips_s = [peer.session.rtt_s for peer in peers if peer.session.rtt_s is not None]
         state = {
             "up": bool(peers),
+            "left": self._was_left and not peers,
             "age_s": max(0.0, *ages_s) if ages_s else None,
             "dropped": self.dropped + sum(peer.all_dropped for peer in peers),
             "rtt_s": max(trips_s, default=None),

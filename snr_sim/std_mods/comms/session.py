@@ -108,6 +108,7 @@ class Session:
         self.state = State.greeting
         self.reason = ""  # why it closed, in words
         self.was_refused = False  # by either end: trying again soon is of no use
+        self.was_left = False  # by the other end, in good order
         self.peer: Hello | None = None
         self.peer_node = ""  # name of the other end's node, once it said so
         self.rtt_s: float | None = None
@@ -245,6 +246,7 @@ class Session:
     def _answer(self, message: Control, now_s: float) -> None:
         match message:
             case Bye():
+                self.was_left = True
                 self._close(f"'{self.peer_node}' left: {on_one_line(message.reason)}")
             case Refused():
                 self.was_refused = True

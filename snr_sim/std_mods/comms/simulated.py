@@ -167,5 +167,5 @@ class SimulatedLink(PeerLink):
         if self.terms.is_server:
             self._meeting_place.close(self.clock, self)
         for peer in list(self._far_ends):
-            peer.session.bye(f"node '{self.parent.name}' ended.")
+            peer.session.bye(self._farewell())
             self._pump(peer)

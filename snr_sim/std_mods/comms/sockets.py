@@ -27,6 +27,9 @@ from snr_sim.std_mods.comms.socket_port import Address, Claim
 from snr_sim.std_mods.comms.tcp_client import ClientLink
 from snr_sim.std_mods.comms.tcp_server import Gate, ServerLink
 
+# Time for a greeting, also where the silence that counts is shorter: whoever is called may still be starting.
+GREETING_S = 3.0
+
 
 class SocketsPair:
     """The two ends of links at one address.
@@ -131,6 +134,7 @@ class SocketsPair:
             max_frame_bytes=options.max_frame_bytes,
             keep_alive_s=options.keep_alive_s,
             timeout_s=options.timeout_s,
+            greeting_s=max(options.timeout_s, GREETING_S),
         )
 
 

@@ -113,7 +113,7 @@ class StreamLink(PeerLink):
             for stream in self.streams:
                 self._leave_door(stream)
         self._selector.close()
-        see_off(self.streams, self.get_time_s, f"node '{self.parent.name}' ended.")
+        see_off(self.streams, self.get_time_s, self._farewell())
         for stream in self.streams:
             stream.port.close()
             if stream.is_admitted:

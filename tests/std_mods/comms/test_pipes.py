@@ -24,8 +24,10 @@ def test_pages_cross_a_pipe_both_ways_and_the_end_is_noticed(start: Callable[...
     b.until_link("pipe")
     assert a.until_stored("y") == [(1, 2)]
     b.until(lambda: b.stored["x"] and b.stored["x"][-1] == 99)
+    assert a.until_link("pipe", up=True)["left"] is False
     b.end()
-    assert a.until_link("pipe", up=False)["reason"] == "'b_node' left: node 'b_node' ended."
+    gone = a.until_link("pipe", up=False)
+    assert (gone["left"], gone["reason"]) == (True, "'b_node' left: node 'b_node' ended: test is over.")
 
 
 def test_a_pipes_pair_runs_in_lock_step_too() -> None:

@@ -94,7 +94,7 @@ def test_it_hears_that_the_node_ends(start: Callable[..., Any], call: Call) -> N
     client = call(port, "", 1)
     node.until_stored("joystick")
     node.end()
-    assert client.communicate(timeout=30)[0].splitlines()[-1] == "bye node 'rov_node' ended."
+    assert client.communicate(timeout=30)[0].splitlines()[-1] == "bye node 'rov_node' ended: test is over."
 
 
 def test_the_proofs_of_the_example_are_what_the_page_says() -> None:
