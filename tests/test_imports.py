@@ -46,6 +46,7 @@ HEAVY = {
     "rerun",
     "rerun_cli",
     "serial",
+    "smbus2",
     "PIL",
     "prompt_toolkit",
     "pyarrow",

@@ -1,0 +1,184 @@
+"""Serial ports: the only door to pyserial. Bytes out, bytes in, and words for what is wrong with a port.
+
+A port is opened for this program alone (an exclusive lock), and nothing here waits but `ask` and `wait`.
+"""
+
+from __future__ import annotations
+
+import errno
+import grp
+import importlib
+import os
+import select
+import time
+from contextlib import suppress
+from typing import Any, Protocol
+
+from snr_sim.prelude.errors import DeviceError, MissingExtra
+
+ANSWER_S = 0.5  # how long `ask` waits for an answer
+_BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 460800, 500000, 921600, 1000000)
+
+
+class BytePort(Protocol):
+    """A port that bytes go out of and come in by: a real one, or the far end itself in a test."""
+
+    @property
+    def name(self) -> str:
+        """What a message calls it."""
+        ...
+
+    def write(self, data: bytes) -> None:
+        """Sends bytes; does not wait until they are out.
+
+        Raises:
+            DeviceError: the port is gone, or takes no more.
+        """
+        ...
+
+    def read(self) -> bytes:
+        """Returns what has come, which may be nothing; does not wait.
+
+        Raises:
+            DeviceError: the port is gone.
+        """
+        ...
+
+    def wait(self, seconds: float) -> bool:
+        """Returns whether bytes have come, as soon as they have; False after so long."""
+        ...
+
+    def close(self) -> None:
+        """Lets go of it. Never raises; safe to call twice."""
+        ...
+
+
+class SerialPort:
+    """A serial port of this computer. Keeps the promise of BytePort.
+
+    Args:
+        path: such as /dev/ttyUSB0.
+        baud: bits a second. A port that is USB all the way takes any.
+
+    Raises:
+        MissingExtra: pyserial is not installed.
+        DeviceError: there is no such port, somebody has it, or we may not.
+    """
+
+    def __init__(self, path: str, baud: int = 115_200) -> None:
+        self.name = path
+        serial = _pyserial()
+        try:
+            self._serial: Any = serial.Serial(path, baud, timeout=0, write_timeout=0, exclusive=True)
+        except (OSError, ValueError) as error:  # SerialException is an OSError
+            raise _why_not(path, baud, error) from error
+
+    def write(self, data: bytes) -> None:
+        """Sends bytes."""
+        try:
+            taken = self._serial.write(data)
+        except OSError as error:
+            raise self._gone(error) from error
+        if taken != len(data):
+            raise DeviceError(
+                f"{self.name} took {taken} of {len(data)} bytes: those before them are not out yet.",
+                fix="a higher baud rate at both ends, or fewer commands a second.",
+            )
+
+    def read(self) -> bytes:
+        """Returns what has come."""
+        try:
+            waiting = self._serial.in_waiting
+            data: bytes = self._serial.read(waiting) if waiting else b""
+        except OSError as error:
+            raise self._gone(error) from error
+        return data
+
+    def wait(self, seconds: float) -> bool:
+        """Returns whether bytes have come."""
+        try:
+            return bool(select.select([self._serial], [], [], seconds)[0])
+        except (OSError, ValueError, TypeError) as error:
+            raise self._gone(error) from error
+
+    def close(self) -> None:
+        """Lets go of the port."""
+        with suppress(OSError):  # of one that was unplugged
+            self._serial.close()
+
+    def _gone(self, error: Exception) -> DeviceError:
+        return DeviceError(
+            f"{self.name} is gone: {error}.",
+            fix="is the cable in, and does the device have power? `ls /dev/tty*` shows where it came back.",
+        )
+
+
+def ask(port: BytePort, request: bytes, length: int, timeout_s: float = ANSWER_S) -> bytes:
+    """Sends a request and returns what comes back: at least `length` bytes, or as many as came in the time.
+
+    Args:
+        port: where to. What has come before is thrown away.
+        request: bytes to send.
+        length: of the whole answer.
+        timeout_s: by the computer's clock.
+    """
+    port.read()
+    port.write(request)
+    answer = port.read()
+    until_s = time.monotonic() + timeout_s
+    while len(answer) < length and port.wait(max(0.0, until_s - time.monotonic())):
+        answer += port.read()
+    return answer
+
+
+def ports() -> list[str]:
+    """Returns the serial ports there are, each with what is behind it, if that is known."""
+    _pyserial()
+    found = importlib.import_module("serial.tools.list_ports").comports()
+    return sorted(
+        port.device if port.description in ("n/a", "", None) else f"{port.device} ({port.description})"
+        for port in found
+    )
+
+
+def _pyserial() -> Any:
+    try:
+        return importlib.import_module("serial")
+    except ImportError:
+        raise MissingExtra("pyserial", "hardware") from None
+
+
+def _why_not(path: str, baud: int, error: Exception) -> DeviceError:
+    """Returns what is wrong with a port that would not open."""
+    number = getattr(error, "errno", None)
+    if isinstance(error, ValueError):
+        listed = ", ".join(map(str, _BAUDS))
+        return DeviceError(f"{path} at {baud!r} baud: {error}.", fix=f"the rate of the device; usual ones: {listed}.")
+    if number == errno.ENOENT:
+        there = ", ".join(ports())
+        fix = (
+            f"there are: {there}." if there else "there is none at all: plug it in, and `dmesg | tail` tells its name."
+        )
+        return DeviceError(f"There is no serial port {path}.", fix=fix)
+    if number in (errno.EACCES, errno.EPERM):
+        return DeviceError(f"{path} may not be opened by this user: it belongs to {_group_of(path)}.", fix=_join(path))
+    if number in (errno.EBUSY, errno.EAGAIN):
+        return DeviceError(
+            f"{path} is busy: another program has it.",
+            fix=f"`fuser -v {path}` names it: another node, a serial monitor, ModemManager.",
+        )
+    return DeviceError(
+        f"{path} cannot be opened as a serial port: {error}.", fix="a port such as /dev/ttyUSB0 or /dev/ttyACM0."
+    )
+
+
+def _group_of(path: str) -> str:
+    try:
+        return f"group '{grp.getgrgid(os.stat(path).st_gid).gr_name}'"
+    except (OSError, KeyError):
+        return "a group of its own"
+
+
+def _join(path: str) -> str:
+    group = _group_of(path).partition("'")[2].rstrip("'") or "dialout"
+    return f"sudo usermod -aG {group} $USER, then log out and in again."

@@ -1,0 +1,114 @@
+"""A serial port, with a pty for the cable; each message is read as a student would."""
+
+import errno
+import os
+import pty
+from collections.abc import Iterator
+from contextlib import suppress
+
+import pytest
+
+from snr_sim.devices.wire import serial_port
+from snr_sim.devices.wire.serial_port import SerialPort, ask
+from snr_sim.prelude.errors import DeviceError, MissingExtra
+
+
+class Cable:
+    """A pty: the far end of a serial cable."""
+
+    def __init__(self) -> None:
+        self.far, near = pty.openpty()
+        self.path = os.ttyname(near)
+        self._near: int | None = near  # kept open, as a plug that stays in
+
+    def pull(self) -> None:
+        for end in (self.far, self._near):
+            with suppress(OSError):
+                os.close(end if end is not None else -1)
+
+
+@pytest.fixture
+def cable() -> Iterator[Cable]:
+    cable = Cable()
+    yield cable
+    cable.pull()
+
+
+def test_bytes_go_out_and_come_in(cable: Cable) -> None:
+    port = SerialPort(cable.path)
+    assert port.read() == b""
+    port.write(b"\x84\x00\x70\x2e")
+    assert os.read(cable.far, 99) == b"\x84\x00\x70\x2e"
+    os.write(cable.far, b"\0\x11\x13\xff")
+    assert port.wait(10.0)
+    assert port.read() == b"\0\x11\x13\xff"
+    port.close()
+    port.close()
+
+
+def test_an_answer_is_waited_for_no_longer_than_said(cable: Cable) -> None:
+    port = SerialPort(cable.path)
+    os.write(cable.far, b"old")
+    assert port.wait(10.0)
+    assert ask(port, b"?", 2, timeout_s=0.01) == b""
+    port.close()
+
+
+def test_a_port_that_is_not_there_is_told_with_those_that_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(serial_port, "ports", lambda: ["/dev/ttyACM0 (Arduino Uno)"])
+    with pytest.raises(DeviceError, match="no serial port /dev/ttyUSB9") as caught:
+        SerialPort("/dev/ttyUSB9")
+    assert caught.value.fix == "there are: /dev/ttyACM0 (Arduino Uno)."
+    monkeypatch.setattr(serial_port, "ports", list)
+    with pytest.raises(DeviceError, match="there is none at all: plug it in"):
+        SerialPort("/dev/ttyUSB9")
+
+
+def test_of_two_nodes_on_one_port_the_second_is_told(cable: Cable) -> None:
+    port = SerialPort(cable.path)
+    with pytest.raises(DeviceError, match="is busy: another program has it") as caught:
+        SerialPort(cable.path)
+    assert f"fuser -v {cable.path}" in caught.value.fix
+    port.close()
+    SerialPort(cable.path).close()
+
+
+def test_without_permission_the_group_to_join_is_named(cable: Cable, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*args: object, **kwargs: object) -> None:
+        raise serial.SerialException(errno.EACCES, "could not open port")
+
+    serial = pytest.importorskip("serial")
+    monkeypatch.setattr(serial, "Serial", refused)
+    with pytest.raises(DeviceError, match=r"may not be opened by this user: it belongs to group '[a-z]+'") as caught:
+        SerialPort(cable.path)
+    assert caught.value.fix.startswith("sudo usermod -aG ")
+    assert "log out" in caught.value.fix
+
+
+def test_what_is_no_port_and_what_is_no_baud_rate_are_told(cable: Cable) -> None:
+    with pytest.raises(DeviceError, match="/dev/null cannot be opened as a serial port"):
+        SerialPort("/dev/null")
+    with pytest.raises(DeviceError, match="usual ones: 9600"):
+        SerialPort(cable.path, baud=-5)
+
+
+def test_a_cable_that_is_pulled_is_told_by_each_call(cable: Cable) -> None:
+    port = SerialPort(cable.path)
+    cable.pull()
+    for call in (port.read, lambda: port.write(b"x"), lambda: ask(port, b"x", 1)):
+        with pytest.raises(DeviceError, match=f"(?s){cable.path} is gone.*is the cable in"):
+            call()
+    port.close()
+
+
+def test_a_far_end_that_takes_nothing_is_told_and_does_not_stop_the_loop(cable: Cable) -> None:
+    port = SerialPort(cable.path)
+    with pytest.raises(DeviceError, match=f"{cable.path} took [0-9]+ of 1000000 bytes"):
+        port.write(bytes(1_000_000))
+    port.close()
+
+
+def test_without_pyserial_the_extra_is_named(cable: Cable, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "serial", None)
+    with pytest.raises(MissingExtra, match=r"pip install 'snr_sim\[hardware\]'"):
+        SerialPort(cable.path)
