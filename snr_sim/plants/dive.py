@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+from snr_sim.plants.plausible import LIMITS, check_fields, check_members, check_number, is_number, shown
+from snr_sim.plants.propulsion import FAULTS
 from snr_sim.plants.tether import Tether
 from snr_sim.plants.vehicle import Vector
-from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.errors import ParameterError, nearest
 
-FASTEST = 100.0  # m/s, rad/s: nothing begins a dive faster
 STILL: Vector = (0.0, 0.0, 0.0)
 
 
@@ -32,12 +34,13 @@ class Load:
     until_s: float = math.inf
 
     def __post_init__(self) -> None:
-        if not (0.0 < self.mass_kg < math.inf and 0.0 <= self.volume_m3 < math.inf):
+        numbers = {"mass_kg": "load_kg", "volume_m3": "load_m3", "from_s": "time_s"}
+        check_fields(self, "The load's ", numbers, {"place_m": "place_m"})
+        if not is_number(self.until_s) or not self.from_s < self.until_s:
             raise ParameterError(
-                f"A load of {self.mass_kg} kg and {self.volume_m3} m3.", fix="give a mass above 0 and a volume, or 0."
+                f"The load's until_s is {shown(self.until_s)}, and it is taken up at {self.from_s:g} s.",
+                fix="let it go later, or leave until_s out and it is never let go.",
             )
-        if not self.from_s < self.until_s:
-            raise ParameterError(f"A load from {self.from_s} s until {self.until_s} s.", fix="let it go later.")
 
 
 @dataclass(frozen=True)
@@ -57,8 +60,8 @@ class Leak:
     place_m: Vector = STILL
 
     def __post_init__(self) -> None:
-        if not (0.0 <= self.rate_lps < math.inf and 0.0 <= self.most_l < math.inf):
-            raise ParameterError(f"A leak of {self.rate_lps} l/s into {self.most_l} l.", fix="give 0 or more.")
+        numbers = {"from_s": "time_s", "rate_lps": "leak_lps", "most_l": "leak_l"}
+        check_fields(self, "The leak's ", numbers, {"place_m": "place_m"})
 
     def water_l(self, time_s: float) -> float:
         """Returns how much is in."""
@@ -71,15 +74,37 @@ class ThrusterFault:
 
     Args:
         at_s: when.
-        thruster: its number, from 0.
+        thruster: its name, or its number from 0.
         fault: 'off', 'weak', 'stuck' or 'none', as in `Propulsion.fail`.
         share: of its force that a weak one keeps.
     """
 
     at_s: float
-    thruster: int
+    thruster: int | str
     fault: str = "off"
     share: float = 0.5
+
+    def __post_init__(self) -> None:
+        check_fields(self, "The thruster fault's ", {"at_s": "time_s", "share": "share"}, {})
+        if not isinstance(self.fault, str) or self.fault not in FAULTS:
+            raise ParameterError(f"A thruster cannot be {shown(self.fault)}.", fix=nearest(str(self.fault), FAULTS))
+
+    def number_in(self, names: Sequence[str]) -> int:
+        """Returns the number of the thruster among those of a vehicle.
+
+        Raises:
+            ParameterError: there is none; the message names those there are.
+        """
+        if isinstance(self.thruster, str):
+            found = names.index(self.thruster) if self.thruster in names else -1
+        else:
+            found = int(self.thruster) if is_number(self.thruster) and self.thruster % 1 == 0 else -1
+        if not 0 <= found < len(names):
+            raise ParameterError(
+                f"The dive has thruster {shown(self.thruster)} fail at {self.at_s:g} s, and there is no such thruster.",
+                fix=f"by name, {nearest(str(self.thruster), names)} Or by number: 0 to {len(names) - 1}.",
+            )
+        return found
 
 
 @dataclass(frozen=True)
@@ -97,13 +122,17 @@ class Current:
     from_s: float
     velocity_mps: Vector
 
+    def __post_init__(self) -> None:
+        check_fields(self, "The current's ", {"from_s": "time_s"}, {"velocity_mps": "speed_mps"})
+
 
 @dataclass(frozen=True)
 class Dive:
     """Where a run begins, and what happens in it.
 
     Args:
-        position_m: of the vehicle's origin, world frame; z is 0 at the surface and negative below.
+        position_m: of the vehicle's origin, world frame; z is 0 at the surface and negative below. Above it, up to
+            100 m, the vehicle falls freely, without the drag of air.
         attitude_rad: roll, pitch and yaw, about x, y, z in this order of naming: yaw is turned first.
         velocity_mps: world frame.
         rate_radps: body frame.
@@ -114,7 +143,7 @@ class Dive:
         tether: if there is one.
 
     Raises:
-        ParameterError: a number is not finite, or currents are out of order.
+        ParameterError: a number cannot be, or currents are out of order.
     """
 
     position_m: Vector = (0.0, 0.0, -1.0)
@@ -128,16 +157,23 @@ class Dive:
     tether: Tether | None = None
 
     def __post_init__(self) -> None:
-        for name in ("position_m", "attitude_rad", "velocity_mps", "rate_radps"):
-            if not math.isfinite(sum(getattr(self, name))):
-                raise ParameterError(f"A dive begins with {name} = {getattr(self, name)}.", fix="give finite numbers.")
-        if math.hypot(*self.velocity_mps, *self.rate_radps) > FASTEST:
-            raise ParameterError(
-                f"A dive begins at {self.velocity_mps} m/s and {self.rate_radps} rad/s.", fix=f"stay below {FASTEST:g}."
-            )
-        for current in self.currents:
-            if not math.isfinite(sum(current.velocity_mps)):
-                raise ParameterError(f"A current of {current.velocity_mps} m/s.", fix="give finite numbers.")
+        vectors = {
+            "position_m": "position_m",
+            "attitude_rad": "angle_rad",
+            "velocity_mps": "start_mps",
+            "rate_radps": "start_radps",
+        }
+        check_fields(self, "The dive's ", {}, vectors)
+        check_number("The dive's position_m", self.position_m[2], LIMITS["height_m"], "z")
+        for name, kind in (("currents", Current), ("loads", Load), ("faults", ThrusterFault)):
+            check_members(f"The dive's {name}", getattr(self, name), kind)
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        for name, one in (("leak", Leak), ("tether", Tether)):
+            if not isinstance(getattr(self, name), one | None):
+                raise ParameterError(
+                    f"The dive's {name} is {shown(getattr(self, name))}.",
+                    fix=f"a dive has one {one.__name__}, or None.",
+                )
         times = [current.from_s for current in self.currents]
         if times != sorted(times):
             raise ParameterError(f"Currents begin at {times} s.", fix="name them in the order of their times.")

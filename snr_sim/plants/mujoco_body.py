@@ -161,6 +161,16 @@ class MujocoBody:
             )
         )
 
+    def deepest(self) -> tuple[str, float]:
+        """Returns in what the body is deepest, and how deep [m]; 0 if it is in nothing. To be asked after a look."""
+        model, data = self._model, self._data
+        solid, depth_m = "", 0.0
+        for contact in data.contact[: data.ncon]:
+            ours = [int(model.geom_bodyid[geom]) == self._body for geom in contact.geom]
+            if any(ours) and -contact.dist > depth_m:
+                solid, depth_m = model.geom(int(contact.geom[ours.index(True) - 1])).name, -float(contact.dist)
+        return solid, depth_m
+
     def snapshot(self) -> Any:
         """Returns all of MuJoCo's state, also of other bodies."""
         buffer = np.zeros(self._size)

@@ -92,16 +92,37 @@ LIMITS = {
     "modulus_pa": Limit(0.0, 2.5e11, "Pa", "steel has 2e11", {}, IS_ABOVE),
     "across": Limit(0.0, 5.0, "", "a smooth cylinder has 1.2, one that sways in the flow up to 3"),
     "along": Limit(0.0, 1.0, "", "skin friction is about 0.01"),
-    "damping_share": Limit(0.0, 10.0, "", "1 is critical"),
+    "damping_share": Limit(0.0, 1.0, "", "1 is critical"),
     # a pool
     "basin_m": Limit(0.5, 1e5, "m", "a vehicle fits in, and no basin is larger", MILLIMETRES),
     "water_kgm3": Limit(500.0, 2000.0, "kg/m3", "fresh water has 1000, the sea 1026", {"kg/l": 1000.0}),
     "gravity_mps2": Limit(0.1, 30.0, "m/s2", "Earth has 9.81"),
     "temperature_c": Limit(-5.0, 60.0, "degrees Celsius", "it is liquid, and divers can stand it"),
+    "height_m": Limit(-1e5, 100.0, "m", "under water z is negative; from higher up nothing is dropped", MILLIMETRES),
     "gate_m": Limit(0.1, 100.0, "m", "something can go through, and it fits into a basin", MILLIMETRES),
 }
 # fmt: on
 FINITE = Limit(-math.inf, math.inf)
+
+
+def check_fields(record: Any, who: str, numbers: Mapping[str, str], vectors: Mapping[str, str]) -> None:
+    """Checks numbers and places of a frozen record, and puts plain floats where others were given.
+
+    Args:
+        record: whose fields they are.
+        who: it is, for the message: "The tether's ".
+        numbers: name in `LIMITS` for each field that is a number.
+        vectors: the same for each that has x, y and z.
+
+    Raises:
+        ParameterError: one is none; the message names it.
+    """
+    for name, limit in numbers.items():
+        check_number(f"{who}{name}", getattr(record, name), LIMITS[limit])
+        object.__setattr__(record, name, float(getattr(record, name)))
+    for name, limit in vectors.items():
+        check_vector(f"{who}{name}", getattr(record, name), LIMITS[limit])
+        object.__setattr__(record, name, tuple(float(value) for value in getattr(record, name)))
 
 
 def check_number(what: str, value: Any, limit: Limit = FINITE, axis: str = "") -> None:

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from xml.sax.saxutils import quoteattr
 
+from snr_sim.plants.plausible import check_fields, check_members, shown
 from snr_sim.plants.vehicle import Vector, Vehicle
 from snr_sim.prelude.errors import ParameterError
 
@@ -20,6 +22,7 @@ FRICTION = 0.5  # of a plastic frame on tiles: our estimate
 CONTACT = 'solimp="0.1 0.95 0.003"'
 FRICTION_RATIO = 100
 BODY = "vehicle"
+PARTS = ("floor", "surface", "rim")  # names that the view has for what belongs to the pool
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,14 @@ class Gate:
     heading_rad: float = 0.0
     width_m: float = 1.5
     height_m: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name.strip() or self.name in PARTS:
+            raise ParameterError(
+                f"A gate is named {shown(self.name)}.", fix=f"give it a name of its own, other than {', '.join(PARTS)}."
+            )
+        numbers = {"heading_rad": "angle_rad", "width_m": "gate_m", "height_m": "gate_m"}
+        check_fields(self, f"Gate '{self.name}': ", numbers, {"position_m": "position_m"})
 
     def corners_m(self) -> list[Vector]:
         """Returns the four corners, in order around it."""
@@ -65,7 +76,7 @@ class Pool:
         temperature_c: of the water.
 
     Raises:
-        ParameterError: a size is not more than 0, or two gates have one name.
+        ParameterError: a number cannot be, a gate is outside, or two gates have one name.
     """
 
     length_m: float = 25.0
@@ -77,13 +88,31 @@ class Pool:
     temperature_c: float = 18.0
 
     def __post_init__(self) -> None:
-        for name in ("length_m", "width_m", "depth_m", "density_kgm3", "gravity_mps2"):
-            value = getattr(self, name)
-            if not 0.0 < value < math.inf:
-                raise ParameterError(f"The pool's {name} is {value}.", fix="give a number above 0.")
+        numbers = {
+            "length_m": "basin_m",
+            "width_m": "basin_m",
+            "depth_m": "basin_m",
+            "density_kgm3": "water_kgm3",
+            "gravity_mps2": "gravity_mps2",
+            "temperature_c": "temperature_c",
+        }
+        check_fields(self, "The pool's ", numbers, {})
+        check_members("The pool's gates", self.gates, Gate)
+        object.__setattr__(self, "gates", tuple(self.gates))
+        for gate in self.gates:
+            x, y, z = gate.position_m
+            if abs(x) > 0.5 * self.length_m or abs(y) > 0.5 * self.width_m or not -self.depth_m <= z <= WALLS_RISE_M:
+                raise ParameterError(
+                    f"Gate '{gate.name}' stands at {gate.position_m} m, which is not in the pool.", fix=self.extent()
+                )
         names = [gate.name for gate in self.gates]
         if len(set(names)) < len(names):
             raise ParameterError(f"Two gates have one name: {', '.join(names)}.", fix="give each its own.")
+
+    def extent(self) -> str:
+        """Returns where the water is, in words."""
+        size = f"{self.length_m:g} x {self.width_m:g} m around 0, 0 and {self.depth_m:g} m deep"
+        return f"the pool is {size}; under water z is negative."
 
     def mjcf(self, vehicle: Vehicle) -> str:
         """Returns the world with this vehicle in it, as MJCF."""
@@ -105,7 +134,8 @@ class Pool:
             corners = gate.corners_m()
             for i, (start, end) in enumerate(zip(corners, [*corners[1:], corners[0]], strict=True)):
                 ends = " ".join(f"{value:.9g}" for value in (*start, *end))
-                lines.append(f'<geom name="{gate.name}_{i}" type="capsule" fromto="{ends}" size="{POST_M}" {surface}/>')
+                name = quoteattr(f"{gate.name}_{i}")
+                lines.append(f'<geom name={name} type="capsule" fromto="{ends}" size="{POST_M}" {surface}/>')
         xx, yy, zz, xy, xz, yz = (
             float(vehicle.inertia_kgm2[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
         )

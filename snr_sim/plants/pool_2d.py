@@ -8,7 +8,7 @@ against the pool by queries.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -43,10 +43,10 @@ class Pool2D:
         self.gravity_mps2 = pool.gravity_mps2
         self.rigid = _rigid(vehicle)
         self._pymunk, self._pool = pymunk, pool
-        length, _, height = vehicle.size_m
+        length, _, self._height_m = vehicle.size_m
         self._body = pymunk.Body(vehicle.mass_kg, float(vehicle.inertia_kgm2[1, 1]))
-        self._frame = pymunk.Poly.create_box(self._body, (length, height))
-        self._reach_m = 0.5 * math.hypot(length, height) + POST_M
+        self._frame = pymunk.Poly.create_box(self._body, (length, self._height_m))
+        self._reach_m = 0.5 * math.hypot(length, self._height_m) + POST_M
         self._build(0.0)
 
     def _build(self, y_m: float) -> None:
@@ -56,15 +56,16 @@ class Pool2D:
         self._space = space = pymunk.Space()
         half, floor, top = 0.5 * pool.length_m, -pool.depth_m, HIGH_M
         far = half + THICK_M
-        solid = [
-            [(-far, floor - THICK_M), (far, floor - THICK_M), (far, floor), (-far, floor)],
-            [(half, floor), (far, floor), (far, top), (half, top)],
-            [(-far, floor), (-half, floor), (-half, top), (-far, top)],
-        ]
-        self._bars = [bar for gate in pool.gates for bar in _bars(gate, y_m)]
-        shapes = [pymunk.Poly(space.static_body, corners) for corners in solid]
-        shapes += [pymunk.Circle(space.static_body, POST_M, bar) for bar in self._bars]
-        space.add(self._body, *shapes)
+        solid = {
+            "floor": [(-far, floor - THICK_M), (far, floor - THICK_M), (far, floor), (-far, floor)],
+            "wall_east": [(half, floor), (far, floor), (far, top), (half, top)],
+            "wall_west": [(-far, floor), (-half, floor), (-half, top), (-far, top)],
+        }
+        bars = [(gate.name, bar) for gate in pool.gates for bar in _bars(gate, y_m)]
+        self._bars = [bar for _, bar in bars]
+        self._solids = {pymunk.Poly(space.static_body, corners): name for name, corners in solid.items()}
+        self._solids |= {pymunk.Circle(space.static_body, POST_M, bar): name for name, bar in bars}
+        space.add(self._body, *self._solids)
 
     # -- the state ----------------------------------------------------------------------------------------------------
 
@@ -126,16 +127,30 @@ class Pool2D:
         is_far = z - reach > -pool.depth_m and abs(x) + reach < 0.5 * pool.length_m
         if is_far and all(math.hypot(x - bar_x, z - bar_z) > reach for bar_x, bar_z in self._bars):
             return []
+        return [touch for _, touch in self._hits()]
+
+    def deepest(self) -> tuple[str, float]:
+        """Returns in what the vehicle is deepest, and how deep [m]; 0 if it is in nothing."""
+        solid, depth_m = "", 0.0
+        for name, touch in self._hits():
+            if touch.depth_m > depth_m:
+                solid, depth_m = name, touch.depth_m
+        return solid, depth_m
+
+    def _hits(self) -> Iterator[tuple[str, Touch]]:
+        """Yields what the frame touches, by name, and where."""
+        x, z, _ = self.where()
         self._frame.cache_bb()
-        found = []
         for hit in self._space.shape_query(self._frame):
             out_x, out_z = -hit.contact_point_set.normal
+            if out_x == out_z == 0.0:  # a bar in the very middle of the frame, where pymunk sees no way out: it is up
+                yield self._solids[hit.shape], Touch(0.0, 1.0, 0.0, 0.0, 0.5 * self._height_m + POST_M)
+                continue
             for point in hit.contact_point_set.points:
                 # Not `point.distance`, whose sign depends on the kinds of the two shapes (pymunk 7.3).
                 (at_x, at_z), (solid_x, solid_z) = point.point_a, point.point_b
                 depth_m = (solid_x - at_x) * out_x + (solid_z - at_z) * out_z
-                found.append(Touch(out_x, out_z, at_x - x, at_z - z, depth_m))
-        return found
+                yield self._solids[hit.shape], Touch(out_x, out_z, at_x - x, at_z - z, depth_m)
 
     def height_over_ground_m(self, place: Sequence[float]) -> float:
         """Returns how far it is straight down from a place to anything; negative if there is nothing."""

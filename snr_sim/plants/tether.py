@@ -15,8 +15,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from snr_sim.plants.plausible import check_fields
 from snr_sim.plants.vehicle import Vector
-from snr_sim.prelude.errors import ParameterError
 
 
 @dataclass(frozen=True)
@@ -47,12 +47,9 @@ class Tether:
     damping_share: float = 0.1
 
     def __post_init__(self) -> None:
-        for name in ("length_m", "diameter_m", "modulus_pa"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise ParameterError(f"The tether's {name} is {getattr(self, name)}.", fix="give a number above 0.")
-        for name in ("across", "along", "damping_share"):
-            if not 0.0 <= getattr(self, name) < math.inf:
-                raise ParameterError(f"The tether's {name} is {getattr(self, name)}.", fix="give 0 or more.")
+        numbers = ("length_m", "diameter_m", "modulus_pa", "across", "along", "damping_share")
+        vectors = {"anchor_m": "position_m", "place_m": "place_m"}
+        check_fields(self, "The tether's ", {name: name for name in numbers}, vectors)
 
     @property
     def stiffness_npm(self) -> float:

@@ -27,10 +27,12 @@ from snr_sim.plants.flotation import Flotation
 from snr_sim.plants.hydrodynamics import AT_REST, Hydrodynamics, in_words
 from snr_sim.plants.mujoco_body import MujocoBody
 from snr_sim.plants.mujoco_engine import MujocoWorld
+from snr_sim.plants.plausible import is_number, shown
 from snr_sim.plants.pool import BODY, Pool
 from snr_sim.plants.surface import Surface
 from snr_sim.plants.tether import TetherPull
 from snr_sim.plants.urov_measured import UrovMeasured
+from snr_sim.plants.urov_start import check_room, check_start
 from snr_sim.plants.urov_state import Body, State, Thrusters
 from snr_sim.plants.vehicle import Six, Vector, Vehicle
 from snr_sim.prelude.angles import quaternion_of
@@ -74,7 +76,12 @@ class Urov(UrovMeasured):
         step_s: float = STEP_S,
         mjcf: str | None = None,
     ) -> None:
-        if not 0.0 < step_s <= 0.05:
+        for what, given, kind in (("vehicle", vehicle, Vehicle), ("pool", pool, Pool)):
+            if not isinstance(given, kind):
+                raise ParameterError(
+                    f"The {what} is {shown(given)}.", fix=f"give a {kind.__name__}; read_vehicle makes one of a file."
+                )
+        if not is_number(step_s) or not 0.0 < step_s <= 0.05:
             raise ParameterError(f"A vehicle under water in steps of {step_s} s.", fix=f"{STEP_S} s is a good step.")
         if thrusters is not None and thrusters.count != len(vehicle.thrusters):
             raise ParameterError(
@@ -91,6 +98,7 @@ class Urov(UrovMeasured):
         self.engine = self._body.engine
         self._readers = self._own_readers()
         self._matrix = vehicle.thruster_matrix()
+        self._names = tuple(thruster.name for thruster in vehicle.thrusters)
         self._surface = Surface(vehicle)
         self._hydro = Hydrodynamics(vehicle, self._body.rigid)
         self._flotation = Flotation(vehicle, self._body.rigid, pool.density_kgm3, self._body.gravity_mps2)
@@ -107,7 +115,7 @@ class Urov(UrovMeasured):
     def reset(self, seed: int) -> None:
         """Puts the vehicle at the start that belongs to this seed, with its thrusters off."""
         dive = self.start_of(seed)
-        self._check(dive)
+        check_start(dive, seed, self.vehicle, self.pool, self.thrusters is not None, self.step_s)
         self._body.clear()
         attitude = quaternion_of(*dive.attitude_rad)
         self._body.put([*dive.position_m, *attitude], [*dive.velocity_mps, *dive.rate_radps])
@@ -124,6 +132,7 @@ class Urov(UrovMeasured):
             pulses=(None,) * len(self.vehicle.thrusters),
         )
         self.restore(start)
+        check_room(dive, *self._body.deepest(), self.vehicle, self.pool)
         self._happen()
         if self._place[2] > -self._surface.reach_m:
             self._float(self._place[2], self._rotation[6:])
@@ -140,18 +149,6 @@ class Urov(UrovMeasured):
         )
         self._acceleration = self._guess = change
         self._gained = self._seen_from_world(change)
-
-    def _check(self, dive: Dive) -> None:
-        x, y, z = dive.position_m
-        pool = self.pool
-        if z < -pool.depth_m or abs(x) > 0.5 * pool.length_m or abs(y) > 0.5 * pool.width_m:
-            raise ParameterError(
-                f"The dive begins at {dive.position_m} m, which is not in the pool.",
-                fix=f"it is {pool.length_m:g} x {pool.width_m:g} m around 0, 0 and {pool.depth_m:g} m deep; "
-                "under water z is negative.",
-            )
-        if dive.faults and self.thrusters is None:
-            raise ParameterError("Thrusters fail in this dive, but there are none.", fix="give the plant thrusters.")
 
     def snapshot(self) -> State:
         """Returns all of the state; it never changes afterwards."""
@@ -211,7 +208,7 @@ class Urov(UrovMeasured):
             moments = set(self._moments_s[before : self._happened])
             for fault in self.dive.faults:
                 if fault.at_s in moments and self.thrusters is not None:
-                    self.thrusters.fail(fault.thruster, fault.fault, fault.share)
+                    self.thrusters.fail(fault.number_in(self._names), fault.fault, fault.share)
             self._take_up(self._moments_s[self._happened - 1])
 
     def _take_up(self, time_s: float) -> None:

@@ -49,6 +49,7 @@ class UrovMeasured:
     outputs: tuple[str, ...]
     step_s: float
     _steps: int
+    _names: tuple[str, ...]  # of the thrusters
     _body: Body
     _hydro: Hydrodynamics
     _place: Vector
@@ -220,10 +221,11 @@ class UrovMeasured:
         if dive.leak is not None:
             told["water_l"] = self._water_l
         for fault in dive.faults:
+            name = self._names[fault.number_in(self._names)]
             if fault.at_s <= now_s:
-                told[f"broken_{self.vehicle.thrusters[fault.thruster].name}"] = float(fault.fault != "none")
+                told[f"broken_{name}"] = float(fault.fault != "none")
             else:
-                told.setdefault(f"broken_{self.vehicle.thrusters[fault.thruster].name}", 0.0)
+                told.setdefault(f"broken_{name}", 0.0)
         return told
 
     def _in_world(self, x: float, y: float, z: float) -> Vector:

@@ -75,6 +75,10 @@ class Body(Protocol):
         """Returns how far it is straight down from a place to anything but the body; negative if there is nothing."""
         ...
 
+    def deepest(self) -> tuple[str, float]:
+        """Returns in what the body is deepest, and how deep [m]; 0 if it is in nothing."""
+        ...
+
     def snapshot(self) -> Any:
         """Returns all of the state."""
         ...

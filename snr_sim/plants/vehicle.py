@@ -17,7 +17,16 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.plants.plausible import LIMITS, MILLIMETRES, Limit, check_members, check_number, check_vector, shown
+from snr_sim.plants.plausible import (
+    LIMITS,
+    MILLIMETRES,
+    Limit,
+    check_fields,
+    check_members,
+    check_number,
+    check_vector,
+    shown,
+)
 from snr_sim.prelude.errors import ParameterError, nearest
 from snr_sim.prelude.wrench import AXES, lacking_axes
 
@@ -44,7 +53,7 @@ class Thruster:
         if not isinstance(self.name, str) or not self.name.strip():
             raise ParameterError(f"A thruster is named {shown(self.name)}.", fix='give it a name, such as "T1".')
         who = f"Thruster '{self.name}'"
-        check_vector(f"{who}: position_m", self.position_m, LIMITS["place_m"])
+        check_fields(self, f"{who}: ", {}, {"position_m": "place_m"})
         check_vector(f"{who}: direction", self.direction)
         length = math.hypot(*self.direction)
         if not 0.99 < length < 1.01:
@@ -94,17 +103,18 @@ class Vehicle:
     sources: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("mass_kg", "volume_m3"):
-            check_number(self._what(name), getattr(self, name), LIMITS[name])
-        if self.net_buoyancy_n is not None:
-            check_number(self._what("net_buoyancy_n"), self.net_buoyancy_n, LIMITS["net_buoyancy_n"])
-        for name in ("linear_damping", "quadratic_damping"):
-            check_vector(self._what(name), getattr(self, name), LIMITS[name], AXES)
-        check_vector(self._what("size_m"), self.size_m, LIMITS["size_m"], ("length", "width", "height"))
-        for name in ("centre_of_mass_m", "centre_of_buoyancy_m"):
-            place = getattr(self, name)
-            check_vector(self._what(name), place, LIMITS["place_m"])
-            for axis, value, size in zip("xyz", place, self.size_m, strict=True):
+        names = ["mass_kg", "volume_m3"] + ["net_buoyancy_n"] * (self.net_buoyancy_n is not None)
+        places = {"centre_of_mass_m": "place_m", "centre_of_buoyancy_m": "place_m"}
+        check_fields(self, self._what(""), {name: name for name in names}, places)
+        for name, axes in (
+            ("linear_damping", AXES),
+            ("quadratic_damping", AXES),
+            ("size_m", ("length", "width", "height")),
+        ):
+            check_vector(self._what(name), getattr(self, name), LIMITS[name], axes)
+            object.__setattr__(self, name, tuple(float(value) for value in getattr(self, name)))
+        for name in places:
+            for axis, value, size in zip("xyz", getattr(self, name), self.size_m, strict=True):
                 inside = Limit(0.0, 0.5 * size, "m", "it is inside the frame, as size_m says", MILLIMETRES)
                 check_number(self._what(f"{name}, off the middle in {axis},"), abs(value), inside)
         self._check_inertia()

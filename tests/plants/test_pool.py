@@ -1,24 +1,71 @@
 import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
+from snr_sim.plants.mujoco_engine import MujocoWorld
 from snr_sim.plants.pool import Gate, Pool
+from snr_sim.plants.vehicle_file import read_vehicle
 from snr_sim.prelude.errors import ParameterError
+
+HEAVY = Path(__file__).parents[2] / "robots" / "urov" / "vehicles" / "benzon2022.toml"
+RED = Gate("red", (1.0, 0.0, -1.0))
 
 
 @pytest.mark.parametrize(
-    "change", [{"depth_m": -4.0}, {"length_m": 0.0}, {"density_kgm3": math.nan}, {"width_m": math.inf}]
+    "change",
+    [
+        {"depth_m": -4.0},
+        {"length_m": 0.0},
+        {"density_kgm3": math.nan},
+        {"density_kgm3": 1.0},
+        {"width_m": math.inf},
+        {"gravity_mps2": -9.81},
+        {"temperature_c": math.nan},
+        {"gates": RED},
+    ],
 )
-def test_a_pool_that_cannot_be_is_refused(change: dict[str, float]) -> None:
+def test_a_pool_that_cannot_be_is_refused(change: dict[str, Any]) -> None:
     (name,) = change
     with pytest.raises(ParameterError, match=f"The pool's {name} is"):
         Pool(**change)
 
 
 def test_a_gate_named_twice_is_refused() -> None:
-    gate = Gate("red", (1.0, 0.0, -1.0))
     with pytest.raises(ParameterError, match="Two gates have one name: red, red"):
-        Pool(gates=(gate, gate))
+        Pool(gates=(RED, RED))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"width_m": -1.0}, r"Gate 'red': width_m is -1\.0"),
+        ({"height_m": math.nan}, "Gate 'red': height_m is nan"),
+        ({"heading_rad": 90.0}, r"Gate 'red': heading_rad is 90\.0: degrees\?"),
+        ({"position_m": (0.0, -1.0)}, r"Gate 'red': position_m is \(0\.0, -1\.0\): 2 numbers, not 3"),
+        ({"name": ""}, "A gate is named ''"),
+        ({"name": "floor"}, "A gate is named 'floor'"),
+    ],
+)
+def test_a_gate_that_cannot_be_is_told_by_name(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        replace(RED, **change)
+
+
+def test_a_gate_in_the_air_or_behind_a_wall_is_told() -> None:
+    for place in ((0.0, 0.0, 1.5), (13.0, 0.0, -1.0), (0.0, 0.0, -4.5)):
+        with pytest.raises(ParameterError, match=r"Gate 'red' stands at .*, which is not in the pool") as caught:
+            Pool(gates=(replace(RED, position_m=place),))
+        assert "under water z is negative" in caught.value.fix
+
+
+def test_a_gate_may_have_any_name_and_numbers_of_numpy() -> None:
+    pool = Pool(gravity_mps2=np.float64(9.81), gates=[Gate('<"a&b>', (np.float64(1.0), 0.0, -1.0))])
+    world = MujocoWorld(pool.mjcf(read_vehicle(HEAVY)), 0.005)
+    assert world.model.geom('<"a&b>_0').name
 
 
 def test_a_gate_stands_across_its_heading() -> None:

@@ -1,4 +1,5 @@
 import math
+from typing import Any
 
 import pytest
 
@@ -41,9 +42,27 @@ def test_at_its_anchor_it_has_no_direction_and_no_force() -> None:
 
 
 @pytest.mark.parametrize(
-    "change", [{"length_m": 0.0}, {"diameter_m": -1.0}, {"modulus_pa": math.nan}, {"across": -1.2}]
+    "change",
+    [
+        {"length_m": 0.0},
+        {"length_m": "35"},
+        {"diameter_m": -1.0},
+        {"modulus_pa": math.nan},
+        {"modulus_pa": 1e15},
+        {"across": -1.2},
+        {"damping_share": math.inf},
+        {"anchor_m": (0.0, 0.0)},
+        {"place_m": "stern"},
+    ],
 )
-def test_numbers_that_cannot_be_are_refused(change: dict[str, float]) -> None:
+def test_numbers_that_cannot_be_are_refused(change: dict[str, Any]) -> None:
     (name,) = change
     with pytest.raises(ParameterError, match=f"The tether's {name} is"):
-        Tether(STILL, **change)
+        Tether(**{"anchor_m": STILL, **change})
+
+
+def test_a_diameter_in_millimetres_and_a_place_that_is_nan_are_told_as_such() -> None:
+    with pytest.raises(ParameterError, match=r"The tether's diameter_m is 7\.5: millimetres\?"):
+        Tether(STILL, diameter_m=7.5)
+    with pytest.raises(ParameterError, match="The tether's anchor_m of z is nan"):
+        Tether((0.0, 0.0, math.nan))

@@ -1,0 +1,87 @@
+"""Whether a dive can begin: in the pool and in nothing solid, within the tether's reach, with thrusters that are there.
+
+What is wrong with the numbers themselves is told where they are made (`dive.py`, `tether.py`, `pool.py`); here they
+meet the vehicle and the pool: at the start, not when a thruster is due to fail an hour into the dive.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from snr_sim.plants.attitude import rotation_of
+from snr_sim.plants.dive import Dive
+from snr_sim.plants.plausible import shown
+from snr_sim.plants.pool import Pool
+from snr_sim.plants.tether import Tether
+from snr_sim.plants.vehicle import Vehicle
+from snr_sim.prelude.angles import quaternion_of
+from snr_sim.prelude.errors import ParameterError
+
+GIVES_M = 0.01  # so deep a dive may begin in the floor: contacts give way a little, and then push the vehicle out
+TAUT = 1.001  # share of its length that a tether may be stretched to at the start
+
+
+def check_start(dive: Any, seed: int, vehicle: Vehicle, pool: Pool, has_thrusters: bool, step_s: float) -> None:
+    """Checks a dive before anything is put at its start.
+
+    Raises:
+        ParameterError: it is no dive, or does not go with vehicle and pool.
+    """
+    if not isinstance(dive, Dive):
+        raise ParameterError(f"The start of seed {seed} is {shown(dive)}.", fix="give a function that returns a Dive.")
+    x, y, z = dive.position_m
+    if z < -pool.depth_m or abs(x) > 0.5 * pool.length_m or abs(y) > 0.5 * pool.width_m:
+        raise ParameterError(f"The dive begins at {dive.position_m} m, which is not in the pool.", fix=pool.extent())
+    if dive.faults and not has_thrusters:
+        raise ParameterError("Thrusters fail in this dive, but there are none.", fix="give the plant thrusters.")
+    for fault in dive.faults:
+        fault.number_in([thruster.name for thruster in vehicle.thrusters])
+    if dive.tether is not None:
+        _check_reach(dive, dive.tether)
+        _check_swing(dive.tether, vehicle, step_s)
+
+
+def check_room(dive: Dive, solid: str, depth_m: float, vehicle: Vehicle, pool: Pool) -> None:
+    """Checks that a vehicle at its start is in nothing solid.
+
+    Args:
+        dive: says where the start is.
+        solid: what the vehicle is deepest in.
+        depth_m: how deep.
+        vehicle, pool: for the message.
+
+    Raises:
+        ParameterError: it is deeper than `GIVES_M`.
+    """
+    if depth_m > GIVES_M:
+        size = " x ".join(f"{side:g}" for side in vehicle.size_m)
+        raise ParameterError(
+            f"The dive begins at {dive.position_m} m with the vehicle {100.0 * depth_m:.3g} cm deep in '{solid}'.",
+            fix=f"begin farther from it: the vehicle is {size} m large, {pool.extent()}",
+        )
+
+
+def _check_reach(dive: Dive, tether: Tether) -> None:
+    turn = np.array(rotation_of(quaternion_of(*dive.attitude_rad))).reshape(3, 3)
+    end = np.array(dive.position_m) + turn @ np.array(tether.place_m)
+    away_m = math.dist(end.tolist(), tether.anchor_m)
+    if away_m > TAUT * tether.length_m:
+        raise ParameterError(
+            f"The dive begins {away_m:.4g} m from where its tether is held, which is {tether.length_m:g} m long.",
+            fix="begin nearer to the tether's anchor_m, or pay out more with length_m.",
+        )
+
+
+def _check_swing(tether: Tether, vehicle: Vehicle, step_s: float) -> None:
+    """A spring that swings within a few steps cannot be followed; half of what is just stable is allowed."""
+    mass, damping = vehicle.mass_kg + float(vehicle.added_mass[0, 0]), tether.damping_share
+    swing = step_s * math.sqrt(tether.stiffness_npm / mass)
+    if swing * (damping + math.sqrt(1.0 + damping * damping)) > 1.0:
+        raise ParameterError(
+            f"A tether of {tether.stiffness_npm:.3g} N/m is too stiff for steps of {1e3 * step_s:g} ms: at its end the "
+            f"vehicle would swing {swing / (2.0 * math.pi * step_s):.3g} times a second.",
+            fix="take a smaller modulus_pa, a longer tether or a shorter step_s.",
+        )
