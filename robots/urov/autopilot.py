@@ -3,6 +3,7 @@
 page "controls" --> guard: whose word counts --.
 page "imu" ------> holds: wrench --> allocation: thrusts --> slew limit --> curve: pulses --> page "pwm"
 page "depth" ----'                                                     `--> page "vehicle": what it is doing
+pages "leak", "power" --> guard
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Any
 from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
 from snr_sim.plants.t200 import curve
 from snr_sim.prelude.errors import CommandError, UnknownName
-from snr_sim.prelude.signals import DepthReading, ImuReading
+from snr_sim.prelude.signals import DepthReading, ImuReading, PowerReading
 from snr_sim.std_mods.allocation import Allocation
 from snr_sim.std_mods.slew import SlewLimit
 from snr_sim.std_mods.thrust_curve import ThrustCurve
@@ -72,6 +73,7 @@ class Autopilot(Endpoint):
         self.task_handlers = {
             (TaskType.process_data, "controls"): self.on_controls,
             (TaskType.process_data, "leak"): self.on_leak,
+            (TaskType.process_data, "power"): self.on_power,
             (TaskType.process_data, "imu"): self.on_imu,
         }
 
@@ -95,6 +97,17 @@ class Autopilot(Endpoint):
     def on_leak(self, task: Task, task_id: TaskId) -> None:
         """Notes water in the hull."""
         self.guard.is_wet = self.guard.is_wet or self.get_data("leak")["is_wet"]
+
+    def on_power(self, task: Task, task_id: TaskId) -> None:
+        """Watches the battery."""
+        was_low = self.guard.is_low
+        self.guard.measure(PowerReading(**self.get_data("power")))
+        if self.guard.is_low and not was_low:
+            limits = self.guard.limits
+            does = "the vehicle comes up" if limits.surfaces_on_low else "charge it"
+            self.parent.note(
+                f"The battery is low: for {limits.low_s:g} s it had less than {limits.low_v:g} V at rest; {does}."
+            )
 
     def on_imu(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Answers with pulses, and now and then with what it is doing."""
@@ -143,6 +156,7 @@ class Autopilot(Endpoint):
             "number": guard.controls.number,
             "age_s": guard.age_s(now_s),
             "is_wet": guard.is_wet,
+            "is_low": guard.is_low,
             "refused": self.refused,
             "depth_m": holds.depth_m,
             "heading_rad": holds.heading_rad,

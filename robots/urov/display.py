@@ -94,7 +94,7 @@ class Display(Loop):
 
 
 KEYS = ("vehicle", "depth", "altitude", "power", "leak")
-NEWS = ("vehicle", "state", "refused", "leak")  # rows that are told as soon as they change
+NEWS = ("vehicle", "state", "refused", "low", "leak")  # rows that are told as soon as they change
 
 
 def rows(pages: dict[str, Any], heard_s: float) -> list[tuple[str, str]]:
@@ -127,6 +127,9 @@ def rows(pages: dict[str, Any], heard_s: float) -> list[tuple[str, str]]:
     if pages["power"] is not None:
         power = pages["power"].data
         shown.append(("battery", f"{power['voltage_v']:.1f} V, {power['current_a']:.0f} A"))
+    if vehicle["is_low"]:
+        does = ", the vehicle comes up" if vehicle["rules"] == "surface" else ""
+        shown.append(("low", f"[red]BATTERY LOW{does}[/red]"))
     if vehicle["share"] < 1.0:
         shown.append(("thrusters", f"[yellow]at their limits: {vehicle['share']:.0%} of what is asked[/yellow]"))
     if pages["leak"] is not None and pages["leak"].data["is_wet"]:

@@ -4,7 +4,7 @@
     pilot     as the controls say
     neutral   nothing pushes: the newest controls are older than a quarter of a second
     hold      the link has been lost for two seconds: stays at the depth and heading it had when they were
-    surface   it has been lost for longer, or water comes in: goes up
+    surface   it has been lost for longer, water comes in, or the battery is low: goes up
 
 The age of controls is counted from when they were made, by the vehicle's own clock.
 """
@@ -12,6 +12,8 @@ The age of controls is counted from when they were made, by the vehicle's own cl
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+from snr_sim.prelude.signals import PowerReading
 
 from .controls import Controls
 
@@ -25,12 +27,22 @@ class GuardLimits:
         lost_s: age from which the link counts as lost.
         hold_s: how long the vehicle holds its depth before it goes up.
         surfaces_on_leak: whether water in the hull sends it up.
+        low_v: of the battery at rest; lower than that for `low_s`, and it is low until the next start. 13 V is 3.25 V
+            a cell, some 7 % of the charge; at 12 V the pack's maker wants it charged. 0 asks nothing.
+        low_s: as ArduPilot waits (BATT_LOW_TIMER).
+        sag_ohm: makes the voltage at rest out of that under load. What this does not know of (a pack that is old or
+            cold) a burst of thrust would take for a low battery, and that is what `low_s` is for.
+        surfaces_on_low: whether a low battery sends it up; else it is only told.
     """
 
     stale_s: float = 0.25
     lost_s: float = 2.0
     hold_s: float = 10.0
     surfaces_on_leak: bool = True
+    low_v: float = 13.0
+    low_s: float = 10.0
+    sag_ohm: float = 0.03
+    surfaces_on_low: bool = True
 
 
 class Guard:
@@ -46,6 +58,8 @@ class Guard:
         self.heard_s: float | None = None
         self.is_stopped = False
         self.is_wet = False
+        self.is_low = False
+        self._low_since_s: float | None = None
 
     def hear(self, controls: Controls, made_s: float) -> None:
         """Takes controls, made at a moment of the vehicle's clock. A stop counts in any order.
@@ -61,6 +75,16 @@ class Guard:
         if controls.clears_stop and not (controls.is_stop or controls.is_armed):
             self.is_stopped = False
 
+    def measure(self, power: PowerReading) -> None:
+        """Takes what the power module measured, and so notices a battery that has been low for long enough."""
+        limits = self.limits
+        if power.voltage_v + power.current_a * limits.sag_ohm >= limits.low_v:
+            self._low_since_s = None
+            return
+        if self._low_since_s is None:
+            self._low_since_s = power.stamp_s
+        self.is_low = self.is_low or power.stamp_s - self._low_since_s >= limits.low_s - 1e-9
+
     def age_s(self, now_s: float) -> float | None:
         """Returns how old the newest controls are; None if there are none."""
         return None if self.heard_s is None else now_s - self.heard_s
@@ -71,7 +95,7 @@ class Guard:
         limits = self.limits
         if age_s is None or self.is_stopped or not self.controls.is_armed:
             return "idle"
-        if self.is_wet and limits.surfaces_on_leak:
+        if (self.is_wet and limits.surfaces_on_leak) or (self.is_low and limits.surfaces_on_low):
             return "surface"
         if age_s <= limits.stale_s:
             return "pilot"

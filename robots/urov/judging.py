@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from snr_sim.plants.dive import Dive
 from snr_sim.plants.pool import Pool
+from snr_sim.plants.t200 import STOP_US
 from snr_sim.plants.urov import Urov
 from snr_sim.plants.urov_2d import Urov2D
 from snr_sim.plants.vehicle import Vehicle
@@ -91,7 +92,7 @@ def unready(plant: Watched) -> list[str]:
     said = []
     if not any(esc.is_armed for esc in plant.thrusters.escs):
         said.append("no speed controller is armed: each must be sent 1500 us for a second first")
-    false = {esc.state.stop_us for esc in plant.thrusters.escs if esc.has_false_stop}
+    false = {esc.shift_us + STOP_US for esc in plant.thrusters.escs if esc.has_false_stop}
     if false:
         pulses = ", ".join(f"{pulse_us:g}" for pulse_us in sorted(false))
         said.append(f"speed controllers were first sent {pulses} us and took that for stop: begin with 1500 us")

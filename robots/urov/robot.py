@@ -55,7 +55,11 @@ OPTIONS = {
 }
 
 SENSORS = ("depth", "altitude", "power", "leak", "imu")  # the last one sets off control, so it comes after the others
-ANSWERED = ("leak", "imu")  # of these each reading sets off work; the others are looked up when they are needed
+ANSWERED = (
+    "leak",
+    "power",
+    "imu",
+)  # of these each reading sets off work; the others are looked up when they are needed
 # After so much silence either end counts as gone, also one that is there and stands still: told within a second.
 KEEP_ALIVE_S, GONE_S = 0.25, 0.75
 TO_TOPSIDE = ("vehicle", "depth", "altitude", "power", "leak")

@@ -119,8 +119,8 @@ class Propulsion:
 
     @property
     def current_a(self) -> float:
-        """All that is drawn from the supply."""
-        return sum(self.currents_a) + self.electronics_a
+        """All that is drawn from the supply: nothing from one that is empty or has been cut off."""
+        return sum(self.currents_a) + self.electronics_a if self.voltage_v > 0.0 else 0.0
 
     @property
     def charge(self) -> float:
@@ -205,7 +205,7 @@ class Propulsion:
         else:
             acting = [esc.hear(pulse, volts, dt_s) for esc, pulse in zip(self.escs, pulses, strict=True)]
             self._is_settled = self.is_armed and len(given) == len(pulses)
-            self._shifts_us = [esc.state.stop_us - STOP_US for esc in self.escs]
+            self._shifts_us = [esc.shift_us for esc in self.escs]
         if True in self._stuck:
             both = zip(self.acting_us, acting, self._stuck, strict=True)
             acting = [before if is_stuck else now for before, now, is_stuck in both]

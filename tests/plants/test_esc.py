@@ -90,3 +90,37 @@ def test_without_voltage_it_forgets_that_it_was_armed(supply_v: float) -> None:
     esc = armed()
     assert hear(esc, 1800.0, DT_S, supply_v) == 1500.0
     assert not esc.is_armed
+
+
+def test_after_its_voltage_broke_down_it_waits_for_stop_and_never_takes_thrust_for_it() -> None:
+    esc = armed()
+    hear(esc, 1800.0, DT_S, 6.5)
+    assert hear(esc, 1800.0, 10.0) == 1500.0
+    assert not esc.is_armed
+    hear(esc, 1510.0, ARMING_S - DT_S)
+    hear(esc, 1600.0, DT_S)
+    hear(esc, 1510.0, ARMING_S - DT_S)
+    assert not esc.is_armed, "a second of stop, without a gap"
+    hear(esc, 1510.0, DT_S)
+    assert esc.is_armed
+    assert not esc.has_false_stop
+    assert hear(esc, 1800.0, DT_S) == 1800.0
+
+
+def test_after_silence_too_only_stop_arms_it() -> None:
+    esc = armed()
+    hear(esc, None, SILENCE_S)
+    hear(esc, 1700.0, 2 * ARMING_S)
+    assert not esc.is_armed
+    hear(esc, 1500.0, ARMING_S)
+    assert hear(esc, 1700.0, DT_S) == 1700.0
+
+
+def test_what_it_was_first_shown_stays_its_stop_whatever_happens_to_its_supply() -> None:
+    esc = Esc()
+    hear(esc, 1700.0, ARMING_S)
+    hear(esc, 1700.0, DT_S, 0.0)
+    hear(esc, 1500.0, 2 * ARMING_S)
+    assert not esc.is_armed
+    hear(esc, 1700.0, ARMING_S)
+    assert hear(esc, 1500.0, DT_S) == 1300.0

@@ -144,14 +144,27 @@ def test_an_empty_battery_drives_nothing_and_is_no_error() -> None:
     assert not thrusters.is_armed
 
 
-def test_a_battery_that_is_nearly_empty_breaks_down_under_load_and_the_controllers_disarm() -> None:
-    thrusters = Propulsion(8, Battery(charge=0.01))
+def test_a_battery_that_is_nearly_empty_is_cut_off_under_load_and_nothing_turns_any_more() -> None:
+    thrusters = Propulsion(8, Battery(charge=0.03))
     run(thrusters, [STOP] * 8, 1.0)
     assert thrusters.is_armed
-    run(thrusters, [1900.0] * 8, 0.3)
+    run(thrusters, [1900.0] * 8, 0.6)
     assert thrusters.charge > 0.0
+    assert (thrusters.voltage_v, thrusters.current_a) == (0.0, 0.0)
     assert not thrusters.is_armed
-    assert run(thrusters, [STOP] * 8, 0.6) == pytest.approx([0.0] * 8, abs=1e-6)
+    assert run(thrusters, [STOP] * 8, 1.5) == pytest.approx([0.0] * 8, abs=1e-6)
+    assert not thrusters.is_armed, "no battery, no controllers"
+
+
+def test_a_supply_that_breaks_down_under_thrust_stops_the_thrusters_and_makes_no_false_stop() -> None:
+    """Without a protection circuit it comes back as soon as nothing turns; the pulses ask for thrust all the while."""
+    thrusters = Propulsion(8, Battery(Pack(resistance_ohm=0.2, cutoff_cell_v=None), charge=0.1))
+    run(thrusters, [STOP] * 8, 1.0)
+    run(thrusters, [1900.0] * 8, 5.0)
+    assert thrusters.voltage_v > 12.0
+    assert not any(esc.is_armed or esc.has_false_stop for esc in thrusters.escs)
+    run(thrusters, [STOP] * 8, 1.0)
+    assert np.all(run(thrusters, [1600.0] * 8, 0.5) > 0.0)
 
 
 def test_failures_do_to_one_thruster_what_they_say_and_nothing_to_the_others() -> None:

@@ -9,10 +9,11 @@ import pytest
 
 from snr_sim import Config, Endpoint, EndpointFactory, Mode, Node, SimRunner, Task, TaskId, TaskType, library
 from snr_sim.core.clocks import SimClock
+from snr_sim.plants.battery import Battery
 from snr_sim.plants.stepping import Stepper
 from snr_sim.prelude.errors import CommandError, ParameterError, SnrError, UnknownName
 from snr_sim.prelude.scenario import Rig, Robot
-from snr_sim.prelude.signals import DepthReading, ImuReading
+from snr_sim.prelude.signals import DepthReading, ImuReading, PowerReading
 from snr_sim.testing.parts import Ticker, TickerFactory
 
 robot = library.load_robot(library.find("robots", "urov"))
@@ -144,6 +145,39 @@ def test_water_in_the_hull_sends_it_up_unless_it_is_not_to() -> None:
         one.hear(armed(), 0.0)
         one.is_wet = True
         assert one.rules(0.0) == rules
+
+
+def weak(one: Guard, from_s: float, to_s: float, volts: float, amperes: float = 5.0) -> Guard:
+    """Shows it a battery, five times a second."""
+    for i in range(round(5 * from_s), round(5 * to_s) + 1):
+        one.measure(PowerReading(volts, amperes, 0.2 * i))
+    return one
+
+
+def test_a_battery_that_is_low_for_long_enough_sends_it_up_and_stays_low() -> None:
+    one = guard(low_v=13.0, low_s=10.0, sag_ohm=0.0)
+    one.hear(armed(), 20.0)
+    assert weak(one, 0.0, 9.8, 12.9).rules(20.0) == "pilot"
+    assert weak(one, 10.0, 10.0, 12.9).rules(20.0) == "surface"
+    assert weak(one, 10.2, 60.0, 15.0).rules(20.0) == "surface", "without load it looks better than it is"
+    one.hear(Controls(2), 20.1)
+    assert one.rules(20.1) == "idle", "who has disarmed decides"
+
+
+def test_the_sag_of_a_burst_is_no_low_battery() -> None:
+    one = guard(low_v=13.0, low_s=10.0, sag_ohm=0.03)
+    assert not weak(one, 0.0, 60.0, 15.0 - 0.03 * 100.0, 100.0).is_low, "what the load costs is known"
+    assert not weak(one, 70.0, 79.0, 11.0, 20.0).is_low, "more than that, but not for long"
+    assert not weak(one, 79.2, 80.0, 14.0).is_low
+    assert not weak(one, 80.2, 89.0, 11.0, 20.0).is_low, "each time is counted by itself"
+    assert weak(one, 89.2, 91.0, 11.0, 20.0).is_low
+
+
+def test_a_low_battery_can_be_only_told_or_not_be_asked_for() -> None:
+    for limits, is_low in (({"surfaces_on_low": False}, True), ({"low_v": 0.0}, False)):
+        one = weak(guard(**limits), 0.0, 20.0, 11.0)
+        one.hear(armed(), 20.0)
+        assert (one.rules(20.0), one.is_low) == ("pilot", is_low)
 
 
 # -- holds ------------------------------------------------------------------------------------------------------------
@@ -286,18 +320,23 @@ def listener(key: str, told: list[dict[str, Any]]) -> EndpointFactory:
 # -- both roles, with the plant ---------------------------------------------------------------------------------------
 
 
-def dived(script: list[Cue], until_s: float, meddle: Any = None, **changes: Any) -> list[dict[str, Any]]:
+def dived(
+    script: list[Cue], until_s: float, meddle: Any = None, charge: float = 1.0, **changes: Any
+) -> list[dict[str, Any]]:
     """What the surface is told, ten times a second, by a vehicle that a pilot flies from 1 m of depth.
 
     Args:
         script: what the pilot does.
         until_s: how long.
         meddle: makes another component of the surface.
+        charge: of the battery.
         changes: of the parameters.
     """
     scenario = library.load_scenario(library.find("scenarios", "urov_depth_hold"))
     parameters = replace(scenario.parameters(1), script=tuple(script), **changes)
     plant = scenario.plant(1, "mujoco")
+    plant.thrusters.supply = Battery(charge=charge)
+    plant.reset(1)
     rig = Rig(Robot("urov", "urov", "test", "mujoco", parameters, {}), "sim", 1, plant)
     told: list[dict[str, Any]] = []
     parts = robot.roles(rig, [AutopilotFactory(parameters)])
@@ -308,6 +347,8 @@ def dived(script: list[Cue], until_s: float, meddle: Any = None, **changes: Any)
     for one in told:
         one["thrust_n"] = 0.0
     told[-1]["thrust_n"] = sum(map(abs, plant.thrusters.forces_n))
+    told[-1]["true_depth_m"] = -plant.position_m[2]
+    told[-1]["charge"] = plant.thrusters.charge
     return told
 
 
@@ -335,6 +376,29 @@ def test_controls_that_are_none_are_told_and_not_obeyed_and_the_vehicle_lives_on
     told = dived([ARM], 4.0, TickerFactory(spoil, "spoiler", rate_hz=20.0))
     assert any("no mode 'warp'" in one["refused"] for one in told)
     assert told[-1]["rules"] == "pilot", "the pilot's own still come in between"
+
+
+def test_a_vehicle_whose_battery_is_nearly_empty_tells_the_surface_and_comes_up() -> None:
+    script = [ARM, Cue(2.0, depth_m=2.0)]
+    told = dived(script, 14.0, charge=0.064, guard=GuardLimits(low_s=4.0))
+    low = [one["is_low"] for one in told]
+    assert low == sorted(low), "once low, it stays low"
+    assert 35 < low.index(True) < 60, "ten a second: after four seconds, though the pilot is heard"
+    assert (told[-1]["rules"], told[-1]["is_armed"]) == ("surface", True)
+    assert told[-1]["true_depth_m"] < 0.35
+    assert told[-1]["charge"] > 0.05, "with plenty left for the way"
+
+
+def test_full_thrust_on_a_battery_that_is_not_empty_is_no_low_battery() -> None:
+    told = dived([Cue(1.5, is_armed=True, surge=1.0)], 8.0, charge=0.2, guard=GuardLimits(low_s=4.0))
+    assert {one["is_low"] for one in told} == {False}
+    assert (told[-1]["rules"], told[-1]["thrust_n"] > 50.0) == ("pilot", True)
+
+
+def test_a_battery_that_breaks_down_leaves_thrusters_still_and_the_pilot_is_told() -> None:
+    told = dived([Cue(1.5, is_armed=True, surge=1.0)], 9.0, charge=0.008, guard=GuardLimits(low_s=4.0))
+    assert told[-1]["thrust_n"] < 0.01
+    assert told[-1]["is_low"]
 
 
 def test_before_somebody_arms_nothing_pushes_whatever_the_sticks_say() -> None:

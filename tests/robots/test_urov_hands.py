@@ -212,7 +212,7 @@ def test_space_stops_the_vehicle_also_while_a_pad_is_plugged_in() -> None:
 
 VEHICLE = {
     "rules": "pilot", "mode": "depth_hold", "is_armed": True, "is_stopped": False, "refused": "", "depth_m": 2.0,
-    "heading_rad": None, "share": 1.0, "attitude_rad": [0.0, 0.0, 1.5708], "is_wet": False,
+    "heading_rad": None, "share": 1.0, "attitude_rad": [0.0, 0.0, 1.5708], "is_wet": False, "is_low": False,
 }  # fmt: skip
 
 
@@ -238,6 +238,8 @@ def test_the_display_says_what_the_vehicle_does_and_holds() -> None:
 def test_the_display_says_what_is_wrong() -> None:
     assert "silent for 1.5 s" in shown(heard_s=1.5)["vehicle"]
     assert "EMERGENCY STOP" in shown(is_stopped=True)["state"]
+    assert shown(is_low=True)["low"] == "[red]BATTERY LOW[/red]"
+    assert shown(is_low=True, rules="surface")["low"] == "[red]BATTERY LOW, the vehicle comes up[/red]"
     assert "WATER" in shown(wet=True)["leak"]
     assert "40%" in shown(share=0.4)["thrusters"]
     assert "warp" in shown(refused="There is no mode 'warp'.")["refused"]
