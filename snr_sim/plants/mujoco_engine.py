@@ -27,6 +27,7 @@ class MujocoWorld:
         model: the MjModel.
         data: the MjData.
         engine: name and version, for `Plant.engine`.
+        own_step_s: what the text says, or MuJoCo's default.
 
     Raises:
         MissingExtra: MuJoCo is not installed.
@@ -45,6 +46,7 @@ class MujocoWorld:
         self.mujoco: Any = mujoco
         self.engine = f"mujoco {mujoco.__version__}"
         self._source = source
+        self.own_step_s = float(self.model.opt.timestep)
         self.model.opt.timestep = step_s
         self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         for name in bodies:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from xml.sax.saxutils import quoteattr
+from html import escape
 
 from snr_sim.plants.plausible import check_fields, check_members, shown
 from snr_sim.plants.vehicle import Vector, Vehicle
@@ -134,8 +134,8 @@ class Pool:
             corners = gate.corners_m()
             for i, (start, end) in enumerate(zip(corners, [*corners[1:], corners[0]], strict=True)):
                 ends = " ".join(f"{value:.9g}" for value in (*start, *end))
-                name = quoteattr(f"{gate.name}_{i}")
-                lines.append(f'<geom name={name} type="capsule" fromto="{ends}" size="{POST_M}" {surface}/>')
+                name = escape(f"{gate.name}_{i}")
+                lines.append(f'<geom name="{name}" type="capsule" fromto="{ends}" size="{POST_M}" {surface}/>')
         xx, yy, zz, xy, xz, yz = (
             float(vehicle.inertia_kgm2[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
         )

@@ -24,6 +24,7 @@ from typing import Any
 from snr_sim.plants.attitude import rotation_of, turned
 from snr_sim.plants.dive import Dive, Leak
 from snr_sim.plants.flotation import Flotation
+from snr_sim.plants.given_world import check_mass, check_world
 from snr_sim.plants.hydrodynamics import AT_REST, Hydrodynamics, in_words
 from snr_sim.plants.mujoco_body import MujocoBody
 from snr_sim.plants.mujoco_engine import MujocoWorld
@@ -56,7 +57,8 @@ class Urov(UrovMeasured):
         thrusters: turn pulses into forces; without any, the input is a wrench.
         seed: of the first run.
         step_s: of integration; see `STEP_S`.
-        mjcf: another world than the pool's, with a body 'vehicle' on a free joint, whose mass and inertia then count.
+        mjcf: another world than the pool's, with a body 'vehicle' on a free joint, whose mass and inertia then count as
+            they are, without trim; `given_world.py` says what it must leave to the plant.
 
     Raises:
         ParameterError: vehicle, thrusters, dive and world do not go together.
@@ -106,8 +108,13 @@ class Urov(UrovMeasured):
 
     def _build(self, mjcf: str | None) -> Body:
         """Builds the world; what `Urov2D` does in another way."""
-        text, source = (self.pool.mjcf(self.vehicle), "the pool") if mjcf is None else (mjcf, "the MJCF")
-        self._mujoco = MujocoBody(MujocoWorld(text, self.step_s, (BODY,), source), BODY)
+        if mjcf is None:
+            self._mujoco = MujocoBody(MujocoWorld(self.pool.mjcf(self.vehicle), self.step_s, (BODY,), "the pool"), BODY)
+            return self._mujoco
+        world = MujocoWorld(mjcf, self.step_s, (BODY,))
+        check_world(world, mjcf, BODY, self.pool, self.step_s)
+        self._mujoco = MujocoBody(world, BODY)
+        check_mass(self.vehicle, float(self._mujoco.rigid[0, 0]))
         return self._mujoco
 
     # -- start, and being put back ------------------------------------------------------------------------------------
