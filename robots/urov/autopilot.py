@@ -82,8 +82,9 @@ class Autopilot(Endpoint):
         try:
             controls = controls_of(self.get_data("controls"))
         except (CommandError, UnknownName) as error:
+            if not self.refused:  # each value would be a note of its own, twenty times a second
+                self.parent.note(f"Controls were refused: {error.message}")
             self.refused = error.message
-            self.parent.note(f"Controls were refused: {error.message}")
             return
         age_s = self.get_age_s("controls")
         if not age_s <= self.parameters.guard.stale_s and not controls.is_stop:

@@ -11,6 +11,7 @@ from snr_sim.prelude.errors import CommandError, UnknownName, nearest
 
 # Each mode does what those before it do, too; "manual" is the sticks alone.
 MODES = ("manual", "stabilise", "depth_hold", "heading_hold")
+DEEPEST_M = 100.0  # as its maker rates it
 STICKS = ("surge", "sway", "heave", "yaw")
 
 
@@ -63,6 +64,7 @@ def controls_of(data: Any) -> Controls:
         value = getattr(controls, name)
         if value is not None and not math.isfinite(value):
             raise CommandError(f"The controls ask for {name} = {value!r}.", fix="a finite number, or None.")
-    if controls.depth_m is not None and controls.depth_m < 0.0:
-        raise CommandError(f"The controls ask for depth_m = {controls.depth_m!r}.", fix="depth is positive down.")
+    if controls.depth_m is not None and not 0.0 <= controls.depth_m <= DEEPEST_M:
+        fix = f"depth is positive down, and the vehicle is made for {DEEPEST_M:g} m."
+        raise CommandError(f"The controls ask for depth_m = {controls.depth_m!r}.", fix=fix)
     return controls

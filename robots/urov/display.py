@@ -24,12 +24,14 @@ class DisplayFactory(LoopFactory):
     Args:
         rate_hz: how often it is drawn.
         in_lock_step: whether it shows anything under a virtual clock; no, if nobody watches that run as it goes.
+        has_pad: whether a person flies.
     """
 
-    def __init__(self, rate_hz: float = 5.0, in_lock_step: bool = True) -> None:
+    def __init__(self, rate_hz: float = 5.0, in_lock_step: bool = True, has_pad: bool = False) -> None:
         super().__init__()
         self.rate_hz = rate_hz
         self.in_lock_step = in_lock_step
+        self.keys = (*KEYS, "pad") if has_pad else KEYS
 
     def get(self, parent: Node) -> Display:
         """Returns the loop 'display'."""
@@ -60,7 +62,7 @@ class Display(Loop):
             return
         # By when it came here: what the vehicle's own clock shows, another computer cannot compare with.
         heard_s = self.get_time_s() - self.parent.came_at_s("vehicle")
-        shown = rows({key: self.get_page(key) for key in KEYS}, heard_s)
+        shown = rows({key: self.get_page(key) for key in self.factory.keys}, heard_s)
         if self.live is None:
             self.say(shown)
         else:
@@ -94,22 +96,25 @@ class Display(Loop):
 
 
 KEYS = ("vehicle", "depth", "altitude", "power", "leak")
-NEWS = ("vehicle", "state", "refused", "low", "leak")  # rows that are told as soon as they change
+NEWS = ("hands", "vehicle", "state", "refused", "low", "leak")  # rows that are told as soon as they change
 
 
 def rows(pages: dict[str, Any], heard_s: float) -> list[tuple[str, str]]:
     """Returns names and texts, for rich to show.
 
     Args:
-        pages: the newest of KEYS, or None.
+        pages: the newest of KEYS, or None; and "pad", if a person flies.
         heard_s: how long ago the vehicle was heard.
     """
-    page = pages["vehicle"]
+    page, pad = pages["vehicle"], pages.get("pad")
+    shown = (
+        [] if pad is None or pad.data["is_connected"] else [("hands", "[yellow]keyboard: no game controller[/yellow]")]
+    )
     if page is None:
-        return [("vehicle", "[red]not heard yet[/red]")]
+        return [*shown, ("vehicle", "[red]not heard yet[/red]")]
     vehicle = page.data
     is_silent = heard_s > SILENT_S
-    shown = [("vehicle", f"[red]silent for {heard_s:.1f} s[/red]" if is_silent else f"heard {heard_s:.2f} s ago")]
+    shown.append(("vehicle", f"[red]silent for {heard_s:.1f} s[/red]" if is_silent else f"heard {heard_s:.2f} s ago"))
     state = "[red]EMERGENCY STOP[/red]" if vehicle["is_stopped"] else "armed" if vehicle["is_armed"] else "disarmed"
     shown.append(("state", f"{state}, {vehicle['mode']}, obeys: {vehicle['rules']}"))
     if vehicle["refused"]:

@@ -121,7 +121,7 @@ class Hands(LifeCycle):
             return keys
         pad: PadReading | Stale = self._pad.read()
         if isinstance(pad, Stale):
-            return keys
+            return msgspec.structs.replace(keys, is_connected=False)
         either = zip_longest(pad.buttons, keys.buttons, fillvalue=False)
         return msgspec.structs.replace(pad, buttons=[pads or keyboards for pads, keyboards in either])
 

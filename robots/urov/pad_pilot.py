@@ -102,10 +102,12 @@ class PadPilot(Endpoint):
         return self.store_data_task("controls", msgspec.structs.asdict(controls))
 
     def gone_down(self, buttons: list[bool]) -> list[str]:
-        """Returns the names of the buttons that are down and were not; none of the first reading."""
+        """Returns the names of the buttons that are down and were not.
+
+        Of the first reading, and of the first of another pad, only the emergency stop counts.
+        """
         before, self.before = self.before, buttons
+        down = [name for name, number in BUTTONS.items() if number < len(buttons) and buttons[number]]
         if before is None or len(before) != len(buttons):
-            return []
-        return [
-            name for name, number in BUTTONS.items() if number < len(buttons) and buttons[number] and not before[number]
-        ]
+            return [name for name in down if name == "stop"]
+        return [name for name in down if not before[BUTTONS[name]]]

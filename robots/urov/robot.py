@@ -55,11 +55,7 @@ OPTIONS = {
 }
 
 SENSORS = ("depth", "altitude", "power", "leak", "imu")  # the last one sets off control, so it comes after the others
-ANSWERED = (
-    "leak",
-    "power",
-    "imu",
-)  # of these each reading sets off work; the others are looked up when they are needed
+ANSWERED = ("leak", "power", "imu")  # of these each reading sets off work; the others are looked up when needed
 # After so much silence either end counts as gone, also one that is there and stands still: told within a second.
 KEEP_ALIVE_S, GONE_S = 0.25, 0.75
 TO_TOPSIDE = ("vehicle", "depth", "altitude", "power", "leak")
@@ -166,7 +162,7 @@ def _pilot(rig: Rig, parameters: UrovParameters) -> list[Factory]:
         raise UnknownName(f"--option pilot={pilot}: there is no such pilot.", fix=nearest(pilot, PILOTS))
     if pilot == "hands":
         hands = PadLoopFactory("pad", partial(DEVICES[rig.io]["hands"], rig), parameters.command_hz)
-        return [hands, PadPilotFactory(), DisplayFactory(), LookoutFactory("link_tether")]
+        return [hands, PadPilotFactory(), DisplayFactory(has_pad=True), LookoutFactory("link_tether")]
     if parameters.route:
         eyes = SensorLoopFactory("place", partial(DEVICES[rig.io]["place"], rig), 10.0)
         return [eyes, SeeingPilotFactory(parameters.route)]

@@ -11,9 +11,11 @@ from snr_sim import Config, Endpoint, EndpointFactory, Mode, Node, SimRunner, Ta
 from snr_sim.core.clocks import SimClock
 from snr_sim.plants.battery import Battery
 from snr_sim.plants.stepping import Stepper
+from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import CommandError, ParameterError, SnrError, UnknownName
 from snr_sim.prelude.scenario import Rig, Robot
-from snr_sim.prelude.signals import DepthReading, ImuReading, PowerReading
+from snr_sim.prelude.signals import DepthReading, ImuReading, PadReading, PowerReading
+from snr_sim.testing.fakes import FakeSensor
 from snr_sim.testing.parts import Ticker, TickerFactory
 
 robot = library.load_robot(library.find("robots", "urov"))
@@ -22,6 +24,8 @@ from snr_sim_robot_urov.autopilot import AutopilotFactory  # noqa: E402
 from snr_sim_robot_urov.controls import MODES, Controls, controls_of  # noqa: E402
 from snr_sim_robot_urov.guard import Guard, GuardLimits  # noqa: E402
 from snr_sim_robot_urov.holds import Holds  # noqa: E402
+from snr_sim_robot_urov.keyboard import Hands, Keyboard  # noqa: E402
+from snr_sim_robot_urov.pad_pilot import AXES, BUTTONS  # noqa: E402
 from snr_sim_robot_urov.parameters import HoldNumbers  # noqa: E402
 from snr_sim_robot_urov.pilot import Cue, ScriptedPilotFactory  # noqa: E402
 from snr_sim_robot_urov.seeing_pilot import SeeingPilotFactory, Waypoint  # noqa: E402
@@ -47,6 +51,10 @@ def test_controls_that_ask_for_nothing_are_disarmed() -> None:
         ({"depth_m": math.inf}, CommandError, "depth_m = inf"),
         ({"depth_m": -1.0}, CommandError, "positive down"),
         ({"heading_rad": math.nan}, CommandError, "heading_rad = nan"),
+        ({"depth_m": 1000.0}, CommandError, "depth_m = 1000"),
+        ({"heave": -math.inf}, CommandError, "'heave' is at -inf"),
+        ({"is_armed": "yes"}, CommandError, "is_armed"),
+        ({"number": None}, CommandError, "number"),
         ({"thrust": 1.0}, CommandError, "unknown field `thrust`"),
         ({"surge": "full"}, CommandError, "surge"),
         ([1.0], CommandError, "no controls"),
@@ -321,7 +329,7 @@ def listener(key: str, told: list[dict[str, Any]]) -> EndpointFactory:
 
 
 def dived(
-    script: list[Cue], until_s: float, meddle: Any = None, charge: float = 1.0, **changes: Any
+    script: list[Cue], until_s: float, meddle: Any = None, charge: float = 1.0, pilot: str = "scripted", **changes: Any
 ) -> list[dict[str, Any]]:
     """What the surface is told, ten times a second, by a vehicle that a pilot flies from 1 m of depth.
 
@@ -330,6 +338,7 @@ def dived(
         until_s: how long.
         meddle: makes another component of the surface.
         charge: of the battery.
+        pilot: who flies.
         changes: of the parameters.
     """
     scenario = library.load_scenario(library.find("scenarios", "urov_depth_hold"))
@@ -337,7 +346,7 @@ def dived(
     plant = scenario.plant(1, "mujoco")
     plant.thrusters.supply = Battery(charge=charge)
     plant.reset(1)
-    rig = Rig(Robot("urov", "urov", "test", "mujoco", parameters, {}), "sim", 1, plant)
+    rig = Rig(Robot("urov", "urov", "test", "mujoco", parameters, {"pilot": pilot}), "sim", 1, plant)
     told: list[dict[str, Any]] = []
     parts = robot.roles(rig, [AutopilotFactory(parameters)])
     parts["topside"] += [listener("vehicle", told), *([] if meddle is None else [meddle])]
@@ -387,6 +396,32 @@ def test_a_vehicle_whose_battery_is_nearly_empty_tells_the_surface_and_comes_up(
     assert (told[-1]["rules"], told[-1]["is_armed"]) == ("surface", True)
     assert told[-1]["true_depth_m"] < 0.35
     assert told[-1]["charge"] > 0.05, "with plenty left for the way"
+
+
+def test_a_pad_that_is_unplugged_in_mid_dive_leaves_a_vehicle_that_holds_and_obeys_the_keyboard(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def at(time_s: float, *down: str, surge: float = 0.0) -> list[PadReading]:
+        buttons, axes = [False] * 11, [0.0] * 6
+        for name in down:
+            buttons[BUTTONS[name]] = True
+        axes[AXES["surge"]] = surge
+        return [PadReading(axes, buttons, [])] * round(20 * time_s)
+
+    readings = [*at(1.5), *at(0.1, "mode_up"), *at(0.1), *at(0.1, "mode_up", "arm"), *at(2.0, surge=-1.0)]
+    stale = [Stale("unplugged")] * 1000
+
+    def hands(rig: Rig) -> Hands:
+        keys = iter([""] * 130 + [" "] + [""] * 1000)
+        return Hands(lambda: FakeSensor([*readings, *stale]), lambda: Keyboard(lambda: next(keys)))
+
+    monkeypatch.setitem(robot.DEVICES["sim"], "hands", hands)
+    pushing, alone, stopped = (dived([], until_s, pilot="hands")[-1] for until_s in (3.7, 6.2, 7.2))
+    assert (pushing["rules"], pushing["mode"], pushing["thrust_n"] > 50.0) == ("pilot", "depth_hold", True)
+    assert (alone["rules"], alone["mode"], alone["is_armed"]) == ("pilot", "depth_hold", True)
+    assert alone["thrust_n"] < 20.0
+    assert abs(alone["true_depth_m"] - alone["depth_m"]) < 0.3
+    assert (stopped["is_stopped"], stopped["thrust_n"] < 0.01) == (True, True)
 
 
 def test_full_thrust_on_a_battery_that_is_not_empty_is_no_low_battery() -> None:

@@ -4,6 +4,7 @@ from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
+import msgspec
 import pytest
 
 from snr_sim import Config, Mode, SimRunner, TaskType, TestRunner, TimeoutLoopFactory, library, tasks
@@ -82,6 +83,14 @@ def test_buttons_count_when_they_go_down_and_not_while_they_are_held() -> None:
 
 def test_a_button_that_is_down_at_the_first_reading_does_nothing() -> None:
     assert [one["is_armed"] for one in flown([pad("arm"), pad("arm")])] == [False, False]
+
+
+def test_a_stop_counts_also_in_the_first_reading_and_in_that_in_which_a_pad_is_unplugged() -> None:
+    assert [one["is_stop"] for one in flown([pad("stop", "arm"), pad()])] == [True, True]
+    of_eleven = PadReading([0.0] * 6, [False] * 11, [])
+    told = flown([of_eleven, pad("stop", "arm"), pad("arm"), pad()])
+    assert [one["is_stop"] for one in told] == [False, True, True, True]
+    assert not told[-1]["is_armed"]
 
 
 def test_modes_end_at_both_ends() -> None:
@@ -189,7 +198,11 @@ def test_a_key_that_is_leant_on_is_not_obeyed_for_seconds_afterwards() -> None:
 def test_hands_take_the_pad_if_there_is_one_and_the_keyboard_else() -> None:
     keys = FakeSensor([pad("arm")])
     there = Hands(lambda: FakeSensor([pad(surge=0.5), Stale("unplugged"), pad(yaw=0.5)]), lambda: keys)
-    assert [there.read() for _ in range(3)] == [pad("arm", surge=0.5), pad("arm"), pad("arm", yaw=0.5)]
+    assert [there.read() for _ in range(3)] == [
+        pad("arm", surge=0.5),
+        msgspec.structs.replace(pad("arm"), is_connected=False),
+        pad("arm", yaw=0.5),
+    ]
 
     def not_installed() -> Any:
         raise MissingExtra("pygame-ce", "pad")
@@ -240,6 +253,8 @@ def test_the_display_says_what_is_wrong() -> None:
     assert "EMERGENCY STOP" in shown(is_stopped=True)["state"]
     assert shown(is_low=True)["low"] == "[red]BATTERY LOW[/red]"
     assert shown(is_low=True, rules="surface")["low"] == "[red]BATTERY LOW, the vehicle comes up[/red]"
+    pulled = Page("pad", {"is_connected": False}, "topside", 1.0, True)
+    assert rows({"vehicle": None, "pad": pulled}, 1.0)[0] == ("hands", "[yellow]keyboard: no game controller[/yellow]")
     assert "WATER" in shown(wet=True)["leak"]
     assert "40%" in shown(share=0.4)["thrusters"]
     assert "warp" in shown(refused="There is no mode 'warp'.")["refused"]
