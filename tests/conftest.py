@@ -1,6 +1,7 @@
 """Shared by the folders below: recorded runs to look at, each flown once, the schemas, a log left as it was."""
 
 import logging
+import os
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
@@ -10,6 +11,7 @@ import pytest
 from jsonschema import Draft202012Validator, validators
 from referencing import Registry, Resource
 
+from snr_sim.devices.emulated.toolchain import ToolsMissing, require_tools
 from snr_sim.flight import Flight
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
@@ -67,3 +69,14 @@ def validator() -> Callable[[str], IsValid]:
         return is_valid
 
     return validator
+
+
+@pytest.fixture(scope="session")
+def emulators() -> None:
+    """Whoever needs the emulated microcontroller is skipped where its packages are absent, but not in CI."""
+    try:
+        require_tools()
+    except ToolsMissing as error:
+        if os.environ.get("SNR_REQUIRE_EMULATORS"):
+            raise
+        pytest.skip(str(error))

@@ -1,0 +1,416 @@
+/* Drives eight speed controllers as a computer asks for on a serial line, and is safe without it.
+
+     bytes -> frames.c -> handle() -> commanded[] -> follow(), once a millisecond -> pulses_*.c -> pins
+
+   What may be asked for, in which state, and what is answered: docs/formats.md, section 8. */
+#include <avr/interrupt.h>
+#include <avr/io.h>
+#include <avr/sleep.h>
+#include <avr/wdt.h>
+
+#include "frames.h"
+#include "pulses.h"
+
+#define PROTOCOL 1
+#define VERSION_MAJOR 1
+#define VERSION_MINOR 0
+#define MOST_LEASE_MS 200
+#define ESC_START_MS 1500 /* a Basic ESC wants neutral for about a second before it turns */
+#define DEAD_BAND (25 * TICKS_PER_US)
+#define SLEW_US_PER_100MS 400
+#define SLEW_PER_MS (SLEW_US_PER_100MS * TICKS_PER_US / 100)
+#define DWELL_MS 50
+#define HEARTBEAT_MS 50
+#define ADC_MS 10
+#define MOST_SILENCE_MS 60 /* without pulses; then the watchdog is not fed any more */
+#define ANSWERS_ROOM 80    /* bytes on the way out that telemetry leaves to answers */
+
+enum { HELLO = 0x01, SET_WIDTHS, ARM, DISARM, EMERGENCY_STOP, CLEAR_STOP, HANG = 0x7f, IDENT = 0x81, TELEMETRY, ANSWER };
+enum { STARTING, DISARMED, ARMED, STOPPED };
+enum { DONE, IS_STARTING, NO_COMMAND, NOT_NEUTRAL, IS_STOPPED, OTHER_SESSION, OTHER_PROTOCOL };
+enum {
+    F_LEASE_EXPIRED = 1, F_STOPPED = 2, F_STALE = 4, F_REPEATED = 8, F_CLAMPED = 16, F_LIMITED = 32,
+    F_BAD_LENGTH = 64, F_OTHER_SESSION = 128, F_OVERRUN = 256, F_UNKNOWN_TYPE = 512,
+    F_OF_COMMAND = F_STALE | F_REPEATED | F_CLAMPED,
+    F_OF_SESSION = F_BAD_LENGTH | F_OTHER_SESSION | F_OVERRUN | F_UNKNOWN_TYPE,
+};
+
+static uint8_t reset_cause __attribute__((section(".noinit")));
+static volatile uint8_t clock_ms;  /* counted by an interrupt; wraps */
+static uint32_t now_ms;            /* since the start, as far as every_millisecond() has come */
+
+static uint8_t state = STARTING;
+static uint16_t faults;
+static uint16_t session, seq;
+static uint32_t stamp_ms;     /* of the last command, by the computer's clock */
+static uint16_t age_ms;       /* since it was computed */
+static uint16_t lease_ms;     /* how old it may get */
+static uint8_t has_command;   /* since the session began */
+static uint8_t is_in_force;   /* its lease has not run out */
+static uint16_t commanded[CHANNELS];
+
+static struct output {
+    uint16_t width;    /* what is at the pin */
+    int8_t side;       /* of neutral, where it was last driven to: 1, -1; 0 once it has stood still long enough */
+    uint8_t still_ms;  /* how long it has been in the dead band */
+} outputs[CHANNELS];
+static uint8_t is_settled; /* all outputs are where they were told to be, and will stay there */
+
+static uint16_t adc[2]; /* counts at A0 and A1 */
+static uint8_t nth;     /* frames sent */
+
+/* Before main: why it starts, and the watchdog off, which else goes on after a reset by it. */
+void keep_reset_cause(void) __attribute__((naked, used, section(".init3")));
+void keep_reset_cause(void)
+{
+    reset_cause = MCUSR;
+    MCUSR = 0;
+    wdt_disable();
+}
+
+/* ---- outputs ---- */
+
+static int8_t side_of(uint16_t width)
+{
+    return (width > NEUTRAL + DEAD_BAND) - (width < NEUTRAL - DEAD_BAND);
+}
+
+/* One millisecond of one output towards its command: not too fast, and through the dead band with a rest. */
+static void follow(uint8_t channel)
+{
+    struct output *output = &outputs[channel];
+    uint16_t goal = state == ARMED ? commanded[channel] : NEUTRAL, width = output->width;
+    int8_t side = side_of(width), wanted = side_of(goal);
+
+    if (side) {
+        output->side = side;
+        output->still_ms = 0;
+    } else if (output->side) {
+        is_settled = 0;
+        if (++output->still_ms >= DWELL_MS)
+            output->side = 0;
+    }
+    if (goal == width)
+        return;
+    is_settled = 0;
+    faults |= F_LIMITED;
+    if (wanted && output->side && wanted != output->side)
+        goal = NEUTRAL;
+    if (goal > width)
+        width = goal - width > SLEW_PER_MS ? width + SLEW_PER_MS : goal;
+    else
+        width = width - goal > SLEW_PER_MS ? width - SLEW_PER_MS : goal;
+    if (width != output->width)
+        pulses_set(channel, output->width = width);
+}
+
+static void follow_all(void)
+{
+    if (is_settled)
+        return;
+    is_settled = 1;
+    faults &= ~F_LIMITED;
+    for (uint8_t i = 0; i < CHANNELS; i++)
+        follow(i);
+}
+
+static void leave_armed(uint8_t next, uint16_t fault) /* neutral, at once and without slew */
+{
+    is_settled = 0;
+    state = next;
+    faults |= fault;
+    for (uint8_t i = 0; i < CHANNELS; i++)
+        pulses_set(i, outputs[i].width = NEUTRAL);
+}
+
+/* ---- what is sent ---- */
+
+static void add16(uint16_t value)
+{
+    frame_add(value);
+    frame_add(value >> 8);
+}
+
+static uint8_t begin(uint8_t type, uint8_t size, uint8_t spare) /* whether there is room */
+{
+    if (!frame_begin(size + spare))
+        return 0;
+    frame_add(type);
+    frame_add(nth++);
+    add16(session);
+    return 1;
+}
+
+static void add_millivolts(uint16_t counts)
+{
+    add16(((uint32_t)counts * 5000 + 512) / 1024);
+}
+
+static void send_telemetry(void)
+{
+    if (!begin(TELEMETRY, 25 + 2 * CHANNELS, ANSWERS_ROOM))
+        return;
+    add16(seq);
+    add16(now_ms);
+    add16(now_ms >> 16);
+    frame_add(state);
+    add16(faults | (bytes_lost ? F_OVERRUN : 0));
+    frame_add(reset_cause);
+    add16(has_command ? age_ms : UINT16_MAX);
+    add16(crc_errors);
+    add_millivolts(adc[0]);
+    add_millivolts(adc[1]);
+    for (uint8_t i = 0; i < CHANNELS; i++)
+        add16(outputs[i].width);
+    frame_end();
+}
+
+static void send_ident(void)
+{
+    static const uint16_t numbers[] = {
+        LOWEST, NEUTRAL, HIGHEST, DEAD_BAND, 1000 / TICKS_PER_US, PERIOD_MS * 1000,
+        MOST_LEASE_MS, ESC_START_MS, SLEW_US_PER_100MS, DWELL_MS,
+    };
+    static const char name[16] = "snr_sim esc";
+    if (!begin(IDENT, 8 + sizeof numbers + sizeof mcu_name + sizeof name, 0))
+        return;
+    frame_add(PROTOCOL);
+    frame_add(VERSION_MAJOR);
+    frame_add(VERSION_MINOR);
+    frame_add(CHANNELS);
+    for (uint8_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
+        add16(numbers[i]);
+    for (uint8_t i = 0; i < sizeof mcu_name; i++)
+        frame_add(mcu_name[i]);
+    for (uint8_t i = 0; i < sizeof name; i++)
+        frame_add(name[i]);
+    frame_end();
+}
+
+static void answer(uint8_t to, uint8_t result)
+{
+    if (!begin(ANSWER, 6, 0))
+        return;
+    frame_add(to);
+    frame_add(result);
+    frame_end();
+}
+
+/* ---- what is asked for ---- */
+
+static uint16_t get16(const uint8_t *from)
+{
+    return from[0] | (uint16_t)from[1] << 8;
+}
+
+static void hello(uint16_t new_session, uint8_t protocol)
+{
+    if (protocol != PROTOCOL || new_session == 0) {
+        answer(HELLO, protocol != PROTOCOL ? OTHER_PROTOCOL : OTHER_SESSION);
+        return;
+    }
+    if (new_session != session) {
+        if (state == ARMED)
+            leave_armed(DISARMED, 0);
+        session = new_session;
+        has_command = is_in_force = bytes_lost = 0;
+        seq = 0;
+        faults &= ~(F_OF_SESSION | F_OF_COMMAND);
+    }
+    send_ident();
+}
+
+static void take_command(const uint8_t *body)
+{
+    uint32_t stamp = get16(body + 5) | (uint32_t)get16(body + 7) << 16;
+    uint16_t age = get16(body + 9), lease = get16(body + 11);
+    if (lease > MOST_LEASE_MS)
+        lease = MOST_LEASE_MS;
+    faults &= ~F_OF_COMMAND;
+    if (has_command && (int32_t)(stamp - stamp_ms) <= 0) { /* also right when the computer's count begins anew */
+        faults |= F_REPEATED;
+        return;
+    }
+    if (age >= lease) {
+        faults |= F_STALE;
+        return;
+    }
+    has_command = is_in_force = 1;
+    seq = get16(body + 3);
+    stamp_ms = stamp;
+    age_ms = age;
+    lease_ms = lease;
+    for (uint8_t i = 0; i < CHANNELS; i++) {
+        uint16_t width = get16(body + 13 + 2 * i);
+        uint16_t allowed = width < LOWEST ? LOWEST : width > HIGHEST ? HIGHEST : width;
+        if (allowed != width)
+            faults |= F_CLAMPED;
+        if (allowed != commanded[i])
+            is_settled = 0;
+        commanded[i] = allowed;
+    }
+}
+
+static uint8_t arm(void)
+{
+    if (state == STARTING)
+        return IS_STARTING;
+    if (state == STOPPED)
+        return IS_STOPPED;
+    if (!is_in_force)
+        return NO_COMMAND;
+    if (state == ARMED)
+        return DONE;
+    for (uint8_t i = 0; i < CHANNELS; i++)
+        if (commanded[i] != NEUTRAL)
+            return NOT_NEUTRAL;
+    state = ARMED;
+    faults &= ~F_LEASE_EXPIRED;
+    return DONE;
+}
+
+static uint8_t request(uint8_t type)
+{
+    switch (type) {
+    case ARM:
+        return arm();
+    case DISARM:
+        if (state == ARMED)
+            leave_armed(DISARMED, 0);
+        return DONE;
+    default: /* CLEAR_STOP */
+        if (state == STOPPED)
+            state = now_ms < ESC_START_MS ? STARTING : DISARMED;
+        faults &= ~F_STOPPED;
+        return DONE;
+    }
+}
+
+static void handle(const uint8_t *body, uint8_t length)
+{
+    uint8_t type = body[0];
+    if (type == EMERGENCY_STOP) { /* whoever asks, and whatever follows: rather once too often */
+        leave_armed(STOPPED, F_STOPPED);
+        answer(type, DONE);
+        return;
+    }
+#ifdef HANG_TEST /* for tests of the watchdog only */
+    if (type == HANG) {
+        if (body[1])
+            cli();
+        for (;;) {
+        }
+    }
+#endif
+    if (type < HELLO || type > CLEAR_STOP) {
+        faults |= F_UNKNOWN_TYPE;
+        return;
+    }
+    uint8_t expected = type == HELLO ? 4 : type == SET_WIDTHS ? 13 + 2 * CHANNELS : 3;
+    uint8_t is_ours = type == HELLO || (length >= 3 && session != 0 && get16(body + 1) == session);
+    if (!is_ours) {
+        faults |= F_OTHER_SESSION;
+        answer(type, OTHER_SESSION);
+    } else if (length != expected) {
+        faults |= F_BAD_LENGTH;
+        if (type == SET_WIDTHS && state == ARMED)
+            leave_armed(DISARMED, 0);
+    } else if (type == HELLO)
+        hello(get16(body + 1), body[3]);
+    else if (type == SET_WIDTHS) {
+        take_command(body);
+        send_telemetry();
+    } else
+        answer(type, request(type));
+}
+
+/* ---- time ---- */
+
+ISR(TIMER2_COMPA_vect)
+{
+    clock_ms++;
+}
+
+static void read_adc(void) /* fetches what was measured, and begins with the other pin */
+{
+    static uint8_t pin;
+    adc[pin] = ADC;
+    pin ^= 1;
+    ADMUX = _BV(REFS0) | pin; /* of the supply, 5 V */
+    ADCSRA |= _BV(ADSC);
+}
+
+static void feed_watchdog(void) /* as long as pulses are made */
+{
+    static uint8_t last, silent_ms;
+    if (periods != last) {
+        last = periods;
+        silent_ms = 0;
+    }
+    if (silent_ms < MOST_SILENCE_MS) {
+        silent_ms++;
+        wdt_reset();
+    }
+}
+
+static void every_millisecond(void)
+{
+    static uint8_t until_heartbeat = HEARTBEAT_MS, until_adc = ADC_MS;
+    if (age_ms < UINT16_MAX - 1)
+        age_ms++;
+    if (is_in_force && age_ms >= lease_ms) {
+        is_in_force = 0;
+        if (state == ARMED)
+            leave_armed(DISARMED, F_LEASE_EXPIRED);
+    }
+    if (state == STARTING && now_ms >= ESC_START_MS)
+        state = DISARMED;
+    follow_all();
+    if (--until_adc == 0) {
+        until_adc = ADC_MS;
+        read_adc();
+    }
+    if (--until_heartbeat == 0) {
+        until_heartbeat = HEARTBEAT_MS;
+        if (!is_in_force)
+            send_telemetry();
+    }
+    feed_watchdog();
+}
+
+static void sleep_until_something_happens(void)
+{
+    cli(); /* or what happens between the question and the sleep would be slept over */
+    if (!frame_ends && clock_ms == (uint8_t)now_ms) {
+        sleep_enable();
+        sei(); /* holds from the instruction after the next one on */
+        sleep_cpu();
+        sleep_disable();
+    }
+    sei();
+}
+
+int main(void)
+{
+    const uint8_t *body;
+    for (uint8_t i = 0; i < CHANNELS; i++)
+        outputs[i].width = commanded[i] = NEUTRAL;
+    wdt_enable(WDTO_120MS);
+    frames_begin();
+    pulses_begin();
+    ADCSRA = _BV(ADEN) | _BV(ADPS2) | _BV(ADPS1) | _BV(ADPS0); /* 125 kHz */
+    OCR2A = OCR2B = 249; /* B is not used; but at 0, simavr would look at it every 64 cycles */
+    TCCR2A = _BV(WGM21);
+    TCCR2B = _BV(CS22); /* 16 MHz / 64 / 250: a millisecond */
+    TIMSK2 = _BV(OCIE2A);
+    sei();
+    for (;;) {
+        sleep_until_something_happens();
+        for (uint8_t length; (length = frames_read(&body));)
+            handle(body, length);
+        while (clock_ms != (uint8_t)now_ms) {
+            now_ms++;
+            every_millisecond();
+        }
+    }
+}

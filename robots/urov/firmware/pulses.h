@@ -1,0 +1,25 @@
+/* Pulses for eight speed controllers. Widths count half microseconds: 3000 is 1500 us.
+   Two files keep this promise, each as its microcontroller can: pulses_328p.c and pulses_2560.c. */
+#pragma once
+#include <stdint.h>
+
+#define CHANNELS 8
+#define TICKS_PER_US 2
+#define LOWEST (1100 * TICKS_PER_US)
+#define NEUTRAL (1500 * TICKS_PER_US)
+#define HIGHEST (1900 * TICKS_PER_US)
+
+/* How often each channel has a pulse. 8 ms are as quick as eight channels of an ATmega328P can be; a Basic ESC takes up to
+   400 a second. For servos that want 50: make PERIOD_MS=20. */
+#ifndef PERIOD_MS
+#define PERIOD_MS 8
+#endif
+#if PERIOD_MS < 8 || PERIOD_MS > 30
+#error PERIOD_MS must be from 8 to 30
+#endif
+
+extern const char mcu_name[12];
+extern volatile uint8_t periods; /* counts them, so that somebody can see that pulses are still being made */
+
+void pulses_begin(void);                          /* all channels neutral from the first pulse on */
+void pulses_set(uint8_t channel, uint16_t width); /* from this channel's next pulse on */

@@ -1,0 +1,194 @@
+"""A microcontroller with its firmware, in simavr: time passes when it is told to, and equal calls give equal answers.
+
+board = Board(firmware_elf(folder, "atmega328p"), "atmega328p")
+board.uart_in(encode(Hello(1)))
+board.run_us(10_000)
+frames.feed(board.uart_out()); board.pulses()
+"""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from snr_sim.devices.emulated.toolchain import APT, runner_library
+from snr_sim.devices.wire.mcu_messages import BAUD
+from snr_sim.prelude.errors import DeviceError, ParameterError, nearest
+
+CLOCK_HZ = 16_000_000
+_CYCLES_PER_US = CLOCK_HZ // 1_000_000
+# Port and bit of each channel; the same stands in the firmware's pulses_*.c.
+PINS = {
+    "atmega328p": "D2 D3 D4 D5 D6 D7 B0 B1",
+    "atmega2560": "E4 E5 E3 H3 H4 H5 B5 B6",
+}
+_ROOM = 65_536
+_PULSES = 16_384
+
+
+class _Pulse(ctypes.Structure):
+    _fields_ = (("rise", ctypes.c_uint64), ("width", ctypes.c_uint32), ("channel", ctypes.c_uint32))
+
+
+class _Pin(ctypes.Structure):
+    _fields_ = (("rise", ctypes.c_uint64), ("width", ctypes.c_uint32), ("count", ctypes.c_uint32))
+
+
+class Pulse(NamedTuple):
+    """A pulse that is over.
+
+    Args:
+        rise_us: when it began, since power on.
+    """
+
+    channel: int
+    rise_us: float
+    width_us: float
+
+
+class Pin(NamedTuple):
+    """What was last seen at a channel's pin.
+
+    Args:
+        rise_us: when the last pulse began, since power on; it may not be over.
+        width_us: of the last pulse that is over; 0 if there was none.
+        pulses: how many are over.
+    """
+
+    rise_us: float
+    width_us: float
+    pulses: int
+
+
+@cache
+def _library(path: Path) -> Any:
+    try:
+        library = ctypes.CDLL(str(path))
+    except OSError as error:
+        path.unlink(missing_ok=True)  # it was made for another version of simavr: next time it is made anew
+        raise DeviceError(
+            f"The emulator cannot be loaded: {error}.", fix=f"try once more; if it stays so: {APT}"
+        ) from error
+    pointer, size, number = ctypes.c_void_p, ctypes.c_uint64, ctypes.c_uint32
+    library.board_open.restype = pointer
+    library.board_open.argtypes = (ctypes.c_char_p, ctypes.c_char_p, number, number, ctypes.c_char_p)
+    library.board_run.restype = size
+    library.board_run.argtypes = (pointer, size)
+    library.board_put.argtypes = (pointer, ctypes.c_char_p, number)
+    library.board_millivolts.argtypes = (pointer, number, number)
+    for name in ("board_get", "board_pulses"):
+        getattr(library, name).argtypes = (pointer, pointer, number)
+    library.board_pins.argtypes = (pointer, pointer)
+    for name in ("board_close", "board_reset", "board_resets", "board_waiting"):
+        getattr(library, name).argtypes = (pointer,)
+    for name in ("board_put", "board_get", "board_pulses", "board_resets", "board_waiting"):
+        getattr(library, name).restype = number
+    return library
+
+
+class Board:
+    """One microcontroller, from power on.
+
+    Args:
+        elf: its firmware.
+        mcu: "atmega328p" or "atmega2560".
+        baud: of whoever talks to it; the firmware has its own.
+
+    Raises:
+        ToolsMissing: the packages that the emulator is made with are not installed.
+        DeviceError: simavr cannot read the file, or does not know the microcontroller.
+    """
+
+    def __init__(self, elf: Path, mcu: str = "atmega328p", baud: int = BAUD) -> None:
+        if mcu not in PINS:
+            raise ParameterError(f"There is no emulated microcontroller '{mcu}'.", fix=nearest(mcu, PINS))
+        self._library = _library(runner_library())
+        pins = PINS[mcu].replace(" ", "").encode()
+        self._board = self._library.board_open(str(elf).encode(), mcu.encode(), CLOCK_HZ, baud, pins)
+        if not self._board:
+            raise DeviceError(f"simavr cannot run {elf} on an {mcu}.", fix="compile it again: `make` in its folder.")
+        self.channels = len(pins) // 2
+        self._until = 0  # cycles
+        self._now = 0
+        self._bytes = ctypes.create_string_buffer(_ROOM)
+        self._pulses = (_Pulse * _PULSES)()
+        self._pins = (_Pin * self.channels)()
+
+    @property
+    def now_us(self) -> float:
+        """Time since power on."""
+        return self._now / _CYCLES_PER_US
+
+    def run_us(self, us: float) -> None:
+        """Lets time pass. What an instruction took too long is taken off the next time: nothing adds up."""
+        self.run_until_us((self._until / _CYCLES_PER_US) + us)
+
+    def run_until_us(self, us: float) -> None:
+        """Lets time pass until so long after power on; does nothing if that is over.
+
+        Raises:
+            DeviceError: the firmware has stopped for good: it slept without interrupts, or did what no program does.
+        """
+        self._until = max(self._until, round(us * _CYCLES_PER_US))
+        if self._until > self._now:
+            self._now = self._library.board_run(self._board, self._until)
+            if self._now == 0:
+                raise DeviceError(
+                    "The emulated firmware has come to a halt.", fix="look what it did last: board.uart_out()."
+                )
+
+    def uart_in(self, data: bytes) -> int:
+        """Puts bytes on the line to the microcontroller; they arrive one after the other, at its rate.
+
+        Returns:
+            How many there was room for: 65536 may be on their way.
+        """
+        return int(self._library.board_put(self._board, data, len(data)))
+
+    def uart_out(self) -> bytes:
+        """Returns the bytes that have come from the microcontroller since the last call."""
+        count = self._library.board_get(self._board, self._bytes, _ROOM)
+        return ctypes.string_at(self._bytes, count)
+
+    @property
+    def waiting(self) -> int:
+        """Bytes that are still on their way to the microcontroller."""
+        return int(self._library.board_waiting(self._board))
+
+    def pulses(self) -> list[Pulse]:
+        """Returns the pulses that have ended since the last call, of the last 16384, in the order of their ends."""
+        count = self._library.board_pulses(self._board, self._pulses, _PULSES)
+        found = self._pulses[:count]
+        return [Pulse(one.channel, one.rise / _CYCLES_PER_US, one.width / _CYCLES_PER_US) for one in found]
+
+    def pins(self) -> list[Pin]:
+        """Returns what was last seen at each channel."""
+        self._library.board_pins(self._board, self._pins)
+        return [Pin(one.rise / _CYCLES_PER_US, one.width / _CYCLES_PER_US, one.count) for one in self._pins]
+
+    def set_millivolts(self, pin: int, millivolts: float) -> None:
+        """Puts a voltage, 0 to 5000, at an analogue pin: 0 is A0."""
+        self._library.board_millivolts(self._board, pin, max(0, round(millivolts)))
+
+    def reset(self) -> None:
+        """Pulls the reset pin, as whoever opens the port of an Arduino does."""
+        self._library.board_reset(self._board)
+
+    @property
+    def resets(self) -> int:
+        """How often it was reset since power on, by whatever."""
+        return int(self._library.board_resets(self._board))
+
+    def close(self) -> None:
+        """Switches it off. Safe to call twice; nothing else may be called then."""
+        if self._board:
+            self._library.board_close(self._board)
+            self._board = None
+
+    def __enter__(self) -> Board:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
