@@ -22,6 +22,9 @@ class PwmBackend(LifeCycle):
         channels: how many outputs.
         limits_us: shortest and longest pulse.
         resolution_us: of pulses; 0 if they are exact.
+
+    Attributes:
+        asks_neutral: whether the newest command was a whole one, not too old, and neutral: only then may be armed.
     """
 
     fails_safe_alone = False
@@ -39,6 +42,7 @@ class PwmBackend(LifeCycle):
         self.resolution_us = resolution_us
         self.still_us = [STOP_US] * channels
         self.applied = AppliedPulses(self.still_us, 0.0, [NOT_ACTIVE])
+        self.asks_neutral = False
 
     def write_us(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float = LEASE_S) -> AppliedPulses:
         """Asks for pulses; returns what is made of them. Never raises."""
@@ -48,6 +52,7 @@ class PwmBackend(LifeCycle):
         if not 0.0 < left_s < math.inf:  # also of a stamp that is no time
             wanted, left_s = self.still_us, 0.0
             why.append(TOO_OLD)
+        self.asks_neutral = not why and all(abs(one - STOP_US) <= self.resolution_us / 2 for one in wanted)
         if self.state == "activating":
             wanted = self.still_us
         if self.state not in ("activating", "active"):

@@ -1,0 +1,125 @@
+"""What a Pololu Maestro servo controller is sent, and how its answers are read. Bytes only.
+
+Its compact protocol: a command byte with the highest bit set, then data bytes without it; 14-bit numbers as two times
+seven bits, low ones first. Targets and positions count quarters of a microsecond. With "Enable CRC" in its settings
+each command ends with a CRC-7; answers never have one.
+
+Source: Pololu Maestro Servo Controller User's Guide, sections 4.c (errors), 5.c to 5.e (protocol, CRC, commands).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import IntFlag
+
+QUARTERS_PER_US = 4
+POSITION_BYTES = ERRORS_BYTES = 2
+MOST_BY_ONE = 6  # the Micro Maestro, with six channels, does not know Set Multiple Targets
+_CRC7_REVERSED = 0x91  # polynomial x^7 + x^3 + 1, lowest bit first
+
+_SET_TARGET, _SET_TARGETS, _GET_POSITION, _GET_ERRORS, _GO_HOME = 0x84, 0x9F, 0x90, 0xA1, 0xA2
+
+
+class MaestroError(IntFlag):
+    """Bits of its error register. Each of them sends all channels to their home positions when it comes up."""
+
+    SIGNAL = 1 << 0
+    OVERRUN = 1 << 1
+    BUFFER_FULL = 1 << 2
+    CRC = 1 << 3
+    PROTOCOL = 1 << 4
+    TIMEOUT = 1 << 5
+    SCRIPT_STACK = 1 << 6
+    SCRIPT_CALL_STACK = 1 << 7
+    SCRIPT_COUNTER = 1 << 8
+
+
+MEANINGS = {
+    MaestroError.SIGNAL: "a byte without its stop bit: another baud rate?",
+    MaestroError.OVERRUN: "bytes came faster than it could take them",
+    MaestroError.BUFFER_FULL: "its buffer ran over",
+    MaestroError.CRC: "a command with a wrong CRC, or without one: is 'Enable CRC' on in its settings, and here not?",
+    MaestroError.PROTOCOL: "bytes that are no command: CRC here and not there, or a second program on the port?",
+    MaestroError.TIMEOUT: "no command came for its serial timeout",
+    MaestroError.SCRIPT_STACK: "its script's stack",
+    MaestroError.SCRIPT_CALL_STACK: "its script's call stack",
+    MaestroError.SCRIPT_COUNTER: "its script left its program",
+}
+
+
+def crc7(data: bytes) -> int:
+    """Returns the check that a Maestro expects behind a command.
+
+    >>> hex(crc7(bytes([0x83, 0x01])))
+    '0x17'
+    """
+    crc = 0
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = (crc ^ _CRC7_REVERSED) >> 1 if crc & 1 else crc >> 1
+    return crc
+
+
+def set_target(channel: int, pulse_us: float) -> bytes:
+    """Returns the command for one channel.
+
+    >>> set_target(0, 1500.0).hex(" ")
+    '84 00 70 2e'
+    """
+    return bytes([_SET_TARGET, channel]) + _number(round(pulse_us * QUARTERS_PER_US))
+
+
+def set_targets(pulses_us: Sequence[float]) -> list[bytes]:
+    """Returns the commands for channels 0 to n - 1: one for all, or one for each where the small board may be meant.
+
+    >>> [len(command) for command in set_targets([1500.0] * 8)], len(set_targets([1500.0] * 6))
+    ([19], 6)
+    """
+    if len(pulses_us) <= MOST_BY_ONE:
+        return [set_target(channel, pulse) for channel, pulse in enumerate(pulses_us)]
+    numbers = b"".join([_number(round(pulse * QUARTERS_PER_US)) for pulse in pulses_us])
+    return [bytes([_SET_TARGETS, len(pulses_us), 0]) + numbers]
+
+
+def get_position(channel: int) -> bytes:
+    """Returns the question what pulse a channel makes now."""
+    return bytes([_GET_POSITION, channel])
+
+
+def get_errors() -> bytes:
+    """Returns the question for the error register, which clears it."""
+    return bytes([_GET_ERRORS])
+
+
+def go_home() -> bytes:
+    """Returns the command that sends all channels to their home positions."""
+    return bytes([_GO_HOME])
+
+
+def with_crc(command: bytes) -> bytes:
+    """Returns a command with its CRC-7 behind it.
+
+    >>> with_crc(bytes([0x83, 0x01])).hex(" ")
+    '83 01 17'
+    """
+    return command + bytes([crc7(command)])
+
+
+def number_of(answer: bytes) -> int:
+    """Returns the number of an answer of two whole bytes, low one first.
+
+    >>> number_of(bytes([0x70, 0x17])) / QUARTERS_PER_US
+    1500.0
+    """
+    return answer[0] | answer[1] << 8
+
+
+def in_words(errors: int) -> str:
+    """Returns what is set in an error register."""
+    known = [f"{bit.name}: {MEANINGS[bit]}" for bit in MaestroError if errors & bit]
+    return "; ".join(known) or "none"
+
+
+def _number(value: int) -> bytes:
+    return bytes([value & 0x7F, value >> 7 & 0x7F])

@@ -1,0 +1,233 @@
+"""The Maestro's driver against a Maestro of the user's guide: the contract, and what a board may be set up wrongly."""
+
+import os
+import pty
+import threading
+import tty
+from collections.abc import Iterator
+from contextlib import suppress
+from time import sleep
+from typing import Any
+
+import pytest
+
+from snr_sim.devices.maestro import MaestroPwm
+from snr_sim.devices.wire.serial_port import SerialPort
+from snr_sim.prelude.errors import DeviceError
+from snr_sim.prelude.signals import LOST, NOT_ACTIVE
+from snr_sim.testing.maestro_board import MaestroBoard
+from snr_sim.testing.pwm_contract import check_pwm_out
+
+STOP, FAST = [1500.0] * 8, [1700.0] * 8
+
+
+class Bench:
+    """A Maestro on a table."""
+
+    can_unplug = True
+
+    def __init__(self, channels: int = 8, has_crc: bool = False, **settings: Any) -> None:
+        self.time_s = 0.0
+        self.channels, self.has_crc = channels, has_crc
+        self.board = MaestroBoard(self.now_s, channels, has_crc=has_crc, **settings)
+
+    def open(self, channels: int | None = None, **wanted: Any) -> MaestroPwm:
+        settings = {"has_crc": self.has_crc, "sleep": self.advance, "esc_start_s": 1.0, **wanted}
+        return MaestroPwm(self._port, self.now_s, channels or self.channels, **settings)
+
+    def armed(self) -> MaestroPwm:
+        out = self.open()
+        out.configure()
+        out.activate()
+        while out.health().state == "activating":
+            out.write_us(STOP, self.time_s)
+            self.advance(0.02)
+        return out
+
+    def _port(self) -> MaestroBoard:
+        self.board.read()  # as when a real port is opened
+        return self.board
+
+    def now_s(self) -> float:
+        return self.time_s
+
+    def advance(self, seconds: float) -> None:
+        self.time_s += seconds
+
+    def pins_us(self) -> list[float]:
+        return self.board.pins_us
+
+    def unplug(self) -> None:
+        self.board.is_plugged = False
+
+    def plug_in(self) -> None:
+        self.board.is_plugged = True
+
+
+@pytest.mark.parametrize("channels", [2, 6, 8, 12])
+@pytest.mark.parametrize("has_crc", [False, True])
+def test_it_keeps_the_promise_of_outputs(channels: int, has_crc: bool) -> None:
+    check_pwm_out(Bench(channels, has_crc))
+
+
+def test_a_board_whose_timeout_is_off_as_when_it_is_new_is_not_opened() -> None:
+    with pytest.raises(
+        DeviceError, match=r"sent nothing for 0.24 s and did not mind: if this program were killed"
+    ) as e:
+        Bench(timeout_s=0.0).open().configure()
+    assert "Timeout 0.20 s" in e.value.fix
+
+
+def test_a_timeout_later_than_the_lease_is_too_late() -> None:
+    with pytest.raises(DeviceError, match="did not mind"):
+        Bench(timeout_s=0.5).open().configure()
+
+
+@pytest.mark.parametrize(("home_us", "shown"), [(None, "1501"), (0.0, "0"), (1600.0, "1600")])
+def test_a_board_that_goes_elsewhere_than_neutral_is_not_opened(home_us: float | None, shown: str) -> None:
+    with pytest.raises(DeviceError, match=f"channel 0 makes {shown} us, not 1500: .*'Ignore'"):
+        Bench(home_us=home_us).open().configure()
+
+
+def test_trying_it_moves_nothing() -> None:
+    bench = Bench(timeout_s=0.0)
+    with pytest.raises(DeviceError):
+        bench.open().configure()
+    assert bench.pins_us() == [1501.0] * 8  # inside of any speed controller's dead band
+
+
+def test_silence_is_told_with_port_bytes_and_next_step() -> None:
+    bench = Bench()
+    bench.board.write = lambda data: None  # type: ignore[method-assign]
+    with pytest.raises(DeviceError, match=r"/dev/ttyACM0 does not answer when asked for its errors: 0 bytes in 0.5 s"):
+        bench.open().configure()
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        (b"$GPGGA,1235", "answers 11 bytes when asked for its errors, a Maestro 2: 24 47 50"),
+        (b"\xff\xff", "0xffff for its errors, which has bits that no Maestro has: it is another device"),
+        (b"\x00", "answers 1 bytes"),
+    ],
+)
+def test_another_device_that_answers_is_told_with_its_bytes(answer: bytes, words: str) -> None:
+    class Other(MaestroBoard):
+        def write(self, data: bytes) -> None:
+            self._answers = answer
+
+    bench = Bench()
+    bench.board = Other(bench.now_s)
+    with pytest.raises(DeviceError, match=words):
+        bench.open().configure()
+
+
+def test_a_board_with_fewer_channels_is_told() -> None:
+    with pytest.raises(DeviceError, match=r"(?s)channel 7: 0 bytes.*does it have so many channels"):
+        Bench(channels=6).open(channels=8).configure()
+
+
+@pytest.mark.parametrize(("there", "here"), [(True, False), (False, True)])
+def test_crc_at_one_end_only_is_told(there: bool, here: bool) -> None:
+    with pytest.raises(DeviceError, match=r"Enable CRC|does not answer"):
+        Bench(has_crc=there).open(has_crc=here).configure()
+
+
+def test_after_silence_it_is_armed_again_only_from_neutral() -> None:
+    bench = Bench()
+    out = bench.armed()
+    assert out.write_us(FAST, bench.time_s).why == []
+    assert bench.pins_us() == FAST
+    bench.advance(0.21)
+    assert bench.pins_us() == STOP
+    applied = out.write_us(FAST, bench.time_s)
+    assert (applied.pulses_us, applied.why) == (STOP, [NOT_ACTIVE])
+    assert bench.pins_us() == STOP
+    assert out.health().state == "inactive"
+    assert "sent nothing for 0.21 s" in out.health().why
+    out.activate()
+    for _ in range(200):
+        bench.advance(0.02)
+        assert out.write_us(FAST, bench.time_s).pulses_us == STOP  # neutral is what it waits for
+    assert out.health().state == "activating"
+
+
+def test_a_timeout_shorter_than_our_own_is_heard_from_the_board() -> None:
+    bench = Bench(timeout_s=0.1)
+    out = bench.armed()
+    out.write_us(FAST, bench.time_s)
+    bench.advance(0.15)
+    applied = out.write_us(FAST, bench.time_s)
+    assert NOT_ACTIVE in applied.why
+    assert bench.pins_us() == STOP
+    assert "its serial timeout came" in out.health().why
+    assert out.health().counts["timeout"] == 1
+
+
+def test_a_board_that_stops_answering_is_lost() -> None:
+    bench = Bench()
+    out = bench.armed()
+    bench.board._obey = lambda command: None  # type: ignore[method-assign]
+    applied = out.write_us(FAST, bench.time_s)
+    for _ in range(30):
+        bench.advance(0.02)
+        applied = out.write_us(FAST, bench.time_s)
+    assert LOST in applied.why
+    assert "has not answered for 0.5 s" in out.health().why
+
+
+def test_noise_on_the_line_is_counted_and_too_much_of_it_is_told() -> None:
+    bench = Bench()
+    out = bench.armed()
+    bench.board.write(b"\x01\x02")
+    out.write_us(FAST, bench.time_s)
+    out.write_us(FAST, bench.time_s)
+    assert out.health().counts["protocol"] == 1
+    assert out.health().state == "active"
+    for _ in range(10):
+        bench.advance(0.02)
+        bench.board.write(b"\x01")
+        out.write_us(FAST, bench.time_s)
+    assert out.health().state == "error"
+    assert "bytes that are no command" in out.health().why
+
+
+@pytest.fixture
+def bench_on_a_line(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Bench, str]]:
+    """A Maestro behind a real serial line, in a time of its own: however slow this computer is."""
+    monkeypatch.setattr("snr_sim.devices.maestro.ANSWER_S", 60.0)
+    far, near = pty.openpty()
+    tty.setraw(near)
+    bench = Bench()
+
+    def pump() -> None:
+        with suppress(OSError):
+            while data := os.read(far, 4096):
+                bench.board.write(data)
+                os.write(far, bench.board.read())
+
+    threading.Thread(target=pump, daemon=True).start()
+    yield bench, os.ttyname(near)
+    os.close(near)
+    os.close(far)
+
+
+def test_through_a_serial_line_the_pins_do_as_they_are_told(bench_on_a_line: tuple[Bench, str]) -> None:
+    bench, path = bench_on_a_line
+    out = MaestroPwm(lambda: SerialPort(path), bench.now_s, 8, esc_start_s=0.0, sleep=bench.advance)
+    out.configure()
+    out.activate()
+
+    def hold(pulses_us: list[float]) -> None:
+        for _ in range(10_000):
+            out.write_us(pulses_us, bench.time_s)
+            if bench.pins_us() == pulses_us:
+                return
+            sleep(0.001)  # the other end of the line is a thread of its own
+        raise AssertionError(f"{bench.pins_us()}, {out.health()}")
+
+    hold(STOP)
+    assert out.health().state == "active"
+    hold(FAST)
+    out.close()
+    hold(STOP)
