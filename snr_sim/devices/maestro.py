@@ -219,9 +219,9 @@ class MaestroPwm(PlainPwm):
     def _forget(self) -> None:
         self._sent_s = self.now_s()
         self._asked_s: list[float] = []
-        self._heard = b""
+        self._heard: bytes = b""
         self._errors = MaestroError(0)
-        self._in_a_row = 0
+        self._in_a_row: int = 0
 
     def _opened(self) -> BytePort:
         if self._port is None:
