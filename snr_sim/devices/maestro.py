@@ -57,7 +57,11 @@ class MaestroPwm(PlainPwm):
         self._open_port, self._sleep, self._has_crc = open_port, sleep, has_crc
         self._port: BytePort | None = None
         self._counts: Counter[str] = Counter()
-        self._forget()
+        self._asked_s: list[float] = []  # when questions for errors were asked that are not answered yet
+        self._heard = b""
+        self._errors = MaestroError(0)
+        self._in_a_row = 0
+        self._sent_s = now_s()
 
     def counts(self) -> dict[str, int]:
         """Returns how often each error came up."""
@@ -218,10 +222,8 @@ class MaestroPwm(PlainPwm):
 
     def _forget(self) -> None:
         self._sent_s = self.now_s()
-        self._asked_s: list[float] = []
-        self._heard: bytes = b""
-        self._errors = MaestroError(0)
-        self._in_a_row: int = 0
+        self._asked_s, self._heard = [], b""
+        self._errors, self._in_a_row = MaestroError(0), 0
 
     def _opened(self) -> BytePort:
         if self._port is None:
