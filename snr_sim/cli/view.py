@@ -28,7 +28,7 @@ def view(
 
 def _draw(run: Path, png: Path) -> None:
     from snr_sim.prelude.errors import TraceError
-    from snr_sim.recording.folder import read_result, remarks, trace_path
+    from snr_sim.recording.folder import measured, read_result, remarks, trace_path
     from snr_sim.recording.picture import draw_run
     from snr_sim.recording.reader import read_trace
     from snr_sim.recording.records import TruthRecord
@@ -48,7 +48,8 @@ def _draw(run: Path, png: Path) -> None:
         print(f"note: {remark}", file=sys.stderr)
     try:
         result = read_result(trace.path.parent)
-        draw_run(trace.header, trace.records, png, result.get("outcome", ""), result.get("touchdown"))
+        outcome, success = result.get("outcome", ""), result.get("success")
+        draw_run(trace.header, trace.records, png, outcome, result.get("touchdown"), success, measured(result))
     except OSError as error:
         raise TraceError(f"The picture {png} cannot be written: {error.strerror}.", fix="name another file.") from error
     print(png)

@@ -16,6 +16,10 @@ from snr_sim.recording.trace import FILE_NAME
 
 RESULT_NAME = "result.json"
 VIEW_NAME = "view.rrd"
+OF_ANY_RUN = (  # what every result.json has, or may have
+    *("scenario", "seed", "engine", "controller", "success", "outcome", "sim_time_s", "wall_time_s"),
+    *("tasks", "pages", "notes", "trace_digest", "run_dir", "error", "signal"),
+)
 
 
 def new_run_folder(out: Path, scenario: str, seed: int) -> Path:
@@ -75,6 +79,16 @@ def read_result(folder: Path) -> dict[str, Any]:
     except (OSError, ValueError):
         return {}
     return fields if isinstance(fields, dict) else {}
+
+
+def measured(fields: dict[str, Any]) -> dict[str, float | str]:
+    """Returns the numbers and words that the scenario itself found, out of what result.json holds.
+
+    >>> measured({"seed": 3, "outcome": "held", "settling_s": 5.5, "fault": "off", "sim_time_s": 40.0})
+    {'settling_s': 5.5, 'fault': 'off'}
+    """
+    found = {name: value for name, value in fields.items() if name not in OF_ANY_RUN}
+    return {name: value for name, value in found.items() if isinstance(value, (int, float, str))}
 
 
 def as_json(fields: dict[str, Any], indent: int | None = None) -> str:

@@ -1,14 +1,15 @@
 """One picture that tells a whole run: the body at several moments of its way over the ground, and plots beside it.
 
 Bodies are seen from the south, in the x-z plane. One that only rises and falls is spread out along time; one
-under water whose way is better seen on a map is seen from above.
+under water is also seen from above.
 Everything comes from the header's scene and the true states of the trace, so any plant can have its picture taken.
 
-    picture_flight.py   what is shown
-    picture_layout.py   where it lies on the sheet
-    picture_scene.py    the scene, put together from picture_world.py and picture_bodies.py
-    picture_plots.py    the plots beside it
-    picture_canvas.py   the sheet
+    picture_flight.py    what is shown          picture_moments.py      what happened, in words
+    picture_layout.py    where it lies on the sheet
+    picture_scene.py     a flight, put together from picture_world.py and picture_bodies.py
+    picture_dive.py      a dive, from these and picture_water.py
+    picture_plots.py     the plots beside it    picture_dive_plots.py   which ones a dive has
+    picture_canvas.py    the sheet
 """
 
 from __future__ import annotations
@@ -17,9 +18,12 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TypeAlias
 
-from snr_sim.recording.picture_canvas import Canvas
-from snr_sim.recording.picture_flight import Flight, flight_of
+from snr_sim.recording.picture_canvas import Canvas, Rgb
+from snr_sim.recording.picture_dive import draw_dive
+from snr_sim.recording.picture_dive_plots import dive_plots
+from snr_sim.recording.picture_flight import Flight, flight_of, is_in_water
 from snr_sim.recording.picture_layout import HEIGHT, PLOTS, WIDTH
+from snr_sim.recording.picture_moments import moments_of_run
 from snr_sim.recording.picture_plots import BACKGROUND, INK, PALE, Plot, draw_plots
 from snr_sim.recording.picture_scene import draw_scene
 from snr_sim.recording.records import EndRecord, Header, Record
@@ -28,11 +32,22 @@ from snr_sim.recording.view_columns import Batch, Series
 
 PLOTTED_UNITS = ("m", "m/s", "", "kg")  # what a newcomer understands; the view has the rest
 
-Touchdown: TypeAlias = Mapping[str, float] | None
+MET: Rgb = (130, 220, 150)
+NOT_MET: Rgb = (255, 120, 100)
+TOLD_MAX = 5
+
+Measured: TypeAlias = Mapping[str, float | str]
+Numbers: TypeAlias = Mapping[str, float]  # by name with unit
 
 
 def draw_run(
-    header: Header, records: Iterable[Record], path: str | Path, outcome: str = "", touchdown: Touchdown = None
+    header: Header,
+    records: Iterable[Record],
+    path: str | Path,
+    outcome: str = "",
+    touchdown: Numbers | None = None,
+    success: bool | None = None,
+    measured: Measured | None = None,
 ) -> None:
     """Draws a run as a PNG of 1800 x 1000 pixels.
 
@@ -42,6 +57,8 @@ def draw_run(
         path: of the file to write.
         outcome: how it ended, in a word; without it, the reason that the node gave.
         touchdown: the judged one, number by name with unit, as in result.json; only that is told in words.
+        success: whether the criterion was met; None if nobody said.
+        measured: what the scenario measured, by name with unit; told of a dive.
 
     Raises:
         MissingExtra: Pillow is not installed.
@@ -52,9 +69,18 @@ def draw_run(
     reason = next((record.reason for record in reversed(kept) if isinstance(record, EndRecord)), "")
     flight = flight_of(header, batch)
     canvas = Canvas(WIDTH, HEIGHT, BACKGROUND)
-    draw_scene(canvas, header, flight)
-    draw_plots(canvas, PLOTS, _plots(batch), flight.touchdown_s)
-    _draw_title(canvas, header, flight, outcome or reason, touchdown)
+    if is_in_water(header):
+        moments = moments_of_run(flight, header.scene["statics"], batch)
+        draw_dive(canvas, header, flight, moments)
+        times_s = [moment.time_s for moment in moments]
+        draw_plots(canvas, PLOTS, dive_plots(flight, batch), times_s, are_numbered=True)
+        told = _told_of_dive(measured or {})
+    else:
+        draw_scene(canvas, header, flight)
+        draw_plots(canvas, PLOTS, _plots(batch), [] if flight.touchdown_s is None else [flight.touchdown_s])
+        told = _told_of_flight(flight, touchdown)
+    _draw_title(canvas, header, f"{outcome or reason}, {flight.times_s[-1]:.1f} s".lstrip(", "), success)
+    canvas.text((PLOTS[2], 35), told, 11.5, PALE, "ra")
     canvas.save(path)
 
 
@@ -69,25 +95,39 @@ def _plots(batch: Batch) -> list[Plot]:
     ]
 
 
-def _draw_title(canvas: Canvas, header: Header, flight: Flight, outcome: str, touchdown: Touchdown) -> None:
+def _draw_title(canvas: Canvas, header: Header, ended: str, success: bool | None) -> None:
     left, right = 14.0, PLOTS[2]
     canvas.text((left, 10), header.scenario, 19.0, INK)
     beside = left + canvas.text_width(header.scenario, 19.0) + 12
     canvas.text((beside, 16), f"seed {header.seed}, controller '{header.controller}'", 12.5, PALE)
-    said = f"{outcome}, " if outcome else ""
-    canvas.text((right, 12), f"{said}{flight.times_s[-1]:.1f} s", 15.0, INK, "ra")
-    canvas.text((right, 35), _told(flight, touchdown), 11.5, PALE, "ra")
+    canvas.text((right, 12), ended, 15.0, {None: INK, True: MET, False: NOT_MET}[success], "ra")
 
 
-def _told(flight: Flight, touchdown: Touchdown) -> str:
+def _told_of_flight(flight: Flight, touchdown: Numbers | None) -> str:
     """Returns what is worth a line: how it touched down, and what it burned."""
     told = []
     first, last = flight.values[0], flight.values[-1]
-    numbers = [(*name_and_unit((key,)), value) for key, value in (touchdown or {}).items()]
-    if numbers:
-        told.append("touchdown: " + ", ".join(f"{name} {value:.1f} {unit}" for name, unit, value in numbers))
+    if touchdown:
+        told.append("touchdown: " + ", ".join(f"{name} {value:.1f} {unit}" for name, unit, value in _named(touchdown)))
     for key in first.keys() & last.keys():
         name, unit = name_and_unit((key,))
         if unit == "kg" and last[key] < first[key]:
             told.append(f"{first[key] - last[key]:.0f} kg of {name}")
     return "; ".join(told)
+
+
+def _told_of_dive(measured: Measured) -> str:
+    """Returns what the scenario measured, as far as it has a unit and the line has room."""
+    told = []
+    for key, value in measured.items():
+        name, unit = name_and_unit((key,))
+        if isinstance(value, str):
+            told.append(f"{name} {value}")
+        elif unit:
+            digits = 2 if abs(value) < 10.0 else 1 if abs(value) < 100.0 else 0
+            told.append(f"{name} {value:.{digits}f} {unit}")
+    return ", ".join(told[:TOLD_MAX])
+
+
+def _named(numbers: Numbers) -> list[tuple[str, str, float]]:
+    return [(*name_and_unit((key,)), value) for key, value in numbers.items()]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from snr_sim.recording.view_scene import points_of, rgb_of
 
 FLAME: tuple[Rgb, Rgb] = ((255, 120, 30), (255, 225, 130))
 JET: tuple[Rgb, Rgb] = ((120, 205, 240), (235, 250, 255))  # of a propeller: water, not fire
+NO_PUSH = ("current", "tether")  # arrows that are no thrust
 LIGHT = np.array([-0.45, -0.65, 0.62])  # towards the light: from the left, from the front and from above
 
 
@@ -64,19 +65,34 @@ def _faces(shape: dict[str, Any]) -> list[Rows]:
     return []
 
 
-def draw_flame(
+def strongest_of(arrows: Sequence[Mapping[str, Sequence[float]]]) -> float:
+    """Returns the longest push [N] of all moments, as seen; 1 if nothing pushes."""
+    pushes = [_length(arrow) for one in arrows for name, arrow in one.items() if name not in NO_PUSH]
+    return max(pushes, default=0.0) or 1.0
+
+
+def draw_flames(
     canvas: Canvas,
     place: Place,
-    arrow: Sequence[float],
+    arrows: Mapping[str, Sequence[float]],
     points_per_newton: float,
     colors: tuple[Rgb, Rgb],
-) -> None:
-    """Draws a force as what makes it: a flame the other way, out of the point where it acts."""
-    length = length_of(arrow) * points_per_newton
+) -> list[Point]:
+    """Draws what pushes at one moment; returns the tips of what is seen of it."""
+    pushes = [arrow for name, arrow in arrows.items() if name not in NO_PUSH]
+    tips = [_draw_flame(canvas, place, arrow, points_per_newton, colors) for arrow in pushes]
+    return [tip for tip in tips if tip is not None]
+
+
+def _draw_flame(
+    canvas: Canvas, place: Place, arrow: Sequence[float], points_per_newton: float, colors: tuple[Rgb, Rgb]
+) -> Point | None:
+    """Draws a force as what makes it: a flame the other way, out of the point where it acts; returns its tip."""
+    length = _length(arrow) * points_per_newton
     if length < 1.0:
-        return
+        return None
     x, y = place.at(arrow[:3])
-    along = np.array([-arrow[3], arrow[5]]) / length_of(arrow)
+    along = np.array([-arrow[3], arrow[5]]) / _length(arrow)
     across = np.array([-along[1], along[0]])
     for color, long, wide in zip(colors, (1.0, 0.55), (0.13, 0.07), strict=True):
         half = wide * min(length, 40.0) + 1.0
@@ -89,8 +105,9 @@ def draw_flame(
             ],
             color,
         )
+    return x + float(along[0]) * length, y + float(along[1]) * length
 
 
-def length_of(arrow: Sequence[float]) -> float:
+def _length(arrow: Sequence[float]) -> float:
     """Returns how long an arrow is in the plane of the picture."""
     return float(np.hypot(arrow[3], arrow[5]))

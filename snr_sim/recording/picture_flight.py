@@ -15,7 +15,7 @@ from snr_sim.prelude.errors import TraceError
 from snr_sim.recording.records import Header, TruthRecord
 from snr_sim.recording.view_columns import Batch, Floats
 
-TURN_RAD, FLAT, FLAT_M = math.radians(45.0), 4.0, 0.2  # see `wants_map`
+TURN_RAD, FLAT, FLAT_M = math.radians(45.0), 4.0, 0.05  # see `wants_map`
 
 Rows: TypeAlias = NDArray[np.float64]
 
@@ -74,6 +74,8 @@ def from_above(header: Header, flight: Flight) -> tuple[Header, Flight]:
         "statics": {name: laid(shape) for name, shape in statics if shape.get("kind") == "polyline"},
         "bodies": header.scene["bodies"],
     }
+    tethers = header.scene.get("tethers", {}).items()
+    scene["tethers"] = {name: {**tether, "anchor_m": point(tether["anchor_m"])} for name, tether in tethers}
     return msgspec.structs.replace(header, scene=scene), replace(
         flight,
         poses={body: np.array([pose(at) for at in rows]) for body, rows in flight.poses.items()},

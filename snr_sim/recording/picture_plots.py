@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from snr_sim.recording.picture_canvas import Canvas, Rgb
+from snr_sim.recording.picture_layout import Labels
 from snr_sim.recording.view_columns import Floats
 
 BACKGROUND: Rgb = (20, 24, 36)
@@ -27,14 +28,22 @@ class Plot(NamedTuple):
     Args:
         title: of the plot.
         lines: name, times [s] and values of each.
+        least: how much the scale spans at the least, so that noise does not fill it.
+        is_down: whether more is lower, as with depth.
     """
 
     title: str
     lines: list[tuple[str, Floats, Floats]]
+    least: float = 1e-9
+    is_down: bool = False
 
 
 def draw_plots(
-    canvas: Canvas, area: tuple[float, float, float, float], plots: Sequence[Plot], event_s: float | None
+    canvas: Canvas,
+    area: tuple[float, float, float, float],
+    plots: Sequence[Plot],
+    events_s: Sequence[float],
+    are_numbered: bool = False,
 ) -> None:
     """Draws plots below each other over the same time.
 
@@ -42,7 +51,8 @@ def draw_plots(
         canvas: to draw on.
         area: left, top, right and bottom in points.
         plots: from top to bottom.
-        event_s: a moment to mark.
+        events_s: moments to mark.
+        are_numbered: whether they have numbers, from 1.
     """
     if not plots:
         return
@@ -52,12 +62,23 @@ def draw_plots(
     for i, plot in enumerate(plots):
         panel = (left + 34, top + i * each + 20, right, top + (i + 1) * each - 8)
         _draw_names(canvas, plot, panel[0], top + i * each)
-        _draw_plot(canvas, panel, plot, end_s, event_s)
+        _draw_plot(canvas, panel, plot, end_s, events_s)
+    marks = Labels([], 0.0, (left, top, right + 6.0, bottom))
+    for number, event_s in enumerate(events_s if are_numbered else (), 1):
+        x = left + 34 + (right - left - 34) * event_s / end_s
+        spot = marks.place([(x - 6.0, top + 22.0 + 13.0 * i) for i in range(len(events_s))], 12.0, 12.0)
+        draw_number(canvas, (x, spot[1] if spot else top + 22.0), number)
     for t in ticks(0.0, end_s, count=5):
         x = left + 34 + (right - left - 34) * t / end_s
         if x < right - 12:
             canvas.text((x, bottom - 2), f"{t:g}", 10.0, PALE, "ma")
     canvas.text((right, bottom - 2), "s", 10.0, PALE, "ra")
+
+
+def draw_number(canvas: Canvas, at: tuple[float, float], number: int) -> None:
+    """Draws a number in a circle: the mark of a moment."""
+    canvas.disc(at, 5.6, EVENT)
+    canvas.text(at, str(number), 9.0, BACKGROUND, "mm")
 
 
 def _unit(title: str) -> str:
@@ -72,7 +93,7 @@ def _draw_names(canvas: Canvas, plot: Plot, x: float, y: float) -> None:
 
 
 def _draw_plot(
-    canvas: Canvas, panel: tuple[float, float, float, float], plot: Plot, end_s: float, event_s: float | None
+    canvas: Canvas, panel: tuple[float, float, float, float], plot: Plot, end_s: float, events_s: Sequence[float]
 ) -> None:
     left, top, right, bottom = panel
     finite = np.concatenate([values[np.isfinite(values)] for _, _, values in plot.lines] or [np.zeros(1)])
@@ -80,17 +101,21 @@ def _draw_plot(
     low, high = min(low, 0.0) if low < 0.35 * high else low, max(high, 0.0) if high < 0 else high
     if high - low < 1e-9:
         low, high = low - 0.5, high + 0.5
-    for value in ticks(low, high, count=3):
-        y = bottom - (value - low) / (high - low) * (bottom - top)
+    if high - low < plot.least:
+        low, high = (low + high - plot.least) / 2, (low + high + plot.least) / 2
+    at_low, at_high = (top, bottom) if plot.is_down else (bottom, top)
+    marks = ticks(low, high, count=3)
+    for value in marks if len(marks) > 1 else ticks(low, high, count=6):
+        y = at_low + (value - low) / (high - low) * (at_high - at_low)
         canvas.line([(left, y), (right, y)], GRID, 0.7)
         canvas.text((left - 5, y), f"{value:g}", 10.0, PALE, "rm")
-    if event_s is not None:
+    for event_s in events_s:
         x = left + (right - left) * event_s / end_s
         canvas.dashed((x, top - 2), (x, bottom), EVENT, 1.0, 3.0)
     for i, (_, times, values) in enumerate(plot.lines):
         step = max(1, len(times) // POINTS_MAX)
         xs = left + (right - left) * times[::step] / end_s
-        ys = bottom - (values[::step] - low) / (high - low) * (bottom - top)
+        ys = at_low + (values[::step] - low) / (high - low) * (at_high - at_low)
         for part in _finite_parts(xs, ys):
             canvas.line(part, COLORS[i % len(COLORS)], 1.4)
 

@@ -51,6 +51,13 @@ class _PlainPage(msgspec.Struct, gc=False):
     data: Any
 
 
+class _Origin(msgspec.Struct, gc=False):
+    """The part of a page that says which node made it."""
+
+    origin: str = ""
+
+
+_decode_origins = msgspec.json.Decoder(list[tuple[_Origin]]).decode
 _decode_pages = msgspec.json.Decoder(list[tuple[_PlainPage]]).decode
 
 
@@ -170,6 +177,29 @@ class Batch:
             data = _page_data([record.values for record in records])
             for series in _columns((key,), When.of(records), data):
                 yield node, series
+
+    def page_words(self, fields: Sequence[str]) -> Iterator[tuple[str, list[float], list[str]]]:
+        """Returns the texts that pages carried in some fields, where they were made: field, times [s], texts."""
+        for (node, key), records in self._pages.items():
+            if self.is_copy(node, key):
+                continue
+            data = _page_data([record.values for record in records])
+            for field in fields:
+                told = [
+                    (record.t, one[field])
+                    for record, one in zip(records, data, strict=True)
+                    if isinstance(one, dict) and isinstance(one.get(field), str)
+                ]
+                if told:
+                    yield field, [time_s for time_s, _ in told], [text for _, text in told]
+
+    def is_copy(self, node: str, key: str) -> bool:
+        """Whether the first page of a key at a node was made by another node: a link brought it."""
+        try:
+            ((page,),) = _decode_origins(b"[" + bytes(self._pages[node, key][0].values) + b"]")
+        except msgspec.DecodeError:
+            return False
+        return page.origin not in ("", node)
 
     def executed(self) -> Iterator[tuple[str, LogRows]]:
         """Returns for each node one line of text per executed task."""

@@ -11,7 +11,7 @@ import msgspec
 import pytest
 
 from snr_sim.prelude.errors import MissingExtra, TraceError
-from snr_sim.recording import picture, picture_canvas, picture_world
+from snr_sim.recording import picture, picture_canvas
 from snr_sim.recording.picture_plots import ticks
 from snr_sim.recording.records import EndRecord, Header, Record, TruthRecord
 
@@ -143,56 +143,22 @@ def test_ticks_are_round_numbers(low: float, high: float, expected: list[float])
     assert ticks(low, high, 3) == expected
 
 
-# Under water
-
-SURFACE = {"kind": "polyline", "points_m": [[-9.0, -9.0, 0.0], [9.0, 9.0, 0.0]], "rgb": [9, 9, 9], "radius_m": 0.03}
-
-
-def dive(to_m: list[float], turns_rad: float) -> list[Record]:
-    """A dive in a straight line from 1 m below the surface, in a current, that ends turned about its upright axis."""
-    records: list[Record] = []
-    for i in range(21):
-        place = [i / 20.0 * end for end in to_m]
-        half = 0.5 * turns_rad * i / 20.0
-        pose = [place[0], place[1], place[2] - 1.0, 0.0, 0.0, math.sin(half), math.cos(half)]
-        arrows = {"T1": [*pose[:3], 5.0, 0.0, 1.0], "current": [*pose[:3], 8.0, 8.0, 0.0]}
-        records.append(TruthRecord(i, 0.5 * i, {"module": pose}, arrows, {"depth_m": -pose[2]}))
-    return records
-
-
-def pool() -> dict[str, Any]:
-    return {"statics": {"surface": SURFACE}, "bodies": {"module": [BOX]}}
-
-
-@pytest.mark.parametrize(
-    ("to_m", "turns_rad", "seen"),
-    [
-        ([1.0, 0.0, -3.0], 0.0, "from the south"),
-        ([1.0, 4.0, -3.0], 0.0, "from the south"),
-        ([1.0, 4.0, -3.0], 1.5, "from above"),
-        ([1.0, 4.0, -0.2], 0.0, "from above"),
-        ([4.0, 0.1, -2.0], 1.5, "from the south"),
-        ([9.0, 0.1, -1.0], 0.0, "from above"),
-    ],
-)
-def test_under_water_it_is_seen_from_where_its_way_shows(
-    tmp_path: Path, words: list[str], to_m: list[float], turns_rad: float, seen: str
+def test_on_land_there_is_one_view_and_nothing_is_said_of_where_it_is_seen_from(
+    tmp_path: Path, words: list[str]
 ) -> None:
-    drawn(tmp_path, dive(to_m, turns_rad), scene=pool())
-    assert [word for word in words if word.startswith("from ")] == [seen]
-    assert "current" in words
-
-
-def test_water_reaches_up_to_the_surface_and_no_higher(tmp_path: Path) -> None:
-    image: Any = image_module.open(drawn(tmp_path, dive([0.5, 0.0, -2.0], 0.0), scene=pool()))
-    column = [image.convert("RGB").getpixel((1184, y)) for y in range(180, 900)]
-    blue = [abs(pixel[2] - picture_world.WATER[2]) < 12 and pixel[2] > 60 for pixel in column]
-    assert blue[-1]
-    assert not blue[0]
-    first = blue.index(True)
-    assert all(blue[first + 4 :])
-
-
-def test_on_land_nothing_is_said_of_where_it_is_seen_from(tmp_path: Path, words: list[str]) -> None:
     drawn(tmp_path, descent(2.0))
     assert not [word for word in words if word.startswith("from ")]
+
+
+def test_whether_the_criterion_was_met_shows_in_the_colour_of_the_outcome(tmp_path: Path) -> None:
+    for success, color in ((True, picture.MET), (False, picture.NOT_MET), (None, picture.INK)):
+        picture.draw_run(header(), descent(2.0), tmp_path / "run.png", "landed", None, success)
+        with image_module.open(tmp_path / "run.png") as image:
+            title = {rgb for _, rgb in image.convert("RGB").crop((1500, 20, 1780, 60)).getcolors(1 << 16)}
+        others = {picture.MET, picture.NOT_MET, picture.INK} - {color}
+        assert min(_apart(rgb, color) for rgb in title) < 20
+        assert all(min(_apart(rgb, other) for rgb in title) > 20 for other in others)
+
+
+def _apart(one: tuple[int, ...], other: tuple[int, ...]) -> int:
+    return max(abs(a - b) for a, b in zip(one, other, strict=True))
