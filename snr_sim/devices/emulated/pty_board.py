@@ -1,0 +1,128 @@
+"""An emulated microcontroller on a serial port, in real time: for whatever opens serial ports, and cannot tell.
+
+    python -m snr_sim.devices.emulated.pty_board robots/urov/firmware --link /tmp/esc --log /tmp/esc.log
+
+A pseudo terminal is no cable: it has no baud rate (here the line's is kept to), no DTR that resets an Arduino and no
+noise. If the computer is too busy to keep up, the emulated time stands still meanwhile; the log says by how much.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import select
+import signal
+import time
+import tty
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from types import FrameType
+from typing import TextIO
+
+from snr_sim.devices.emulated.board import PINS, Board
+from snr_sim.devices.emulated.toolchain import firmware_elf
+
+STEP_S = 0.001
+_MOST_BEHIND_S = 0.02
+_WAITING_BYTES = 256  # on the line; more stay with the sender, as in a real port
+
+
+class PtyBoard:
+    """A board behind a pseudo terminal.
+
+    Args:
+        link: where a link to the terminal is put; taken away in the end.
+        log: a line for whatever is seen: `rx` bytes that came from the computer, `pulse` when a channel's width is
+            another than before, `behind` milliseconds in which the time stood still; each after the board's time [us].
+    """
+
+    def __init__(self, board: Board, link: Path, log: TextIO | None = None) -> None:
+        self.board = board
+        self._link = link
+        self._log = log
+        self._last_us: dict[int, float] = {}
+        self._end, self._far_end = os.openpty()
+        tty.setraw(self._far_end)
+        os.set_blocking(self._end, False)
+        # Kept open: a terminal that nobody has open forgets what it has, and who reads from it gets an error.
+        self.path = os.ttyname(self._far_end)
+        with suppress(FileNotFoundError):
+            link.unlink()
+        link.symlink_to(self.path)
+
+    def serve(self, goes_on: Callable[[], bool]) -> None:
+        """Runs in real time as long as it is to go on."""
+        start_s = time.monotonic() - self.board.now_us * 1e-6
+        while goes_on():
+            self._take(STEP_S)
+            behind_s = time.monotonic() - start_s - self.board.now_us * 1e-6
+            if behind_s > _MOST_BEHIND_S:
+                start_s += behind_s - STEP_S
+                self._note("behind", f"{behind_s * 1e3:.1f}")
+            self.board.run_until_us((time.monotonic() - start_s) * 1e6)
+            self._give()
+            self._note_pulses()
+
+    def close(self) -> None:
+        """Pulls the plug."""
+        with suppress(FileNotFoundError):
+            if os.readlink(self._link) == self.path:
+                self._link.unlink()
+        os.close(self._end)
+        os.close(self._far_end)
+
+    def _take(self, timeout_s: float) -> None:
+        room = _WAITING_BYTES - self.board.waiting
+        ready, _, _ = select.select([self._end] if room > 0 else [], [], [], timeout_s)
+        if ready:
+            data = os.read(self._end, room)
+            self.board.uart_in(data)
+            self._note("rx", str(len(data)))
+
+    def _give(self) -> None:
+        data = self.board.uart_out()
+        if data:
+            with suppress(BlockingIOError):  # nobody reads: it is lost, as on a cable
+                os.write(self._end, data)
+
+    def _note_pulses(self) -> None:
+        for pulse in self.board.pulses():
+            if self._last_us.get(pulse.channel) != pulse.width_us:
+                self._last_us[pulse.channel] = pulse.width_us
+                self._note("pulse", f"{pulse.channel} {pulse.width_us:.2f} {pulse.rise_us:.1f}")
+
+    def _note(self, what: str, values: str) -> None:
+        if self._log is not None:
+            self._log.write(f"{self.board.now_us:.1f} {what} {values}\n")
+            self._log.flush()
+
+
+def main() -> None:
+    """Runs until it is told to end, or who started it has ended."""
+    parser = argparse.ArgumentParser(description="An emulated microcontroller on a serial port, in real time.")
+    parser.add_argument("firmware", type=Path, help="folder of the firmware, with its Makefile")
+    parser.add_argument("--link", type=Path, required=True, help="where to put the port")
+    parser.add_argument("--mcu", choices=list(PINS), default="atmega328p")
+    parser.add_argument("--log", type=argparse.FileType("w"), help="file for what is seen at the pins")
+    options = parser.parse_args()
+    board = Board(firmware_elf(options.firmware, options.mcu), options.mcu)
+    served = PtyBoard(board, options.link, options.log)
+    parent, is_ended = os.getppid(), False
+
+    def end(number: int, frame: FrameType | None) -> None:
+        nonlocal is_ended
+        is_ended = True
+
+    signal.signal(signal.SIGTERM, end)
+    signal.signal(signal.SIGINT, end)
+    print(f"{options.mcu} at {options.link}", flush=True)
+    try:
+        served.serve(lambda: not is_ended and os.getppid() == parent)
+    finally:
+        served.close()
+        board.close()
+
+
+if __name__ == "__main__":
+    main()
