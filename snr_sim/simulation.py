@@ -9,7 +9,7 @@ from __future__ import annotations
 import inspect
 import platform
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -110,8 +110,7 @@ class Simulation:
             ConfigError: the controller or the robot gives something else than factories.
         """
         controller = self._factories()
-        io = parse_io(self.request.io)
-        rig = Rig(self._robot, io.kind, self.request.seed, plant, io.where, clock_s)
+        rig = self.rig(plant, clock_s)
         roles = call_student(self.robot_file.roles, "roles(rig, controller)", rig, controller)
         given = roles if isinstance(roles, dict) else {}
         missing = [role for role in self.roles if not isinstance(given.get(role), (list, tuple))]
@@ -122,6 +121,16 @@ class Simulation:
                 fix=f'return {{"{missing[0]}": [...]}} with a list of factories for each of ROLES.',
             )
         return Config(Mode.TEST, roles)
+
+    def rig(self, plant: Plant | None, clock_s: Callable[[], float] | None = None) -> Rig:
+        """Returns what the robot's file needs to open its devices; arguments as for `config`."""
+        io = parse_io(self.request.io)
+        return Rig(self._robot, io.kind, self.request.seed, plant, io.where, clock_s)
+
+    def with_seed(self, seed: int) -> Simulation:
+        """Returns the same with another seed; nothing is looked for and loaded again."""
+        request = replace(self.request, seed=seed)
+        return Simulation(request, self.scenario, self.robot_file, self._controller, self._found)
 
     def _factories(self) -> list[AnyFactory]:
         made = call_student(self._controller.factories, "factories(robot)", self._robot)

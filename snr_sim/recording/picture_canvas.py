@@ -7,6 +7,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
+import numpy
+
 from snr_sim.prelude.errors import MissingExtra
 
 Rgb: TypeAlias = tuple[int, int, int]
@@ -90,6 +92,10 @@ class Canvas:
         small = self._image.reduce(SUPERSAMPLING) if SUPERSAMPLING > 1 else self._image
         small = small.resize(size) if small.size != size else small
         small.quantize(COLORS_KEPT, dither=0).save(path, format="PNG", optimize=True)
+
+    def pixels(self) -> Any:
+        """Returns the sheet as an array, shape (height, width, 3) in pixels, dtype uint8."""
+        return numpy.asarray(self._image.reduce(SUPERSAMPLING))
 
     def _font(self, size: float) -> Any:
         if size not in self._fonts:

@@ -19,7 +19,7 @@ SKY: Rgb = (9, 12, 24)
 def draw_ground(canvas: Canvas, camera: Camera, statics: dict[str, Any], is_time: bool) -> None:
     """Fills the ground below the line in which the plane of motion cuts each static mesh, the longest lines first."""
     bottom = camera.area[3]
-    cuts = [(rgb_of(shape), _cut(shape)) for shape in statics.values() if shape.get("kind") == "mesh"]
+    cuts = [(rgb_of(shape), cut_by_plane(shape)) for shape in statics.values() if shape.get("kind") == "mesh"]
     for i, (rgb, segments) in enumerate(sorted(cuts, key=lambda cut: -_extent(cut[1]))):
         color: Rgb = (rgb[0], rgb[1], rgb[2])
         line = sorted(segments)
@@ -48,7 +48,7 @@ def _visible(camera: Camera, segments: Iterable[tuple[Point, Point]]) -> Iterabl
             yield camera.at(a, z0 + slope * (a - x0)), camera.at(b, z0 + slope * (b - x0))
 
 
-def _cut(shape: dict[str, Any]) -> list[tuple[Point, Point]]:
+def cut_by_plane(shape: dict[str, Any]) -> list[tuple[Point, Point]]:
     """Returns the segments (x, z) in which triangles meet the plane y = 0."""
     segments = []
     vertices = points_of(shape)

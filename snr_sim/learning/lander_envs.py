@@ -1,0 +1,176 @@
+"""The lunar module's two environments: straight down, and in the plane to a pad."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from snr_sim.learning.gym import box, spaces
+from snr_sim.learning.scenario_env import ScenarioEnv
+from snr_sim.prelude.scenario import Verdict
+from snr_sim.prelude.signals import EngineCommand
+
+VERTICAL_THROTTLES = (0.0, 0.25, 0.5, 1.0)
+PAD_THROTTLES = (
+    0.0,
+    0.25,
+    0.6,
+)  # off (which the engine does not stay for long), about hovering, the most it gives steadily
+PAD_TURNS = (-1.0, 0.0, 1.0)
+
+LANDED, NOT_LANDED = 100.0, -100.0
+FUEL_WEIGHT = 50.0  # for all of the propellant
+SPEED_WEIGHT = 0.2  # for a metre per second beside the speed that suits the height
+BRAKING_G = 1.0  # deceleration that the speed for a height is reckoned with, as a share of the Moon's gravity
+TOUCHDOWN_MPS = 1.0
+
+
+class LanderEnv(ScenarioEnv):
+    """What both have in common: the reward.
+
+    +100 for a landing and -100 for any other end, less 50 for all of the propellant (a share of it for a share), and
+    a shaping term that is a difference of potentials, so that it does not change which policy is best (Ng, Harada,
+    Russell 1999): 0.2 for each metre per second that the module comes nearer to the speed that suits its height,
+    from which it can stop braking gently.
+    """
+
+    def begin(self) -> None:
+        """Remembers where the episode begins."""
+        self._tank_kg = self._fuel_kg = self._values()["fuel_kg"]
+        self._potential = self.potential()
+
+    def reward(self, verdict: Verdict | None) -> float:
+        """Returns what the last step was worth."""
+        fuel_kg = self._values()["fuel_kg"]
+        worth = -FUEL_WEIGHT * (self._fuel_kg - fuel_kg) / self._tank_kg
+        self._fuel_kg = fuel_kg
+        potential = self.potential() if verdict is None else 0.0
+        worth += potential - self._potential
+        self._potential = potential
+        if verdict is not None:
+            worth += LANDED if verdict.success else NOT_LANDED
+        return worth
+
+    def potential(self) -> float:
+        """Returns how well placed the module is: 0 at best."""
+        values = self._values()
+        return -SPEED_WEIGHT * abs(values["vertical_mps"] - suitable_mps(values["altitude_m"]))
+
+    def _values(self) -> dict[str, float]:
+        values: dict[str, float] = self.plant.truth()["values"]
+        return values
+
+
+def suitable_mps(altitude_m: float, gravity_mps2: float = 1.62) -> float:
+    """Returns the vertical speed that suits a height [m/s], negative down: what gentle braking takes to touch down.
+
+    >>> round(suitable_mps(0.0), 2), round(suitable_mps(100.0), 1)
+    (-1.0, -18.0)
+    """
+    return -math.sqrt(TOUCHDOWN_MPS**2 + 2.0 * BRAKING_G * gravity_mps2 * max(0.0, altitude_m))
+
+
+class LanderVertical(LanderEnv):
+    """Scenario lander_vertical: one engine, straight down. 5 steps a second; at most 240 s.
+
+    Observation, Box(2), float32: what the radar reads, with its noise and its delay of 0.2 s.
+        0  altitude_m     height of the pads over the ground [m], -20 to 5000
+        1  velocity_mps   vertical [m/s], up positive, -250 to 250
+
+    Action, Discrete(4): throttle 0, 0.25, 0.5 or 1 until the next step. Hovering takes 0.27 to 0.3.
+
+    Args:
+        is_continuous: the action is Box(1), the throttle from 0 to 1.
+        render_mode: None or 'rgb_array'.
+    """
+
+    rate_hz = 5.0
+
+    def __init__(self, is_continuous: bool = False, render_mode: str | None = None) -> None:
+        super().__init__("lander_vertical", render_mode=render_mode)
+        self.observation_space = box([-20.0, -250.0], [5000.0, 250.0])
+        self.is_continuous = is_continuous
+        self.action_space = box([0.0], [1.0]) if is_continuous else spaces.Discrete(len(VERTICAL_THROTTLES))
+
+    def observe(self) -> list[float]:
+        """Returns what the radar reads."""
+        radar = self.sensors["radar"].read()
+        return [radar.altitude_m, radar.velocity_mps]
+
+    def act(self, action: Any) -> None:
+        """Sets the throttle."""
+        throttle = float(action[0]) if self.is_continuous else VERTICAL_THROTTLES[int(action)]
+        self.actuators["engine"].write(EngineCommand(throttle))
+
+
+class LanderPad(LanderEnv):
+    """Scenario lander_pad: in the plane, above gentle hills, to the pad at x = 0. 10 steps a second; at most 180 s.
+
+    Observation, Box(9), float32: what radar and inertial unit read, with noise and a delay of 0.1 s.
+        0  x_m            from the middle of the pad [m], -500 to 500
+        1  altitude_m     over the ground straight below [m], -20 to 1000
+        2  vx_mps         [m/s], -100 to 100
+        3  vz_mps         up positive [m/s], -100 to 100
+        4  attitude_rad   0 upright, positive when the nose goes to -x [rad], -pi to pi
+        5  rate_radps     of attitude [rad/s], -5 to 5
+        6  left           left pad touches the ground, 0 or 1
+        7  right          right pad, 0 or 1
+        8  fuel_kg        left [kg], -10 to 1000 (the gauge is noisy too)
+
+    Action, Discrete(9): throttle 0, 0.25 or 0.6 (index // 3), and attitude jets -1, 0 or 1 (index % 3 - 1).
+    Continuous, Box(3): throttle 0 to 1, gimbal as a share of its largest angle -1 to 1, jets -1 to 1.
+
+    The reward has two more potentials: for the distance to the pad and for leaning.
+
+    Args:
+        is_continuous: which actions.
+        engine: 'pymunk', or 'mujoco' for a module that is free in all directions.
+        render_mode: None or 'rgb_array'.
+    """
+
+    rate_hz = 10.0
+
+    def __init__(self, is_continuous: bool = False, engine: str | None = None, render_mode: str | None = None) -> None:
+        super().__init__("lander_pad", engine, render_mode)
+        low = [-500.0, -20.0, -100.0, -100.0, -math.pi, -5.0, 0.0, 0.0, -10.0]
+        self.observation_space = box(low, [500.0, 1000.0, 100.0, 100.0, math.pi, 5.0, 1.0, 1.0, 1000.0])
+        self.is_continuous = is_continuous
+        self.action_space = (
+            box([0.0, -1.0, -1.0], [1.0, 1.0, 1.0])
+            if is_continuous
+            else spaces.Discrete(len(PAD_THROTTLES) * len(PAD_TURNS))
+        )
+
+    def observe(self) -> list[float]:
+        """Returns what the sensors read."""
+        radar, inertial = self.sensors["radar"].read(), self.sensors["inertial"].read()
+        left, right = inertial.contact
+        return [
+            inertial.position_m[0],
+            radar.altitude_m,
+            *inertial.velocity_mps,
+            inertial.attitude_rad,
+            inertial.rate_radps,
+            float(left),
+            float(right),
+            inertial.fuel_kg,
+        ]
+
+    def act(self, action: Any) -> None:
+        """Sets throttle, gimbal and jets."""
+        if self.is_continuous:
+            throttle, gimbal, turn = (float(one) for one in action)
+            _, most_rad = self.actuators["engine"].limits["gimbal_rad"]
+            command = EngineCommand(throttle, gimbal * most_rad, turn)
+        else:
+            throttle_index, turn_index = divmod(int(action), len(PAD_TURNS))
+            command = EngineCommand(PAD_THROTTLES[throttle_index], 0.0, PAD_TURNS[turn_index])
+        self.actuators["engine"].write(command)
+
+    def potential(self) -> float:
+        """Returns how well placed the module is, also sideways and upright."""
+        values = self._values()
+        x_m: float = self.plant.truth()["poses"]["module"][0]
+        aside_m = abs(x_m) + abs(values["lateral_mps"])
+        aside: float = 0.2 * aside_m + 0.5 * abs(values["attitude_deg"])
+        return super().potential() - aside

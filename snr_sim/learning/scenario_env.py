@@ -1,0 +1,169 @@
+"""A scenario as a gymnasium environment: its plant, the robot's own devices, the same moments as in a node.
+
+There is no node around the agent, so an episode takes a fraction of a run's time; but what it observes is what the
+robot's sensor pages hold, and what it does goes through the robot's actuators. So a policy that was trained here does
+the same in a node, to the last bit (tests/learning/test_lander_envs.py).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory, started
+from snr_sim.learning.gym import Env
+from snr_sim.learning.rendering import Frame
+from snr_sim.plants.stepping import Stepper
+from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.scenario import Verdict
+from snr_sim.simulation import Request, Simulation, call_student, prepare
+
+MOST_STARTS = 2**31 - 1
+
+
+class ScenarioEnv(Env[NDArray[np.float32], Any]):
+    """What all environments over scenarios do alike. A subclass says what is observed, done and rewarded.
+
+    Args:
+        scenario: its name or file.
+        engine: the physics engine; the scenario's first if not given.
+        render_mode: None or 'rgb_array'.
+
+    `reset(seed=...)` seeds the draw of starts; each reset draws the seed of the scenario's start from it.
+    `reset(options={"start": n})` begins at the start that `snr run --seed n` has. `info` holds `start` and `time_s`;
+    at the end also `outcome`, `success` and `why`, as the scenario judges.
+
+    An episode is terminated when the scenario has its verdict, and truncated at the scenario's time limit.
+    """
+
+    metadata = {  # noqa: RUF012 - as gymnasium declares it
+        "render_modes": ["rgb_array"],
+        "render_fps": 10,
+    }
+    rate_hz: float  # of steps: the rate at which the robot reads its sensors
+
+    def __init__(self, scenario: str, engine: str | None = None, render_mode: str | None = None) -> None:
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise ParameterError(f"render_mode={render_mode!r}.", fix="None or 'rgb_array'.")
+        self.render_mode = render_mode
+        self._simulation = prepare(Request(scenario, engine=engine))
+        self.plant: Plant = self._simulation.plant()
+        self._limit_s = float(self._simulation.scenario.TIME_LIMIT_S)
+        self._frame: Frame | None = None
+        self._steps = -1  # none until the first reset
+        self.verdict: Verdict | None = None
+        self.run: Simulation = self._simulation
+        self.sensors: dict[str, Any] = {}
+        self.actuators: dict[str, Any] = {}
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Begins an episode.
+
+        Args:
+            seed: of the draw of starts from now on.
+            options: {"start": n} begins at the start of that seed of the scenario, and draws none.
+
+        Raises:
+            ParameterError: an option is not known, or no whole number.
+        """
+        super().reset(seed=seed)
+        start = self._start_of(options or {})
+        self.run = self._simulation.with_seed(start)
+        self.plant.reset(start)
+        self._open()
+        self._stepper = Stepper(self.plant)
+        self._steps, self.verdict = 0, None
+        self.begin()
+        return self._observed(), {"start": start, "time_s": 0.0}
+
+    def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Acts, lets one period go by, and observes.
+
+        Raises:
+            ParameterError: the episode has not begun or has ended, or it is no action.
+        """
+        if self._steps < 0 or self.verdict is not None or self._is_over():
+            raise ParameterError("step() outside an episode: it has not begun, or has ended.", fix="call reset().")
+        if isinstance(action, str) or not self.action_space.contains(action):
+            raise ParameterError(
+                f"{action!r} is no action: {self.action_space}.", fix="env.action_space.sample() is one."
+            )
+        self.act(action)
+        self._steps += 1
+        time_s = self._steps / self.rate_hz
+        self._stepper.advance_to(time_s)
+        observation = self._observed()
+        self.verdict = call_student(self._simulation.scenario.verdict, "verdict(plant)", self.plant)
+        is_over = self.verdict is None and self._is_over()
+        info: dict[str, Any] = {"start": self.run.request.seed, "time_s": time_s}
+        if self.verdict is not None:
+            info |= {"outcome": self.verdict.outcome, "success": self.verdict.success, "why": self.verdict.why}
+        elif is_over:
+            info |= {"outcome": "timeout", "success": False, "why": f"longer than {self._limit_s:g} s"}
+        return observation, float(self.reward(self.verdict)), self.verdict is not None, is_over, info
+
+    def render(self) -> Any:
+        """Returns the scene as it is, shape (height, width, 3), dtype uint8; needs no screen and no GPU."""
+        if self.render_mode is None:
+            return None
+        if self._steps < 0:
+            raise ParameterError("render() before the first reset().", fix="call reset().")
+        if self._frame is None:
+            self._frame = Frame(self.plant.scene())
+        return self._frame.draw(self.plant.truth())
+
+    def close(self) -> None:
+        """Lets go of the devices."""
+        for device in (*self.sensors.values(), *self.actuators.values()):
+            device.close()
+
+    # -- for subclasses -----------------------------------------------------------------------------------------------
+
+    def begin(self) -> None:
+        """Called at each reset, when the devices are open."""
+
+    def act(self, action: Any) -> None:
+        """Writes to `self.actuators`."""
+        raise NotImplementedError(f"{type(self).__name__} needs a method act(self, action)")
+
+    def observe(self) -> list[float]:
+        """Reads `self.sensors`; what is outside the bounds of the space is clipped to them."""
+        raise NotImplementedError(f"{type(self).__name__} needs a method observe(self)")
+
+    def reward(self, verdict: Verdict | None) -> float:
+        """Returns what the last step was worth."""
+        raise NotImplementedError(f"{type(self).__name__} needs a method reward(self, verdict)")
+
+    # -- inside -------------------------------------------------------------------------------------------------------
+
+    def _start_of(self, options: dict[str, Any]) -> int:
+        unknown = set(options) - {"start"}
+        if unknown:
+            raise ParameterError(f"reset() was given the options {sorted(unknown)}.", fix='options={"start": 7}')
+        start = options.get("start")
+        if start is None:
+            return int(self.np_random.integers(1, MOST_STARTS))
+        if isinstance(start, bool) or not isinstance(start, (int, np.integer)):
+            raise ParameterError(f"reset() was given the start {start!r}.", fix="a whole number, as for --seed.")
+        return int(start)
+
+    def _open(self) -> None:
+        self.close()
+        roles = self.run.robot_file.roles(self.run.rig(self.plant), [])
+        factories = [factory for role in roles.values() for factory in role]
+        self.sensors, self.actuators = (
+            {one.key: started(one.open_device(), one.key) for one in factories if isinstance(one, kind)}
+            for kind in (SensorLoopFactory, ActuatorLoopFactory)
+        )
+
+    def _observed(self) -> NDArray[np.float32]:
+        space: Any = self.observation_space
+        return np.clip(np.array(self.observe(), np.float32), space.low, space.high)
+
+    def _is_over(self) -> bool:
+        return self._steps / self.rate_hz >= self._limit_s - 1e-9

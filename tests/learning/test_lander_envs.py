@@ -1,0 +1,225 @@
+"""The lander as a gymnasium environment: by the book, the same every time, and the same as in a node."""
+
+import json
+import subprocess
+import sys
+import textwrap
+import warnings
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import snr_sim.learning
+from snr_sim.flight import Flight
+from snr_sim.learning.gym import ENVIRONMENTS
+from snr_sim.learning.lander_envs import VERTICAL_THROTTLES, LanderPad, suitable_mps
+from snr_sim.prelude.errors import ParameterError
+from snr_sim.simulation import Request, prepare
+
+every_environment = pytest.mark.parametrize("name", list(ENVIRONMENTS))
+
+
+@every_environment
+def test_gymnasiums_own_checker_has_no_complaint(name: str) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(gymnasium.make(name, render_mode="rgb_array").unwrapped)
+
+
+def episode(name: str, seed: int, most_steps: int = 10_000) -> list[Any]:
+    """All that an agent sees of an episode, acting at random."""
+    env = gymnasium.make(name)
+    env.action_space.seed(seed)
+    observation, info = env.reset(seed=seed)
+    seen: list[Any] = [observation.tolist(), info]
+    for _ in range(most_steps):
+        observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+        assert env.observation_space.contains(observation)
+        seen.append([observation.tolist(), reward, terminated, truncated, info])
+        if terminated or truncated:
+            break
+    env.close()
+    return seen
+
+
+@every_environment
+def test_the_same_seed_is_the_same_episode_also_in_another_process(name: str) -> None:
+    mine = episode(name, 5, 60)
+    assert episode(name, 5, 60) == mine
+    assert episode(name, 6, 60) != mine
+    code = (
+        "import json, sys; sys.path.insert(0, sys.argv[1])\n"
+        "from test_lander_envs import episode\n"
+        f"print(json.dumps(episode({name!r}, 5, 60)))"
+    )
+    printed = subprocess.check_output([sys.executable, "-c", code, str(Path(__file__).parent)], text=True)
+    assert json.loads(printed) == json.loads(json.dumps(mine))
+
+
+@pytest.mark.parametrize("name", ["snr_sim/LanderVertical-v0", "snr_sim/LanderPad-v0"])
+def test_episodes_without_a_seed_begin_at_starts_of_their_own(name: str) -> None:
+    env = gymnasium.make(name)
+    env.reset(seed=3)
+    starts = [env.reset()[1]["start"] for _ in range(5)]
+    env.reset(seed=3)
+    assert [env.reset()[1]["start"] for _ in range(5)] == starts
+    assert len(set(starts)) == 5
+
+
+def test_a_crash_terminates_and_the_time_limit_truncates() -> None:
+    env: Any = gymnasium.make("snr_sim/LanderVertical-v0")
+    env.reset(options={"start": 0})
+    ended, steps = (False, False), 0
+    while not any(ended):
+        before = env.unwrapped.potential()
+        _, reward, *ended, info = env.step(0)  # type: ignore[assignment]
+        steps += 1
+    assert ended == [True, False]
+    assert (info["outcome"], info["success"]) == ("crashed", False)
+    assert reward == pytest.approx(-100.0 - before)  # no propellant was burned
+    assert info["time_s"] == steps / 5.0
+
+    hovering = gymnasium.make("snr_sim/LanderVerticalContinuous-v0").unwrapped
+    hovering.reset(options={"start": 0})
+    ended = (False, False)
+    while not any(ended):
+        plant: Any = hovering.plant  # type: ignore[attr-defined]
+        hover = plant.mass_kg * plant.gravity_mps2 / plant.thrust_n - 0.05 * plant.velocity_mps
+        _, _, *ended, info = hovering.step(np.array([np.clip(hover, 0.0, 1.0)], np.float32))  # type: ignore[assignment]
+    assert info["outcome"] in ("timeout", "out_of_fuel", "crashed")
+    assert ended == [info["outcome"] != "timeout", info["outcome"] == "timeout"]
+
+
+def thrifty(altitude_m: float, velocity_mps: float) -> int:
+    """A policy: full throttle while it falls faster than suits the height."""
+    return VERTICAL_THROTTLES.index(1.0) if velocity_mps < suitable_mps(altitude_m) else 0
+
+
+CONTROLLER = """
+    from snr_sim import Endpoint, EndpointFactory, TaskType
+    from snr_sim.learning.lander_envs import VERTICAL_THROTTLES, suitable_mps
+    import numpy as np
+
+    class ThriftyFactory(EndpointFactory):
+        def get(self, parent):
+            return Thrifty(self, parent, "thrifty")
+
+    class Thrifty(Endpoint):
+        def __init__(self, factory, parent, name):
+            super().__init__(factory, parent, name)
+            self.task_handlers = {(TaskType.process_data, "radar"): self.on_radar}
+
+        def on_radar(self, task, task_id):
+            radar = self.get_data("radar")
+            height, speed = np.float32(radar["altitude_m"]), np.float32(radar["velocity_mps"])
+            throttle = 1.0 if speed < suitable_mps(float(height)) else 0.0
+            return self.store_data_task("engine", {"throttle": throttle}, process=False)
+
+    def factories(robot):
+        return [ThriftyFactory()]
+"""
+
+
+@pytest.mark.parametrize("start", [0, 7])
+def test_a_policy_lands_in_a_node_just_as_it_did_here_to_the_last_bit(start: int, tmp_path: Path) -> None:
+    env: Any = gymnasium.make("snr_sim/LanderVertical-v0").unwrapped
+    observation, _ = env.reset(options={"start": start})
+    ended = False
+    while not ended:
+        observation, _, ended, _, info = env.step(thrifty(*map(float, observation)))
+    assert info["outcome"] == "landed"
+
+    file = tmp_path / "thrifty.py"
+    file.write_text(textwrap.dedent(CONTROLLER))
+    simulation = prepare(Request("lander_vertical", seed=start, controller=str(file)))
+    plant: Any = simulation.plant()
+    result = Flight(simulation, plant, simulation.config(plant)).run()
+    assert result.outcome == "landed"
+    assert plant.touchdown == env.plant.touchdown
+    assert plant.fuel_kg == env.plant.fuel_kg
+
+
+def test_the_reward_of_a_landing_is_its_parts() -> None:
+    """Potentials telescope: what is left is the landing, the propellant, and where the episode began."""
+    env: Any = gymnasium.make("snr_sim/LanderVertical-v0").unwrapped
+    observation, _ = env.reset(options={"start": 7})
+    began, tank_kg, total, ended = env.potential(), env.plant.fuel_kg, 0.0, False
+    while not ended:
+        observation, reward, ended, _, _ = env.step(thrifty(*map(float, observation)))
+        total += reward
+    assert total == pytest.approx(100.0 - 50.0 * (tank_kg - env.plant.fuel_kg) / tank_kg - began, abs=1e-6)
+
+
+def test_an_episode_must_have_begun_and_not_have_ended() -> None:
+    env: Any = gymnasium.make("snr_sim/LanderVertical-v0").unwrapped
+    with pytest.raises(ParameterError, match=r"call reset\(\)"):
+        env.step(0)
+    env.reset(options={"start": 0})
+    while not env.step(0)[2]:
+        pass
+    with pytest.raises(ParameterError, match="has ended"):
+        env.step(0)
+
+
+@pytest.mark.parametrize(
+    ("name", "action"),
+    [
+        ("snr_sim/LanderVertical-v0", 4),
+        ("snr_sim/LanderVertical-v0", 0.5),
+        ("snr_sim/LanderVertical-v0", None),
+        ("snr_sim/LanderPadContinuous-v0", np.array([0.5, 0.0], np.float32)),
+        ("snr_sim/LanderPadContinuous-v0", np.array([np.nan, 0.0, 0.0], np.float32)),
+        ("snr_sim/LanderPadContinuous-v0", "full"),
+    ],
+)
+def test_what_is_no_action_is_refused_and_changes_nothing(name: str, action: Any) -> None:
+    env: Any = gymnasium.make(name).unwrapped
+    env.reset(seed=1)
+    with pytest.raises(ParameterError, match="is no action"):
+        env.step(action)
+    assert env.plant.time_s == 0.0
+
+
+@pytest.mark.parametrize("options", [{"start": "7"}, {"start": True}, {"start": 1.5}, {"begin": 7}])
+def test_options_that_are_none_are_refused(options: dict[str, Any]) -> None:
+    env: Any = gymnasium.make("snr_sim/LanderVertical-v0").unwrapped
+    with pytest.raises(ParameterError, match=r"reset\(\) was given"):
+        env.reset(options=options)
+
+
+@pytest.mark.parametrize("mode", ["sync", "async"])
+def test_several_run_beside_each_other(mode: str) -> None:
+    envs = gymnasium.make_vec("snr_sim/LanderVertical-v0", num_envs=2, vectorization_mode=mode)
+    try:
+        observations, infos = envs.reset(seed=11)
+        assert observations.shape == (2, 2)
+        assert infos["start"][0] != infos["start"][1]
+        for _ in range(5):
+            observations, *_ = envs.step(np.array([0, 3]))
+        assert np.isfinite(observations).all()
+    finally:
+        envs.close()
+
+
+def test_a_bare_interpreter_makes_one_by_its_module_and_its_name() -> None:
+    code = 'import gymnasium; print(gymnasium.make("snr_sim.learning:snr_sim/LanderPad-v0").reset(seed=1)[0].shape)'
+    assert subprocess.check_output([sys.executable, "-W", "error", "-c", code], text=True) == "(9,)\n"
+    assert snr_sim.learning is sys.modules["snr_sim.learning"]
+
+
+def test_a_picture_shows_the_module_and_what_pushes_it() -> None:
+    env: Any = gymnasium.make("snr_sim/LanderPad-v0", render_mode="rgb_array")
+    env.reset(seed=1)
+    off = env.render()
+    for _ in range(3):
+        env.step(7)
+    burning = env.render()
+    assert off.shape == burning.shape == (240, 320, 3)
+    orange = ((burning[..., 0] > 200) & (burning[..., 2] < 80)).sum()
+    assert orange > ((off[..., 0] > 200) & (off[..., 2] < 80)).sum() + 20
+    with pytest.raises(ParameterError, match="'rgb_array'"):
+        LanderPad(render_mode="ansi")
