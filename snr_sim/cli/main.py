@@ -9,7 +9,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from snr_sim import __version__
-from snr_sim.cli import bench, console, doctor, listing, new, replay, resim, run, trace, view
+from snr_sim.cli import bench, compare, console, doctor, listing, new, replay, resim, run, trace, view
 
 app = typer.Typer(
     name="snr",
@@ -40,6 +40,7 @@ app.command("replay")(replay.replay)
 app.command("resim")(resim.resim)
 app.command("trace")(trace.trace)
 app.command("view")(view.view)
+app.command("compare")(compare.compare)
 app.command("list")(listing.listing)
 app.command("new")(new.new)
 app.command("doctor")(doctor.doctor)

@@ -30,12 +30,16 @@ class Plot(NamedTuple):
         lines: name, times [s] and values of each.
         least: how much the scale spans at the least, so that noise does not fill it.
         is_down: whether more is lower, as with depth.
+        share: how high it is beside others.
+        first_color: of COLORS, for its first line.
     """
 
     title: str
     lines: list[tuple[str, Floats, Floats]]
     least: float = 1e-9
     is_down: bool = False
+    share: float = 1.0
+    first_color: int = 0
 
 
 def draw_plots(
@@ -57,12 +61,14 @@ def draw_plots(
     if not plots:
         return
     left, top, right, bottom = area
-    each = (bottom - top) / len(plots)
+    unit_height = (bottom - top) / sum(plot.share for plot in plots)
     end_s = max((float(times[-1]) for plot in plots for _, times, _ in plot.lines if len(times)), default=1.0) or 1.0
-    for i, plot in enumerate(plots):
-        panel = (left + 34, top + i * each + 20, right, top + (i + 1) * each - 8)
-        _draw_names(canvas, plot, panel[0], top + i * each)
-        _draw_plot(canvas, panel, plot, end_s, events_s)
+    at = top
+    for plot in plots:
+        height = plot.share * unit_height
+        _draw_names(canvas, plot, left + 34, at)
+        _draw_plot(canvas, (left + 34, at + 20, right, at + height - 8), plot, end_s, events_s)
+        at += height
     marks = Labels([], 0.0, (left, top, right + 6.0, bottom))
     for number, event_s in enumerate(events_s if are_numbered else (), 1):
         x = left + 34 + (right - left - 34) * event_s / end_s
@@ -81,13 +87,17 @@ def draw_number(canvas: Canvas, at: tuple[float, float], number: int) -> None:
     canvas.text(at, str(number), 9.0, BACKGROUND, "mm")
 
 
+def _color(plot: Plot, place: int) -> Rgb:
+    return COLORS[(plot.first_color + place) % len(COLORS)]
+
+
 def _unit(title: str) -> str:
     return title[title.index("[") :] if "[" in title else ""
 
 
 def _draw_names(canvas: Canvas, plot: Plot, x: float, y: float) -> None:
     for i, (name, _, _) in enumerate(plot.lines):
-        canvas.text((x, y), name, 11.5, COLORS[i % len(COLORS)])
+        canvas.text((x, y), name, 11.5, _color(plot, i))
         x += canvas.text_width(name, 11.5) + 8
     canvas.text((x, y + 1), _unit(plot.title), 10.5, FAINT)
 
@@ -117,7 +127,7 @@ def _draw_plot(
         xs = left + (right - left) * times[::step] / end_s
         ys = at_low + (values[::step] - low) / (high - low) * (at_high - at_low)
         for part in _finite_parts(xs, ys):
-            canvas.line(part, COLORS[i % len(COLORS)], 1.4)
+            canvas.line(part, _color(plot, i), 1.4)
 
 
 def _finite_parts(xs: Floats, ys: Floats) -> list[list[tuple[float, float]]]:

@@ -47,8 +47,9 @@ def write_comparison(
     replayed_records: Iterable[Record],
     divergences: Divergences,
     path: str | Path,
+    roots: tuple[str, str] = ("recorded", "replayed"),
 ) -> None:
-    """Writes two runs on one timeline, under /recorded and /replayed, with their differences marked.
+    """Writes two runs on one timeline, each under a root of its own, with their differences marked.
 
     Args:
         recorded_header: header of the recorded run; the replayed one has the same nodes and the same scene.
@@ -56,16 +57,17 @@ def write_comparison(
         replayed_records: records of the run with other code.
         divergences: seq, time [s] and a sentence for each difference.
         path: of the file to write.
+        roots: what each run lies under.
 
     Raises:
         MissingExtra: rerun is not installed.
         TraceError: the file cannot be written.
     """
     with _file("comparison", title_of(recorded_header), path) as (rr, stream):
-        layout = Layout(title_of(recorded_header), roots=["/recorded", "/replayed"])
-        recorded = Writer(rr, stream, recorded_header, ("recorded",), layout)
+        layout = Layout(title_of(recorded_header), roots=[f"/{root}" for root in roots])
+        recorded = Writer(rr, stream, recorded_header, roots[:1], layout)
         recorded.send_all(recorded_records)
-        replayed = Writer(rr, stream, recorded_header, ("replayed",), layout)
+        replayed = Writer(rr, stream, recorded_header, roots[1:], layout)
         replayed.send_all(replayed_records)
         if divergences:
             recorded.send_divergences(divergences)

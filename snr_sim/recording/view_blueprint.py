@@ -69,7 +69,7 @@ class Layout:
 
     Args:
         title: of the run.
-        roots: '' or, when two runs lie side by side, '/recorded' and '/replayed'.
+        roots: '' or, when two runs lie side by side, such as '/recorded' and '/replayed'.
         bodies: entities of the first body of each run.
         cameras: entities that go along with them.
         low_m, high_m: corners of the box in which bodies moved.

@@ -1,0 +1,212 @@
+"""`snr compare RUN RUN`: what differs between two runs of one robot, as between simulation and the real one."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from snr_sim.recording.compare_runs import Compared, Comparison
+    from snr_sim.recording.reader import Trace
+
+_LEGEND = (
+    "noise: standard deviation from one page to the next. step: all values are multiples of it apart. "
+    "age: how old what a page holds was when it was stored. later: how much later the second one moves."
+)
+
+
+def compare(
+    first: Annotated[Path, typer.Argument(help="A run folder, or its trace.")],
+    second: Annotated[Path, typer.Argument(help="Another one of the same robot.")],
+    node: Annotated[str, typer.Option(help="Whose pages; the node that drives something if not given.")] = "",
+    signal: Annotated[list[str], typer.Option(help="PAGE.FIELD to draw; may be repeated.")] = [],  # noqa: B006
+    shift: Annotated[
+        str, typer.Option(help="Seconds that the second run began later; 'auto': when its commands first changed.")
+    ] = "0",
+    png: Annotated[str, typer.Option(help="Draw both into this file.")] = "",
+    rrd: Annotated[str, typer.Option(help="Write both on one timeline into this file, for snr view.")] = "",
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Compare two runs of one robot.
+
+    Rate, age, noise, resolution and dead band of every number in the pages of both, and how far they are apart.
+
+    Exit status: 0 they were compared, 2 they cannot be.
+    """
+    from snr_sim.prelude.errors import MissingExtra
+    from snr_sim.recording.folder import remarks, trace_path
+    from snr_sim.recording.reader import read_trace
+
+    try:
+        from snr_sim.recording.compare_picture import shown
+        from snr_sim.recording.compare_runs import compare_runs
+    except ImportError as error:
+        raise MissingExtra("numpy", "sim") from error
+    traces = [read_trace(trace_path(run)) for run in (first, second)]
+    for trace in traces:
+        for remark in remarks(trace):
+            print(f"note: {trace.path.parent}: {remark}", file=sys.stderr)
+    shift_s = _shift_s(shift, traces)
+    comparison = compare_runs(traces[0], traces[1], node, shift_s)
+    shown(comparison, signal)  # a name that is not there is said before anything is written
+    if png:
+        _draw(comparison, traces[0], png, signal)
+    if rrd:
+        _write_rrd(traces, rrd)
+    if as_json:
+        from snr_sim.recording.folder import as_json as json_of
+
+        files = {name: file for name, file in (("png", png), ("rrd", rrd)) if file}
+        print(json_of({**_fields(comparison), "shift_s": shift_s, "runs": [str(first), str(second)], **files}))
+        return
+    _print(comparison)
+    for file in filter(None, (png, rrd)):
+        print(file)
+
+
+def _shift_s(shift: str, traces: list[Trace]) -> float:
+    from snr_sim.prelude.errors import ParameterError
+    from snr_sim.recording.compare_runs import shift_by_commands_s
+
+    if shift == "auto":
+        return shift_by_commands_s(traces[0], traces[1])
+    try:
+        seconds = float(shift)
+    except ValueError:
+        seconds = float("nan")
+    if not abs(seconds) < float("inf"):
+        raise ParameterError(f"--shift {shift} is no time.", fix="seconds such as 2.5, or auto.")
+    return seconds
+
+
+def _draw(comparison: Comparison, trace: Trace, png: str, names: list[str]) -> None:
+    from snr_sim.prelude.errors import TraceError
+    from snr_sim.recording.compare_picture import draw_comparison
+
+    try:
+        draw_comparison(comparison, trace.header, png, names)
+    except OSError as error:
+        raise TraceError(f"The picture {png} cannot be written: {error.strerror}.", fix="name another file.") from error
+
+
+def _write_rrd(traces: list[Trace], rrd: str) -> None:
+    from snr_sim.recording.view import write_comparison
+
+    write_comparison(traces[0].header, traces[0].records, traces[1].records, [], rrd, ("first", "second"))
+
+
+def _fields(comparison: Comparison) -> dict[str, Any]:
+    """Returns a comparison as JSON can say it; the values themselves are in the traces."""
+    command = comparison.commands_differ
+    return {
+        "labels": list(comparison.labels),
+        "node": comparison.node,
+        "identical": comparison.is_identical,
+        "commands_first_differ_s": None if command is None else command.first_differs_s,
+        "signals": {one.name: _signal_fields(one) for one in comparison.signals},
+        "only_first": comparison.only_first,
+        "only_second": comparison.only_second,
+    }
+
+
+def _signal_fields(one: Compared) -> dict[str, Any]:
+    return {
+        "channels": one.first.values.shape[1],
+        "is_command": one.is_command,
+        "first": asdict(one.of_first),
+        "second": asdict(one.of_second),
+        "rms_difference": one.rms,
+        "largest_difference": one.largest,
+        "largest_at_s": one.largest_at_s,
+        "largest_channel": one.largest_channel,
+        "first_differs_s": one.first_differs_s,
+        "later_s": one.later_s,
+    }
+
+
+def _print(comparison: Comparison) -> None:
+    """Prints a table: of each page and number what is seen in either run, with one value where they agree."""
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(width=None if sys.stdout.isatty() else 120, highlight=False)
+    if comparison.is_identical:
+        console.print("The traces are the same, byte for byte.")
+    table = Table(title=f"{comparison.node}: {' | '.join(comparison.labels)}", box=None, title_justify="left")
+    table.add_column("page, field", overflow="fold")
+    for heading in ("noise", "step", "rms diff.", "largest", "later [ms]"):
+        table.add_column(heading, justify="right", overflow="fold")
+    told = [one for one in comparison.signals if not _is_idle(one)]
+    for number, signal in enumerate(told):
+        if number == 0 or told[number - 1].first.key != signal.first.key:
+            table.add_row(_of_page(signal), style="bold")
+        table.add_row(*_row(signal))
+    console.print(table)
+    console.print(_LEGEND, style="dim")
+    idle = len(comparison.signals) - len(told)
+    if idle:
+        console.print(f"Not shown: {idle} numbers that never change and are the same, or belong to links (--json).")
+    for place, only in enumerate((comparison.only_first, comparison.only_second)):
+        if only:
+            console.print(f"only in {comparison.labels[place]}: {', '.join(only)}")
+    console.print(_of_commands(comparison))
+
+
+def _is_idle(signal: Compared) -> bool:
+    a, b = signal.of_first, signal.of_second
+    return signal.first.key.startswith("link_") or (a.lowest == a.highest == b.lowest == b.highest)
+
+
+def _of_page(signal: Compared) -> str:
+    a, b = signal.of_first, signal.of_second
+    told = f"{signal.first.key}: {_both(a.rate_hz, b.rate_hz)} Hz"
+    return told if a.age_s is b.age_s is None else f"{told}, {_both(_ms(a.age_s), _ms(b.age_s))} ms old"
+
+
+def _row(signal: Compared) -> list[str]:
+    a, b = signal.of_first, signal.of_second
+    channels = signal.first.values.shape[1]
+    many = f"[{channels}]" if channels > 1 else ""
+    band = f", none within {_both(_band(a.dead_band), _band(b.dead_band))}" if a.dead_band or b.dead_band else ""
+    at = f" [{signal.largest_channel}]" if many and signal.largest else ""
+    return [
+        f"  {signal.first.field or signal.first.key}{many}{band}",
+        _both(a.noise, b.noise),
+        _both(a.step, b.step),
+        _number(signal.rms),
+        f"{_number(signal.largest)}{at}",
+        _number(_ms(signal.later_s)),
+    ]
+
+
+def _of_commands(comparison: Comparison) -> str:
+    command = comparison.commands_differ
+    if command is None:
+        return "The commands are the same." if any(one.is_command for one in comparison.signals) else ""
+    return f"The commands first differ at t = {command.first_differs_s:.3f} s, in {command.name}."
+
+
+def _ms(seconds: float | None) -> float | None:
+    return None if seconds is None else 1000.0 * seconds
+
+
+def _band(band: tuple[float, float] | None) -> str | None:
+    return None if band is None else f"{band[0]:+.3g}..{band[1]:+.3g}"
+
+
+def _both(one: float | str | None, other: float | str | None) -> str:
+    """Returns one value where both runs agree, and both where they do not."""
+    left, right = _number(one), _number(other)
+    return left if left == right else f"{left} | {right}"
+
+
+def _number(value: float | str | None) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, str):
+        return value
+    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"

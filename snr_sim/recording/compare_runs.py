@@ -1,0 +1,290 @@
+"""Two runs of one robot side by side: what of each number differs, by how much, and since when.
+
+Meant for the same node in simulation, on an emulated board and on the real one: how much later, noisier and coarser is
+it there? Each run's own numbers come from `compare_signals.py`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from snr_sim.prelude.errors import TraceError, UnknownName, nearest
+from snr_sim.recording.compare_signals import Measured, Signal, measured, signals_of
+from snr_sim.recording.picture_flight import Rows
+from snr_sim.recording.reader import Trace
+from snr_sim.recording.records import Header
+from snr_sim.recording.view_columns import Floats
+
+LATER_MAX_S, LATER_STEP_S = 1.0, 0.005  # how far and how finely one run is moved against the other
+LATER_GAIN = 0.7  # moving it must leave no more than this share of the difference, or nobody can tell
+SAME = 1e-9  # differences below this share of the values are the computer's
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One signal in two runs.
+
+    Args:
+        first, second: the signal in each, the second moved in time as was asked for.
+        of_first, of_second: what is seen in each.
+        times_s: shape (n,), of the common time.
+        difference: shape (n, channels): second less first, interpolated to the first one's times.
+        rms: root mean square of the difference, over the channels.
+        largest: of the difference, with its sign.
+        largest_at_s, largest_channel: where.
+        first_differs_s: when any channel first differs; None if never.
+        later_s: how much later the second moves, as far as moving it explains the difference; None if it does not.
+        is_command: whether it is in a page that drives outputs.
+    """
+
+    first: Signal
+    second: Signal
+    of_first: Measured
+    of_second: Measured
+    times_s: Floats
+    difference: Rows
+    rms: float
+    largest: float
+    largest_at_s: float
+    largest_channel: int
+    first_differs_s: float | None
+    later_s: float | None
+    is_command: bool
+
+    @property
+    def name(self) -> str:
+        """Key and field."""
+        return self.first.name
+
+    @property
+    def share(self) -> float:
+        """The difference as a share of what the signal spans: how much it tells."""
+        span = max(self.of_first.highest, self.of_second.highest) - min(self.of_first.lowest, self.of_second.lowest)
+        return self.rms / span if span > 0.0 else 0.0
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two runs.
+
+    Args:
+        labels: what to call them: by what they differ in.
+        node: whose pages were compared.
+        signals: that both have, in the order of the first run.
+        only_first, only_second: names of signals that one of them alone has.
+        is_identical: whether the two traces are the same, byte for byte.
+    """
+
+    labels: tuple[str, str]
+    node: str
+    signals: list[Compared]
+    only_first: list[str]
+    only_second: list[str]
+    is_identical: bool
+
+    @property
+    def commands_differ(self) -> Compared | None:
+        """The command that differs first; None if all are the same."""
+        differing = [one for one in self.signals if one.is_command and one.first_differs_s is not None]
+        return min(differing, key=lambda one: one.first_differs_s or 0.0, default=None)
+
+
+def compare_runs(first: Trace, second: Trace, node: str = "", shift_s: float = 0.0) -> Comparison:
+    """Compares two runs of one robot.
+
+    Args:
+        first, second: their traces.
+        node: whose pages: a role, or its name with _node. If not given, of the first one that both have and that
+            drives something.
+        shift_s: the second run is taken to have begun so much later.
+
+    Raises:
+        TraceError: they are of different robots, or have nothing in common.
+        UnknownName: they have no such node.
+    """
+    if first.header.robot != second.header.robot:
+        raise TraceError(
+            f"These are runs of different robots: {_told(first)} is of '{first.header.robot}', {_told(second)} of "
+            f"'{second.header.robot}'.",
+            fix="compare two runs of one robot, as with --io sim and --io emulated.",
+        )
+    node = _common_node(first, second, node)
+    signals = [signals_of(trace.records, node) for trace in (first, second)]
+    common = [name for name in signals[0] if name in signals[1]]
+    if not common:
+        raise TraceError(
+            f"The node '{node}' stored no page with numbers in both runs. {_pages(first, signals[0])} "
+            f"{_pages(second, signals[1])}",
+            fix="compare whole runs of the same scenario, or another --node.",
+        )
+    commands = set(first.header.commands.get(node, ()))
+    pairs = [(signals[0][name], _moved(signals[1][name], -shift_s)) for name in common]
+    compared = [_compared(one, other, one.key in commands) for one, other in pairs if _overlap(one, other) is not None]
+    if not compared:
+        raise TraceError(
+            f"The runs have no time in common: {_spans(pairs)}.",
+            fix="another --shift; 0 puts both beginnings together.",
+        )
+    return Comparison(
+        labels_of(first.header, second.header),
+        node,
+        compared,
+        [name for name in signals[0] if name not in signals[1]],
+        [name for name in signals[1] if name not in signals[0]],
+        first.digest == second.digest,
+    )
+
+
+def shift_by_commands_s(first: Trace, second: Trace) -> float:
+    """Returns how much later the second run's commands first changed, as of a run that somebody began by hand.
+
+    Raises:
+        TraceError: in one of them no command ever changed.
+    """
+    begun = []
+    for trace in (first, second):
+        changes = []
+        for node in trace.header.nodes:
+            keys = trace.header.commands.get(node, ())
+            for signal in signals_of(trace.records, node).values() if keys else ():
+                moved = (signal.values != signal.values[:1]).any(axis=1)
+                if signal.key in keys and moved.any():
+                    changes.append(float(signal.times_s[np.argmax(moved)]))
+        if not changes:
+            raise TraceError(
+                f"In {_told(trace)} no command ever changed, so nobody can tell when it began.",
+                fix="name the seconds: --shift 2.5.",
+            )
+        begun.append(min(changes))
+    return begun[1] - begun[0]
+
+
+def labels_of(first: Header, second: Header) -> tuple[str, str]:
+    """Returns what to call two runs: by the first thing in which they differ."""
+    for wanted in ("io", "engine", "controller", "seed", "scenario", "clock"):
+        one, other = str(getattr(first, wanted)), str(getattr(second, wanted))
+        if one != other:
+            return (one, other) if wanted != "seed" else (f"seed {one}", f"seed {other}")
+    return "first", "second"
+
+
+def _told(trace: Trace) -> str:
+    return trace.path.parent.name or str(trace.path)
+
+
+def _common_node(first: Trace, second: Trace, wanted: str) -> str:
+    common = [name for name in first.header.nodes if name in second.header.nodes]
+    if wanted:
+        found = next((name for name in common if name in (wanted, f"{wanted}_node")), None)
+        if found is None:
+            raise UnknownName(f"The runs have no node '{wanted}' in common.", fix=nearest(wanted, common))
+        return found
+    if not common:
+        nodes = ", ".join(first.header.nodes), ", ".join(second.header.nodes)
+        raise TraceError(
+            f"The runs have no node in common: {_told(first)} has {nodes[0]}; {_told(second)} has {nodes[1]}.",
+            fix="of roles that ran by themselves, compare the same role.",
+        )
+    return next((name for name in common if first.header.commands.get(name)), common[0])
+
+
+def _pages(trace: Trace, signals: dict[str, Signal]) -> str:
+    keys = ", ".join(dict.fromkeys(signal.key for signal in signals.values()))
+    return f"In {_told(trace)} there is {keys or 'none at all'}."
+
+
+def _moved(signal: Signal, by_s: float) -> Signal:
+    return Signal(signal.node, signal.key, signal.field, signal.times_s + by_s, signal.values, signal.ages_s)
+
+
+def _overlap(first: Signal, second: Signal) -> tuple[float, float] | None:
+    """Returns the common time; None if there is none, or if there are not as many channels."""
+    if not (len(first.times_s) and len(second.times_s)) or first.values.shape[1] != second.values.shape[1]:
+        return None
+    begin_s, end_s = (
+        float(max(first.times_s[0], second.times_s[0])),
+        float(min(first.times_s[-1], second.times_s[-1])),
+    )
+    inside = (first.times_s >= begin_s) & (first.times_s <= end_s)
+    return (begin_s, end_s) if inside.any() else None
+
+
+def _spans(pairs: Sequence[tuple[Signal, Signal]]) -> str:
+    told = []
+    for place, which in enumerate(("first", "second")):
+        times_s = [pair[place].times_s for pair in pairs if len(pair[place].times_s)]
+        told.append(f"the {which} goes from {min(t[0] for t in times_s):.2f} to {max(t[-1] for t in times_s):.2f} s")
+    return ", ".join(told)
+
+
+def _compared(first: Signal, second: Signal, is_command: bool) -> Compared:
+    begin_s, end_s = _overlap(first, second) or (0.0, 0.0)
+    inside = (first.times_s >= begin_s) & (first.times_s <= end_s)
+    times_s, values = first.times_s[inside], first.values[inside]
+    difference = _turned(first.field, _at(second, times_s) - values)
+    step, channel = np.unravel_index(int(np.argmax(np.abs(difference))), difference.shape)
+    differs = (np.abs(difference) > SAME * np.maximum(1.0, np.abs(values))).any(axis=1)
+    return Compared(
+        first,
+        second,
+        measured(first),
+        measured(second),
+        times_s,
+        difference,
+        rms=float(np.sqrt(np.mean(difference**2))),
+        largest=float(difference[step, channel]),
+        largest_at_s=float(times_s[step]),
+        largest_channel=int(channel),
+        first_differs_s=float(times_s[np.argmax(differs)]) if differs.any() else None,
+        later_s=later_s(first, second, int(np.argmax(np.ptp(values, axis=0)))),
+        is_command=is_command,
+    )
+
+
+def _at(signal: Signal, times_s: Floats) -> Rows:
+    """Returns the values of all channels at other times, between two pages on a straight line."""
+    return np.stack([np.interp(times_s, signal.times_s, column) for column in signal.values.T], axis=1)
+
+
+def _turned(field: str, difference: Rows) -> Rows:
+    """Returns differences of angles the short way round."""
+    if not field.endswith("_rad"):
+        return difference
+    turned: Rows = difference - 2.0 * math.pi * np.round(difference / (2.0 * math.pi))
+    return turned
+
+
+def later_s(first: Signal, second: Signal, channel: int = 0) -> float | None:
+    """Returns how much later a signal moves in the second run than in the first.
+
+    The one is moved against the other until they differ least.
+
+    Args:
+        first, second: the signal in both runs.
+        channel: of it.
+
+    Returns:
+        seconds, negative if it is earlier; None if moving it explains less than a third of what they differ by.
+    """
+    begin_s = max(first.times_s[0], second.times_s[0]) + LATER_MAX_S
+    end_s = min(first.times_s[-1], second.times_s[-1]) - LATER_MAX_S
+    if end_s - begin_s < 2.0 * LATER_MAX_S:
+        return None
+    most = round(LATER_MAX_S / LATER_STEP_S)
+    count = int((end_s - begin_s) / LATER_STEP_S)
+    grid_s = begin_s + LATER_STEP_S * np.arange(count)
+    wide_s = begin_s + LATER_STEP_S * np.arange(-most, count + most)
+    one = np.interp(grid_s, first.times_s, first.values[:, channel])
+    other = np.interp(wide_s, second.times_s, second.values[:, channel])
+    powers = np.array([np.mean((other[k : k + count] - one) ** 2) for k in range(2 * most + 1)])
+    best = int(np.argmin(powers))
+    if best in (0, 2 * most) or powers[best] >= LATER_GAIN**2 * powers[most]:
+        return None
+    before, least, after = powers[best - 1 : best + 2]
+    bend = before - 2.0 * least + after
+    fraction = 0.5 * (before - after) / bend if bend > 0.0 else 0.0
+    return float((best - most + fraction) * LATER_STEP_S)

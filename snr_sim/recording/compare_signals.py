@@ -1,0 +1,199 @@
+"""What one run says about each of its numbers: how often it came, how old, how noisy, in which steps.
+
+A signal is one field of a page over a run; the numbers of a list are its channels. `compare_runs.py` holds the
+signals of two runs against each other. What is measured here needs no truth: it is there for a real robot as well.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from snr_sim.recording.picture_flight import Rows
+from snr_sim.recording.records import Record
+from snr_sim.recording.view_columns import Batch, Floats, Series
+
+STAMP = "stamp_s"  # the field in which readings, and answers of outputs, say when what they hold was measured or made
+PULSES_US, STOP_US = "pulses_us", 1500.0
+NOISE_WINDOW = 50  # third differences in each: a second of a sensor read 50 times a second
+STEPS_MAX = 1e5  # a span of more steps than this counts as continuous
+DEAD_BAND_SAMPLES = 20
+# Neighbouring third differences of white noise go together (by -0.75, 0.3, -0.05), so that 2.31 of them count as one;
+# the middle one of powers with so many degrees of freedom is below their mean (Wilson and Hilferty 1931).
+_TOGETHER = 1.0 + 2.0 * (0.75**2 + 0.3**2 + 0.05**2)
+_THIRD = math.sqrt(1.0 + 9.0 + 9.0 + 1.0)  # a third difference of white noise is so many times as large
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One field of a page over a run.
+
+    Args:
+        node: whose page.
+        key: of the page.
+        field: of its data; a dot stands between a field and one inside it. Empty if the page is a number.
+        times_s: shape (n,), when each page was stored.
+        values: shape (n, channels).
+        ages_s: shape (n,), how old what the page holds was then; None if it has no stamp.
+    """
+
+    node: str
+    key: str
+    field: str
+    times_s: Floats
+    values: Rows
+    ages_s: Floats | None = None
+
+    @property
+    def name(self) -> str:
+        """Key and field: 'depth.depth_m'."""
+        return f"{self.key}.{self.field}" if self.field else self.key
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What is seen in a signal. None stands for what cannot be told from it.
+
+    Args:
+        count: of pages.
+        rate_hz: how often they came, on average.
+        age_s, age_p95_s: of what they hold, when they were stored: the middle one, and the oldest but for a twentieth.
+        noise: standard deviation of what changes from one page to the next.
+        step: every value is a multiple of it away from every other.
+        dead_band: of pulses: the nearest to neutral on either side [us from 1500] that were there, both without 0.
+        lowest, highest: of all channels.
+    """
+
+    count: int
+    rate_hz: float | None
+    age_s: float | None
+    age_p95_s: float | None
+    noise: float | None
+    step: float | None
+    dead_band: tuple[float, float] | None
+    lowest: float
+    highest: float
+
+
+def signals_of(records: Iterable[Record], node: str) -> dict[str, Signal]:
+    """Returns the signals of a node's pages by name, in the order in which they were first seen."""
+    batch = Batch()
+    batch.extend(records)
+    fields: dict[tuple[str, str], list[Series]] = defaultdict(list)
+    stamps: dict[str, Series] = {}
+    for owner, series in batch.page_values():
+        if owner != node:
+            continue
+        key, *path = series.path
+        if path == [STAMP]:
+            stamps[key] = series
+        else:
+            fields[key, ".".join(path[:-1] if path and path[-1].isdecimal() else path)].append(series)
+    found = (_signal(node, key, field, channels) for (key, field), channels in fields.items())
+    return {signal.name: _aged(signal, stamps.get(signal.key)) for signal in found}
+
+
+def _signal(node: str, key: str, field: str, channels: list[Series]) -> Signal:
+    """Puts the channels of a list side by side, where all of them are there and finite."""
+    common = channels[0].when.seq
+    for series in channels[1:]:
+        common = np.intersect1d(common, series.when.seq, assume_unique=True)
+    values = np.stack([series.values[np.isin(series.when.seq, common)] for series in channels], axis=1)
+    times_s = channels[0].when.t_s[np.isin(channels[0].when.seq, common)]
+    finite = np.isfinite(values).all(axis=1)
+    return Signal(node, key, field, times_s[finite], values[finite])
+
+
+def _aged(signal: Signal, stamp: Series | None) -> Signal:
+    if stamp is None or len(stamp.values) == 0:
+        return signal
+    places = np.searchsorted(stamp.when.t_s, signal.times_s, side="right") - 1
+    return replace(signal, ages_s=signal.times_s - stamp.values[np.maximum(places, 0)])
+
+
+def measured(signal: Signal) -> Measured:
+    """Returns what is seen in a signal that has values."""
+    times_s, values = signal.times_s, signal.values
+    span_s = float(times_s[-1] - times_s[0])
+    ages_s = signal.ages_s if signal.ages_s is not None and np.isfinite(signal.ages_s).all() else None
+    return Measured(
+        count=len(times_s),
+        rate_hz=(len(times_s) - 1) / span_s if span_s > 0.0 else None,
+        age_s=None if ages_s is None else float(np.median(ages_s)),
+        age_p95_s=None if ages_s is None else float(np.quantile(ages_s, 0.95)),
+        noise=noise_of(values),
+        step=step_of(values),
+        dead_band=dead_band_of(values - STOP_US) if signal.field == PULSES_US else None,
+        lowest=float(values.min()),
+        highest=float(values.max()),
+    )
+
+
+def noise_of(values: Rows) -> float | None:
+    """Returns the standard deviation of white noise on signals that are otherwise smooth.
+
+    Third differences leave nothing of a smooth motion, and of noise 4.5 times as much. They are looked at in windows
+    of which the middle one counts, so that a jolt now and then is not taken for noise.
+
+    Args:
+        values: shape (n, channels).
+
+    Returns:
+        root mean square over the channels; None for fewer than 8 values.
+    """
+    if len(values) < 8:
+        return None
+    third = np.diff(values, n=3, axis=0) / _THIRD
+    windows = max(1, len(third) // NOISE_WINDOW)
+    power = np.array([np.mean(part**2, axis=0) for part in np.array_split(third, windows)])
+    below = (1.0 - 2.0 * _TOGETHER * windows / (9.0 * len(third))) ** 3 if windows > 1 else 1.0
+    return float(np.sqrt(np.mean(np.median(power, axis=0)) / below))
+
+
+def step_of(values: Rows) -> float | None:
+    """Returns the largest step of which all differences of values are multiples; None if they are continuous.
+
+    >>> step_of(np.array([[1500.0], [1501.5], [1503.5]]))
+    0.5
+    """
+    levels = np.unique(values)
+    span = float(levels[-1] - levels[0])
+    if len(levels) < 3:
+        return None
+    finest = span / STEPS_MAX
+    step = 0.0
+    for gap in np.unique(np.diff(levels)).tolist():
+        step = _common_divisor(gap, step, 0.01 * finest)
+        if step < finest:
+            return None
+    return float(f"{step:.6g}")
+
+
+def _common_divisor(a: float, b: float, nothing: float) -> float:
+    """Euclid's algorithm on numbers that rounding has touched: a rest below `nothing` is none."""
+    while b > nothing:
+        rest = math.fmod(a, b)
+        a, b = b, min(rest, b - rest)
+    return a
+
+
+def dead_band_of(offsets: Rows) -> tuple[float, float] | None:
+    """Returns the nearest values below and above 0 that ever occur, if a gap is between them and 0.
+
+    A thruster does not turn until its pulse has left a band around neutral; whoever knows that steps over it.
+
+    Args:
+        offsets: from neutral.
+    """
+    sides = np.sort(-offsets[offsets < 0.0]), np.sort(offsets[offsets > 0.0])
+    if min(map(len, sides)) < DEAD_BAND_SAMPLES:
+        return None
+    below, above = (float(side[0]) for side in sides)
+    # Values beyond a gap lie much closer to each other than the first of them to 0.
+    if any(side[0] < 3.0 * (side[DEAD_BAND_SAMPLES - 1] - side[0]) / DEAD_BAND_SAMPLES for side in sides):
+        return None
+    return -below, above
