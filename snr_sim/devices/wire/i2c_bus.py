@@ -1,0 +1,146 @@
+"""I2C buses: the only door to smbus2, and words for what is wrong with a bus or with who should be on it.
+
+Only the SMBus calls that every adapter has are used (a byte, a block of at most 32 bytes behind a register): they work
+with the Raspberry Pi's own controller, with a bus on two ordinary pins, and with the kernel's stand-ins.
+"""
+
+from __future__ import annotations
+
+import errno
+import importlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Protocol
+
+from snr_sim.prelude.errors import DeviceError, MissingExtra
+
+MOST_BYTES = 32  # of one SMBus block
+_FIRST, _LAST = 0x08, 0x77  # addresses outside are reserved
+_NOBODY = (errno.EREMOTEIO, errno.ENXIO, errno.EIO)  # no acknowledge, as different adapters say it
+
+
+class RawBus(Protocol):
+    """What is used of `smbus2.SMBus`; a test gives its own."""
+
+    def read_byte(self, i2c_addr: int) -> int:
+        """Reads a byte without naming a register."""
+        ...
+
+    def write_byte(self, i2c_addr: int, value: int) -> None:
+        """Writes a byte without naming a register: a command."""
+        ...
+
+    def read_i2c_block_data(self, i2c_addr: int, register: int, length: int) -> list[int]:
+        """Reads a block."""
+        ...
+
+    def write_i2c_block_data(self, i2c_addr: int, register: int, data: list[int]) -> None:
+        """Writes a block."""
+        ...
+
+    def close(self) -> None:
+        """Closes the bus."""
+        ...
+
+
+class I2cBus:
+    """A bus, as one device sees it. Others may have it open, too: the kernel lets them speak in turn.
+
+    Args:
+        number: 1 for /dev/i2c-1, the one on a Raspberry Pi's pins 3 and 5.
+        open_raw: opens what is behind it.
+
+    Raises:
+        MissingExtra: smbus2 is not installed.
+        DeviceError: there is no such bus, or we may not use it.
+    """
+
+    def __init__(self, number: int, open_raw: Callable[[int], RawBus] | None = None) -> None:
+        self.name = f"/dev/i2c-{number}"
+        try:
+            self._raw = (open_raw or _smbus2)(number)
+        except FileNotFoundError as error:
+            raise DeviceError(f"There is no I2C bus {self.name}.", fix=_enable()) from error
+        except PermissionError as error:
+            raise DeviceError(
+                f"{self.name} may not be opened by this user.",
+                fix="sudo usermod -aG i2c $USER, then log out and in again.",
+            ) from error
+        except OSError as error:
+            raise DeviceError(f"{self.name} cannot be opened: {error}.", fix=_enable()) from error
+
+    def read(self, address: int, register: int, length: int) -> bytes:
+        """Returns a block.
+
+        Raises:
+            DeviceError: nobody acknowledges, or the bus hangs.
+        """
+        try:
+            return bytes(self._raw.read_i2c_block_data(address, register, length))
+        except OSError as error:
+            raise self._why_not(address, error) from error
+
+    def write(self, address: int, register: int, data: bytes) -> None:
+        """Writes a block."""
+        try:
+            self._raw.write_i2c_block_data(address, register, list(data))
+        except OSError as error:
+            raise self._why_not(address, error) from error
+
+    def command(self, address: int, byte: int) -> None:
+        """Writes one byte that is a command."""
+        try:
+            self._raw.write_byte(address, byte)
+        except OSError as error:
+            raise self._why_not(address, error) from error
+
+    def who_answers(self) -> list[int]:
+        """Returns the addresses that acknowledge. Asks each of them, which takes some 20 ms."""
+        found = []
+        for address in range(_FIRST, _LAST + 1):
+            try:
+                self._raw.read_byte(address)
+            except OSError as error:
+                if error.errno != errno.EBUSY:  # a driver of the kernel has it, so somebody is there
+                    continue
+            found.append(address)
+        return found
+
+    def close(self) -> None:
+        """Lets go of the bus. Never raises; safe to call twice."""
+        self._raw.close()
+
+    def _why_not(self, address: int, error: OSError) -> DeviceError:
+        if error.errno in _NOBODY:
+            there = ", ".join(f"0x{one:02x}" for one in self.who_answers()) or "nobody"
+            return DeviceError(
+                f"Nobody answers at 0x{address:02x} on {self.name}; on that bus there is: {there}.",
+                fix="power, SDA on pin 3, SCL on pin 5, and the address that its solder bridges say.",
+            )
+        if error.errno == errno.EBUSY:
+            return DeviceError(
+                f"0x{address:02x} on {self.name} belongs to a driver of the kernel.",
+                fix="take its dtoverlay line out of config.txt, or use what the driver offers.",
+            )
+        if error.errno == errno.ETIMEDOUT:
+            return DeviceError(
+                f"{self.name} hangs: 0x{address:02x} did not let go of it in time.",
+                fix="switch everything on it off and on; shorter wires; dtparam=i2c_arm_baudrate=100000 in config.txt.",
+            )
+        return DeviceError(f"0x{address:02x} on {self.name}: {error}.", fix="`i2cdetect -y 1` shows who is there.")
+
+
+def _smbus2(number: int) -> RawBus:
+    try:
+        smbus2: Any = importlib.import_module("smbus2")
+    except ImportError:
+        raise MissingExtra("smbus2", "hardware") from None
+    bus: RawBus = smbus2.SMBus(number)
+    return bus
+
+
+def _enable() -> str:
+    there = ", ".join(sorted(map(str, Path("/dev").glob("i2c-*"))))
+    if there:
+        return f"there are: {there}."
+    return "sudo raspi-config, Interface Options, I2C, Yes; then restart (dtparam=i2c_arm=on in config.txt)."
