@@ -114,6 +114,16 @@ class Pool:
         size = f"{self.length_m:g} x {self.width_m:g} m around 0, 0 and {self.depth_m:g} m deep"
         return f"the pool is {size}; under water z is negative."
 
+    def room_m(self, place: Vector) -> float:
+        """Returns how far it is at least from a place in the water to floor, walls and gates."""
+        x, y, z = place
+        rooms = [z + self.depth_m, 0.5 * self.length_m - abs(x), 0.5 * self.width_m - abs(y)]
+        rooms += [
+            math.dist(place, gate.position_m) - 0.5 * math.hypot(gate.width_m, gate.height_m) - POST_M
+            for gate in self.gates
+        ]
+        return min(rooms)
+
     def mjcf(self, vehicle: Vehicle) -> str:
         """Returns the world with this vehicle in it, as MJCF."""
         half = 0.5 * self.length_m, 0.5 * self.width_m

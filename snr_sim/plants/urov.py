@@ -2,7 +2,7 @@
 
 How a step goes:
 
-    look      MuJoCo: where everything is, what touches, its own mass matrix and forces         (mujoco_body.py)
+    look      MuJoCo, where something is near: what touches, its own mass matrix and forces     (mujoco_body.py)
     forces    ours: thrusters, tether, buoyancy of what is wet                                  (tether.py, surface.py)
     water     ours: the velocity at the step's end if nothing touches, by Fossen's equation     (hydrodynamics.py)
     move      MuJoCo: with the added mass in its mass matrix and the force that leads to that velocity; it adds what
@@ -100,6 +100,7 @@ class Urov(UrovMeasured):
         self.engine = self._body.engine
         self._readers = self._own_readers()
         self._matrix = vehicle.thruster_matrix()
+        self._half_m = 0.5 * math.hypot(*vehicle.size_m)  # no part that touches is farther from the origin
         self._names = tuple(thruster.name for thruster in vehicle.thrusters)
         self._surface = Surface(vehicle)
         self._hydro = Hydrodynamics(vehicle, self._body.rigid)
@@ -108,6 +109,7 @@ class Urov(UrovMeasured):
 
     def _build(self, mjcf: str | None) -> Body:
         """Builds the world; what `Urov2D` does in another way."""
+        self._knows_room = mjcf is None
         if mjcf is None:
             self._mujoco = MujocoBody(MujocoWorld(self.pool.mjcf(self.vehicle), self.step_s, (BODY,), "the pool"), BODY)
             return self._mujoco
@@ -165,7 +167,7 @@ class Urov(UrovMeasured):
             attitude=self._attitude,
             velocity=self._velocity,
             rate=self._rate,
-            mujoco=self._body.snapshot(),
+            mujoco=self._engine_state(),
             thrusters=self.thrusters.snapshot() if self.thrusters is not None else None,
             steps=self._steps,
             happened=self._happened,
@@ -181,6 +183,11 @@ class Urov(UrovMeasured):
             tether_n=self._tether_n,
         )
 
+    def _engine_state(self) -> Any:
+        """Returns all of MuJoCo's state, with the vehicle where it is."""
+        self._mujoco.put([*self._place, *self._attitude], [*self._velocity, *self._rate])
+        return self._mujoco.snapshot()
+
     def restore(self, snapshot: State) -> None:
         """Puts back what `snapshot` returned."""
         dive = self.dive = snapshot.dive
@@ -188,6 +195,7 @@ class Urov(UrovMeasured):
         if self.thrusters is not None:
             self.thrusters.restore(snapshot.thrusters)
         self._place, self._attitude = snapshot.place, snapshot.attitude
+        self._looked_at, self._room_m2 = snapshot.place, 0.0
         self._velocity, self._rate = snapshot.velocity, snapshot.rate
         self._rotation = rotation_of(snapshot.attitude)
         self._acceleration, self._guess, self._gained = snapshot.acceleration, snapshot.guess, snapshot.gained
@@ -278,13 +286,26 @@ class Urov(UrovMeasured):
     def _advance(self) -> None:
         """Moves on by one step, in which nothing begins or breaks."""
         nu = self.through_water
-        touches = self._mujoco.look()
+        (x, y, z), (at_x, at_y, at_z) = self._place, self._looked_at
+        dx, dy, dz = x - at_x, y - at_y, z - at_z
+        touches = dx * dx + dy * dy + dz * dz >= self._room_m2 and self._look()
         push = self._around(self._thrust(), nu, self.step_s)
         if touches:
             self._move_touching(nu, push)
         else:
             self._move_freely(nu, push)
         self._steps += 1
+
+    def _look(self) -> bool:
+        """Has MuJoCo look for what touches, and finds how far the vehicle can go before it need look again."""
+        body = self._mujoco
+        body.put([*self._place, *self._attitude], [*self._velocity, *self._rate])
+        touches = body.look()
+        room_m = (
+            0.0 if touches or body.has_others or not self._knows_room else self.pool.room_m(self._place) - self._half_m
+        )
+        self._looked_at, self._room_m2 = self._place, max(0.0, room_m) ** 2
+        return touches
 
     def _move_freely(self, nu: Six, push: Sequence[float]) -> None:
         """Moves on by the middle of the step, where nothing touches."""
@@ -323,7 +344,6 @@ class Urov(UrovMeasured):
             y + step_s * cy + half * ((r21 + s21) * mu + (r22 + s22) * mv + (r23 + s23) * mw),
             z + step_s * cz + half * ((r31 + s31) * mu + (r32 + s32) * mv + (r33 + s33) * mw),
         )
-        self._body.put([*self._place, *attitude], [*self._velocity, *self._rate])
 
     def _move_touching(self, nu: Six, push: Sequence[float]) -> None:
         """Lets MuJoCo move on, with the water's forces at the step's begin: contacts may stop what would have moved."""

@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 from snr_sim.plants.attitude import rotation_of
 from snr_sim.plants.dive import Dive
@@ -59,6 +60,10 @@ class Urov2D(Urov):
         self._plane = Pool2D(self.pool, self.vehicle)
         self._water = Water2D(self.vehicle)
         return self._plane
+
+    def _engine_state(self) -> Any:
+        """Returns the state in the plane, to the bit: our attitude is pitch by another name."""
+        return self._plane.snapshot()
 
     def restore(self, snapshot: State) -> None:
         """Puts back what `snapshot` returned."""

@@ -73,3 +73,15 @@ def test_a_gate_stands_across_its_heading() -> None:
     assert [[round(value, 9) for value in corner] for corner in corners] == [
         [4.0, 1.0, -1.5], [4.0, 1.0, -2.5], [6.0, 1.0, -2.5], [6.0, 1.0, -1.5],
     ]  # fmt: skip
+
+
+def test_the_room_around_a_place_is_never_more_than_there_is() -> None:
+    pool = Pool(gates=(RED,))
+    assert pool.room_m((0.0, 0.0, -3.9)) == pytest.approx(0.1)
+    assert pool.room_m((12.0, 0.0, -2.0)) == pytest.approx(0.5)
+    assert pool.room_m((-9.0, 5.75, -2.0)) == pytest.approx(0.5)
+    corner = RED.corners_m()[0]
+    for beyond_m in (0.0, 0.2, 0.5):
+        place = (corner[0], corner[1], corner[2] + beyond_m)
+        assert pool.room_m(place) <= beyond_m
+    assert pool.room_m((5.0, 0.0, -1.0)) == pytest.approx(3.0)  # down to the floor: the gate is farther

@@ -4,7 +4,7 @@ import math
 import random
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -283,6 +283,41 @@ def test_a_gate_lets_through_who_goes_through_its_middle_and_stops_who_does_not(
     post = go(swim(replace(HEAVY, net_buoyancy_n=0.0), pool, position_m=(0.0, 0.75, -2.0)), 8.0, (20.0, 0.0, 0.0))
     assert post.contact_n == pytest.approx((-20.0, 0.0, 0.0), abs=0.05)
     assert "red" in post.scene()["statics"]
+
+
+def test_where_nothing_is_near_mujoco_need_not_look_and_no_bit_changes() -> None:
+    """The world given as MJCF, of which the plant knows no room, has MuJoCo look at every step."""
+    pool = Pool(gates=(Gate("red", (2.0, 0.3, -2.0)),))
+    dive = Dive((-2.0, 0.0, -2.6), attitude_rad=(0.0, 0.2, 0.1))
+    looks = [0, 0]
+    plants = [
+        Urov(HEAVY, pool, lambda seed: dive, mjcf=mjcf) for mjcf in (None, pool.mjcf(HEAVY.trimmed(1000.0, 9.81)))
+    ]
+    for i, plant in enumerate(plants):
+
+        def look(i: int = i, look: Callable[[], bool] = plant._mujoco.look) -> bool:
+            looks[i] += 1
+            return look()
+
+        plant._mujoco.look = look  # type: ignore[method-assign]
+    touched = 0
+    for step in range(2400):
+        wrench = WrenchCommand([0.0, 0.0, -40.0] if step > 1000 else [10.0, 0.0, 1.0], [0.0, 0.0, 0.02])
+        for plant in plants:
+            plant.write("wrench", wrench)
+            plant.step(plant.step_s)
+        one, other = plants
+        assert (one.position_m, one.attitude, one.velocity_mps) == (
+            other.position_m,
+            other.attitude,
+            other.velocity_mps,
+        )
+        assert one.contact_n == other.contact_n
+        touched += one.contact_n is not None
+    assert touched > 100
+    assert looks[1] == 2400
+    assert looks[0] < 1500
+    assert one.snapshot().mujoco.tolist()[:14] == other.snapshot().mujoco.tolist()[:14]
 
 
 def test_the_echo_sounder_sees_floor_and_gate_under_it() -> None:
