@@ -1,0 +1,173 @@
+"""The real sensor's driver against the part of the data sheet, in simulated time."""
+
+import pytest
+
+from snr_sim.devices.ms5837 import Ms5837
+from snr_sim.devices.ms5837_i2c import Ms5837I2c
+from snr_sim.devices.wire.i2c_bus import I2cBus
+from snr_sim.devices.wire.ms5837_bytes import compensated
+from snr_sim.prelude.device import Stale
+from snr_sim.prelude.errors import DeviceError
+from snr_sim.prelude.signals import DepthReading
+from snr_sim.testing.contracts import check_sensor
+from snr_sim.testing.i2c_parts import FakeBus
+from snr_sim.testing.ms5837_part import DATA_SHEET, Ms5837Part
+
+
+class Bench:
+    def __init__(self) -> None:
+        self.time_s = 0.0
+        self.part = Ms5837Part(self.now_s)
+        self.raw = FakeBus({0x76: self.part})
+        self.slept_s = 0.0
+
+    def now_s(self) -> float:
+        return self.time_s
+
+    def sleep(self, seconds: float) -> None:
+        self.time_s += seconds
+        self.slept_s += seconds
+
+    def open(self, part: Ms5837 | None = None) -> Ms5837I2c:
+        return Ms5837I2c(lambda: I2cBus(1, self.raw.opened), self.now_s, part, sleep=self.sleep)
+
+    def started(self, part: Ms5837 | None = None) -> Ms5837I2c:
+        sensor = self.open(part)
+        sensor.configure()
+        sensor.activate()
+        return sensor
+
+    def reading(self, sensor: Ms5837I2c, ticks: int = 3, period_s: float = 0.05) -> DepthReading | Stale:
+        reading = sensor.read()
+        for _ in range(ticks):
+            self.time_s += period_s
+            reading = sensor.read()
+        return reading
+
+
+def test_the_example_of_the_data_sheet_is_met_exactly() -> None:
+    pressure_pa, temperature_c = compensated(DATA_SHEET, 4958179, 6815414)
+    assert int(pressure_pa / 10) == 39998  # tenths of a millibar
+    assert round(temperature_c * 100) == 1981
+    assert pressure_pa == pytest.approx(399_984.0, abs=0.5)  # as its maker's own library counts it: 3999.84 mbar
+
+
+def test_each_of_the_three_ranges_of_temperature_is_compensated_in_its_own_way() -> None:
+    """First order by hand, then what the data sheet takes off it."""
+    for d2, low, very_low in ((7_200_000, False, False), (6_000_000, True, False), (5_500_000, True, True)):
+        d_t = d2 - 26646 * 256
+        temperature = 2000 + d_t * 26146 / 2**23
+        off, sens = 36352 * 2**16 + 22354 * d_t / 2**7, 34982 * 2**15 + 20328 * d_t / 2**8
+        t_i, off_i, sens_i = 2 * d_t**2 / 2**37, (temperature - 2000) ** 2 / 2**4, 0.0
+        if low:
+            t_i, off_i = 3 * d_t**2 / 2**33, 3 * (temperature - 2000) ** 2 / 2
+            sens_i = 5 * (temperature - 2000) ** 2 / 2**3
+        if very_low:
+            assert temperature < -1500
+            off_i, sens_i = off_i + 7 * (temperature + 1500) ** 2, sens_i + 4 * (temperature + 1500) ** 2
+        pressure = (4958179 * (sens - sens_i) / 2**21 - (off - off_i)) / 2**13
+        assert compensated(DATA_SHEET, 4958179, d2) == pytest.approx((pressure * 10, (temperature - t_i) / 100))
+
+
+def test_it_keeps_the_promise_of_sensors() -> None:
+    check_sensor(Bench().open)
+
+
+def test_it_tells_depth_pressure_and_temperature_from_where_it_was_switched_on() -> None:
+    bench = Bench()
+    bench.part.feel(99_000.0, 15.0)  # a low on the weather map, and an offset of its own
+    sensor = bench.started()
+    bench.part.feel(99_000.0 + 997.0 * 9.80665 * 2.5, 12.0)
+    reading = bench.reading(sensor, ticks=12)
+    assert isinstance(reading, DepthReading)
+    assert reading.depth_m == pytest.approx(2.5, abs=0.002)
+    assert reading.temperature_c == pytest.approx(12.0, abs=0.01)
+    assert bench.time_s - reading.stamp_s < 0.1
+
+
+def test_switched_on_under_water_it_does_not_take_that_for_the_surface() -> None:
+    bench = Bench()
+    bench.part.feel(101_325.0 + 20_000.0, 15.0)
+    reading = bench.reading(bench.started())
+    assert isinstance(reading, DepthReading)
+    assert reading.depth_m == pytest.approx(20_000.0 / (997.0 * 9.80665), abs=0.01)
+
+
+def test_a_sensor_that_came_back_under_water_keeps_its_surface() -> None:
+    bench = Bench()
+    bench.part.feel(100_000.0, 15.0)
+    sensor = bench.started()
+    bench.part.feel(104_000.0, 15.0)
+    sensor.fail("for a test")
+    sensor.configure()
+    sensor.activate()
+    reading = bench.reading(sensor)
+    assert isinstance(reading, DepthReading)
+    assert reading.depth_m == pytest.approx(0.409, abs=0.002)
+
+
+def test_no_tick_waits_and_at_twenty_a_second_nearly_each_has_a_new_reading() -> None:
+    bench = Bench()
+    sensor = bench.started()
+    slept_s = bench.slept_s
+    stamps = set()
+    for _ in range(100):
+        bench.time_s += 0.05
+        reading = sensor.read()
+        assert isinstance(reading, DepthReading)
+        stamps.add(reading.stamp_s)
+    assert bench.slept_s == slept_s
+    assert 89 <= len(stamps) <= 91  # in one of ten ticks the temperature was measured
+
+
+def test_asked_more_often_than_it_converts_it_tells_the_last_reading_again() -> None:
+    bench = Bench()
+    sensor = bench.started()
+    readings = []
+    for _ in range(1000):
+        bench.time_s += 0.002
+        readings.append(sensor.read())
+    assert not [one for one in readings if isinstance(one, Stale)]
+    assert 70 <= len({one.stamp_s for one in readings if isinstance(one, DepthReading)}) <= 100  # in two seconds
+
+
+def test_a_wire_that_was_pulled_makes_it_stale_and_one_put_back_mends_it() -> None:
+    bench = Bench()
+    sensor = bench.started()
+    good = bench.reading(sensor)
+    bench.raw.is_there = False
+    stale = bench.reading(sensor, ticks=20)
+    assert isinstance(stale, Stale)
+    assert isinstance(good, DepthReading)
+    assert "Nobody answers at 0x76 on /dev/i2c-1" in stale.why
+    assert stale.since_s is not None
+    assert sensor.health().counts["errors"] > 3
+    bench.raw.is_there = True
+    bench.part.power_on()
+    assert isinstance(bench.reading(sensor), DepthReading)
+
+
+def test_a_wrong_check_sum_of_its_calibration_is_told_with_the_words() -> None:
+    bench = Bench()
+    bench.part.words[3] ^= 0x0010
+    with pytest.raises(
+        DeviceError, match=r"MS5837 at 0x76 on /dev/i2c-1: its calibration has the check sum 2, but counts up to 1"
+    ) as e:
+        bench.open().configure()
+    assert "shorter wires" in e.value.fix
+
+
+def test_another_part_at_its_address_is_told_by_its_calibration() -> None:
+    bench = Bench()
+    bench.part.words = [0] * 7  # its check sum is right
+    with pytest.raises(DeviceError, match="0000 0000 0000"):
+        bench.open().configure()
+
+
+def test_a_pressure_that_cannot_be_is_no_reading() -> None:
+    bench = Bench()
+    sensor = bench.started()
+    bench.part.d1 = 2**24 - 1
+    stale = bench.reading(sensor, ticks=20)
+    assert isinstance(stale, Stale)
+    assert "Pa, which cannot be" in stale.why
