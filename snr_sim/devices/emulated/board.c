@@ -42,7 +42,8 @@ typedef struct board {
     uint32_t byte_cycles;
     uint32_t resets;
     int was_reset;
-    int feeds;
+    int feeds;   /* a byte is on its way */
+    int is_full; /* simavr's UART takes no byte now */
     int pins;
     pin_t pin[MOST_PINS];
     int level[MOST_PINS];
@@ -109,9 +110,23 @@ static void on_byte_out(struct avr_irq_t *irq, uint32_t value, void *param)
         board->out[board->out_head++ % QUEUE] = (timed_t){board->avr->cycle + board->byte_cycles, (uint8_t)value};
 }
 
+static void on_uart_full(struct avr_irq_t *irq, uint32_t value, void *param)
+{
+    (void)irq, (void)value;
+    ((board_t *)param)->is_full = 1;
+}
+
+static void on_uart_free(struct avr_irq_t *irq, uint32_t value, void *param)
+{
+    (void)irq, (void)value;
+    ((board_t *)param)->is_full = 0;
+}
+
 static avr_cycle_count_t on_byte_in(avr_t *avr, avr_cycle_count_t when, void *param) /* one has come over the line */
 {
     board_t *board = param;
+    if (board->is_full) /* it is a little slower than the line; none is lost, as none would be on silicon */
+        return when + board->byte_cycles / 16;
     avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_INPUT), board->in[board->in_tail++ % QUEUE]);
     board->feeds = board->in_tail != board->in_head;
     return board->feeds ? when + board->byte_cycles : 0;
@@ -157,11 +172,11 @@ board_t *board_open(const char *elf, const char *mcu, uint32_t hz, uint32_t baud
     avr->reset = on_reset;
     resetting[slot] = board;
     board->byte_cycles = (hz * 10u + baud / 2) / baud;
-    for (int i = 0; i < 8; i++)
-        avr_extint_set_strict_lvl_trig(avr, i, 0); /* or pins that could interrupt are looked at in each cycle */
     uint32_t flags = 0;
     avr_ioctl(avr, AVR_IOCTL_UART_SET_FLAGS('0'), &flags); /* neither to the terminal nor slowed down */
     avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUTPUT), on_byte_out, board);
+    avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUT_XOFF), on_uart_full, board);
+    avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUT_XON), on_uart_free, board);
     for (int i = 0; pins[2 * i] && i < MOST_PINS; i++) {
         avr_irq_t *irq = avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(pins[2 * i]), pins[2 * i + 1] - '0');
         board->hooks[i] = (struct hook){board, i};
@@ -189,7 +204,9 @@ uint64_t board_run(board_t *board, uint64_t until)
     board->was_reset = 1; /* to set up what a reset takes away */
     while (avr->cycle < until) {
         if (board->was_reset) {
-            board->was_reset = 0;
+            board->was_reset = board->is_full = 0;
+            for (int i = 0; i < 8; i++)
+                avr_extint_set_strict_lvl_trig(avr, i, 0); /* or pins that could interrupt are looked at in each cycle */
             avr_cycle_timer_cancel(avr, on_stop, board);
             avr_cycle_timer_register(avr, until - avr->cycle, on_stop, board);
             if (board->feeds && !avr_cycle_timer_status(avr, on_byte_in, board))

@@ -1,0 +1,160 @@
+"""The line: garbage, floods, telemetry, and that two runs are one."""
+
+import hashlib
+import random
+
+import pytest
+
+from snr_sim.devices.wire.cobs import encode as cobs
+from snr_sim.devices.wire.mcu_frames import encode
+from snr_sim.devices.wire.mcu_messages import (
+    Arm,
+    ClearStop,
+    Disarm,
+    EmergencyStop,
+    Fault,
+    Hello,
+    ResetCause,
+    SetWidths,
+    State,
+    Telemetry,
+)
+
+from .conftest import NEUTRAL, SESSION, Bench
+
+AHEAD = (1700.0,) * 8
+FUZZ_BYTES = 100_000
+FULL = SetWidths(SESSION, 9, 2**31, 0, 200, (1900.0,) * 8)
+DANGEROUS = [FULL, Arm(SESSION), Disarm(SESSION), EmergencyStop(), ClearStop(SESSION), Hello(SESSION + 1)]
+
+
+def garbage(rng: random.Random) -> bytes:
+    """40 to 70 bytes: noise, or frames that would change something, with flipped bits or cut off."""
+    data = bytearray()
+    while len(data) < 40:
+        frame = bytearray(encode(rng.choice(DANGEROUS)))
+        kind = rng.randrange(3)
+        if kind == 0:
+            frame = bytearray(rng.randbytes(rng.randrange(1, 30)))
+        elif kind == 1:
+            for bit in rng.sample(range(8 * (len(frame) - 1)), rng.randrange(1, 4)):
+                frame[bit // 8] ^= 1 << bit % 8
+        else:
+            frame = frame[rng.randrange(1, len(frame) - 1) :] if rng.random() < 0.5 else frame[: rng.randrange(1, 6)]
+            frame += b"\0"
+        data += frame
+    return bytes(data)
+
+
+def test_h5_a_hundred_thousand_bytes_of_garbage_change_no_output(bench: Bench) -> None:
+    rng = random.Random(5)
+    bench.armed()
+    bench.drive(AHEAD, 150)
+    sent, errors = 0, bench.told.crc_errors
+    bench.pulses.clear()
+    while sent < FUZZ_BYTES:
+        noise = garbage(rng)
+        sent += len(noise)
+        bench.board.uart_in(noise + b"\0")
+        bench.send(bench.command(AHEAD))
+        bench.run(10)
+    assert len(bench.pulses) > 900 * 8
+    assert all(abs(pulse.width_us - 1700.0) <= 1.0 for pulse in bench.pulses)
+    assert bench.told.state is State.ARMED
+    assert bench.told.crc_errors > errors + 1000
+    assert Fault.OVERRUN not in bench.told.faults
+    assert bench.board.resets == 0
+
+
+def test_h5_garbage_alone_wakes_nothing(bench: Bench) -> None:
+    rng = random.Random(6)
+    bench.ready()
+    for _ in range(200):
+        bench.board.uart_in(rng.randbytes(110))
+        bench.run(10)
+    assert all(abs(pulse.width_us - 1500.0) <= 1.0 for pulse in bench.pulses)
+    assert bench.told.state is State.DISARMED
+
+
+def test_a_run_without_a_zero_is_left_behind(bench: Bench) -> None:
+    bench.armed()
+    bench.board.uart_in(b"\x55" * 1000 + b"\0")
+    bench.send(bench.command(NEUTRAL))
+    bench.run(150)
+    assert bench.told.seq == bench.seq
+    assert bench.told.crc_errors == 1
+
+
+def test_a_frame_of_an_unknown_type_is_told_and_does_nothing(bench: Bench) -> None:
+    from binascii import crc_hqx
+
+    bench.armed()
+    bench.board.uart_in(cobs(b"\x44\x01" + crc_hqx(b"\x44\x01", 0).to_bytes(2, "big")) + b"\0")
+    bench.drive(AHEAD, 100)
+    assert bench.told.faults == Fault.UNKNOWN_TYPE
+    assert bench.told.widths_us == AHEAD
+
+
+def test_telemetry_comes_20_times_a_second_before_anybody_asks(bench: Bench) -> None:
+    bench.run(1010)
+    told = [message for message in bench.heard if isinstance(message, Telemetry)]
+    assert len(told) == 20
+    assert [message.nth for message in told] == list(range(20))
+    assert {(message.session, message.seq, message.faults) for message in told} == {(0, 0, Fault(0))}
+    assert told[-1].uptime_ms == pytest.approx(1000, abs=2)
+    assert told[-1].reset_cause is ResetCause.POWER_ON
+
+
+def test_each_command_is_answered_with_its_number(bench: Bench) -> None:
+    bench.ready()
+    for _ in range(20):
+        bench.drive(NEUTRAL)
+        assert bench.told.seq == bench.seq
+    assert (bench.frames.crc_errors, bench.frames.gaps) == (0, 0)
+
+
+@pytest.mark.parametrize("millivolts", [0, 330, 1450, 2500, 4995])
+def test_voltages_at_the_pins_are_told_to_two_steps_of_the_converter(bench: Bench, millivolts: int) -> None:
+    bench.board.set_millivolts(0, millivolts)
+    bench.board.set_millivolts(1, 4995 - millivolts)
+    bench.run(110)
+    assert bench.told.battery_pin_mv == pytest.approx(millivolts, abs=10)
+    assert bench.told.current_pin_mv == pytest.approx(4995 - millivolts, abs=10)
+
+
+@pytest.mark.parametrize("with_interrupts_off", [0, 1])
+def test_h2_when_the_firmware_hangs_the_watchdog_makes_all_neutral_within_200_ms(
+    make_bench, mcu: str, with_interrupts_off: int
+) -> None:
+    from binascii import crc_hqx
+
+    bench: Bench = make_bench(mcu, HANG=1)
+    bench.armed()
+    bench.drive(AHEAD, 150)
+    order = bytes([0x7F, with_interrupts_off])
+    bench.board.uart_in(cobs(order + crc_hqx(order, 0).to_bytes(2, "big")) + b"\0")
+    begin_us = bench.board.now_us
+    bench.pulses.clear()
+    bench.run(500)
+    late = [pulse for pulse in bench.pulses if pulse.rise_us > begin_us + 200_000]
+    assert {pulse.channel for pulse in late} == set(range(8))
+    assert all(abs(pulse.width_us - 1500.0) <= 1.0 for pulse in late)
+    assert (bench.told.state, bench.told.reset_cause) == (State.STARTING, ResetCause.WATCHDOG)
+    assert bench.board.resets == 1
+
+
+def test_two_runs_are_one_to_the_cycle(make_bench, mcu: str) -> None:
+    def digest() -> str:
+        bench: Bench = make_bench(mcu)
+        rng = random.Random(7)
+        heard = hashlib.sha256()
+        bench.armed()
+        for _ in range(300):
+            bench.board.uart_in(garbage(rng)[:30])
+            bench.send(bench.command(tuple(rng.randrange(2200, 3801) / 2 for _ in range(8))))
+            bench.board.run_us(10_000)
+            heard.update(bench.board.uart_out())
+            heard.update(repr(bench.board.pulses()).encode())
+        return heard.hexdigest()
+
+    assert digest() == digest()
