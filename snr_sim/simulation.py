@@ -158,7 +158,21 @@ class Simulation:
                 "which is not a plant.",
                 fix="end it with: return Lander1D(...), or another class that keeps the promise of prelude/plant.py.",
             )
-        return plant
+        return self._dressed(plant)
+
+    def _dressed(self, plant: Plant) -> Plant:
+        """Returns what is stepped in place of the plant, if this row of the robot's device table wants that."""
+        dress = getattr(self.robot_file, "dressed", None)
+        if dress is None:
+            return plant
+        dressed = call_student(dress, "dressed(rig)", self.rig(plant))
+        if not isinstance(dressed, Plant):
+            place = short_path(str(self.robot_file.__file__))
+            raise ConfigError(
+                f"{place}: dressed(rig) returned {dressed!r}, which is not a plant.",
+                fix="return rig.plant where nothing stands between devices and plant.",
+            )
+        return dressed
 
     def header(self, plant: Plant | None, config: Config, clock: str = "sim") -> Header:
         """Returns the second line of this run's trace: what runs. Without a plant, as in a role that has no body."""
@@ -218,6 +232,11 @@ def prepare(request: Request) -> Simulation:
         raise UnknownName(
             f"With --io pi each role of robot '{robot_found.name}' runs by itself, where its devices are.",
             fix=f"--role {robot.ROLES[0]} on the vehicle, and --role {robot.ROLES[-1]} where the pilot is.",
+        )
+    if request.io == "emulated" and request.role is not None and len(robot.ROLES) > 1:
+        raise UnknownName(
+            "The emulated board goes in lock step with the whole robot, not with one role on the wall clock.",
+            fix=f"leave out --role {request.role}.",
         )
     if request.role is not None and request.role not in robot.ROLES:
         raise UnknownName(

@@ -18,21 +18,30 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from snr_sim.devices.camera import Camera, CameraLoopFactory
+from snr_sim.devices.emulated.board import Board
+from snr_sim.devices.emulated.lock_step import PlantOnBoard
+from snr_sim.devices.emulated.toolchain import firmware_elf
 from snr_sim.devices.loops import SensorLoopFactory
+from snr_sim.devices.mcu import McuPower, McuPwm
+from snr_sim.devices.mcu_board import McuBoard
 from snr_sim.devices.mirror import MirrorPwm
 from snr_sim.devices.pad import PadLoopFactory
 from snr_sim.devices.pwm_backend import PwmBackend
 from snr_sim.devices.pwm_loop import PwmLoopFactory
 from snr_sim.devices.pygame_pad import PygamePad
-from snr_sim.devices.sim_pwm import SimPwm
+from snr_sim.devices.sim_pwm import BenchPwm, SimPwm
 from snr_sim.devices.simulated import SimSensor
+from snr_sim.devices.wire.mcu_messages import BAUD
+from snr_sim.devices.wire.serial_port import SerialPort
 from snr_sim.plants.t200 import LEAST_US, MOST_US
 from snr_sim.prelude.component import Factory
 from snr_sim.prelude.device import LEASE_S
 from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
+from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Rig
 from snr_sim.std_mods.comms.sockets import SocketsPair
 
@@ -51,8 +60,12 @@ OPTIONS = {
     "pilot": "who flies: scripted, or hands (game controller, keyboard)",
     "camera": "ahead or down: gives the vehicle a camera",
     "host": "where the vehicle listens, when roles run by themselves: 127.0.0.1",
+    "power": "board: with --io mcu:PORT, measures the battery at the microcontroller's pins A0 and A1",
     "port": "and its port there, the same at both ends: 9120",
 }
+
+FIRMWARE = Path(__file__).parent / "firmware"
+MCU = "atmega328p"
 
 SENSORS = ("depth", "altitude", "power", "leak", "imu")  # the last one sets off control, so it comes after the others
 ANSWERED = ("leak", "power", "imu")  # of these each reading sets off work; the others are looked up when needed
@@ -98,6 +111,47 @@ def mirror_pwm(rig: Rig) -> PwmBackend:
     return MirrorPwm(rig.now_s, thruster_count(rig), (LEAST_US, MOST_US))
 
 
+def mcu_board(rig: Rig) -> McuBoard:
+    """Returns the microcontroller's board at the port that was named. Its port is opened when a device needs it."""
+    board: McuBoard = rig.share("board", lambda: McuBoard(lambda: SerialPort(rig.where, BAUD), rig.now_s))
+    return board
+
+
+def mcu_pwm(rig: Rig) -> BenchPwm:
+    """Opens the microcontroller's outputs; the simulated vehicle is driven by what they do."""
+    assert rig.plant is not None
+    return BenchPwm(McuPwm(mcu_board(rig), rig.now_s, thruster_count(rig)), rig.plant)
+
+
+def mcu_power(rig: Rig) -> Any:
+    """Opens what measures the battery: that of the simulated vehicle, unless `--option power=board`."""
+    return McuPower(mcu_board(rig)) if rig.robot.options.get("power") == "board" else sim_sensor(rig, "power")
+
+
+def emulated_pwm(rig: Rig) -> McuPwm:
+    """Opens the outputs of the emulated board, over its serial line."""
+    return McuPwm(plant_on_board(rig).mcu, rig.now_s, thruster_count(rig))
+
+
+def emulated_power(rig: Rig) -> McuPower:
+    """Opens the power module at the emulated board."""
+    return McuPower(plant_on_board(rig).mcu)
+
+
+def plant_on_board(rig: Rig) -> PlantOnBoard:
+    """Returns the plant as it was dressed."""
+    assert isinstance(rig.plant, PlantOnBoard)
+    return rig.plant
+
+
+def dressed(rig: Rig) -> Plant:
+    """Returns the plant; with `--io emulated`, with its thrusters at the pins of an emulated board."""
+    assert rig.plant is not None
+    if rig.io != "emulated":
+        return rig.plant
+    return PlantOnBoard(rig.plant, lambda: Board(firmware_elf(FIRMWARE, MCU), MCU), thruster_count(rig), power="power")
+
+
 def thruster_count(rig: Rig) -> int:
     """Returns how many thrusters the vehicle has."""
     return len(rig.robot.parameters.vehicle.thrusters)
@@ -114,6 +168,8 @@ SIMULATED: dict[str, Callable[[Rig], Any]] = {
 DEVICES: dict[str, dict[str, Callable[[Rig], Any]]] = {
     "sim": SIMULATED,
     "mirror": {**SIMULATED, "pwm": mirror_pwm},
+    "emulated": {**SIMULATED, "pwm": emulated_pwm, "power": emulated_power},
+    "mcu": {**SIMULATED, "pwm": mcu_pwm, "power": mcu_power},
 }
 IO = tuple(DEVICES)
 

@@ -13,6 +13,10 @@ Python modules found by path; the library knows none of their names. What it ask
       verdict(plant) -> Verdict | None (None: goes on)
       metrics(plant, seed) -> dict, into result.json
 
+robot.py may also have `dressed(rig) -> Plant`: what is stepped in place of the scenario's plant (`rig.plant`), for a
+row of the device table that puts something between devices and plant, such as an emulated board; else it returns
+`rig.plant`.
+
 robot.py and a controller may also have OPTIONS, a dict from each key that they read in `options` to a line of help.
 With OPTIONS in robot.py, any other `--option` is refused before the run; without, any key goes. A scenario reads none.
 """
@@ -20,7 +24,7 @@ With OPTIONS in robot.py, any other `--option` is refused before the run; withou
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from snr_sim.prelude.plant import Plant
@@ -78,6 +82,7 @@ class Rig:
             opened.
         where: what follows `io` on the command line: a port, a bus and an address (`prelude/io.py`).
         clock_s: the clock of the run, which devices stamp by; the plant's time if not given.
+        shared: what several devices share, such as the board that they are on; see `share`.
     """
 
     robot: Robot
@@ -86,6 +91,13 @@ class Rig:
     plant: Plant | None
     where: str = ""
     clock_s: Callable[[], float] | None = None
+    shared: dict[str, Any] = field(default_factory=dict)
+
+    def share(self, name: str, make: Callable[[], Any]) -> Any:
+        """Returns what several devices of this run share: made when it is asked for first."""
+        if name not in self.shared:
+            self.shared[name] = make()
+        return self.shared[name]
 
     def now_s(self) -> float:
         """Returns the time of the run, which devices stamp by."""

@@ -1,0 +1,157 @@
+"""A plant whose thrusters hang at the pins of an emulated board: both move on together, step by step.
+
+    McuPwm --> serial line --> firmware in simavr --> pulses at the pins --> plant
+    McuPower <----------------- its ADC <-- battery's voltage and current <--'
+
+So thrust comes from the pulses that the firmware makes, whatever it was asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from snr_sim.devices.emulated.board import Board
+from snr_sim.devices.emulated.port import EmulatedPort
+from snr_sim.devices.mcu import PowerScale
+from snr_sim.devices.mcu_board import McuBoard
+from snr_sim.prelude.errors import PlantError
+from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.signals import PwmCommand
+
+MISSED_US = 50_000.0  # without a pulse for so long, a speed controller takes it that the signal is gone
+
+
+class PlantOnBoard:
+    """A plant and a board in lock step. Keeps the promise of Plant but for `snapshot`; other members are the plant's.
+
+    Args:
+        plant: what is driven.
+        open_board: powers a new board up.
+        channels: how many of its pins lead to the plant, from the first on.
+        input_name: of the plant's input that the pulses drive.
+        command_of: makes that input's command of the pulses [us].
+        power: name of the plant's output with `voltage_v` and `current_a`, which are put at the board's ADC.
+        scale: of the power module between.
+        up_s: how long the board has been powered before the start.
+
+    Attributes:
+        plant: the plant itself.
+        board: the board.
+        mcu: the board as the robot's computer sees it, over its serial line.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        open_board: Callable[[], Board],
+        channels: int,
+        input_name: str = "pwm",
+        command_of: Callable[[list[float]], Any] = PwmCommand,
+        power: str | None = None,
+        scale: PowerScale = PowerScale(),  # noqa: B008
+        up_s: float = 0.0,
+    ) -> None:
+        self.plant = plant
+        self._open_board, self._channels, self._input, self._command_of = open_board, channels, input_name, command_of
+        self._power, self._scale, self._up_s = power, scale, up_s
+        self._pulses_us: list[float] | None = None
+        self._power_up()
+
+    def _power_up(self) -> None:
+        board = self.board = self._open_board()
+        board.run_us(self._up_s * 1e6)
+        self._pulses_us = None
+        self.mcu = McuBoard(
+            lambda: EmulatedPort(board), lambda: self.plant.time_s, lambda: board.now_us * 1e-6, session=1
+        )
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.plant, name)
+
+    @property
+    def engine(self) -> str:
+        """Name of the plant's physics."""
+        return self.plant.engine
+
+    @property
+    def step_s(self) -> float | None:
+        """The plant's step."""
+        return self.plant.step_s
+
+    @property
+    def time_s(self) -> float:
+        """The plant's time. The board's is later by as long as it was up before, and as it took to say hello."""
+        return self.plant.time_s
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names that `write` takes."""
+        return self.plant.inputs
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names that `read` takes."""
+        return self.plant.outputs
+
+    def reset(self, seed: int) -> None:
+        """Puts the plant back, and takes a new board."""
+        self.plant.reset(seed)
+        self.board.close()
+        self._power_up()
+
+    def step(self, dt_s: float) -> None:
+        """Moves both on: the board first, and the plant by the pulses that were at the pins by then."""
+        board = self.board
+        if self._power is not None:
+            battery = self.plant.read(self._power)
+            for pin, millivolts in enumerate(self._scale.pins_mv(battery.voltage_v, battery.current_a)):
+                board.set_millivolts(pin, millivolts)
+        board.run_us(dt_s * 1e6)
+        self._obey()
+        self.plant.step(dt_s)
+
+    def _obey(self) -> None:
+        pins = self.board.pins()[: self._channels]
+        oldest_us = self.board.now_us - MISSED_US
+        pulses_us = (
+            [pin.width_us for pin in pins] if all(pin.pulses and pin.rise_us > oldest_us for pin in pins) else []
+        )
+        if pulses_us != self._pulses_us:
+            self._pulses_us = pulses_us
+            # No pulses stop a speed controller, as neutral does.
+            self.plant.write(self._input, self._command_of(pulses_us or [1500.0] * self._channels))
+
+    def write(self, name: str, command: Any) -> None:
+        """Sets another input than the one that the pins drive.
+
+        Raises:
+            PlantError: the pins drive it.
+        """
+        if name == self._input:
+            raise PlantError(f"'{name}' is driven by the board's pins.", fix="command it over the serial line.")
+        self.plant.write(name, command)
+
+    def read(self, name: str) -> Any:
+        """Returns an output of the plant."""
+        return self.plant.read(name)
+
+    def snapshot(self) -> Any:
+        """Refuses.
+
+        Raises:
+            PlantError: always: simavr cannot be put back.
+        """
+        raise PlantError("An emulated board cannot be put back to where it was.", fix="--io sim, for what needs that.")
+
+    def restore(self, snapshot: Any) -> None:
+        """Refuses, as there is no snapshot."""
+        self.snapshot()
+
+    def scene(self) -> dict[str, Any]:
+        """Returns the plant's."""
+        return self.plant.scene()
+
+    def truth(self) -> dict[str, Any]:
+        """Returns the plant's."""
+        return self.plant.truth()

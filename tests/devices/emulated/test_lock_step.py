@@ -1,0 +1,50 @@
+"""A plant whose thrusters hang at the pins of an emulated board."""
+
+from typing import Any
+
+import pytest
+
+from snr_sim.flight import Flight, Result
+from snr_sim.prelude.errors import PlantError
+from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.simulation import Request, prepare
+
+pytestmark = pytest.mark.usefixtures("emulators")
+
+
+def fly(path: Any, scenario: str = "urov_depth_hold", io: str = "emulated") -> tuple[Result, str]:
+    simulation = prepare(Request(scenario, io=io))
+    plant = simulation.plant()
+    config = simulation.config(plant)
+    recorder = TraceWriter(path / FILE_NAME, simulation.header(plant, config), simulation.opening())
+    result = Flight(simulation, plant, config, recorder).run()
+    recorder.close()
+    return result, recorder.digest
+
+
+def test_thrust_comes_from_the_pulses_at_the_pins_and_not_from_the_command() -> None:
+    simulation = prepare(Request("urov_depth_hold", io="emulated"))
+    plant: Any = simulation.plant()
+    with pytest.raises(PlantError, match="driven by the board's pins"):
+        plant.write("pwm", None)
+    plant.mcu.open(None)
+    plant.step(plant.step_s)
+    assert [float(one) for one in plant.plant.snapshot().pulses] == [pin.width_us for pin in plant.board.pins()]
+    with pytest.raises(PlantError, match="cannot be put back"):
+        plant.snapshot()
+    first = plant.board
+    plant.reset(0)
+    assert plant.time_s == 0.0
+    assert plant.board is not first
+    plant.board.close()
+
+
+def test_a_depth_is_held_through_the_firmware_and_twice_with_the_same_bits(tmp_path: Any) -> None:
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    one, first = fly(tmp_path / "a")
+    assert one.error == ""
+    assert one.outcome == "held", one.notes
+    assert one.success
+    other, second = fly(tmp_path / "b")
+    assert (first, one.metrics) == (second, other.metrics)

@@ -1,0 +1,219 @@
+"""Outputs and power monitor on the microcontroller: the real firmware in simavr, over its serial line."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from snr_sim.devices.emulated.board import PINS
+from snr_sim.devices.mcu import McuPower, McuPwm, PowerScale
+from snr_sim.prelude.device import LEASE_S, Stale
+from snr_sim.prelude.errors import DeviceError, ParameterError
+from snr_sim.prelude.signals import LOST, NOT_ACTIVE, SLEWING, STOPPED, TOO_OLD
+from snr_sim.testing.contracts import check_sensor
+from snr_sim.testing.pwm_contract import check_pwm_out
+
+TICK_S = 0.02
+STILL = [1500.0] * 8
+AHEAD = [1700.0] * 8
+
+
+class Pilot:
+    """Writes 50 times a second, as the loop does."""
+
+    def __init__(self, bench: Any, out: McuPwm) -> None:
+        self.bench, self.out = bench, out
+
+    def hold(self, pulses_us: list[float], seconds: float) -> Any:
+        for _ in range(round(seconds / TICK_S)):
+            self.bench.advance(TICK_S)
+            applied = self.out.write_us(pulses_us, self.bench.now_s())
+        return applied
+
+    def arm(self) -> None:
+        self.out.configure()
+        self.out.activate()
+        self.hold(STILL, 2.0)
+        assert self.out.health().state == "active"
+
+
+@pytest.mark.parametrize("mcu", list(PINS))
+@pytest.mark.parametrize("channels", [8, 3])
+def test_outputs_on_an_emulated_board_keep_the_promise(make_bench: Callable[..., Any], mcu: str, channels: int) -> None:
+    check_pwm_out(make_bench(mcu, channels))
+
+
+def test_the_power_monitor_keeps_the_promise_of_a_sensor(bench: Any) -> None:
+    check_sensor(lambda: McuPower(bench.open_board()))
+
+
+def test_what_is_at_the_pins_is_answered_and_not_what_was_asked_for(bench: Any) -> None:
+    out = bench.open()
+    pilot = Pilot(bench, out)
+    pilot.arm()
+    applied = pilot.hold([1900.0] * 8, 3 * TICK_S)
+    assert applied.why == [SLEWING]
+    assert all(1500.0 < one < 1600.0 for one in applied.pulses_us)  # 400 us in 100 ms
+    assert pilot.hold([1900.0] * 8, 0.2).pulses_us == [1900.0] * 8 == pytest.approx(bench.pins_us(), abs=0.5)
+    out.close()
+
+
+def test_it_is_armed_only_after_the_speed_controllers_have_been_shown_neutral(bench: Any) -> None:
+    out = bench.open()
+    out.configure()
+    out.activate()
+    pilot = Pilot(bench, out)
+    applied = pilot.hold(AHEAD, 0.5)  # a command that is not neutral is not sent before
+    assert out.health().state == "activating"
+    assert NOT_ACTIVE in applied.why
+    assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
+    pilot.hold(STILL, 1.5)
+    assert out.health().state == "active"
+    out.close()
+
+
+def test_a_command_that_nobody_renews_ends_though_somebody_goes_on_sending_it(bench: Any) -> None:
+    """The lease counts from when a command was computed: a stuck planner behind a live loop stops the robot (H11)."""
+    out = bench.open()
+    pilot = Pilot(bench, out)
+    pilot.arm()
+    pilot.hold(AHEAD, 0.5)
+    computed_s = bench.now_s()
+    for _ in range(round(LEASE_S / TICK_S) + 1):
+        applied = out.write_us(AHEAD, computed_s)
+        bench.advance(TICK_S)
+    assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
+    applied = out.write_us(AHEAD, computed_s)
+    assert TOO_OLD in applied.why
+    assert out.health().state == "inactive"
+    assert "no new command in time" in out.health().why
+    assert pilot.hold(AHEAD, 0.5).pulses_us == STILL  # and it stays so until it is armed again
+    assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
+    out.close()
+
+
+def test_a_board_that_starts_anew_is_noticed_and_does_not_move_until_armed(bench: Any) -> None:
+    out = bench.open()
+    pilot = Pilot(bench, out)
+    pilot.arm()
+    pilot.hold(AHEAD, 0.5)
+    bench.board.reset()
+    applied = pilot.hold(AHEAD, 0.3)
+    assert LOST in applied.why
+    assert "has started anew (its reset pin" in out.health().why
+    assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
+    out.configure()
+    pilot.hold(AHEAD, 0.5)
+    assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
+    pilot.arm()
+    pilot.hold(AHEAD, 0.5)
+    assert bench.pins_us() == pytest.approx(AHEAD, abs=0.5)
+    assert out.health().counts["reopened"] == 1
+    out.close()
+
+
+def test_another_program_on_the_line_is_told(bench: Any) -> None:
+    out = bench.open()
+    pilot = Pilot(bench, out)
+    pilot.arm()
+    other = bench.open_board(session=500)
+    other.open(None)
+    applied = pilot.hold(AHEAD, 0.2)
+    assert LOST in applied.why
+    assert "another program has greeted the microcontroller" in out.health().why
+    assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
+    out.close()
+
+
+def test_an_emergency_stop_holds_until_it_is_cleared(bench: Any) -> None:
+    out = bench.open()
+    pilot = Pilot(bench, out)
+    pilot.arm()
+    pilot.hold(AHEAD, 0.5)
+    out.stop()
+    assert STOPPED in pilot.hold(AHEAD, TICK_S).why
+    assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
+    out.activate()
+    pilot.hold(STILL, 0.5)
+    assert out.health().state == "inactive"
+    assert out.health().why == "emergency stop"
+    out.close()
+    again = bench.open()
+    with pytest.raises(DeviceError, match=r"emergency stop is set(.|\n)*clear_stop"):
+        again.configure()
+    again.clear_stop()
+    bench.advance(0.1)
+    Pilot(bench, again).arm()
+    again.close()
+
+
+def test_a_silent_board_is_lost_though_its_port_is_open(bench: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = bench.open()
+    pilot = Pilot(bench, out)
+    pilot.arm()
+    monkeypatch.setattr(bench.board, "uart_out", lambda: b"")
+    assert LOST in pilot.hold(STILL, 0.4).why
+    assert "no telemetry for 0." in out.health().why
+    out.close()
+
+
+def test_noise_on_the_line_is_counted_and_changes_nothing(bench: Any) -> None:
+    out = bench.open()
+    pilot = Pilot(bench, out)
+    pilot.arm()
+    pilot.hold(AHEAD, 0.5)
+    for i in range(20):
+        bench.board.uart_in(bytes([i * 11 % 251 + 1, 3, i + 1, 0]))
+        assert pilot.hold(AHEAD, TICK_S).pulses_us == AHEAD
+    assert bench.pins_us() == pytest.approx(AHEAD, abs=0.5)
+    bench.advance(0.1)
+    out.write_us(AHEAD, bench.now_s())
+    counts = out.health().counts
+    assert counts["refused_there"] >= 20
+    assert counts["crc_errors"] == counts["gaps"] == 0
+    out.close()
+
+
+def test_a_firmware_with_too_few_channels_is_refused(bench: Any) -> None:
+    out = McuPwm(bench.open_board(), bench.now_s, 9)
+    with pytest.raises(DeviceError, match="has 8 channels, 9 are needed"):
+        out.configure()
+    out.close()
+
+
+def test_power_is_what_stands_at_the_pins_and_stale_when_the_plug_is_out(bench: Any) -> None:
+    scale = PowerScale()
+    for pin, millivolts in enumerate(scale.pins_mv(14.8, 25.0)):
+        bench.board.set_millivolts(pin, millivolts)
+    bench.advance(0.1)
+    board = bench.open_board()
+    power, out = McuPower(board, scale), McuPwm(board, bench.now_s, 8)  # on one board
+    power.configure()
+    power.activate()
+    out.configure()
+    reading = power.read()
+    assert not isinstance(reading, Stale)
+    assert reading.voltage_v == pytest.approx(14.8, abs=11.0 * 5.0 / 1024)
+    assert reading.current_a == pytest.approx(25.0, abs=37.9 * 5.0 / 1024)
+    assert reading.stamp_s == pytest.approx(bench.now_s(), abs=0.06)
+    bench.unplug()
+    gone = power.read()
+    assert isinstance(gone, Stale)
+    assert gone.since_s == reading.stamp_s
+    bench.plug_in()
+    board.lose("pulled")
+    out.fail("pulled")
+    out.configure()  # who acts brings it back for both
+    assert not isinstance(power.read(), Stale)
+    out.close()
+    assert not isinstance(power.read(), Stale), "the board stays open for who is left"
+    power.close()
+    assert not board.is_open
+
+
+def test_a_power_module_without_scale_is_refused() -> None:
+    with pytest.raises(ParameterError, match="scales above 0"):
+        PowerScale(volts_per_volt=0.0)
+    assert PowerScale().pins_mv(1000.0, -1000.0) == (5000.0, 0.0)
+    assert math.isclose(PowerScale().reading(*PowerScale().pins_mv(14.8, 25.0), 1.0).current_a, 25.0, abs_tol=1e-3)
