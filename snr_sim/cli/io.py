@@ -1,0 +1,217 @@
+"""`snr io`: a live table of every channel and reading of a robot's devices, and one thruster moved for the bench."""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from snr_sim.cli.io_bench import Bench, Opened
+    from snr_sim.cli.keys import Keys
+
+SHOWN_EVERY_S = 0.2
+TOLD_EVERY_S = 1.0  # in a pipe
+ONCE_S = 2.0  # how long --once waits for first readings
+
+
+def io(
+    scenario: Annotated[str, typer.Argument(help="Whose robot's devices; `snr list scenarios`.")] = "urov_depth_hold",
+    io: Annotated[
+        str, typer.Option(help="Where devices are: sim, emulated, mcu:PORT, pi, ...", envvar="SNR_SIM_IO")
+    ] = "sim",
+    move: Annotated[
+        str, typer.Option(metavar="CHANNEL", help="Move one channel by 5 %, for 2 s, after you have confirmed it.")
+    ] = "",
+    once: Annotated[bool, typer.Option("--once", help="Print it once.")] = False,
+    seconds: Annotated[float, typer.Option(help="End by itself after so long.")] = 0.0,
+    as_json: Annotated[bool, typer.Option("--json", help="With --once: print one JSON object.")] = False,
+) -> None:
+    """Show every channel and reading.
+
+    The devices are opened as in a run, but the robot's program is not there: outputs stay neutral, and are armed only
+    with --move.
+
+    Exit status: 0 all devices answer, 1 one does not, 2 the request was wrong.
+    """
+    from snr_sim.cli.io_bench import bench_of
+    from snr_sim.cli.keys import Keys
+    from snr_sim.prelude.errors import ParameterError
+    from snr_sim.simulation import Request, prepare
+
+    if as_json and not once:
+        raise ParameterError("--json prints one object.", fix="snr io --once --json.")
+    if move and (once or not sys.stdin.isatty()):
+        raise ParameterError(
+            "--move asks before it moves anything, so it needs a terminal, and time.",
+            fix="call it from a terminal, without --once.",
+        )
+    simulation = prepare(Request(scenario, io=io))
+    with bench_of(simulation) as bench:
+        if move:
+            _confirm(bench, move, io)
+        if once:
+            _settle(bench)
+            _print_once(bench, io, scenario, as_json)
+        else:
+            with Keys() as keys:
+                _watch(bench, keys, move, seconds)
+        is_well = all(one.is_well for one in [*bench.sensors, *bench.outputs])
+    sys.exit(0 if is_well else 1)
+
+
+def _confirm(bench: Bench, name: str, io: str) -> None:
+    """Asks for what nobody types by accident.
+
+    Raises:
+        UnknownName: there is no such channel.
+        ParameterError: something else was typed.
+    """
+    from snr_sim.devices.nudge import WHOLE_S, channel_of, top_us
+    from snr_sim.prelude.errors import ParameterError
+
+    channel_of(name, bench.names())
+    wanted = f"{name} props off"
+    print(
+        f"'{name}' of {io} will be armed and moved to {top_us():g} us for {WHOLE_S:g} s. Take the propellers off, hold "
+        f"the battery switch.\nAny key stops it. Type  {wanted}  to go on: ",
+        end="",
+        flush=True,
+    )
+    typed = sys.stdin.readline().strip()
+    if typed != wanted:
+        raise ParameterError(f"Nothing was moved: '{typed}' is not '{wanted}'.", fix=f"type: {wanted}")
+
+
+def _settle(bench: Bench) -> None:
+    """Waits until every device has answered, or long enough."""
+    from snr_sim.cli.io_bench import TICK_S
+
+    until_s = time.monotonic() + ONCE_S
+    bench.tick()
+    while time.monotonic() < until_s and any(one.reading is None and not one.trouble for one in bench.sensors):
+        time.sleep(TICK_S)
+        bench.tick()
+
+
+def _print_once(bench: Bench, io: str, scenario: str, as_json: bool) -> None:
+    if not as_json:
+        _console().print(shown(bench))
+        return
+    from snr_sim.cli.io_bench import fields_of
+    from snr_sim.recording.folder import as_json as json_of
+
+    now_s = bench.now_s()
+    print(
+        json_of({
+            "io": io,
+            "scenario": scenario,
+            "outputs": [fields_of(one, now_s) for one in bench.outputs],
+            "sensors": [fields_of(one, now_s) for one in bench.sensors],
+        })
+    )  # fmt: skip
+
+
+def _watch(bench: Bench, keys: Keys, move: str, seconds: float) -> None:
+    """Shows everything until Ctrl-C, or until what is to be moved was moved."""
+    from contextlib import ExitStack
+
+    from snr_sim.cli.io_bench import TICK_S
+
+    begun_s = shown_s = time.monotonic()
+    period_s = SHOWN_EVERY_S if sys.stdout.isatty() else TOLD_EVERY_S
+    with ExitStack() as stack:
+        show = _shower(stack)
+        bench.tick()
+        show(bench)
+        if move:
+            bench.arm(move)
+        while not seconds or time.monotonic() < begun_s + seconds:
+            is_pressed = keys.wait(TICK_S)
+            if move and is_pressed:
+                bench.stop("a key was pressed")
+            bench.tick()
+            if time.monotonic() >= shown_s + period_s:
+                shown_s = time.monotonic()
+                show(bench)
+            if move and not bench.is_moving:
+                break
+    if move:
+        print(f"{move} is at neutral again; the longest pulse that its outputs told of was {bench.most_us:g} us.")
+
+
+def _shower(stack: Any) -> Any:
+    """Returns what shows a bench: a table that changes in place on a terminal, lines in a pipe."""
+    if not sys.stdout.isatty():
+        return lambda bench: print("\n".join(lines(bench)), flush=True)
+    from rich.live import Live
+
+    live = stack.enter_context(Live(console=_console(), auto_refresh=False))
+    return lambda bench: live.update(shown(bench), refresh=True)
+
+
+def _console() -> Any:
+    from rich.console import Console
+
+    return Console(highlight=False, width=None if sys.stdout.isatty() else 120)
+
+
+def lines(bench: Bench) -> list[str]:
+    """Returns one line for each device, for pipes."""
+    now_s = bench.now_s()
+    return [f"{now_s:.2f} s  {one.key}: {', '.join(filter(None, _told(one, now_s)))}" for one in _all(bench)]
+
+
+def shown(bench: Bench) -> RenderableType:
+    """Returns the table."""
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    for heading in ("device", "state", "reading, or pulses [us]", "age [ms]", "why, counts"):
+        table.add_column(heading, overflow="fold")
+    now_s = bench.now_s()
+    for one in _all(bench):
+        state, values, age, why, counts = _told(one, now_s)
+        style = "" if one.is_well else "red"
+        table.add_row(
+            one.key, state, values, age.removesuffix(" ms old"), "; ".join(filter(None, (why, counts))), style=style
+        )
+    return table
+
+
+def _all(bench: Bench) -> list[Opened]:
+    return [*bench.outputs, *bench.sensors]
+
+
+def _told(one: Opened, now_s: float) -> tuple[str, str, str, str, str]:
+    """Returns state, values, age, reason and counts in words."""
+    from snr_sim.cli.io_bench import fields_of
+
+    fields = fields_of(one, now_s)
+    counts = " ".join(f"{name} {count}" for name, count in fields["counts"].items())
+    if "pulses_us" in fields:
+        pulses = fields["pulses_us"] or []
+        values = " ".join(
+            f"{name[len(one.key) :]}:{pulse:g}" for name, pulse in zip(one.channels, pulses, strict=False)
+        )
+        why = "; ".join(filter(None, [fields["why"], ", ".join(fields["reasons"])]))
+        return fields["state"], values, "", why, counts
+    reading = fields.get("reading")
+    values = (
+        ""
+        if reading is None
+        else " ".join(f"{key}={_short(item)}" for key, item in reading.items() if key != "stamp_s")
+    )
+    age_s = fields.get("age_s")
+    age = "" if age_s is None else f"{1000.0 * age_s:.0f} ms old"
+    return fields["state"], values, age, fields.get("stale") or fields["why"], counts
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(map(_short, value[:4]))}{', ...' if len(value) > 4 else ''}]"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,262 @@
+"""All devices of a robot, opened as a run would open them, without the robot's program: for `snr io`.
+
+Outputs are written neutral at every tick, and armed only to move one of their channels.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import msgspec
+
+from snr_sim.core.clocks import WallClock
+from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
+from snr_sim.devices.nudge import channel_of, nudge_us
+from snr_sim.devices.pwm_backend import STOP_US
+from snr_sim.plants.stepping import Stepper
+from snr_sim.prelude.clock import Clock
+from snr_sim.prelude.device import Device, Health, PwmOut, Stale
+from snr_sim.prelude.errors import ConfigError, DeviceError, SnrError
+from snr_sim.prelude.signals import AppliedPulses
+from snr_sim.simulation import Simulation
+
+TICK_S = 0.05
+ARMING_S = 15.0  # boards show speed controllers neutral for some seconds before they follow
+
+
+@dataclass
+class Opened:
+    """One device.
+
+    Args:
+        key: of its page.
+        device: None if it would not open.
+        trouble: why not, or why it went.
+        reading: the newest one of a sensor, or what outputs last answered.
+        stale: why there is none, if there is none.
+    """
+
+    key: str
+    device: Any = None
+    trouble: str = ""
+    reading: Any = None
+    stale: str = ""
+    pulses_us: list[float] = field(default_factory=list)
+
+    @property
+    def health(self) -> Health:
+        """How it is."""
+        if self.device is None:
+            return Health("error", self.trouble)
+        health: Health = self.device.health()
+        return Health("error", self.trouble, health.counts) if self.trouble else health
+
+    @property
+    def is_well(self) -> bool:
+        """Whether there is what one opens it for: readings, or outputs that could be armed."""
+        return not self.trouble and not self.stale and self.health.state != "error"
+
+    @property
+    def channels(self) -> list[str]:
+        """Names of the channels of outputs: 'pwm0', ..."""
+        return [f"{self.key}{i}" for i in range(self.device.channels)] if isinstance(self.device, PwmOut) else []
+
+
+class Bench:
+    """The devices of one robot. Use it in a `with`: outputs are neutral and closed at its end, whatever happens.
+
+    Args:
+        sensors, outputs: what opens each device, by key.
+        now_s: the time that commands are stamped by.
+        advance: brings what is simulated to now.
+    """
+
+    def __init__(
+        self,
+        sensors: dict[str, Callable[[], Any]],
+        outputs: dict[str, Callable[[], Any]],
+        now_s: Callable[[], float],
+        advance: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._openers = sensors, outputs
+        self._advance = advance
+        self.now_s = now_s
+        self.sensors: list[Opened] = []
+        self.outputs: list[Opened] = []
+        self.moved: tuple[Opened, int] | None = None
+        self._begun_s: float | None = None
+        self._asked_s = 0.0
+        self.most_us = STOP_US  # that the moved channel was seen to make
+
+    def __enter__(self) -> Bench:
+        try:
+            for openers, opened in zip(self._openers, (self.sensors, self.outputs), strict=True):
+                for key, opener in openers.items():
+                    opened.append(Opened(key))
+                    _open(opened[-1], opener, is_sensor=opened is self.sensors)
+        except BaseException:  # Ctrl-C while a port answers slowly: what is open already is closed
+            self.__exit__()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for one in [*self.outputs, *self.sensors]:
+            if one.device is not None:
+                one.device.deactivate("snr io ends")
+                one.device.close()
+
+    def tick(self) -> None:
+        """Reads every sensor and writes every output once."""
+        self._advance()
+        for one in self.sensors:
+            _read(one)
+        for one in self.outputs:
+            if isinstance(one.device, PwmOut):
+                one.pulses_us = self._wanted(one, one.device)
+                one.reading = one.device.write_us(one.pulses_us, self.now_s())
+        self._watch()
+
+    def names(self) -> list[str]:
+        """Returns the names of all channels."""
+        return [name for one in self.outputs for name in one.channels]
+
+    def arm(self, name: str) -> None:
+        """Begins to arm the outputs that a channel belongs to; it is moved as soon as they follow.
+
+        Raises:
+            UnknownName: there is no such channel.
+            DeviceError: its outputs cannot be armed.
+        """
+        channel_of(name, self.names())
+        for one in self.outputs:
+            if name in one.channels:
+                one.device.activate()
+                self.moved, self._asked_s, self._begun_s = (one, one.channels.index(name)), self.now_s(), None
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether a channel is being moved, or soon will be."""
+        return self.moved is not None
+
+    def stop(self, reason: str) -> None:
+        """Goes to neutral now."""
+        self.moved = None
+        for one in self.outputs:
+            if one.device is not None:
+                one.device.deactivate(reason)
+
+    def _wanted(self, one: Opened, out: PwmOut) -> list[float]:
+        still = [STOP_US] * out.channels
+        if self.moved is None or self.moved[0] is not one:
+            return still
+        if self._begun_s is None:
+            if out.health().state != "active":
+                return still
+            self._begun_s = self.now_s()
+        pulses = nudge_us(self.moved[1], out.channels, self.now_s() - self._begun_s, out.limits_us)
+        if pulses is None:
+            self.stop("moved")
+        return pulses or still
+
+    def _watch(self) -> None:
+        """Notes what the moved channel does.
+
+        Raises:
+            DeviceError: its outputs do not follow, or let go by themselves.
+        """
+        if self.moved is None:
+            return
+        one, channel = self.moved
+        applied: AppliedPulses = one.reading
+        self.most_us = max(self.most_us, applied.pulses_us[channel])
+        health = one.health
+        is_late = self._begun_s is None and self.now_s() > self._asked_s + ARMING_S
+        if health.state not in ("activating", "active") or is_late:
+            self.stop("did not follow")
+            raise DeviceError(
+                f"The outputs '{one.key}' did not follow: {health.state}{f', {health.why}' if health.why else ''}.",
+                fix="snr doctor --io asks the port; is the battery connected, and the emergency stop cleared?",
+            )
+
+
+def bench_of(simulation: Simulation, clock: Clock | None = None) -> Bench:
+    """Returns the bench of a scenario's robot: the devices of the role that drives something.
+
+    Raises:
+        ConfigError: its robot has no devices.
+    """
+    clock = clock or WallClock()
+    plant = simulation.plant() if simulation.has_plant else None
+    config = simulation.config(plant, clock.now_s if simulation.has_wires else None)
+    advance: Callable[[], None] = lambda: None  # noqa: E731
+    if plant is not None:
+        stepper = Stepper(plant)
+        advance = lambda: stepper.advance_to(clock.now_s())  # noqa: E731
+    now_s = clock.now_s if simulation.has_wires or plant is None else lambda: plant.time_s
+    parts = [config.get(role) for role in simulation.robot_file.ROLES if role in config.factories]
+    own = next((part for part in parts if _of(part, ActuatorLoopFactory)), parts[0] if parts else [])
+    sensors, outputs = _of(own, SensorLoopFactory), _of(own, ActuatorLoopFactory)
+    if not (sensors or outputs):
+        raise ConfigError(
+            f"The robot of {simulation.scenario_name} has no sensors and no outputs.",
+            fix="a scenario of a robot that has: snr list.",
+        )
+    return Bench(sensors, outputs, now_s, advance)
+
+
+def _of(
+    factories: Sequence[object], kind: type[SensorLoopFactory | ActuatorLoopFactory]
+) -> dict[str, Callable[[], Any]]:
+    return {factory.key: factory.open_device for factory in factories if isinstance(factory, kind)}
+
+
+def _open(one: Opened, opener: Callable[[], Any], is_sensor: bool) -> None:
+    try:
+        device = opener()
+        if not isinstance(device, Device):
+            raise DeviceError(f"What was opened as '{one.key}' is {device!r}, which is no device.")
+        one.device = device
+        device.configure()
+        if is_sensor:
+            device.activate()
+    except SnrError as error:
+        one.trouble = str(error)
+
+
+def _read(one: Opened) -> None:
+    if one.device is None or one.trouble:
+        return
+    try:
+        reading = one.device.read()
+    except DeviceError as error:
+        one.trouble = str(error)
+        return
+    if isinstance(reading, Stale):
+        one.stale = reading.why
+    else:
+        one.reading, one.stale = reading, ""
+
+
+def fields_of(one: Opened, now_s: float) -> dict[str, Any]:
+    """Returns what is known of a device, as JSON can say it."""
+    health = one.health
+    fields: dict[str, Any] = {"key": one.key, "state": health.state, "why": health.why, "counts": health.counts}
+    if isinstance(one.device, PwmOut):
+        out: PwmOut = one.device
+        applied: AppliedPulses | None = one.reading
+        return {
+            **fields,
+            "channels": out.channels,
+            "limits_us": list(out.limits_us),
+            "resolution_us": out.resolution_us,
+            "fails_safe_alone": out.fails_safe_alone,
+            "pulses_us": None if applied is None else applied.pulses_us,
+            "reasons": [] if applied is None else applied.why,
+        }
+    reading = None if one.reading is None else msgspec.to_builtins(one.reading)
+    stamp_s = reading.get("stamp_s") if isinstance(reading, dict) else None
+    age_s = now_s - stamp_s if isinstance(stamp_s, (int, float)) and math.isfinite(stamp_s) else None
+    return {**fields, "reading": reading, "age_s": age_s, "stale": one.stale}

@@ -1,0 +1,361 @@
+"""`snr io`: what it shows of a robot's devices, and that nothing moves but what was asked for and confirmed."""
+
+import json
+import os
+import pty
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim.cli.io_bench import ARMING_S, TICK_S, Bench, fields_of
+from snr_sim.devices.mirror import MirrorPwm
+from snr_sim.devices.nudge import WHOLE_S, nudge_us, top_us
+from snr_sim.prelude.device import Stale
+from snr_sim.prelude.errors import DeviceError, SensorLost, UnknownName
+from snr_sim.prelude.life_cycle import LifeCycle
+from snr_sim.prelude.signals import AppliedPulses, DepthReading
+
+Snr = Callable[..., Any]
+STILL = [1500.0] * 4
+
+
+class Outputs(MirrorPwm):
+    """Outputs of four channels that keep what they made, and take a second to arm."""
+
+    arms = True
+
+    def __init__(self, now_s: Callable[[], float]) -> None:
+        super().__init__(now_s, 4)
+        self.made: list[AppliedPulses] = []
+        self.armed_s = 0.0
+
+    def on_activate(self) -> None:
+        self.state, self.armed_s = "activating", self.now_s() + 1.0
+
+    def on_deactivate(self, reason: str) -> None:
+        self.made.append(AppliedPulses(self.still_us, self.now_s(), [reason]))
+
+    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
+        if self.arms and self.state == "activating" and self.now_s() >= self.armed_s:
+            self.state = "active"
+        self.made.append(AppliedPulses(pulses_us, stamp_s, why))
+        return pulses_us
+
+
+class Depth(LifeCycle):
+    """A depth sensor that is told what to say."""
+
+    says: Any = Stale("/dev/i2c-1: nothing has come yet")
+
+    def read(self) -> Any:
+        if isinstance(self.says, Exception):
+            raise self.says
+        return self.says
+
+
+class World:
+    """A bench with time that is moved by hand."""
+
+    def __init__(self) -> None:
+        self.time_s = 0.0
+        self.out, self.depth = Outputs(lambda: self.time_s), Depth()
+        self.bench = Bench({"depth": lambda: self.depth}, {"pwm": lambda: self.out}, lambda: self.time_s)
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds / TICK_S)):
+            self.time_s += TICK_S
+            self.bench.tick()
+
+
+@pytest.fixture
+def world() -> Iterator[World]:
+    world = World()
+    with world.bench:
+        yield world
+
+
+def test_nothing_is_armed_and_nothing_moves_unless_it_is_asked_for(world: World) -> None:
+    world.run(5.0)
+    assert world.out.state == "inactive"
+    assert not world.out.made
+
+
+def test_one_channel_moves_by_five_per_cent_for_two_seconds_at_most_and_all_others_stay(world: World) -> None:
+    world.bench.arm("pwm2")
+    world.run(6.0)
+    moved = [one.pulses_us for one in world.out.made if one.pulses_us != STILL]
+    assert max(pulses[2] for pulses in moved) == top_us() == 1500.0 + 25.0 + 0.05 * 375.0
+    assert {pulse for pulses in moved for i, pulse in enumerate(pulses) if i != 2} == {1500.0}
+    assert len(moved) * TICK_S <= WHOLE_S
+    assert max(abs(b[2] - a[2]) for a, b in pairwise(moved)) < 5.0  # a ramp
+    assert world.out.state == "inactive"
+    assert world.out.made[-1].pulses_us == STILL
+    assert not world.bench.is_moving
+    assert world.bench.most_us == top_us()
+
+
+def test_it_shows_neutral_until_the_outputs_are_armed(world: World) -> None:
+    world.bench.arm("pwm0")
+    world.run(0.9)
+    assert {tuple(one.pulses_us) for one in world.out.made} == {tuple(STILL)}
+
+
+def test_a_stop_is_neutral_at_once_and_stays_so(world: World) -> None:
+    world.bench.arm("pwm2")
+    world.run(2.0)
+    assert world.out.made[-1].pulses_us != STILL
+    world.bench.stop("a key was pressed")
+    assert world.out.made[-1] == AppliedPulses(STILL, world.time_s, ["a key was pressed"])
+    count = len(world.out.made)
+    world.run(3.0)
+    assert len(world.out.made) == count
+
+
+def test_outputs_that_never_arm_are_given_up_and_told_with_what_to_try(world: World) -> None:
+    world.out.arms = False
+    world.bench.arm("pwm2")
+    with pytest.raises(DeviceError, match=r"'pwm' did not follow: activating[\s\S]*snr doctor --io"):
+        world.run(ARMING_S + 1.0)
+    assert all(one.pulses_us == STILL for one in world.out.made)
+
+
+def test_an_unknown_channel_is_told_with_the_nearest(world: World) -> None:
+    with pytest.raises(UnknownName, match=r"no channel 'pmw2'[\s\S]*pwm2"):
+        world.bench.arm("pmw2")
+    assert world.out.state == "inactive"
+
+
+def test_at_its_end_outputs_are_neutral_and_closed_whatever_happened() -> None:
+    world = World()
+    world.bench.__enter__()
+    world.bench.arm("pwm1")
+    world.run(2.0)
+    assert world.out.made[-1].pulses_us != STILL
+    world.bench.__exit__(KeyboardInterrupt)
+    assert world.out.made[-1].pulses_us == STILL
+    assert (world.out.state, world.depth.state) == ("closed", "closed")
+
+
+def test_a_signal_while_a_device_is_opened_closes_those_that_are_open() -> None:
+    world = World()
+
+    def interrupted() -> Any:
+        raise KeyboardInterrupt
+
+    bench = Bench({}, {"pwm": lambda: world.out, "slow": interrupted}, lambda: 0.0)
+    with pytest.raises(KeyboardInterrupt):
+        bench.__enter__()
+    assert world.out.state == "closed"
+
+
+def test_sensors_are_shown_with_their_age_or_with_what_is_wrong(world: World) -> None:
+    (depth,) = world.bench.sensors
+    world.run(0.1)
+    assert not depth.is_well
+    assert fields_of(depth, world.time_s)["stale"] == "/dev/i2c-1: nothing has come yet"
+    world.depth.says = DepthReading(1.5, 1.2e5, 18.0, stamp_s=0.1)
+    world.run(0.1)
+    assert depth.is_well
+    fields = fields_of(depth, world.time_s)
+    assert (fields["reading"]["depth_m"], fields["age_s"]) == (1.5, pytest.approx(0.1))
+    world.depth.says = SensorLost("/dev/i2c-1 is gone.")
+    world.run(0.1)
+    assert not depth.is_well
+    assert depth.health.state == "error"
+    assert "is gone" in depth.health.why
+
+
+def test_a_device_that_will_not_open_is_told_and_the_others_are_shown() -> None:
+    def broken() -> Any:
+        raise DeviceError("There is no serial port /dev/ttyUSB7.", fix="plug it in.")
+
+    world = World()
+    with Bench({"depth": lambda: world.depth}, {"pwm": broken}, lambda: 0.0) as bench:
+        bench.tick()
+        assert "plug it in" in bench.outputs[0].health.why
+        assert bench.sensors[0].device is world.depth
+
+
+def test_a_nudge_rises_and_falls_within_two_seconds() -> None:
+    pulses = [nudge_us(0, 1, 0.01 * k) for k in range(220)]
+    assert pulses[0] == [1500.0]
+    assert max(one[0] for one in pulses if one is not None) == top_us()
+    assert pulses[round(100 * WHOLE_S) :] == [None] * (220 - round(100 * WHOLE_S))
+
+
+@pytest.mark.parametrize("io", ["sim", "mirror"])
+def test_all_devices_of_a_robot_are_told_as_one_object(snr: Snr, io: str) -> None:
+    answer = snr("io", "--io", io, "--once", "--json")
+    assert answer.status == 0
+    (pwm,) = answer.json["outputs"]
+    assert (pwm["state"], pwm["channels"], pwm["pulses_us"]) == ("inactive", 8, [1500.0] * 8)
+    assert {one["key"] for one in answer.json["sensors"]} == {"depth", "altitude", "power", "leak", "imu"}
+    assert all(one["reading"] and one["age_s"] is not None for one in answer.json["sensors"])
+
+
+def test_requests_that_make_no_sense_are_refused(snr: Snr) -> None:
+    for words, said in (
+        (("--json",), "--once --json"),
+        (("--move", "pwm0"), "needs a terminal"),
+        (("--io", "simm", "--once"), "no devices of the kind 'simm'"),
+        (("nowhere", "--once"), "nowhere"),
+    ):
+        answer = snr("io", *words)
+        assert answer.status == 2
+        assert said in answer.err
+
+
+ROBOT = '''
+"""A robot of one real thruster; what its outputs make goes into a file."""
+from functools import partial
+from pathlib import Path
+
+from snr_sim.devices.mirror import MirrorPwm
+from snr_sim.devices.pwm_loop import PwmLoopFactory
+
+ROLES, IO = ("rov",), ("pi",)
+LOG = Path(__file__).with_name("made.txt")
+
+
+class Logged(MirrorPwm):
+    def put(self, pulses_us, stamp_s, lease_s, why):
+        self.note(pulses_us)
+        return pulses_us
+
+    def on_deactivate(self, reason):
+        self.note(self.still_us)
+
+    def note(self, pulses_us):
+        with LOG.open("a") as log:
+            log.write(f"{pulses_us[0]:g}\\n")
+
+
+def roles(rig, controller):
+    return {"rov": [PwmLoopFactory("pwm", lambda: Logged(rig.now_s, 2), 50.0)]}
+'''
+SCENARIO = """
+ROBOT = "one"
+ENGINES = ("none",)
+CONTROLLER = "nothing"
+TIME_LIMIT_S = 1.0
+parameters = plant = verdict = metrics = lambda *given: None
+"""
+
+
+@pytest.fixture
+def made(here: Path) -> Path:
+    """A robot of a student's own in the current folder; returns the file of what its outputs make."""
+    (here / "robots/one/controllers").mkdir(parents=True)
+    (here / "scenarios").mkdir()
+    (here / "robots/one/robot.py").write_text(ROBOT)
+    (here / "robots/one/controllers/nothing.py").write_text("def factories(robot): return []\n")
+    (here / "scenarios/bench.py").write_text(SCENARIO)
+    return here / "robots/one/made.txt"
+
+
+class Terminal:
+    """`snr io` at a terminal of its own."""
+
+    def __init__(self, *words: str) -> None:
+        self.master, slave = pty.openpty()
+        command = [sys.executable, "-m", "snr_sim", "io", *words]
+        self.process = subprocess.Popen(command, stdin=slave, stdout=slave, stderr=slave, start_new_session=True)
+        os.close(slave)
+        self.said = ""
+
+    def until(self, is_so: Callable[[], bool]) -> None:
+        until_s = time.monotonic() + 60.0
+        while not is_so():
+            assert time.monotonic() < until_s, self.said
+            assert self.process.poll() is None, self.said
+            self.hear(0.02)
+
+    def hear(self, seconds: float) -> bool:
+        """Takes what is printed; returns whether there was any. Nobody may wait for us to read."""
+        try:
+            if select.select([self.master], [], [], seconds)[0]:
+                self.said += (heard := os.read(self.master, 65536).decode(errors="replace"))
+                return bool(heard)
+        except OSError:  # the far end has closed
+            pass
+        return False
+
+    def type(self, text: str) -> None:
+        os.write(self.master, text.encode())
+
+    def status(self) -> int:
+        until_s = time.monotonic() + 60.0
+        while self.process.poll() is None:
+            assert time.monotonic() < until_s, self.said
+            self.hear(0.02)
+        while self.hear(0.0):
+            pass
+        return int(self.process.returncode)
+
+
+@pytest.fixture
+def terminal(made: Path) -> Iterator[Callable[..., Terminal]]:
+    opened = []
+
+    def open_one(*words: str) -> Terminal:
+        opened.append(Terminal("bench", "--io", "pi", *words))
+        return opened[-1]
+
+    yield open_one
+    for one in opened:
+        if one.process.poll() is None:
+            one.process.kill()
+        one.process.wait()
+        os.close(one.master)
+
+
+def pulses(made: Path) -> list[float]:
+    return [float(line) for line in made.read_text().split()] if made.exists() else []
+
+
+@pytest.mark.parametrize(
+    ("ends", "status"),
+    [(signal.SIGINT, 130), (signal.SIGTERM, 143), ("x", 0), ("", 0)],
+    ids=["INT", "TERM", "key", "-"],
+)
+def test_whatever_ends_a_move_the_last_pulse_is_neutral(
+    terminal: Callable[..., Terminal], made: Path, ends: Any, status: int
+) -> None:
+    snr = terminal("--move", "pwm0")
+    snr.until(lambda: "to go on:" in snr.said)
+    assert not pulses(made)
+    snr.type("pwm0 props off\n")
+    snr.until(lambda: max(pulses(made), default=0.0) > 1520.0)
+    if isinstance(ends, str):
+        snr.type(ends)
+    else:
+        snr.process.send_signal(ends)
+    assert snr.status() == status, snr.said
+    assert pulses(made)[-1] == 1500.0
+    assert max(pulses(made)) <= top_us()
+
+
+def test_without_the_right_words_nothing_is_armed(terminal: Callable[..., Terminal], made: Path) -> None:
+    snr = terminal("--move", "pwm0")
+    snr.until(lambda: "to go on:" in snr.said)
+    snr.type("yes\n")
+    assert snr.status() == 2
+    assert "Nothing was moved: 'yes' is not 'pwm0 props off'" in snr.said
+    assert set(pulses(made)) <= {1500.0}
+
+
+def test_in_a_pipe_it_prints_lines(made: Path, here: Path) -> None:
+    command = [sys.executable, "-m", "snr_sim", "io", "bench", "--io", "pi", "--seconds", "0.1"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert "pwm: inactive, 0:1500 1:1500, not active" in done.stdout
+    once = subprocess.run([*command[:-2], "--once", "--json"], capture_output=True, text=True, timeout=120)
+    assert json.loads(once.stdout)["outputs"][0]["channels"] == 2
