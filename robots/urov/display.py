@@ -125,8 +125,8 @@ def rows(pages: dict[str, Any], heard_s: float) -> list[tuple[str, str]]:
         shown.append(("depth", f"{pages['depth'].data['depth_m']:.2f} m{wanted}"))
     roll, pitch, yaw = (math.degrees(angle) for angle in vehicle["attitude_rad"])
     held = vehicle["heading_rad"]
-    wanted = "" if held is None else f" (holds {math.degrees(held):.0f})"
-    shown.append(("attitude", f"roll {roll:.0f}, pitch {pitch:.0f}, yaw {yaw:.0f} deg{wanted}"))
+    wanted = "" if held is None else f" (holds {round(math.degrees(held))})"
+    shown.append(("attitude", f"roll {round(roll)}, pitch {round(pitch)}, yaw {round(yaw)} deg{wanted}"))
     if pages["altitude"] is not None and pages["altitude"].data["confidence"] > 0.0:
         shown.append(("floor", f"{pages['altitude'].data['distance_m']:.2f} m below"))
     if pages["power"] is not None:
