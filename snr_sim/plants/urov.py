@@ -21,6 +21,8 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
+
 from snr_sim.plants.attitude import rotation_of, turned
 from snr_sim.plants.dive import Dive, Leak
 from snr_sim.plants.flotation import Flotation
@@ -401,9 +403,10 @@ class Urov(UrovMeasured):
             return self._wrench
         if self._steps * self.step_s >= self._pulses_until_s:
             self._pulses, self._pulses_until_s = [STOP_US] * len(self._pulses), math.inf  # nobody has renewed them
-        forces = self.thrusters.step(self.step_s, self._pulses)
-        if self._place[2] > -self._surface.reach_m:
-            forces = forces * self._surface.drawing(self._place[2], self._rotation[6:])
+        self.thrusters.step(self.step_s, self._pulses)
+        if self._place[2] <= -self._surface.reach_m:
+            return self.thrusters.mixed(self._matrix)
+        forces = np.array(self.thrusters.forces_n) * self._surface.drawing(self._place[2], self._rotation[6:])
         wrench: list[float] = self._matrix.dot(forces).tolist()  # `@` takes twice as long for so few
         return wrench
 

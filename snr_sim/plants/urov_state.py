@@ -39,8 +39,12 @@ class Thrusters(Protocol):
         """Puts everything back to the start."""
         ...
 
-    def step(self, dt_s: float, pulses_us: list[float | None]) -> Any:
-        """Moves on; returns the forces along each thruster's axis, shape (n,)."""
+    def step(self, dt_s: float, pulses_us: list[float | None]) -> None:
+        """Moves on."""
+        ...
+
+    def mixed(self, matrix: Matrix) -> list[float]:
+        """Returns a matrix of n columns times the forces."""
         ...
 
     def fail(self, thruster: int, fault: str, share: float = 0.5) -> None:

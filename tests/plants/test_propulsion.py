@@ -23,10 +23,9 @@ def armed(count: int = 8, volts: float | None = None, **kwargs: float) -> Propul
 
 
 def run(thrusters: Propulsion, pulses: list[float | None] | list[float], time_s: float) -> np.ndarray:
-    forces = np.zeros(thrusters.count)
     for _ in range(round(time_s / DT_S)):
-        forces = thrusters.step(DT_S, pulses)
-    return forces
+        thrusters.step(DT_S, pulses)
+    return np.array(thrusters.forces_n)
 
 
 @pytest.mark.parametrize(
@@ -57,7 +56,8 @@ def test_force_follows_with_the_closed_form_of_a_first_order_lag_at_any_step(dt_
         thrusters.step(dt_s, [STOP])
     full = 5.25 * NEWTONS_PER_KGF
     for k in range(1, 20):
-        force = thrusters.step(dt_s, [1900.0])[0]
+        thrusters.step(dt_s, [1900.0])
+        force = thrusters.forces_n[0]
         assert force == pytest.approx(full * (1.0 - math.exp(-k * dt_s / LAG_S)), rel=1e-9)
 
 
