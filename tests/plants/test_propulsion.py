@@ -250,3 +250,54 @@ def test_failures_that_are_none_are_refused() -> None:
         thrusters.fail(2, "off")
     with pytest.raises(ParameterError, match="share"):
         thrusters.fail(0, "weak", 1.5)
+
+
+def test_the_mix_of_forces_is_the_matrix_times_the_forces_whatever_happens() -> None:
+    rng = random.Random(2)
+    matrix, other = (np.array([[rng.uniform(-1.0, 1.0) for _ in range(8)] for _ in range(6)]) for _ in range(2))
+    thrusters = armed(8)
+    pulses = [STOP] * 8
+    for i in range(400):
+        if i % 3 == 0:
+            pulses = [rng.uniform(1100.0, 1900.0) for _ in range(8)]
+        if i == 200:
+            thrusters.fail(3, "weak", 0.4)
+        thrusters.step(DT_S, pulses)
+        assert thrusters.mixed(matrix) == pytest.approx(matrix @ thrusters.forces_n, abs=1e-9)
+        assert thrusters.current_a == pytest.approx(sum(thrusters.currents_a) + 1.0, abs=1e-9)
+    assert thrusters.mixed(other) == pytest.approx(other @ thrusters.forces_n, abs=1e-9)
+
+
+def test_forces_follow_the_table_as_if_each_was_moved_on_by_itself() -> None:
+    """The same pulses and voltages, step by step, by the lag's own equation."""
+    thrusters = armed(2)
+    share, forces, rng = 1.0 - math.exp(-DT_S / LAG_S), np.zeros(2), random.Random(3)
+    pulses = [STOP, STOP]
+    for i in range(600):
+        if i % 7 == 0 and i < 300:
+            pulses = [float(rng.randint(1100, 1900)) for _ in range(2)]
+        volts = thrusters.voltage_v
+        thrusters.step(DT_S, pulses)
+        wanted = np.array([curve.__wrapped__(volts).at(pulse)[0] for pulse in pulses])
+        forces += share * (wanted - forces)
+        assert thrusters.forces_n == pytest.approx(forces, abs=0.02), "what the straight lines leave of the table"
+
+
+def test_a_thruster_goes_on_to_the_last_bit_from_where_a_snapshot_was_taken() -> None:
+    matrix = np.array([[1.0, -2.0, 0.5]])
+    thrusters = armed(3)
+    course = [[1500.0 + 30.0 * (i // 4 % 9), 1700.0, 1400.0 - i] for i in range(40)]
+    for pulses in course:
+        thrusters.step(DT_S, pulses)
+    snapshot = thrusters.snapshot()
+
+    def goes_on() -> list[list[float]]:
+        went = []
+        for pulses in course:
+            thrusters.step(DT_S, pulses)
+            went.append([*thrusters.forces_n, *thrusters.mixed(matrix), thrusters.voltage_v])
+        return went
+
+    first = goes_on()
+    thrusters.restore(snapshot)
+    assert goes_on() == first
