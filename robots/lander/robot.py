@@ -18,15 +18,32 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
+from snr_sim import library
+from snr_sim.core.loop import LoopFactory
+from snr_sim.devices.emulated.board import Board
+from snr_sim.devices.emulated.lock_step import PlantOnBoard
+from snr_sim.devices.emulated.toolchain import firmware_elf
+from snr_sim.devices.engine_pwm import CHANNELS, EnginePwmLoopFactory, EngineServos
 from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
+from snr_sim.devices.mcu import McuPwm
+from snr_sim.devices.mcu_board import McuBoard
+from snr_sim.devices.mirror import MirrorPwm
+from snr_sim.devices.sim_pwm import BenchPwm
 from snr_sim.devices.simulated import SimActuator, SimSensor
+from snr_sim.devices.wire.mcu_messages import BAUD
+from snr_sim.devices.wire.serial_port import SerialPort
 from snr_sim.prelude.component import Factory
+from snr_sim.prelude.device import PwmOut
+from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Rig
 from snr_sim.prelude.signals import EngineCommand
 
 ROLES = ("lander",)
-IO = ("sim",)
 OPTIONS: dict[str, str] = {}
+
+BOARD_HZ = 50.0  # how often outputs on a board are written: they let go by themselves if nobody does for 0.2 s
+LEAST_HZ = 10.0  # and so often there must be a new command, hence a new reading
+MCU = "atmega328p"
 
 
 def sim_radar(rig: Rig) -> SimSensor:
@@ -41,24 +58,72 @@ def sim_inertial(rig: Rig) -> SimSensor:
 
 def sim_engine(rig: Rig) -> SimActuator[EngineCommand]:
     """Opens the simulated engine and attitude jets."""
-    turn = rig.robot.parameters.module.gimbal_rad
-    limits = {"throttle": (0.0, 1.0), "gimbal_rad": (-turn, turn), "attitude": (-1.0, 1.0)}
-    return SimActuator(rig.plant, "engine", EngineCommand, limits)
+    return SimActuator(rig.plant, "engine", EngineCommand, servos(rig).limits)
 
 
-# What each device is, for each way of running the robot. Nothing else decides between simulation and hardware.
-DEVICES: dict[str, dict[str, Callable[[Rig], Any]]] = {
-    "sim": {"radar": sim_radar, "inertial": sim_inertial, "engine": sim_engine},
+def servos(rig: Rig) -> EngineServos:
+    """Returns how the engine hangs at servo outputs, where it does."""
+    return EngineServos(rig.robot.parameters.module.gimbal_rad)
+
+
+def mirror_servos(rig: Rig) -> MirrorPwm:
+    """Opens outputs with nothing behind them: the module falls."""
+    return MirrorPwm(rig.now_s, CHANNELS)
+
+
+def mcu_servos(rig: Rig) -> BenchPwm:
+    """Opens the outputs of a microcontroller; the simulated module is driven by what they do."""
+    assert rig.plant is not None
+    board = McuBoard(lambda: SerialPort(rig.where, BAUD), rig.now_s)
+    return BenchPwm(McuPwm(board, rig.now_s, CHANNELS), rig.plant, "engine", servos(rig).command)
+
+
+def emulated_servos(rig: Rig) -> McuPwm:
+    """Opens the outputs of the emulated board, over its serial line."""
+    assert isinstance(rig.plant, PlantOnBoard)
+    return McuPwm(rig.plant.mcu, rig.now_s, CHANNELS)
+
+
+def dressed(rig: Rig) -> Plant:
+    """Returns the plant; with `--io emulated`, with its engine at the pins of a board that was switched on before."""
+    assert rig.plant is not None
+    if rig.io != "emulated":
+        return rig.plant
+    firmware = library.find("robots", "urov").path / "firmware"
+    return PlantOnBoard(
+        rig.plant, lambda: Board(firmware_elf(firmware, MCU), MCU), CHANNELS, "engine", servos(rig).command, up_s=2.0
+    )
+
+
+def engine_loop(rig: Rig) -> LoopFactory:
+    """Returns the loop of an engine that takes commands as they are."""
+    parameters = rig.robot.parameters
+    return ActuatorLoopFactory("engine", partial(sim_engine, rig), parameters.engine_hz, parameters.engine_timeout_s)
+
+
+def servo_loop(rig: Rig, open_device: Callable[[Rig], PwmOut]) -> LoopFactory:
+    """Returns the loop of an engine behind servo outputs."""
+    return EnginePwmLoopFactory("engine", servos(rig), partial(open_device, rig), BOARD_HZ)
+
+
+# What each device is, for each way of running the robot, the engine with its loop, and how often sensors are read at
+# least. Nothing else decides between simulation and hardware.
+SENSORS: dict[str, Any] = {"radar": sim_radar, "inertial": sim_inertial}
+DEVICES: dict[str, dict[str, Any]] = {
+    "sim": {**SENSORS, "engine": engine_loop, "least_hz": 0.0},
+    "mirror": {**SENSORS, "engine": partial(servo_loop, open_device=mirror_servos), "least_hz": LEAST_HZ},
+    "emulated": {**SENSORS, "engine": partial(servo_loop, open_device=emulated_servos), "least_hz": LEAST_HZ},
+    "mcu": {**SENSORS, "engine": partial(servo_loop, open_device=mcu_servos), "least_hz": LEAST_HZ},
 }
+IO = tuple(DEVICES)
 
 
 def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
     """Returns the components of each role: sensors first and the engine last, so a reading acts within its tick."""
     parameters, devices = rig.robot.parameters, DEVICES[rig.io]
-    sensors = [SensorLoopFactory("radar", partial(devices["radar"], rig), parameters.radar.rate_hz)]
-    if parameters.inertial is not None:
-        sensors.append(SensorLoopFactory("inertial", partial(devices["inertial"], rig), parameters.inertial.rate_hz))
-    engine = ActuatorLoopFactory(
-        "engine", partial(devices["engine"], rig), parameters.engine_hz, parameters.engine_timeout_s
-    )
-    return {"lander": [*sensors, *controller, engine]}
+    levels = {name: level for name in SENSORS if (level := getattr(parameters, name)) is not None}
+    sensors = [
+        SensorLoopFactory(name, partial(devices[name], rig), max(level.rate_hz, devices["least_hz"]))
+        for name, level in levels.items()
+    ]
+    return {"lander": [*sensors, *controller, devices["engine"](rig)]}

@@ -175,17 +175,25 @@ class McuPwm(PwmBackend):
         self.limits_us = (ident.lowest_us, ident.highest_us)
         self.resolution_us = ident.resolution_ns / 1000.0
         self._widths_us, self._is_disarming = self.still_us, False
+        self._check_not_stopped()
+
+    def on_activate(self) -> None:
+        """Asks to be armed: with neutral commands, until the speed controllers have seen enough of them.
+
+        Raises:
+            DeviceError: an emergency stop is set.
+        """
+        self._check_not_stopped()
+        self.state, self.why = "activating", "the speed controllers are shown neutral"
+        self._asked_s = -math.inf
+
+    def _check_not_stopped(self) -> None:
         telemetry = self.board.telemetry
         if telemetry is not None and telemetry.state == State.STOPPED:
             raise DeviceError(
                 f"{self.board.name}: its emergency stop is set.",
                 fix="make it safe; then clear_stop(), or power it off.",
             )
-
-    def on_activate(self) -> None:
-        """Asks to be armed: with neutral commands, until the speed controllers have seen enough of them."""
-        self.state, self.why = "activating", "the speed controllers are shown neutral"
-        self._asked_s = -math.inf
 
     def on_deactivate(self, reason: str) -> None:
         """Disarms."""

@@ -82,19 +82,28 @@ class PwmLoop(ActuatorLoop):
         self._mend(now_s, all(pulse == STOP_US for pulse in pulses_us))
         applied = self.out.write_us(pulses_us, stamp_s, self.factory.lease_s)
         if page is not None and CLAMPED in applied.why:
-            limits = {"pulses_us": self.out.limits_us}
-            self._say_clamped(PwmCommand(list(pulses_us)), PwmCommand(applied.pulses_us), limits)
+            low, high = self.out.limits_us
+            clamped = [min(high, max(low, pulse)) for pulse in pulses_us]  # the answer may still be on its way there
+            self._say_clamped(PwmCommand(list(pulses_us)), PwmCommand(clamped), {"pulses_us": (low, high)})
         self._tell(now_s, applied)
 
     def _command_of(self, page: Page) -> PwmCommand:
         """Returns what a page commands. One that commands nothing is a mistake of who stored it: they hear of it."""
         try:
-            limits = {"pulses_us": self.out.limits_us}
-            command: PwmCommand = command_of(page.data, PwmCommand, limits)
-            self._check(command)
+            return self.read_command(page)
         except CommandError as error:
             self.out.deactivate(error.message)
             raise self._blamed(page, error) from error
+
+    def read_command(self, page: Page) -> PwmCommand:
+        """Returns the pulses that a page asks for.
+
+        Raises:
+            CommandError: it asks for none.
+        """
+        limits = {"pulses_us": self.out.limits_us}
+        command: PwmCommand = command_of(page.data, PwmCommand, limits)
+        self._check(command)
         return command
 
     def _check(self, command: PwmCommand) -> None:
@@ -133,8 +142,8 @@ class PwmLoop(ActuatorLoop):
         if health.state != self._state:
             if self._state:
                 again = "" if health.state in ("active", "activating") else "; armed again only after neutral"
-                told = f"{health.state}: {health.why}" if health.why else health.state
-                self.parent.note(f"Outputs of '{self.factory.key}', t = {now_s:.2f} s: {told}{again}.")
+                why = f" {health.why}" if health.why else ""
+                self.parent.note(f"Outputs of '{self.factory.key}', t = {now_s:.2f} s: {health.state}{again}.{why}")
             self._state = health.state
         elif applied.why == self._why and now_s < self._told_s + TOLD_EVERY_S - 1e-9:
             return

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
-from snr_sim.devices.pwm_backend import LIMITS_US, PwmBackend
+from snr_sim.devices.pwm_backend import LIMITS_US, STOP_US, PwmBackend
 from snr_sim.prelude.device import LEASE_S, Health, PwmOut
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import AppliedPulses, PwmCommand
@@ -51,19 +52,42 @@ class BenchPwm:
         out: the real ones.
         plant: the vehicle.
         input_name: name of the plant's input.
+        command_of: makes that input's command of the pulses [us].
     """
 
-    def __init__(self, out: PwmOut, plant: Plant, input_name: str = "pwm") -> None:
-        self._out, self._plant, self._input = out, plant, input_name
-        self.channels = out.channels
-        self.limits_us = out.limits_us
-        self.resolution_us = out.resolution_us
-        self.fails_safe_alone = out.fails_safe_alone
+    def __init__(
+        self,
+        out: PwmOut,
+        plant: Plant,
+        input_name: str = "pwm",
+        command_of: Callable[[list[float]], Any] = PwmCommand,
+    ) -> None:
+        self._out, self._plant, self._input, self._command_of = out, plant, input_name, command_of
+
+    @property
+    def channels(self) -> int:
+        """How many outputs it has."""
+        return self._out.channels
+
+    @property
+    def limits_us(self) -> tuple[float, float]:
+        """Shortest and longest pulse that it makes; some outputs tell only once they are configured."""
+        return self._out.limits_us
+
+    @property
+    def resolution_us(self) -> float:
+        """Pulses are whole multiples of this."""
+        return self._out.resolution_us
+
+    @property
+    def fails_safe_alone(self) -> bool:
+        """Whether the outputs go to neutral when this program is killed."""
+        return self._out.fails_safe_alone
 
     def write_us(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float = LEASE_S) -> AppliedPulses:
         """Asks for pulses; the plant is driven by the answer."""
         applied = self._out.write_us(pulses_us, stamp_s, lease_s)
-        self._plant.write(self._input, PwmCommand(applied.pulses_us))
+        self._drive(applied.pulses_us)
         return applied
 
     def configure(self) -> None:
@@ -77,7 +101,7 @@ class BenchPwm:
     def deactivate(self, reason: str) -> None:
         """Stops both."""
         self._out.deactivate(reason)
-        self._plant.write(self._input, PwmCommand())
+        self._drive([STOP_US] * self._out.channels)
 
     def health(self) -> Health:
         """Returns how the outputs are."""
@@ -87,3 +111,6 @@ class BenchPwm:
         """Lets go of the outputs."""
         self.deactivate("closed")
         self._out.close()
+
+    def _drive(self, pulses_us: list[float]) -> None:
+        self._plant.write(self._input, self._command_of(pulses_us))

@@ -134,10 +134,11 @@ def test_an_emergency_stop_holds_until_it_is_cleared(bench: Any) -> None:
     out.stop()
     assert STOPPED in pilot.hold(AHEAD, TICK_S).why
     assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
-    out.activate()
     pilot.hold(STILL, 0.5)
-    assert out.health().state == "inactive"
     assert out.health().why == "emergency stop"
+    with pytest.raises(DeviceError, match="emergency stop is set"):
+        out.activate()
+    assert out.health().state == "error"
     out.close()
     again = bench.open()
     with pytest.raises(DeviceError, match=r"emergency stop is set(.|\n)*clear_stop"):

@@ -104,6 +104,7 @@ class Board:
     def __init__(self, elf: Path, mcu: str = "atmega328p", baud: int = BAUD) -> None:
         if mcu not in PINS:
             raise ParameterError(f"There is no emulated microcontroller '{mcu}'.", fix=nearest(mcu, PINS))
+        self.mcu = mcu
         self._library = _library(runner_library())
         pins = PINS[mcu].replace(" ", "").encode()
         self._board = self._library.board_open(str(elf).encode(), mcu.encode(), CLOCK_HZ, baud, pins)

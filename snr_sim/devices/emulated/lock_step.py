@@ -19,6 +19,7 @@ from snr_sim.prelude.errors import PlantError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import PwmCommand
 
+STEP_S = 0.01
 MISSED_US = 50_000.0  # without a pulse for so long, a speed controller takes it that the signal is gone
 
 
@@ -71,13 +72,13 @@ class PlantOnBoard:
 
     @property
     def engine(self) -> str:
-        """Name of the plant's physics."""
-        return self.plant.engine
+        """Name of the plant's physics, and of the board's."""
+        return f"{self.plant.engine}, {self.board.mcu} in simavr"
 
     @property
-    def step_s(self) -> float | None:
-        """The plant's step."""
-        return self.plant.step_s
+    def step_s(self) -> float:
+        """The plant's step; one that takes any is stepped often enough to follow the pulses."""
+        return self.plant.step_s or STEP_S
 
     @property
     def time_s(self) -> float:

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from snr_sim.flight import Flight, Result
-from snr_sim.prelude.errors import PlantError
+from snr_sim.prelude.errors import PlantError, UnknownName
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.simulation import Request, prepare
 
@@ -48,3 +48,16 @@ def test_a_depth_is_held_through_the_firmware_and_twice_with_the_same_bits(tmp_p
     assert one.success
     other, second = fly(tmp_path / "b")
     assert (first, one.metrics) == (second, other.metrics)
+
+
+@pytest.mark.parametrize("scenario", ["lander_pad", "lander_vertical"])
+def test_a_lander_lands_with_its_engine_at_the_pins(tmp_path: Any, scenario: str) -> None:
+    result, _ = fly(tmp_path, scenario)
+    assert result.error == ""
+    assert result.outcome == "landed", result.notes
+    assert [note for note in result.notes if "Outputs" in note] == ["Outputs of 'engine', t = 0.02 s: active."]
+
+
+def test_one_role_alone_has_no_emulated_board() -> None:
+    with pytest.raises(UnknownName, match=r"in lock step with the whole robot(.|\n)*leave out --role urov"):
+        prepare(Request("urov_depth_hold", io="emulated", role="urov"))
