@@ -11,7 +11,8 @@ import pytest
 
 from snr_sim import Config, Faults, SimRunner, SocketsPair, TaskType
 from snr_sim.prelude.errors import ParameterError
-from snr_sim.std_mods.comms.faults import Way
+from snr_sim.prelude.rng import rng_for
+from snr_sim.std_mods.comms.faults import Luck, Way
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 
@@ -187,3 +188,9 @@ def test_the_rtt_over_real_sockets_shows_the_latency(start: Callable[..., Any]) 
     client = start("client", [pair.client("x")])
     client.until_link("t")
     client.until(lambda: (client.stored["link_t"][-1]["rtt_s"] or 0) >= 0.1, "rtt")
+
+
+def test_luck_that_is_drawn_many_at_a_time_is_the_same_as_two_by_two() -> None:
+    luck, rng = Luck(rng_for(5, "way")), rng_for(5, "way")
+    for _ in range(600):
+        assert luck.two() == tuple(rng.random(2).tolist())
