@@ -32,6 +32,7 @@ OVERLAYS = (
     "in config.txt dtoverlay=pwm-2chan (Raspberry Pi 3, 4), or "
     "dtoverlay=pwm-2chan,pin=12,func=4,pin2=13,func2=4 (5); then restart."
 )
+HOLD_S = 0.1  # five pulses: a speed controller that just loses its signal may push on for seconds
 PERMISSION_S = 1.0  # udev gives new files to their group a moment after they appear
 
 
@@ -96,8 +97,10 @@ class SysfsPwm(PlainPwm):
         return pulses_us
 
     def on_close(self) -> None:
-        """Ends the pulses and gives the channels back."""
+        """Ends the pulses, once neutral has been shown, and gives the channels back."""
         pins, self._pins = self._pins, []
+        if pins:
+            self._sleep(HOLD_S)
         for pin in pins:
             self._write(pin / "enable", "0")
             self._write(pin.parent / "unexport", pin.name.removeprefix("pwm"))

@@ -1,0 +1,130 @@
+"""What a program and the supervisor of its outputs say to each other over a pipe, as bytes.
+
+Each message is JSON behind two bytes of length; nobody takes more than `MOST_BYTES`. Times are of the computer's clock
+that all its processes share (CLOCK_MONOTONIC), so that a lease which waited in the pipe is as old as it is.
+"""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import msgspec
+
+from snr_sim.prelude.errors import DeviceError
+
+MOST_BYTES = 8192
+_HEAD = 2
+
+
+class Open(msgspec.Struct, frozen=True, tag=True):
+    """Opens the outputs and leaves them at neutral.
+
+    Args:
+        opener: "module:function"; called with `args` it returns a PwmOut.
+        args: of it.
+    """
+
+    opener: str
+    args: list[Any]
+
+
+class Arm(msgspec.Struct, frozen=True, tag=True):
+    """Begins to arm."""
+
+
+class Disarm(msgspec.Struct, frozen=True, tag=True):
+    """Goes to neutral."""
+
+    reason: str
+
+
+class Lease(msgspec.Struct, frozen=True, tag=True):
+    """Asks for pulses, for a while.
+
+    Args:
+        seq: counts up.
+        pulses_us: one for each channel.
+        stamp_s: when the command was computed.
+        lease_s: how long it counts from then on.
+    """
+
+    seq: int
+    pulses_us: list[float]
+    stamp_s: float
+    lease_s: float
+
+
+class Close(msgspec.Struct, frozen=True, tag=True):
+    """Goes to neutral and ends."""
+
+
+class Answer(msgspec.Struct, frozen=True, tag=True):
+    """To each order one.
+
+    Args:
+        seq: of the newest lease.
+        state: of the outputs, as in Health.
+        why: as in Health.
+        pulses_us: that are made.
+        reasons: why they are not as told.
+        counts: as in Health.
+        fix: if the order failed: what to try.
+    """
+
+    seq: int
+    state: str
+    why: str
+    pulses_us: list[float]
+    reasons: list[str]
+    counts: dict[str, int]
+    fix: str = ""
+
+
+Message: TypeAlias = Open | Arm | Disarm | Lease | Close | Answer
+
+_encoder = msgspec.json.Encoder()
+_decoder: msgspec.json.Decoder[Message] = msgspec.json.Decoder(Message)
+
+
+def encode(message: Message) -> bytes:
+    """Returns a message as its frame.
+
+    >>> encode(Arm())
+    b'\\x0e\\x00{"type":"Arm"}'
+    """
+    body = _encoder.encode(message)
+    if len(body) > MOST_BYTES:
+        raise DeviceError(f"A message of {len(body)} bytes to the supervisor of outputs; at most {MOST_BYTES}.")
+    return len(body).to_bytes(_HEAD, "little") + body
+
+
+class LeaseFrames:
+    """Bytes in, messages out, however they are cut."""
+
+    def __init__(self) -> None:
+        self._rest = b""
+
+    def feed(self, data: bytes) -> list[Message]:
+        """Takes bytes; returns the messages that are complete.
+
+        Raises:
+            DeviceError: that is no message. Nothing after it can be trusted.
+
+        >>> frames = LeaseFrames()
+        >>> frames.feed(b"\\x0e"), frames.feed(b'\\x00{"type":"Arm"}\\x0e')
+        ([], [Arm()])
+        """
+        self._rest += data
+        messages: list[Message] = []
+        while len(self._rest) >= _HEAD:
+            length = int.from_bytes(self._rest[:_HEAD], "little")
+            if length > MOST_BYTES:
+                raise DeviceError(f"A message of {length} bytes was announced; at most {MOST_BYTES} are taken.")
+            if len(self._rest) < _HEAD + length:
+                break
+            body, self._rest = self._rest[_HEAD : _HEAD + length], self._rest[_HEAD + length :]
+            try:
+                messages.append(_decoder.decode(body))
+            except msgspec.DecodeError as error:
+                raise DeviceError(f"{body[:60]!r} is no message of a supervisor: {error}.") from error
+        return messages

@@ -1,0 +1,64 @@
+"""Outputs that supervisors open in tests, and a robot's program that pushes until it is killed."""
+
+import mmap
+import sys
+import time
+from pathlib import Path
+
+from snr_sim.devices.pca9685 import Pca9685Pwm
+from snr_sim.devices.supervised_pwm import SupervisedPwm
+from snr_sim.devices.sysfs_pwm import SysfsPwm
+from snr_sim.devices.wire.i2c_bus import I2cBus
+from snr_sim.testing.i2c_parts import FakeBus, Pca9685Part
+from snr_sim.testing.pwm_tree import PwmTree
+
+FAST = [1900.0, 1900.0]
+STOP = [1500.0, 1500.0]
+
+
+def open_tree(root: str, takes_over: bool) -> SysfsPwm:
+    """The kernel's PWM files in a folder."""
+    write = PwmTree(Path(root)).write
+    return SysfsPwm(
+        time.monotonic, 2, esc_start_s=0.05, is_supervised=True, root=Path(root), takes_over=takes_over, write=write
+    )
+
+
+def open_chip(file: str, takes_over: bool) -> Pca9685Pwm:
+    """The registers of a PCA9685 in a file."""
+    bus = FakeBus({0x40: chip_in(file)})
+    return Pca9685Pwm(lambda: I2cBus(1, bus.opened), 0x40, time.monotonic, 2, esc_start_s=0.05, is_supervised=True)
+
+
+def chip_in(file: str) -> Pca9685Part:
+    """A PCA9685 whose registers are a file of 256 bytes."""
+    with Path(file).open("r+b") as opened:
+        return Pca9685Part(registers=mmap.mmap(opened.fileno(), 256))
+
+
+def supervised(opener: str, place: str) -> SupervisedPwm:
+    """The outputs behind a supervisor."""
+    like = globals()[opener](place, False)
+    return SupervisedPwm(like, time.monotonic, f"held_outputs:{opener}", [place])
+
+
+def push(opener: str, place: str) -> None:
+    """Arms, and pushes with all there is; says when it does."""
+    out = supervised(opener, place)
+    out.configure()
+    out.activate()
+    has_said = False
+    while True:
+        pulses = FAST if out.health().state == "active" else STOP
+        applied = out.write_us(pulses, time.monotonic())
+        if not has_said and pulses is FAST and not applied.why:
+            print("pushing", flush=True)
+            has_said = True
+        if out.health().state in ("inactive", "error"):
+            print(out.health(), flush=True)
+            return
+        time.sleep(0.02)
+
+
+if __name__ == "__main__":
+    push(*sys.argv[1:])

@@ -1,0 +1,317 @@
+"""Outputs behind the supervisor: the contract in simulated time, and what is left when processes are killed (H9)."""
+
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from snr_sim.devices.pca9685 import Pca9685Pwm
+from snr_sim.devices.pwm_supervisor import Supervisor
+from snr_sim.devices.supervised_pwm import SupervisedPwm
+from snr_sim.devices.wire.i2c_bus import I2cBus
+from snr_sim.devices.wire.lease_messages import LeaseFrames, Open, encode
+from snr_sim.prelude.errors import DeviceError
+from snr_sim.prelude.signals import LOST, NOT_ACTIVE
+from snr_sim.testing.i2c_parts import FakeBus, Pca9685Part
+from snr_sim.testing.pwm_contract import check_pwm_out
+from snr_sim.testing.pwm_tree import PwmTree
+
+HERE = Path(__file__).parent
+GENEROUS_S = 60.0
+
+
+class Line:
+    """A supervisor without a process: it obeys at once."""
+
+    name = "supervisor"
+
+    def __init__(self, now_s: Callable[[], float]) -> None:
+        self.supervisor = Supervisor(now_s)
+        self._frames, self._answers = LeaseFrames(), b""
+        self.is_deaf = False
+
+    def write(self, data: bytes) -> None:
+        for order in self._frames.feed(data):
+            if not self.is_deaf:
+                self._answers += encode(self.supervisor.obey(order))
+
+    def read(self) -> bytes:
+        answers, self._answers = self._answers, b""
+        return answers
+
+    def wait(self, seconds: float) -> bool:
+        return bool(self._answers)
+
+    def close(self) -> None:
+        self.supervisor.end(lambda seconds: None)
+
+
+class Bench:
+    """A PCA9685 behind a supervisor, in simulated time."""
+
+    can_unplug = False  # of the pipe there is no wire to pull; of the chip's there is a test below
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.time_s = 100.0
+        self.part = Pca9685Part()
+        self.raw = FakeBus({0x40: self.part})
+        self.line = Line(self.now_s)
+        opener = ModuleType("bench_of_this_test")
+        opener.open = self._chip  # type: ignore[attr-defined]
+        monkeypatch.setitem(sys.modules, opener.__name__, opener)
+
+    def _chip(self, takes_over: bool = False) -> Pca9685Pwm:
+        return Pca9685Pwm(
+            lambda: I2cBus(1, self.raw.opened), 0x40, self.now_s, 8, esc_start_s=1.0, is_supervised=True,
+            sleep=lambda seconds: None,
+        )  # fmt: skip
+
+    def open(self) -> SupervisedPwm:
+        return SupervisedPwm(
+            self._chip(), self.now_s, "bench_of_this_test:open", [], open_line=self._line, monotonic_s=self.now_s
+        )
+
+    def _line(self) -> Line:
+        self.line = Line(self.now_s)
+        return self.line
+
+    def armed(self) -> SupervisedPwm:
+        out = self.open()
+        out.configure()
+        out.activate()
+        for _ in range(100):
+            self.advance(0.02)
+            if not out.write_us([1500.0] * 8, self.time_s).why:
+                return out
+        raise AssertionError(out.health())
+
+    def now_s(self) -> float:
+        return self.time_s
+
+    def advance(self, seconds: float) -> None:
+        """Lets time go on; a supervisor looks at its clock by itself."""
+        until_s = self.time_s + seconds
+        while self.time_s < until_s - 1e-9:
+            self.time_s = min(until_s, self.time_s + 0.005)
+            self.line.supervisor.look()
+
+    def pins_us(self) -> list[float]:
+        return self.part.pins_us(8)
+
+    def unplug(self) -> None:
+        self.raw.is_there = False
+
+    def plug_in(self) -> None:
+        self.raw.is_there = True
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
+    return Bench(monkeypatch)
+
+
+def test_it_keeps_the_promise_of_outputs_and_fails_safe_alone(bench: Bench) -> None:
+    assert bench.open().fails_safe_alone
+    check_pwm_out(bench)
+
+
+def test_after_a_lease_ran_out_it_is_armed_again_only_by_hand_and_from_neutral(bench: Bench) -> None:
+    out = bench.armed()
+    out.write_us([1700.0] * 8, bench.time_s)
+    bench.advance(0.21)
+    assert bench.pins_us() == [pytest.approx(1498.2, abs=0.1)] * 8
+    assert NOT_ACTIVE in out.write_us([1700.0] * 8, bench.time_s).why
+    assert NOT_ACTIVE in out.write_us([1700.0] * 8, bench.time_s).why
+    assert "the lease ran out" in out.health().why
+    out.activate()
+    for _ in range(100):
+        bench.advance(0.02)
+        out.write_us([1700.0] * 8, bench.time_s)
+    assert out.health().state == "activating"
+    assert bench.pins_us() == [pytest.approx(1498.2, abs=0.1)] * 8
+
+
+def test_a_command_is_as_old_in_the_supervisor_as_it_is_in_the_program(bench: Bench) -> None:
+    """It was computed 0.15 s ago, so 0.05 s are left of it."""
+    out = bench.armed()
+    out.write_us([1700.0] * 8, bench.time_s - 0.15)
+    bench.advance(0.04)
+    assert bench.pins_us()[0] > 1690.0
+    bench.advance(0.02)
+    assert bench.pins_us() == [pytest.approx(1498.2, abs=0.1)] * 8
+
+
+def test_the_chips_wire_that_was_pulled_is_told_in_the_supervisors_words(bench: Bench) -> None:
+    out = bench.armed()
+    bench.raw.is_there = False
+    applied = out.write_us([1700.0] * 8, bench.time_s)
+    assert LOST in applied.why
+    assert "Nobody answers at 0x40 on /dev/i2c-1" in out.health().why
+    with pytest.raises(DeviceError, match="Nobody answers at 0x40"):
+        out.configure()
+    bench.raw.is_there = True
+    out.configure()
+    assert out.health().state == "inactive"
+
+
+def test_a_supervisor_that_hangs_is_told(bench: Bench) -> None:
+    out = bench.armed()
+    bench.line.is_deaf = True
+    for _ in range(60):
+        bench.advance(0.02)
+        out.write_us([1500.0] * 8, bench.time_s)
+    assert "has not answered for 1 s" in out.health().why
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"\xff\xffxx", "65535 bytes was announced"),
+        (b"\x03\x00abc", "is no message of a supervisor"),
+        (b'\x0e\x00{"type":"Arx"}', "is no message of a supervisor"),
+    ],
+)
+def test_bytes_that_are_no_message_are_refused(data: bytes, words: str) -> None:
+    with pytest.raises(DeviceError, match=words):
+        LeaseFrames().feed(data)
+
+
+def test_an_order_before_the_outputs_are_open_is_answered_with_what_to_do() -> None:
+    from snr_sim.devices.wire.lease_messages import Arm
+
+    answer = Supervisor(lambda: 0.0).obey(Arm())
+    assert (answer.state, answer.why) == ("error", "These outputs are not open.")
+    with pytest.raises(DeviceError, match="at most 8192"):
+        encode(Open("x:y", ["z" * 9000]))
+
+
+# From here on with real processes.
+
+
+def chip_file(folder: Path) -> str:
+    file = folder / "registers"
+    file.write_bytes(bytes(256))
+    from_tests(lambda held: held.chip_in(str(file)).power_on())
+    return str(file)
+
+
+def from_tests(use: Callable[[Any], Any]) -> Any:
+    sys.path.insert(0, str(HERE))
+    try:
+        import held_outputs  # type: ignore[import-not-found]
+    finally:
+        sys.path.remove(str(HERE))
+    return use(held_outputs)
+
+
+def place_and_pins(kind: str, folder: Path) -> tuple[str, Callable[[], list[float]]]:
+    if kind == "open_chip":
+        file = chip_file(folder)
+        part = from_tests(lambda held: held.chip_in(file))
+        return file, lambda: part.pins_us(2)
+    tree = PwmTree(folder / "pwm")
+    return str(tree.root), lambda: [tree.pulse_us(0), tree.pulse_us(1)]
+
+
+def wait_until(is_so: Callable[[], bool], what: str) -> float:
+    """Returns how long it took."""
+    began_s = time.monotonic()
+    while not is_so():
+        assert time.monotonic() < began_s + GENEROUS_S, what
+        time.sleep(0.001)
+    return time.monotonic() - began_s
+
+
+def is_neutral(pins_us: list[float]) -> bool:
+    return all(abs(pin - 1500.0) <= 2.5 for pin in pins_us)
+
+
+@contextmanager
+def pushing(kind: str, place: str) -> Iterator[subprocess.Popen[str]]:
+    """A robot's program in a process of its own, at full thrust."""
+    program = [sys.executable, str(HERE / "held_outputs.py"), kind, place]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, text=True) as node:
+        assert node.stdout is not None
+        try:
+            assert select.select([node.stdout], [], [], GENEROUS_S)[0], "it does not begin to push"
+            assert node.stdout.readline() == "pushing\n"
+            yield node
+        finally:
+            node.kill()
+
+
+@pytest.mark.parametrize("kind", ["open_tree", "open_chip"])
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
+def test_h9_a_program_that_is_killed_or_hangs_leaves_neutral_within_a_quarter_of_a_second(
+    tmp_path: Path, kind: str, how: signal.Signals
+) -> None:
+    """Tried up to four times: a busy computer may keep any process waiting for longer than that."""
+    took_s = []
+    for nth in range(4):
+        folder = tmp_path / str(nth)
+        folder.mkdir()
+        place, pins_us = place_and_pins(kind, folder)
+        with pushing(kind, place) as node:
+            wait_until(lambda pins=pins_us: pins()[0] > 1890.0, "full thrust")
+            os.kill(node.pid, how)
+            took_s.append(wait_until(lambda pins=pins_us: is_neutral(pins()), "neutral"))
+        if took_s[-1] <= 0.25:
+            return
+    raise AssertionError(f"neutral after {took_s} s")
+
+
+@pytest.mark.parametrize("kind", ["open_tree", "open_chip"])
+def test_h9_a_supervisor_that_is_killed_is_told_and_the_next_one_takes_over_at_neutral(
+    tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(HERE))
+    place, pins_us = place_and_pins(kind, tmp_path)
+    out: SupervisedPwm = from_tests(lambda held: held.supervised(kind, place))
+    out.configure()
+
+    def follow(pulses_us: list[float], is_so: Callable[[], bool]) -> None:
+        def write() -> bool:
+            out.write_us(pulses_us, time.monotonic())
+            if out.health().state == "inactive":
+                out.activate()  # a busy computer: a lease has run out
+            return is_so()
+
+        wait_until(write, f"{out.health()}, {pins_us()}")
+
+    follow([1500.0] * 2, lambda: out.health().state == "active")
+    follow([1900.0] * 2, lambda: pins_us()[0] > 1890.0)
+    line = out._line
+    assert line is not None
+    os.kill(line.pid, signal.SIGKILL)  # type: ignore[attr-defined]
+    wait_until(lambda: LOST in out.write_us([1900.0] * 2, time.monotonic()).why, "it is told")
+    assert out.health().state == "error"
+    assert "was killed by SIGKILL" in out.health().why
+    assert pins_us()[0] > 1890.0  # what nobody can help: so it is documented
+    out.configure()
+    assert is_neutral(pins_us())
+    assert LOST not in out.write_us([1900.0] * 2, time.monotonic()).why
+    assert is_neutral(pins_us())
+    follow([1500.0] * 2, lambda: out.health().state == "active")
+    follow([1900.0] * 2, lambda: pins_us()[0] > 1890.0)
+    out.close()
+    assert pins_us() == [0.0, 0.0] if kind == "open_tree" else is_neutral(pins_us())
+
+
+def test_what_a_supervisor_cannot_open_is_told_in_its_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(HERE))
+    tree = PwmTree(tmp_path)
+    tree.write(tmp_path / "pwmchip0/export", "0")
+    out: SupervisedPwm = from_tests(lambda held: held.supervised("open_tree", str(tmp_path)))
+    with pytest.raises(DeviceError, match="pwm0 is in use: another program has exported it") as e:
+        out.configure()
+    assert "unexport" in e.value.fix
+    out.close()
