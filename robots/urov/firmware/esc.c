@@ -7,13 +7,13 @@
 #include <avr/io.h>
 #include <avr/sleep.h>
 #include <avr/wdt.h>
+#include <util/atomic.h>
 
 #include "frames.h"
 #include "pulses.h"
 
 #define PROTOCOL 1
-#define VERSION_MAJOR 1
-#define VERSION_MINOR 0
+#define VERSION 1, 0
 #define MOST_LEASE_MS 200
 #define ESC_START_MS 1500 /* a Basic ESC wants neutral for about a second before it turns */
 #define DEAD_BAND (25 * TICKS_PER_US)
@@ -21,7 +21,6 @@
 #define SLEW_PER_MS (SLEW_US_PER_100MS * TICKS_PER_US / 100)
 #define DWELL_MS 50
 #define HEARTBEAT_MS 50
-#define ADC_MS 10
 #define MOST_SILENCE_MS 60 /* without pulses; then the watchdog is not fed any more */
 #define ANSWERS_ROOM 80    /* bytes on the way out that telemetry leaves to answers */
 
@@ -31,38 +30,35 @@ enum { DONE, IS_STARTING, NO_COMMAND, NOT_NEUTRAL, IS_STOPPED, OTHER_SESSION, OT
 enum {
     F_LEASE_EXPIRED = 1, F_STOPPED = 2, F_STALE = 4, F_REPEATED = 8, F_CLAMPED = 16, F_LIMITED = 32,
     F_BAD_LENGTH = 64, F_OTHER_SESSION = 128, F_OVERRUN = 256, F_UNKNOWN_TYPE = 512,
-    F_OF_COMMAND = F_STALE | F_REPEATED | F_CLAMPED,
-    F_OF_SESSION = F_BAD_LENGTH | F_OTHER_SESSION | F_OVERRUN | F_UNKNOWN_TYPE,
+    F_OF_COMMAND = F_STALE | F_REPEATED | F_CLAMPED, F_OF_SESSION = F_BAD_LENGTH | F_OTHER_SESSION | F_UNKNOWN_TYPE,
 };
 
+volatile uint16_t widths[CHANNELS];
+volatile uint8_t periods;
+
 static uint8_t reset_cause __attribute__((section(".noinit")));
-static volatile uint8_t clock_ms;  /* counted by an interrupt; wraps */
-static uint32_t now_ms;            /* since the start, as far as every_millisecond() has come */
+static volatile uint8_t clock_ms; /* counted by an interrupt; wraps */
+static uint32_t now_ms;           /* since the start, as far as every_millisecond() has come */
 
 static uint8_t state = STARTING;
 static uint16_t faults;
 static uint16_t session, seq;
-static uint32_t stamp_ms;     /* of the last command, by the computer's clock */
-static uint16_t age_ms;       /* since it was computed */
-static uint16_t lease_ms;     /* how old it may get */
-static uint8_t has_command;   /* since the session began */
-static uint8_t is_in_force;   /* its lease has not run out */
-static uint16_t commanded[CHANNELS];
+static uint32_t stamp_ms;                /* of the last command, by the computer's clock */
+static uint16_t age_ms, lease_ms;        /* since it was computed; how old it may get */
+static uint8_t has_command, is_in_force; /* there is one in this session; it is not too old */
+static uint16_t commanded[CHANNELS];     /* by it */
 
 static struct output {
-    uint16_t width;    /* what is at the pin */
-    int8_t side;       /* of neutral, where it was last driven to: 1, -1; 0 once it has stood still long enough */
-    uint8_t still_ms;  /* how long it has been in the dead band */
+    uint16_t width;   /* what is at the pin */
+    int8_t side;      /* of neutral, where it was last driven to: 1, -1; 0 once it has stood still long enough */
+    uint8_t still_ms; /* how long it has been in the dead band */
 } outputs[CHANNELS];
-static uint8_t is_settled; /* all outputs are where they were told to be, and will stay there */
 
 static uint16_t adc[2]; /* counts at A0 and A1 */
 static uint8_t nth;     /* frames sent */
 
 /* Before main: why it starts, and the watchdog off, which else goes on after a reset by it. */
-void keep_reset_cause(void) __attribute__((naked, used, section(".init3")));
-void keep_reset_cause(void)
-{
+void __attribute__((naked, used, section(".init3"))) keep_reset_cause(void) {
     reset_cause = MCUSR;
     MCUSR = 0;
     wdt_disable();
@@ -70,69 +66,57 @@ void keep_reset_cause(void)
 
 /* ---- outputs ---- */
 
-static int8_t side_of(uint16_t width)
-{
+static int8_t side_of(uint16_t width) {
     return (width > NEUTRAL + DEAD_BAND) - (width < NEUTRAL - DEAD_BAND);
 }
 
+static void set_width(uint8_t channel, uint16_t width) {
+    outputs[channel].width = width;
+    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
+        widths[channel] = width;
+    }
+}
+
 /* One millisecond of one output towards its command: not too fast, and through the dead band with a rest. */
-static void follow(uint8_t channel)
-{
+static void follow(uint8_t channel) {
     struct output *output = &outputs[channel];
     uint16_t goal = state == ARMED ? commanded[channel] : NEUTRAL, width = output->width;
-    int8_t side = side_of(width), wanted = side_of(goal);
+    int8_t side = side_of(width), wanted;
 
-    if (side) {
+    if (goal == width && side == output->side && output->still_ms == 0)
+        return;
+    if (side || ++output->still_ms == DWELL_MS) {
         output->side = side;
         output->still_ms = 0;
-    } else if (output->side) {
-        is_settled = 0;
-        if (++output->still_ms >= DWELL_MS)
-            output->side = 0;
     }
     if (goal == width)
         return;
-    is_settled = 0;
     faults |= F_LIMITED;
+    wanted = side_of(goal);
     if (wanted && output->side && wanted != output->side)
         goal = NEUTRAL;
     if (goal > width)
         width = goal - width > SLEW_PER_MS ? width + SLEW_PER_MS : goal;
     else
         width = width - goal > SLEW_PER_MS ? width - SLEW_PER_MS : goal;
-    if (width != output->width)
-        pulses_set(channel, output->width = width);
+    set_width(channel, width);
 }
 
-static void follow_all(void)
-{
-    if (is_settled)
-        return;
-    is_settled = 1;
-    faults &= ~F_LIMITED;
-    for (uint8_t i = 0; i < CHANNELS; i++)
-        follow(i);
-}
-
-static void leave_armed(uint8_t next, uint16_t fault) /* neutral, at once and without slew */
-{
-    is_settled = 0;
+static void leave_armed(uint8_t next, uint16_t fault) { /* neutral, at once and without slew */
     state = next;
     faults |= fault;
     for (uint8_t i = 0; i < CHANNELS; i++)
-        pulses_set(i, outputs[i].width = NEUTRAL);
+        set_width(i, NEUTRAL);
 }
 
 /* ---- what is sent ---- */
 
-static void add16(uint16_t value)
-{
+static void add16(uint16_t value) {
     frame_add(value);
     frame_add(value >> 8);
 }
 
-static uint8_t begin(uint8_t type, uint8_t size, uint8_t spare) /* whether there is room */
-{
+static uint8_t begin(uint8_t type, uint8_t size, uint8_t spare) { /* whether there is room */
     if (!frame_begin(size + spare))
         return 0;
     frame_add(type);
@@ -141,13 +125,7 @@ static uint8_t begin(uint8_t type, uint8_t size, uint8_t spare) /* whether there
     return 1;
 }
 
-static void add_millivolts(uint16_t counts)
-{
-    add16(((uint32_t)counts * 5000 + 512) / 1024);
-}
-
-static void send_telemetry(void)
-{
+static void send_telemetry(void) {
     if (!begin(TELEMETRY, 25 + 2 * CHANNELS, ANSWERS_ROOM))
         return;
     add16(seq);
@@ -158,37 +136,31 @@ static void send_telemetry(void)
     frame_add(reset_cause);
     add16(has_command ? age_ms : UINT16_MAX);
     add16(crc_errors);
-    add_millivolts(adc[0]);
-    add_millivolts(adc[1]);
+    for (uint8_t i = 0; i < 2; i++)
+        add16(((uint32_t)adc[i] * 5000 + 512) / 1024);
     for (uint8_t i = 0; i < CHANNELS; i++)
         add16(outputs[i].width);
     frame_end();
 }
 
-static void send_ident(void)
-{
-    static const uint16_t numbers[] = {
-        LOWEST, NEUTRAL, HIGHEST, DEAD_BAND, 1000 / TICKS_PER_US, PERIOD_MS * 1000,
-        MOST_LEASE_MS, ESC_START_MS, SLEW_US_PER_100MS, DWELL_MS,
+static void send_ident(void) {
+    static const struct { /* as it goes over the line: an AVR keeps the low byte first, and leaves no gaps */
+        uint8_t protocol, major, minor, channels;
+        uint16_t lowest, neutral, highest, dead_band, resolution_ns, period_us, lease_ms, esc_start_ms, slew, dwell_ms;
+        char mcu[12], name[16];
+    } ident = {
+        PROTOCOL, VERSION, CHANNELS,
+        LOWEST, NEUTRAL, HIGHEST, DEAD_BAND, 1000 / TICKS_PER_US, PERIOD_MS * 1000, MOST_LEASE_MS, ESC_START_MS,
+        SLEW_US_PER_100MS, DWELL_MS, MCU_NAME, "snr_sim esc",
     };
-    static const char name[16] = "snr_sim esc";
-    if (!begin(IDENT, 8 + sizeof numbers + sizeof mcu_name + sizeof name, 0))
+    if (!begin(IDENT, 4 + sizeof ident, 0))
         return;
-    frame_add(PROTOCOL);
-    frame_add(VERSION_MAJOR);
-    frame_add(VERSION_MINOR);
-    frame_add(CHANNELS);
-    for (uint8_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
-        add16(numbers[i]);
-    for (uint8_t i = 0; i < sizeof mcu_name; i++)
-        frame_add(mcu_name[i]);
-    for (uint8_t i = 0; i < sizeof name; i++)
-        frame_add(name[i]);
+    for (uint8_t i = 0; i < sizeof ident; i++)
+        frame_add(((const uint8_t *)&ident)[i]);
     frame_end();
 }
 
-static void answer(uint8_t to, uint8_t result)
-{
+static void answer(uint8_t to, uint8_t result) {
     if (!begin(ANSWER, 6, 0))
         return;
     frame_add(to);
@@ -198,13 +170,11 @@ static void answer(uint8_t to, uint8_t result)
 
 /* ---- what is asked for ---- */
 
-static uint16_t get16(const uint8_t *from)
-{
+static uint16_t get16(const uint8_t *from) {
     return from[0] | (uint16_t)from[1] << 8;
 }
 
-static void hello(uint16_t new_session, uint8_t protocol)
-{
+static void hello(uint16_t new_session, uint8_t protocol) {
     if (protocol != PROTOCOL || new_session == 0) {
         answer(HELLO, protocol != PROTOCOL ? OTHER_PROTOCOL : OTHER_SESSION);
         return;
@@ -220,21 +190,18 @@ static void hello(uint16_t new_session, uint8_t protocol)
     send_ident();
 }
 
-static void take_command(const uint8_t *body)
-{
+static void take_command(const uint8_t *body) {
     uint32_t stamp = get16(body + 5) | (uint32_t)get16(body + 7) << 16;
     uint16_t age = get16(body + 9), lease = get16(body + 11);
     if (lease > MOST_LEASE_MS)
         lease = MOST_LEASE_MS;
     faults &= ~F_OF_COMMAND;
-    if (has_command && (int32_t)(stamp - stamp_ms) <= 0) { /* also right when the computer's count begins anew */
+    if (has_command && (int32_t)(stamp - stamp_ms) <= 0) /* also right when the computer's count begins anew */
         faults |= F_REPEATED;
-        return;
-    }
-    if (age >= lease) {
+    else if (age >= lease)
         faults |= F_STALE;
+    if (faults & F_OF_COMMAND)
         return;
-    }
     has_command = is_in_force = 1;
     seq = get16(body + 3);
     stamp_ms = stamp;
@@ -245,14 +212,11 @@ static void take_command(const uint8_t *body)
         uint16_t allowed = width < LOWEST ? LOWEST : width > HIGHEST ? HIGHEST : width;
         if (allowed != width)
             faults |= F_CLAMPED;
-        if (allowed != commanded[i])
-            is_settled = 0;
         commanded[i] = allowed;
     }
 }
 
-static uint8_t arm(void)
-{
+static uint8_t arm(void) {
     if (state == STARTING)
         return IS_STARTING;
     if (state == STOPPED)
@@ -269,25 +233,19 @@ static uint8_t arm(void)
     return DONE;
 }
 
-static uint8_t request(uint8_t type)
-{
-    switch (type) {
-    case ARM:
+static uint8_t request(uint8_t type) {
+    if (type == ARM)
         return arm();
-    case DISARM:
-        if (state == ARMED)
-            leave_armed(DISARMED, 0);
-        return DONE;
-    default: /* CLEAR_STOP */
-        if (state == STOPPED)
-            state = now_ms < ESC_START_MS ? STARTING : DISARMED;
+    if (type == DISARM && state == ARMED)
+        leave_armed(DISARMED, 0);
+    if (type == CLEAR_STOP && state == STOPPED) {
+        state = now_ms < ESC_START_MS ? STARTING : DISARMED;
         faults &= ~F_STOPPED;
-        return DONE;
     }
+    return DONE;
 }
 
-static void handle(const uint8_t *body, uint8_t length)
-{
+static void handle(const uint8_t *body, uint8_t length) {
     uint8_t type = body[0];
     if (type == EMERGENCY_STOP) { /* whoever asks, and whatever follows: rather once too often */
         leave_armed(STOPPED, F_STOPPED);
@@ -295,20 +253,16 @@ static void handle(const uint8_t *body, uint8_t length)
         return;
     }
 #ifdef HANG_TEST /* for tests of the watchdog only */
-    if (type == HANG) {
+    while (type == HANG)
         if (body[1])
             cli();
-        for (;;) {
-        }
-    }
 #endif
     if (type < HELLO || type > CLEAR_STOP) {
         faults |= F_UNKNOWN_TYPE;
         return;
     }
     uint8_t expected = type == HELLO ? 4 : type == SET_WIDTHS ? 13 + 2 * CHANNELS : 3;
-    uint8_t is_ours = type == HELLO || (length >= 3 && session != 0 && get16(body + 1) == session);
-    if (!is_ours) {
+    if (type != HELLO && (length < 3 || session == 0 || get16(body + 1) != session)) {
         faults |= F_OTHER_SESSION;
         answer(type, OTHER_SESSION);
     } else if (length != expected) {
@@ -326,13 +280,11 @@ static void handle(const uint8_t *body, uint8_t length)
 
 /* ---- time ---- */
 
-ISR(TIMER2_COMPA_vect)
-{
+ISR(TIMER2_COMPA_vect) {
     clock_ms++;
 }
 
-static void read_adc(void) /* fetches what was measured, and begins with the other pin */
-{
+static void read_adc(void) { /* fetches what was measured, and begins with the other pin */
     static uint8_t pin;
     adc[pin] = ADC;
     pin ^= 1;
@@ -340,22 +292,16 @@ static void read_adc(void) /* fetches what was measured, and begins with the oth
     ADCSRA |= _BV(ADSC);
 }
 
-static void feed_watchdog(void) /* as long as pulses are made */
-{
+static void feed_watchdog(void) { /* as long as pulses are made */
     static uint8_t last, silent_ms;
-    if (periods != last) {
-        last = periods;
-        silent_ms = 0;
-    }
-    if (silent_ms < MOST_SILENCE_MS) {
-        silent_ms++;
+    silent_ms = periods == last ? silent_ms + 1 : 0;
+    last = periods;
+    if (silent_ms < MOST_SILENCE_MS)
         wdt_reset();
-    }
 }
 
-static void every_millisecond(void)
-{
-    static uint8_t until_heartbeat = HEARTBEAT_MS, until_adc = ADC_MS;
+static void every_millisecond(void) {
+    static uint8_t quiet_ms;
     if (age_ms < UINT16_MAX - 1)
         age_ms++;
     if (is_in_force && age_ms >= lease_ms) {
@@ -365,36 +311,35 @@ static void every_millisecond(void)
     }
     if (state == STARTING && now_ms >= ESC_START_MS)
         state = DISARMED;
-    follow_all();
-    if (--until_adc == 0) {
-        until_adc = ADC_MS;
+    faults &= ~F_LIMITED;
+    for (uint8_t i = 0; i < CHANNELS; i++)
+        follow(i);
+    if ((now_ms & 7) == 0)
         read_adc();
-    }
-    if (--until_heartbeat == 0) {
-        until_heartbeat = HEARTBEAT_MS;
-        if (!is_in_force)
-            send_telemetry();
+    quiet_ms = is_in_force ? 0 : quiet_ms + 1;
+    if (quiet_ms == HEARTBEAT_MS) {
+        quiet_ms = 0;
+        send_telemetry();
     }
     feed_watchdog();
 }
 
-static void sleep_until_something_happens(void)
-{
+static void sleep_until_something_happens(void) {
     cli(); /* or what happens between the question and the sleep would be slept over */
-    if (!frame_ends && clock_ms == (uint8_t)now_ms) {
+    while (!frame_ends && clock_ms == (uint8_t)now_ms) {
         sleep_enable();
         sei(); /* holds from the instruction after the next one on */
         sleep_cpu();
         sleep_disable();
+        cli();
     }
     sei();
 }
 
-int main(void)
-{
+int main(void) {
     const uint8_t *body;
     for (uint8_t i = 0; i < CHANNELS; i++)
-        outputs[i].width = commanded[i] = NEUTRAL;
+        widths[i] = outputs[i].width = commanded[i] = NEUTRAL;
     wdt_enable(WDTO_120MS);
     frames_begin();
     pulses_begin();
@@ -403,7 +348,6 @@ int main(void)
     TCCR2A = _BV(WGM21);
     TCCR2B = _BV(CS22); /* 16 MHz / 64 / 250: a millisecond */
     TIMSK2 = _BV(OCIE2A);
-    sei();
     for (;;) {
         sleep_until_something_happens();
         for (uint8_t length; (length = frames_read(&body));)

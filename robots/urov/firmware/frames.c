@@ -17,15 +17,13 @@ volatile uint8_t bytes_lost, frame_ends;
 static volatile uint8_t in[256], out[256];
 static volatile uint8_t in_head, in_tail, out_head, out_tail;
 
-void frames_begin(void)
-{
+void frames_begin(void) {
     UCSR0A = _BV(U2X0);
     UBRR0 = 16; /* 117647 baud, 2 % fast: as near to 115200 as 16 MHz gets, and near enough */
     UCSR0B = _BV(RXEN0) | _BV(TXEN0) | _BV(RXCIE0);
 }
 
-ISR(USART_RX_vect)
-{
+ISR(USART_RX_vect) {
     uint8_t overrun = UCSR0A & _BV(DOR0); /* to be read before the byte */
     uint8_t byte = UDR0, head = in_head;
     if (overrun || (uint8_t)(head + 1) == in_tail)
@@ -36,8 +34,7 @@ ISR(USART_RX_vect)
         frame_ends = 1;
 }
 
-ISR(USART_UDRE_vect)
-{
+ISR(USART_UDRE_vect) {
     uint8_t tail = out_tail;
     UDR0 = out[tail++]; /* first a byte, then perhaps off: some emulators lose the interrupt otherwise */
     out_tail = tail;
@@ -52,8 +49,7 @@ static uint8_t has_zero; /* a zero stood where the next count is, if the frame g
 static uint8_t is_bad;
 static uint16_t crc;
 
-static void append(uint8_t byte)
-{
+static void append(uint8_t byte) {
     if (length == MAX_BODY) {
         is_bad = 1;
         return;
@@ -62,8 +58,7 @@ static void append(uint8_t byte)
     crc = _crc_xmodem_update(crc, byte);
 }
 
-static uint8_t finish(void) /* at the zero: the length of the body, or 0 */
-{
+static uint8_t finish(void) { /* at the zero: the length of the body, or 0 */
     uint8_t is_empty = !length && !run && !has_zero;
     uint8_t is_good = !run && !is_bad && length > 2 && crc == 0; /* over a body and its CRC, the CRC is 0 */
     uint8_t found = is_good ? length - 2 : 0;
@@ -74,8 +69,7 @@ static uint8_t finish(void) /* at the zero: the length of the body, or 0 */
     return found;
 }
 
-uint8_t frames_read(const uint8_t **found)
-{
+uint8_t frames_read(const uint8_t **found) {
     *found = body;
     frame_ends = 0;
     while (in_head != in_tail) {
@@ -101,8 +95,7 @@ uint8_t frames_read(const uint8_t **found)
 static uint8_t head, count_at; /* where the count of this run of bytes belongs */
 static uint16_t sum;
 
-static void put(uint8_t byte)
-{
+static void put(uint8_t byte) {
     if (byte) {
         out[head++] = byte;
         return;
@@ -111,8 +104,7 @@ static void put(uint8_t byte)
     count_at = head++;
 }
 
-uint8_t frame_begin(uint8_t size)
-{
+uint8_t frame_begin(uint8_t size) {
     uint8_t room = out_tail - out_head - 1;
     if (room < size + 4) /* a count, two bytes of CRC, a zero */
         return 0;
@@ -122,14 +114,12 @@ uint8_t frame_begin(uint8_t size)
     return 1;
 }
 
-void frame_add(uint8_t byte)
-{
+void frame_add(uint8_t byte) {
     sum = _crc_xmodem_update(sum, byte);
     put(byte);
 }
 
-void frame_end(void)
-{
+void frame_end(void) {
     put(sum >> 8);
     put(sum);
     put(0); /* fills in the last count */

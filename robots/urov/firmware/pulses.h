@@ -18,8 +18,7 @@
 #error PERIOD_MS must be from 8 to 30
 #endif
 
-extern const char mcu_name[12];
-extern volatile uint8_t periods; /* counts them, so that somebody can see that pulses are still being made */
+extern volatile uint16_t widths[CHANNELS]; /* of each channel's next pulses; to be written without interruption */
+extern volatile uint8_t periods;           /* counts them, so that somebody can see that pulses are still being made */
 
-void pulses_begin(void);                          /* all channels neutral from the first pulse on */
-void pulses_set(uint8_t channel, uint16_t width); /* from this channel's next pulse on */
+void pulses_begin(void);

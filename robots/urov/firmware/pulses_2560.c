@@ -4,32 +4,23 @@
 
 #include <avr/interrupt.h>
 #include <avr/io.h>
-#include <util/atomic.h>
-
-const char mcu_name[12] = "atmega2560";
-volatile uint8_t periods;
 
 #define PERIOD_TICKS (PERIOD_MS * 1000u * TICKS_PER_US)
 
-static volatile uint16_t widths[CHANNELS];
 static volatile uint16_t *const compare[CHANNELS] = {&OCR3B, &OCR3C, &OCR3A, &OCR4A, &OCR4B, &OCR4C, &OCR1A, &OCR1B};
 
 /* 0.2 ms before the next pulses: hands over the widths. The timers take them when the pulses begin. simavr takes them
    at once, and so they are not handed over while a pulse is under way. */
-ISR(TIMER1_COMPC_vect)
-{
+ISR(TIMER1_COMPC_vect) {
     for (uint8_t i = 0; i < CHANNELS; i++)
         *compare[i] = widths[i] - 1; /* a pulse lasts from 0 up to the match, both included */
     periods++;
 }
 
-void pulses_begin(void)
-{
+void pulses_begin(void) {
     GTCCR = _BV(TSM) | _BV(PSRSYNC); /* the timers stand still until all are set up, then go at once */
-    for (uint8_t i = 0; i < CHANNELS; i++) {
-        widths[i] = NEUTRAL;
-        *compare[i] = NEUTRAL - 1;
-    }
+    for (uint8_t i = 0; i < CHANNELS; i++)
+        *compare[i] = widths[i] - 1;
     OCR1C = PERIOD_TICKS - 200 * TICKS_PER_US;
     ICR1 = ICR3 = ICR4 = PERIOD_TICKS - 1;
     TCNT1 = TCNT3 = TCNT4 = PERIOD_TICKS - 1000 * TICKS_PER_US; /* the first pulses in a millisecond */
@@ -42,12 +33,4 @@ void pulses_begin(void)
     DDRE |= _BV(PE3) | _BV(PE4) | _BV(PE5);
     DDRH |= _BV(PH3) | _BV(PH4) | _BV(PH5);
     GTCCR = 0;
-}
-
-void pulses_set(uint8_t channel, uint16_t width)
-{
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
-    {
-        widths[channel] = width;
-    }
 }

@@ -17,15 +17,10 @@
 
 #include <avr/interrupt.h>
 #include <avr/io.h>
-#include <util/atomic.h>
 
 #define SLOT (1000 * TICKS_PER_US)
 #define LEAD (10 * TICKS_PER_US) /* longer than the other interrupts together take */
 
-const char mcu_name[12] = "atmega328p";
-volatile uint8_t periods;
-
-static volatile uint16_t widths[CHANNELS];
 static uint16_t rose_at[CHANNELS]; /* ticks */
 static uint8_t slot;               /* the millisecond of the period */
 static uint16_t slot_start;        /* ticks */
@@ -34,8 +29,7 @@ static uint8_t is_fall;            /* whether it is one */
 static uint8_t channel;            /* whose; CHANNELS or more: nobody's, only time passes */
 static const uint8_t masks[CHANNELS] = {_BV(PD2), _BV(PD3), _BV(PD4), _BV(PD5), _BV(PD6), _BV(PD7), _BV(PB0), _BV(PB1)};
 
-static void next_edge(void)
-{
+static void next_edge(void) {
     is_fall = !is_fall;
     if (is_fall) { /* after the rise of a channel the fall of the one before it */
         channel = (slot ? slot : PERIOD_MS) - 1;
@@ -54,8 +48,7 @@ static void next_edge(void)
     OCR1A = due - LEAD;
 }
 
-ISR(TIMER1_COMPA_vect)
-{
+ISR(TIMER1_COMPA_vect) {
     if (channel < CHANNELS) {
         volatile uint8_t *port = channel < 6 ? &PORTD : &PORTB;
         uint8_t level = is_fall ? *port & ~masks[channel] : *port | masks[channel];
@@ -66,10 +59,7 @@ ISR(TIMER1_COMPA_vect)
     next_edge();
 }
 
-void pulses_begin(void)
-{
-    for (uint8_t i = 0; i < CHANNELS; i++)
-        widths[i] = NEUTRAL;
+void pulses_begin(void) {
     DDRD |= 0xff << PD2;
     DDRB |= _BV(PB0) | _BV(PB1);
     is_fall = 1; /* as if the last slot were just over */
@@ -77,12 +67,4 @@ void pulses_begin(void)
     next_edge();
     TIMSK1 = _BV(OCIE1A);
     TCCR1B = _BV(CS11); /* 16 MHz / 8: a tick is half a microsecond */
-}
-
-void pulses_set(uint8_t i, uint16_t width)
-{
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE)
-    {
-        widths[i] = width;
-    }
 }
