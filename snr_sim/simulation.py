@@ -21,7 +21,7 @@ from snr_sim.core.endpoint import EndpointFactory
 from snr_sim.core.loop import LoopFactory
 from snr_sim.devices.loops import ActuatorLoopFactory
 from snr_sim.options import check_options
-from snr_sim.prelude.errors import ConfigError, SnrError, UnknownName, nearest
+from snr_sim.prelude.errors import ConfigError, MissingExtra, SnrError, UnknownName, nearest
 from snr_sim.prelude.io import BENCH, parse_io
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.rng import rng_for
@@ -213,7 +213,7 @@ def prepare(request: Request) -> Simulation:
         UnknownName: scenario, robot, controller, engine, io or an option is not known.
         ConfigError: one of the files is not what it should be.
     """
-    rng_for(request.seed, request.scenario)  # no simulation without chance: if numpy is missing, that is said now
+    _check_numpy(request)
     scenario_found = library.find("scenarios", request.scenario)
     robot_found = library.find("robots", library.robot_of_scenario(scenario_found))
     robot = library.load_robot(robot_found)
@@ -263,6 +263,20 @@ def prepare(request: Request) -> Simulation:
         ("controller", Path(str(controller.__file__)).resolve()),
     ]
     return Simulation(whole, scenario, robot, controller, found)
+
+
+def _check_numpy(request: Request) -> None:
+    """Says now if numpy is missing: no simulation goes without chance, and no vehicle shares out its thrust without it.
+
+    Raises:
+        MissingExtra: it is.
+    """
+    try:
+        rng_for(request.seed, request.scenario)
+    except MissingExtra:
+        if parse_io(request.io).kind == "pi":
+            raise MissingExtra("numpy", "hardware") from None
+        raise
 
 
 def request_of(opening: Opening, header: Header, controller: str = "") -> Request:

@@ -186,3 +186,14 @@ def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
 )
 def test_the_names_of_the_thesis_are_there(names: str) -> None:
     assert set(names.split()) <= set(snr_sim.__all__)
+
+
+def test_what_has_a_wire_needs_no_numpy() -> None:
+    """A student's own robot runs on the base install: only what is simulated draws, and keeps arrays."""
+    package = KIT / "devices"
+    parts = [path.relative_to(KIT.parent).with_suffix("") for path in sorted(package.rglob("*.py"))]
+    modules = [".".join(part.parts) for part in parts if part.name not in ("__init__", "camera", "ray_casting")]
+    assert len(modules) > 15
+    code = f"import sys, importlib; sys.modules['numpy'] = None; [importlib.import_module(one) for one in {modules}]"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

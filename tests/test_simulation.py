@@ -2,6 +2,7 @@
 
 import json
 import math
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import pytest
 from snr_sim.cli.run import record_run
 from snr_sim.flight import Flight, Result
 from snr_sim.library import find
-from snr_sim.prelude.errors import ConfigError, TraceError, UnknownName
+from snr_sim.prelude.errors import ConfigError, MissingExtra, TraceError, UnknownName
 from snr_sim.recording.folder import RESULT_NAME, as_json, new_run_folder, read_result, write_result
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
@@ -263,3 +264,13 @@ def test_a_result_is_whole_or_absent(tmp_path: Path) -> None:
     with pytest.raises(TraceError, match=r"result.json could not be written: No such file or directory"):
         write_result(tmp_path / "gone", {"a": 1})
     assert [path.name for path in tmp_path.iterdir()] == [RESULT_NAME]
+
+
+@pytest.mark.parametrize(("io", "extra"), [("sim", "sim"), ("pi", "hardware")])
+def test_without_numpy_a_run_says_what_to_install_where_it_is_to_run(
+    monkeypatch: pytest.MonkeyPatch, io: str, extra: str
+) -> None:
+    monkeypatch.setitem(sys.modules, "numpy", None)
+    with pytest.raises(MissingExtra) as refused:
+        prepare(Request("urov_teleop", role="urov", io=io))
+    assert f"snr_sim[{extra}]" in refused.value.fix

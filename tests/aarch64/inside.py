@@ -1,0 +1,99 @@
+"""What has to hold on a Raspberry Pi with `snr_sim[hardware]` and no physics; `run` executes it on an emulated CPU.
+
+Prints a line for each check. The conformance suite is not here: pytest runs that on the tests of the checkout.
+"""
+
+from __future__ import annotations
+
+import json
+import platform
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+
+PHYSICS = ("mujoco", "pymunk", "gymnasium", "rerun", "pygame")
+NOT_ON_IMPORT = ("numpy", "serial", "smbus2")
+
+
+def imports_without_the_heavy_ones() -> str:
+    """`import snr_sim`, and all that wires need, bring neither physics nor arrays."""
+    import snr_sim
+    import snr_sim.devices.loops
+    import snr_sim.devices.mirror
+    import snr_sim.devices.pwm_loop
+    import snr_sim.devices.wire.serial_port
+    import snr_sim.role_run
+
+    found = [name for name in (*PHYSICS, *NOT_ON_IMPORT) if name in sys.modules]
+    assert not found, f"importing snr_sim and its devices brought {found}"
+    return f"snr_sim {snr_sim.__version__}"
+
+
+def has_what_wires_need() -> str:
+    """The extra 'hardware' is there: serial ports, I2C, and numpy, by which the vehicle shares out its thrust."""
+    import numpy
+    import serial
+    import smbus2
+
+    inverse = numpy.linalg.pinv(numpy.array([[2.0, 0.0, 0.0], [0.0, 4.0, 0.0]]))
+    assert abs(inverse[1][1] - 0.25) < 1e-15
+    return f"pyserial {serial.VERSION}, smbus2 {smbus2.__version__}, numpy {numpy.__version__}"
+
+
+def helps() -> str:
+    """`snr --help` answers."""
+    done = subprocess.run(["snr", "--help"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "snr run SCENARIO" in done.stdout or "run" in done.stdout, done.stdout
+    return f"{len(done.stdout.splitlines())} lines"
+
+
+def doctor_says_what_is_missing() -> str:
+    """`snr doctor` says of physics that it is not installed, and of nothing else that it fails."""
+    done = subprocess.run(["snr", "doctor", "--json"], capture_output=True, text=True)
+    findings = json.loads(done.stdout)["findings"]
+    misses = [finding["what"] for finding in findings if not finding["is_well"]]
+    assert done.returncode == 1, "without physics snr doctor ends with status 1"
+    assert any("mujoco" in what for what in misses), misses
+    assert not any("Traceback" in json.dumps(finding) for finding in findings), findings
+    return f"{len(findings)} findings, missing: {'; '.join(what.splitlines()[0] for what in misses)}"
+
+
+def the_vehicle_is_wired_without_physics() -> str:
+    """Both roles of robots/urov can be put together, and its thrusts shared out, with numpy alone."""
+    from snr_sim.simulation import Request, prepare
+
+    simulation = prepare(Request("urov_teleop", role="urov"))
+    config = simulation.config(None)
+    from snr_sim.plants.t200 import curve
+    from snr_sim.std_mods.allocation import Allocation
+    from snr_sim.std_mods.thrust_curve import ThrustCurve
+
+    parameters = simulation.scenario.parameters(0)
+    limits = ThrustCurve(*curve(parameters.nominal_v)[:2]).limits_n
+    allocation = Allocation(parameters.vehicle.thruster_matrix(), limits, first=parameters.first)
+    wrench = [10.0, -5.0, 20.0, 0.0, 0.0, 1.0]
+    thrusts, share, _ = allocation.allocate(wrench)
+    given = allocation.wrench_of(thrusts)
+    assert share == 1.0, share
+    assert max(abs(one - other) for one, other in zip(given, wrench, strict=True)) < 1e-9, given
+    found = [name for name in PHYSICS if name in sys.modules]
+    assert not found, f"wiring the vehicle brought {found}"
+    return f"{len(config.get('urov'))} components at the vehicle, {len(thrusts)} thrusters"
+
+
+CHECKS: tuple[Callable[[], str], ...] = (
+    imports_without_the_heavy_ones,
+    has_what_wires_need,
+    helps,
+    doctor_says_what_is_missing,
+    the_vehicle_is_wired_without_physics,
+)
+
+if __name__ == "__main__":
+    print(f"     Python {platform.python_version()} on {platform.machine()}", flush=True)
+    for check in CHECKS:
+        start_s = time.perf_counter()
+        said = check()
+        print(f"ok   {check.__name__.replace('_', ' ')}: {said} ({time.perf_counter() - start_s:.1f} s)", flush=True)
