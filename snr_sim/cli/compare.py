@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -23,10 +24,12 @@ def compare(
     first: Annotated[Path, typer.Argument(help="A run folder, or its trace.")],
     second: Annotated[Path, typer.Argument(help="Another one of the same robot.")],
     node: Annotated[str, typer.Option(help="Whose pages; the node that drives something if not given.")] = "",
-    signal: Annotated[list[str], typer.Option(help="PAGE.FIELD to draw; may be repeated.")] = [],  # noqa: B006
+    signal: Annotated[list[str], typer.Option(help="PAGE.FIELD, or PAGE.FIELD[2], to draw; may be repeated.")] = [],  # noqa: B006
     shift: Annotated[
         str, typer.Option(help="Seconds that the second run began later; 'auto': when its commands first changed.")
     ] = "0",
+    begin_s: Annotated[float, typer.Option("--from", help="Only from this time on [s].")] = 0.0,
+    end_s: Annotated[float, typer.Option("--until", help="And only until this one.")] = math.inf,
     png: Annotated[str, typer.Option(help="Draw both into this file.")] = "",
     rrd: Annotated[str, typer.Option(help="Write both on one timeline into this file, for snr view.")] = "",
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
@@ -51,7 +54,7 @@ def compare(
         for remark in remarks(trace):
             print(f"note: {trace.path.parent}: {remark}", file=sys.stderr)
     shift_s = _shift_s(shift, traces)
-    comparison = compare_runs(traces[0], traces[1], node, shift_s)
+    comparison = compare_runs(traces[0], traces[1], node, shift_s, (begin_s, end_s))
     shown(comparison, signal)  # a name that is not there is said before anything is written
     if png:
         _draw(comparison, traces[0], png, signal)
@@ -164,7 +167,11 @@ def _is_idle(signal: Compared) -> bool:
 def _of_page(signal: Compared) -> str:
     a, b = signal.of_first, signal.of_second
     told = f"{signal.first.key}: {_both(a.rate_hz, b.rate_hz)} Hz"
-    return told if a.age_s is b.age_s is None else f"{told}, {_both(_ms(a.age_s), _ms(b.age_s))} ms old"
+    if not a.age_s is b.age_s is None:
+        told += f", {_both(_ms(a.age_s), _ms(b.age_s))} ms old"
+    if not a.after_s is b.after_s is None:
+        told += f", {_both(_ms(a.after_s), _ms(b.after_s))} ms after the command"
+    return told
 
 
 def _row(signal: Compared) -> list[str]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from snr_sim.prelude.errors import UnknownName, nearest
-from snr_sim.recording.compare_runs import Compared, Comparison
+from snr_sim.recording.compare_runs import Compared, Comparison, channel_of
+from snr_sim.recording.compare_signals import TRUTH
 from snr_sim.recording.picture_canvas import Canvas
 from snr_sim.recording.picture_plots import BACKGROUND, COLORS, INK, PALE, Plot, draw_plots
 from snr_sim.recording.records import Header
@@ -28,18 +29,29 @@ def shown(comparison: Comparison, names: Sequence[str] = ()) -> list[Compared]:
         UnknownName: a signal that is asked for is not there.
     """
     by_name = {one.name: one for one in comparison.signals}
-    for name in names:
-        if name not in by_name:
-            raise UnknownName(f"There is no signal '{name}' in both runs.", fix=nearest(name, by_name))
     if names:
-        return [by_name[name] for name in names]
+        return [_asked(name, by_name) for name in names]
     best: dict[str, Compared] = {}
     for one in comparison.signals:
         key = one.first.key
         moves = one.of_first.highest > one.of_first.lowest or one.of_second.highest > one.of_second.lowest
-        if moves and (key not in best or one.share > best[key].share):
+        if moves and key != TRUTH and (key not in best or one.share > best[key].share):
             best[key] = one
     return sorted(best.values(), key=lambda one: (not one.is_command, -one.share))[:SHOWN_MAX]
+
+
+def _asked(name: str, by_name: Mapping[str, Compared]) -> Compared:
+    """Returns the signal of a name; with an index in brackets, that channel of it alone."""
+    whole, _, index = name.removesuffix("]").partition("[")
+    one = by_name.get(whole)
+    if one is None:
+        raise UnknownName(f"There is no signal '{whole}' in both runs.", fix=nearest(whole, by_name))
+    if not index:
+        return one
+    channels = one.difference.shape[1]
+    if not index.isdecimal() or int(index) >= channels:
+        raise UnknownName(f"'{whole}' has no [{index}].", fix=f"[0] to [{channels - 1}].")
+    return channel_of(one, int(index))
 
 
 def draw_comparison(comparison: Comparison, header: Header, path: str | Path, names: Sequence[str] = ()) -> None:
@@ -63,7 +75,8 @@ def draw_comparison(comparison: Comparison, header: Header, path: str | Path, na
     for place, column in enumerate(columns):
         left = LEFT + place * (width + BETWEEN)
         plots = [plot for one in column for plot in _plots(one)]
-        draw_plots(canvas, (left, TOP, left + width, BOTTOM), plots, ())
+        begin_s = min(float(times_s[0]) for plot in plots for _, times_s, _ in plot.lines)
+        draw_plots(canvas, (left, TOP, left + width, BOTTOM), plots, (), begin_s=max(0.0, begin_s))
     canvas.save(path)
 
 
@@ -79,9 +92,11 @@ def _draw_title(canvas: Canvas, comparison: Comparison, header: Header) -> None:
 
 
 def _plots(one: Compared) -> list[Plot]:
-    channel, name = _channel(one)
-    words, unit = name_and_unit((one.first.key, *filter(None, one.first.field.split(".")), *name))
-    words = words.removeprefix(f"{one.first.key} ") if words.startswith(f"{one.first.key} " * 2) else words
+    channel, index = _channel(one)
+    path = [one.first.key, *filter(None, one.first.field.split(".")), *index]
+    if len(path) > 1 and path[1].startswith(path[0]):  # depth.depth_m
+        path = path[1:]
+    words, unit = name_and_unit(path)
     told = f"{words} [{unit.replace('µ', 'u')}]" if unit else words  # Pillow's own font has no such letter
     values = one.first.values[:, channel], one.second.values[:, channel]
     curves = [(told, one.first.times_s, values[0]), ("", one.second.times_s, values[1])]
@@ -99,6 +114,8 @@ def _plots(one: Compared) -> list[Plot]:
 
 def _channel(one: Compared) -> tuple[int, tuple[str, ...]]:
     """Returns which number of a list tells most, and what to call it: by its index."""
+    if one.channel is not None:
+        return 0, (str(one.channel),)
     if one.difference.shape[1] == 1:
         return 0, ()
     channel = int(np.argmax(np.mean(one.difference**2, axis=0)))

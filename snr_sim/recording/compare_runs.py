@@ -7,13 +7,13 @@ it there? Each run's own numbers come from `compare_signals.py`.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from snr_sim.prelude.errors import TraceError, UnknownName, nearest
-from snr_sim.recording.compare_signals import Measured, Signal, measured, signals_of
+from snr_sim.recording.compare_signals import APPLIED, TRUTH, Measured, Signal, between, measured, signals_of
 from snr_sim.recording.picture_flight import Rows
 from snr_sim.recording.reader import Trace
 from snr_sim.recording.records import Header
@@ -39,6 +39,7 @@ class Compared:
         first_differs_s: when any channel first differs; None if never.
         later_s: how much later the second moves, as far as moving it explains the difference; None if it does not.
         is_command: whether it is in a page that drives outputs.
+        channel: which of a list this is alone; None for all of them.
     """
 
     first: Signal
@@ -54,6 +55,7 @@ class Compared:
     first_differs_s: float | None
     later_s: float | None
     is_command: bool
+    channel: int | None = None
 
     @property
     def name(self) -> str:
@@ -93,7 +95,13 @@ class Comparison:
         return min(differing, key=lambda one: one.first_differs_s or 0.0, default=None)
 
 
-def compare_runs(first: Trace, second: Trace, node: str = "", shift_s: float = 0.0) -> Comparison:
+def compare_runs(
+    first: Trace,
+    second: Trace,
+    node: str = "",
+    shift_s: float = 0.0,
+    within_s: tuple[float, float] = (-math.inf, math.inf),
+) -> Comparison:
     """Compares two runs of one robot.
 
     Args:
@@ -101,6 +109,7 @@ def compare_runs(first: Trace, second: Trace, node: str = "", shift_s: float = 0
         node: whose pages: a role, or its name with _node. If not given, of the first one that both have and that
             drives something.
         shift_s: the second run is taken to have begun so much later.
+        within_s: only what was stored between these times, by the first run's clock.
 
     Raises:
         TraceError: they are of different robots, or have nothing in common.
@@ -114,20 +123,26 @@ def compare_runs(first: Trace, second: Trace, node: str = "", shift_s: float = 0
         )
     node = _common_node(first, second, node)
     signals = [signals_of(trace.records, node) for trace in (first, second)]
+    signals[1] = {name: _moved(signal, -shift_s) for name, signal in signals[1].items()}
     common = [name for name in signals[0] if name in signals[1]]
-    if not common:
+    if all(signals[0][name].key == TRUTH for name in common):
         raise TraceError(
             f"The node '{node}' stored no page with numbers in both runs. {_pages(first, signals[0])} "
             f"{_pages(second, signals[1])}",
             fix="compare whole runs of the same scenario, or another --node.",
         )
     commands = set(first.header.commands.get(node, ()))
-    pairs = [(signals[0][name], _moved(signals[1][name], -shift_s)) for name in common]
-    compared = [_compared(one, other, one.key in commands) for one, other in pairs if _overlap(one, other) is not None]
+    signals = [{name: between(signal, *within_s) for name, signal in run.items()} for run in signals]
+    pairs = [(signals[0][name], signals[1][name]) for name in common]
+    compared = [
+        _compared(one, other, one.key in commands, _told_of(one, signals))
+        for one, other in pairs
+        if _overlap(one, other) is not None
+    ]
     if not compared:
         raise TraceError(
             f"The runs have no time in common: {_spans(pairs)}.",
-            fix="another --shift; 0 puts both beginnings together.",
+            fix="another --shift, --from or --until; --shift 0 puts both beginnings together.",
         )
     return Comparison(
         labels_of(first.header, second.header),
@@ -198,7 +213,7 @@ def _pages(trace: Trace, signals: dict[str, Signal]) -> str:
 
 
 def _moved(signal: Signal, by_s: float) -> Signal:
-    return Signal(signal.node, signal.key, signal.field, signal.times_s + by_s, signal.values, signal.ages_s)
+    return replace(signal, times_s=signal.times_s + by_s)
 
 
 def _overlap(first: Signal, second: Signal) -> tuple[float, float] | None:
@@ -213,15 +228,26 @@ def _overlap(first: Signal, second: Signal) -> tuple[float, float] | None:
     return (begin_s, end_s) if inside.any() else None
 
 
+def _told_of(applied: Signal, signals: Sequence[Mapping[str, Signal]]) -> tuple[Signal | None, Signal | None]:
+    """Returns, of pulses that outputs tell of, the commands for them in both runs."""
+    if not applied.key.endswith(APPLIED):
+        return None, None
+    name = f"{applied.key.removesuffix(APPLIED)}.{applied.field}"
+    return signals[0].get(name), signals[1].get(name)
+
+
 def _spans(pairs: Sequence[tuple[Signal, Signal]]) -> str:
     told = []
     for place, which in enumerate(("first", "second")):
         times_s = [pair[place].times_s for pair in pairs if len(pair[place].times_s)]
-        told.append(f"the {which} goes from {min(t[0] for t in times_s):.2f} to {max(t[-1] for t in times_s):.2f} s")
+        begin_s, end_s = min((t[0] for t in times_s), default=0.0), max((t[-1] for t in times_s), default=0.0)
+        told.append(f"the {which} goes from {begin_s:.2f} to {end_s:.2f} s")
     return ", ".join(told)
 
 
-def _compared(first: Signal, second: Signal, is_command: bool) -> Compared:
+def _compared(
+    first: Signal, second: Signal, is_command: bool, commands: tuple[Signal | None, Signal | None]
+) -> Compared:
     begin_s, end_s = _overlap(first, second) or (0.0, 0.0)
     inside = (first.times_s >= begin_s) & (first.times_s <= end_s)
     times_s, values = first.times_s[inside], first.values[inside]
@@ -231,8 +257,8 @@ def _compared(first: Signal, second: Signal, is_command: bool) -> Compared:
     return Compared(
         first,
         second,
-        measured(first),
-        measured(second),
+        measured(first, commands[0]),
+        measured(second, commands[1]),
         times_s,
         difference,
         rms=float(np.sqrt(np.mean(difference**2))),
@@ -248,6 +274,14 @@ def _compared(first: Signal, second: Signal, is_command: bool) -> Compared:
 def _at(signal: Signal, times_s: Floats) -> Rows:
     """Returns the values of all channels at other times, between two pages on a straight line."""
     return np.stack([np.interp(times_s, signal.times_s, column) for column in signal.values.T], axis=1)
+
+
+def channel_of(one: Compared, channel: int) -> Compared:
+    """Returns one number of a list by itself."""
+    only = slice(channel, channel + 1)
+    first, second = (replace(signal, values=signal.values[:, only]) for signal in (one.first, one.second))
+    alone = _compared(first, second, one.is_command, (None, None))
+    return replace(alone, channel=channel)
 
 
 def _turned(field: str, difference: Rows) -> Rows:

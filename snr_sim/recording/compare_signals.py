@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,9 @@ from snr_sim.recording.records import Record
 from snr_sim.recording.view_columns import Batch, Floats, Series
 
 STAMP = "stamp_s"  # the field in which readings, and answers of outputs, say when what they hold was measured or made
+TRUTH = "truth"  # key of what the plant says, in simulated runs: no node can read it
+APPLIED = "_applied"  # ending of the key under which outputs tell what became of a command
+APPLIED_WITHIN_S = 0.5
 PULSES_US, STOP_US = "pulses_us", 1500.0
 NOISE_WINDOW = 50  # third differences in each: a second of a sensor read 50 times a second
 STEPS_MAX = 1e5  # a span of more steps than this counts as continuous
@@ -25,6 +28,7 @@ DEAD_BAND_SAMPLES = 20
 # Neighbouring third differences of white noise go together (by -0.75, 0.3, -0.05), so that 2.31 of them count as one;
 # the middle one of powers with so many degrees of freedom is below their mean (Wilson and Hilferty 1931).
 _TOGETHER = 1.0 + 2.0 * (0.75**2 + 0.3**2 + 0.05**2)
+SAME_TIME_S = 1e-6
 _THIRD = math.sqrt(1.0 + 9.0 + 9.0 + 1.0)  # a third difference of white noise is so many times as large
 
 
@@ -64,6 +68,7 @@ class Measured:
         age_s, age_p95_s: of what they hold, when they were stored: the middle one, and the oldest but for a twentieth.
         noise: standard deviation of what changes from one page to the next.
         step: every value is a multiple of it away from every other.
+        after_s: of pulses that outputs tell of: how long before that they were commanded.
         dead_band: of pulses: the nearest to neutral on either side [us from 1500] that were there, both without 0.
         lowest, highest: of all channels.
     """
@@ -74,13 +79,17 @@ class Measured:
     age_p95_s: float | None
     noise: float | None
     step: float | None
+    after_s: float | None
     dead_band: tuple[float, float] | None
     lowest: float
     highest: float
 
 
 def signals_of(records: Iterable[Record], node: str) -> dict[str, Signal]:
-    """Returns the signals of a node's pages by name, in the order in which they were first seen."""
+    """Returns the signals of a node's pages by name, in the order in which they were first seen.
+
+    After them come those of the plant, if there is one: its true numbers, and the size of each force that it shows.
+    """
     batch = Batch()
     batch.extend(records)
     fields: dict[tuple[str, str], list[Series]] = defaultdict(list)
@@ -93,8 +102,18 @@ def signals_of(records: Iterable[Record], node: str) -> dict[str, Signal]:
             stamps[key] = series
         else:
             fields[key, ".".join(path[:-1] if path and path[-1].isdecimal() else path)].append(series)
-    found = (_signal(node, key, field, channels) for (key, field), channels in fields.items())
-    return {signal.name: _aged(signal, stamps.get(signal.key)) for signal in found}
+    found = [_signal(node, key, field, channels) for (key, field), channels in fields.items()]
+    told = {signal.name: _aged(signal, stamps.get(signal.key)) for signal in found if len(signal.times_s)}
+    return told | {signal.name: signal for signal in _true(batch)}
+
+
+def _true(batch: Batch) -> Iterator[Signal]:
+    for series in batch.truth_values():
+        yield Signal("", TRUTH, ".".join(series.path), series.when.t_s, series.values.reshape(-1, 1))
+    for name in batch.truths[0].arrows if batch.truths else ():
+        arrows = [truth.arrows.get(name, [0.0] * 6)[3:] for truth in batch.truths]
+        times_s = np.array([truth.t for truth in batch.truths])
+        yield Signal("", TRUTH, f"{name}_n", times_s, np.linalg.norm(arrows, axis=1).reshape(-1, 1))
 
 
 def _signal(node: str, key: str, field: str, channels: list[Series]) -> Signal:
@@ -115,8 +134,20 @@ def _aged(signal: Signal, stamp: Series | None) -> Signal:
     return replace(signal, ages_s=signal.times_s - stamp.values[np.maximum(places, 0)])
 
 
-def measured(signal: Signal) -> Measured:
-    """Returns what is seen in a signal that has values."""
+def between(signal: Signal, begin_s: float, end_s: float) -> Signal:
+    """Returns the part of a signal within a time."""
+    inside = (signal.times_s >= begin_s) & (signal.times_s <= end_s)
+    ages_s = None if signal.ages_s is None else signal.ages_s[inside]
+    return replace(signal, times_s=signal.times_s[inside], values=signal.values[inside], ages_s=ages_s)
+
+
+def measured(signal: Signal, command: Signal | None = None) -> Measured:
+    """Returns what is seen in a signal that has values.
+
+    Args:
+        signal: what is looked at.
+        command: if it is what outputs tell of their pulses: what they were told.
+    """
     times_s, values = signal.times_s, signal.values
     span_s = float(times_s[-1] - times_s[0])
     ages_s = signal.ages_s if signal.ages_s is not None and np.isfinite(signal.ages_s).all() else None
@@ -127,10 +158,29 @@ def measured(signal: Signal) -> Measured:
         age_p95_s=None if ages_s is None else float(np.quantile(ages_s, 0.95)),
         noise=noise_of(values),
         step=step_of(values),
+        after_s=None if command is None else after_s(command, signal),
         dead_band=dead_band_of(values - STOP_US) if signal.field == PULSES_US else None,
         lowest=float(values.min()),
         highest=float(values.max()),
     )
+
+
+def after_s(command: Signal, applied: Signal) -> float | None:
+    """Returns how long before outputs told of their pulses these had been commanded: the middle one of all.
+
+    A pulse that stands nowhere among the commands of the last half second counts as none: it was on its way from one
+    to another. Neutral ones are left out, as nobody can tell when they were commanded.
+    """
+    if command.values.shape[1] != applied.values.shape[1]:
+        return None
+    step = step_of(applied.values) or 0.0
+    found = []
+    for t, pulses in zip(applied.times_s, applied.values, strict=True):
+        inside = slice(*np.searchsorted(command.times_s, [t - APPLIED_WITHIN_S, t + SAME_TIME_S]))
+        times_s, asked = command.times_s[inside], command.values[inside]
+        near = (np.abs(asked - pulses) <= 0.51 * step + 1e-6) & (pulses != STOP_US)
+        found += [t - times_s[np.flatnonzero(column)[-1]] for column in near.T if column.any()]
+    return float(np.median(found)) if found else None
 
 
 def noise_of(values: Rows) -> float | None:

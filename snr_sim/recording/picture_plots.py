@@ -48,6 +48,7 @@ def draw_plots(
     plots: Sequence[Plot],
     events_s: Sequence[float],
     are_numbered: bool = False,
+    begin_s: float = 0.0,
 ) -> None:
     """Draws plots below each other over the same time.
 
@@ -57,6 +58,7 @@ def draw_plots(
         plots: from top to bottom.
         events_s: moments to mark.
         are_numbered: whether they have numbers, from 1.
+        begin_s: time at the left edge.
     """
     if not plots:
         return
@@ -67,15 +69,15 @@ def draw_plots(
     for plot in plots:
         height = plot.share * unit_height
         _draw_names(canvas, plot, left + 34, at)
-        _draw_plot(canvas, (left + 34, at + 20, right, at + height - 8), plot, end_s, events_s)
+        _draw_plot(canvas, (left + 34, at + 20, right, at + height - 8), plot, (begin_s, end_s), events_s)
         at += height
     marks = Labels([], 0.0, (left, top, right + 6.0, bottom))
     for number, event_s in enumerate(events_s if are_numbered else (), 1):
-        x = left + 34 + (right - left - 34) * event_s / end_s
+        x = left + 34 + (right - left - 34) * (event_s - begin_s) / (end_s - begin_s)
         spot = marks.place([(x - 6.0, top + 22.0 + 13.0 * i) for i in range(len(events_s))], 12.0, 12.0)
         draw_number(canvas, (x, spot[1] if spot else top + 22.0), number)
-    for t in ticks(0.0, end_s, count=5):
-        x = left + 34 + (right - left - 34) * t / end_s
+    for t in ticks(begin_s, end_s, count=5):
+        x = left + 34 + (right - left - 34) * (t - begin_s) / (end_s - begin_s)
         if x < right - 12:
             canvas.text((x, bottom - 2), f"{t:g}", 10.0, PALE, "ma")
     canvas.text((right, bottom - 2), "s", 10.0, PALE, "ra")
@@ -103,9 +105,14 @@ def _draw_names(canvas: Canvas, plot: Plot, x: float, y: float) -> None:
 
 
 def _draw_plot(
-    canvas: Canvas, panel: tuple[float, float, float, float], plot: Plot, end_s: float, events_s: Sequence[float]
+    canvas: Canvas,
+    panel: tuple[float, float, float, float],
+    plot: Plot,
+    span_s: tuple[float, float],
+    events_s: Sequence[float],
 ) -> None:
     left, top, right, bottom = panel
+    begin_s, end_s = span_s
     finite = np.concatenate([values[np.isfinite(values)] for _, _, values in plot.lines] or [np.zeros(1)])
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
     low, high = min(low, 0.0) if low < 0.35 * high else low, max(high, 0.0) if high < 0 else high
@@ -120,11 +127,11 @@ def _draw_plot(
         canvas.line([(left, y), (right, y)], GRID, 0.7)
         canvas.text((left - 5, y), f"{value:g}", 10.0, PALE, "rm")
     for event_s in events_s:
-        x = left + (right - left) * event_s / end_s
+        x = left + (right - left) * (event_s - begin_s) / (end_s - begin_s)
         canvas.dashed((x, top - 2), (x, bottom), EVENT, 1.0, 3.0)
     for i, (_, times, values) in enumerate(plot.lines):
         step = max(1, len(times) // POINTS_MAX)
-        xs = left + (right - left) * times[::step] / end_s
+        xs = left + (right - left) * (times[::step] - begin_s) / (end_s - begin_s)
         ys = at_low + (values[::step] - low) / (high - low) * (at_high - at_low)
         for part in _finite_parts(xs, ys):
             canvas.line(part, _color(plot, i), 1.4)

@@ -17,7 +17,7 @@ from snr_sim.recording.compare_picture import draw_comparison, shown
 from snr_sim.recording.compare_runs import Compared, compare_runs, labels_of, shift_by_commands_s
 from snr_sim.recording.compare_signals import dead_band_of, noise_of, step_of
 from snr_sim.recording.reader import Trace
-from snr_sim.recording.records import By, Header, Opening, PageRecord, Record
+from snr_sim.recording.records import By, Header, Opening, PageRecord, Record, TruthRecord
 
 Data = Callable[[float], dict[str, Any]]
 RNG = np.random.default_rng
@@ -160,6 +160,54 @@ def test_a_run_that_somebody_began_later_is_moved_to_where_its_commands_begin() 
         shift_by_commands_s(early, run({"pwm": (50.0, armed(99.0))}))
 
 
+def outputs(late_s: float, step_us: float, shown_hz: float) -> Trace:
+    """Chattering pulses, and what outputs tell of them: late and in steps."""
+    rng = RNG(2)
+    asked = 1500.0 + 30.0 * rng.choice([-1.0, 1.0], (1000, 4)) + rng.normal(0.0, 3.0, (1000, 4))
+    asked[:100] = 1500.0
+
+    def at(t: float) -> Any:
+        return asked[max(0, math.floor(t * 50.0 + 1e-6))]
+
+    def made(t: float) -> dict[str, Any]:
+        pulses = at(t - late_s)
+        return {"pulses_us": (np.round(pulses / step_us) * step_us if step_us else pulses).tolist(), "stamp_s": t}
+
+    return run({"pwm": (50.0, lambda t: {"pulses_us": at(t).tolist()}), "pwm_applied": (shown_hz, made)})
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.02, 0.06])
+def test_how_long_after_a_command_outputs_follow_is_found_though_they_tell_of_it_seldom(late_s: float) -> None:
+    comparison = compare_runs(outputs(0.0, 0.0, 2.0), outputs(late_s, 0.5, 2.0))
+    applied = next(one for one in comparison.signals if one.first.key == "pwm_applied")
+    assert applied.of_first.after_s == pytest.approx(0.0, abs=1e-6)
+    assert applied.of_second.after_s == pytest.approx(late_s, abs=1e-6)
+    assert applied.of_second.step == 0.5
+
+
+def test_only_the_time_that_is_asked_for_counts() -> None:
+    one, other = run({"pwm": (50.0, pulses())}), run({"pwm": (50.0, pulses(differs_from_s=4.0))})
+    assert compare_runs(one, other, within_s=(0.0, 3.0)).commands_differ is None
+    (signal,) = compare_runs(one, other, within_s=(10.0, 12.0)).signals
+    assert (signal.first_differs_s, signal.of_first.count) == (pytest.approx(10.0), 101)
+
+
+def test_what_the_plant_says_is_compared_where_both_have_one() -> None:
+    def dived(late_s: float) -> Trace:
+        trace = run({"pwm": (50.0, pulses())})
+        for k in range(400):
+            seq, t = len(trace.records) + 1, 0.05 * k
+            arrow = [0.0, 0.0, 0.0, 3.0 * math.sin(t - late_s), 4.0 * math.sin(t - late_s), 0.0]
+            trace.records.append(TruthRecord(seq, t, {}, {"T1": arrow}, {"depth_m": dive_m(t - late_s)}))
+        return trace
+
+    comparison = compare_runs(dived(0.0), dived(0.07))
+    true = {one.name: one for one in comparison.signals if one.first.key == "truth"}
+    assert true["truth.depth_m"].later_s == pytest.approx(0.07, abs=2e-3)
+    assert true["truth.T1_n"].of_first.highest == pytest.approx(5.0, rel=1e-3)
+    assert [one.first.key for one in shown(comparison)] == ["pwm"]
+
+
 def test_what_only_one_of_them_has_is_named() -> None:
     more = run({"depth": (20.0, depth()), "leak": (2.0, lambda t: {"is_wet": False})})
     assert compare_runs(run({"depth": (20.0, depth())}), more).only_second == ["leak.is_wet"]
@@ -197,5 +245,8 @@ def test_the_picture_holds_commands_first_and_of_each_page_what_differs_most(tmp
     before = path.read_bytes()
     draw_comparison(comparison, one.header, path, ["depth.still_m"])
     assert path.read_bytes() != before
+    draw_comparison(comparison, one.header, path, ["pwm.pulses_us[1]"])
+    with pytest.raises(UnknownName, match=r"'pwm.pulses_us' has no \[2\][\s\S]*\[0\] to \[1\]"):
+        draw_comparison(comparison, one.header, path, ["pwm.pulses_us[2]"])
     with pytest.raises(UnknownName, match=r"no signal 'depth.dept'[\s\S]*depth.depth_m"):
         draw_comparison(comparison, one.header, path, ["depth.dept"])
