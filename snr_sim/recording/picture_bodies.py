@@ -10,22 +10,12 @@ import numpy as np
 from snr_sim.recording.picture_canvas import Canvas, Point, Rgb, mixed
 from snr_sim.recording.picture_flight import Rows
 from snr_sim.recording.picture_layout import Place
-from snr_sim.recording.view_scene import points_of, rgb_of
+from snr_sim.recording.view_scene import points_of, rgb_of, turned
 
 FLAME: tuple[Rgb, Rgb] = ((255, 120, 30), (255, 225, 130))
 JET: tuple[Rgb, Rgb] = ((120, 205, 240), (235, 250, 255))  # of a propeller: water, not fire
 NO_PUSH = ("current", "tether")  # arrows that are no thrust
 LIGHT = np.array([-0.45, -0.65, 0.62])  # towards the light: from the left, from the front and from above
-
-
-def turned(pose: Any, points: Any) -> Rows:
-    """Returns points of the body frame, shape (..., 3), in the world frame."""
-    x, y, z, w = pose[3:]
-    vector = np.array([x, y, z])
-    points = np.asarray(points, float)
-    twice = 2.0 * np.cross(np.broadcast_to(vector, points.shape), points)
-    moved: Rows = points + w * twice + np.cross(np.broadcast_to(vector, points.shape), twice) + np.asarray(pose[:3])
-    return moved
 
 
 def draw_shapes(canvas: Canvas, place: Place, shapes: Sequence[tuple[dict[str, Any], Any]]) -> None:

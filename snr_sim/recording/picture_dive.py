@@ -23,11 +23,10 @@ from snr_sim.recording.picture_water import (
     draw_marks,
     draw_tether,
     draw_water,
-    is_slack,
 )
 from snr_sim.recording.picture_world import draw_ground, draw_scales
 from snr_sim.recording.records import Header
-from snr_sim.recording.view_scene import points_of
+from snr_sim.recording.view_scene import is_slack, points_of
 
 PATH: Rgb = (110, 190, 250)
 BROKEN: Rgb = (255, 60, 60)

@@ -10,9 +10,8 @@ import numpy as np
 
 from snr_sim.recording.picture_flight import Flight
 from snr_sim.recording.picture_water import NEWTONS_PER_MPS
-from snr_sim.recording.view_columns import Batch
+from snr_sim.recording.view_columns import BROKEN, Batch
 
-BROKEN = "broken_"  # of a true number: from then on what makes the arrow of that name is broken
 STATES = ("rules",)  # a field of such a name says in a word what a robot is doing
 MOMENTS_MAX = 6
 SPEED_MPS = 0.02  # by which a current must change to be worth a word

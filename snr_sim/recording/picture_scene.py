@@ -6,13 +6,14 @@ import math
 
 import numpy as np
 
-from snr_sim.recording.picture_bodies import FLAME, draw_flames, draw_shapes, strongest_of, turned
+from snr_sim.recording.picture_bodies import FLAME, draw_flames, draw_shapes, strongest_of
 from snr_sim.recording.picture_canvas import Canvas, Rgb
 from snr_sim.recording.picture_flight import Flight
 from snr_sim.recording.picture_layout import SCENE, Camera, Stage, feet_and_size
 from snr_sim.recording.picture_plots import FAINT, PALE
 from snr_sim.recording.picture_world import SKY, draw_ground, draw_scales
 from snr_sim.recording.records import Header
+from snr_sim.recording.view_scene import turned
 
 PATH: Rgb = (110, 190, 250)
 

@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from snr_sim.recording.picture_bodies import turned
 from snr_sim.recording.picture_canvas import Canvas, Point, Rgb, mixed
 from snr_sim.recording.picture_layout import Camera, Place
-from snr_sim.recording.view_scene import points_of, rgb_of
+from snr_sim.recording.view_scene import BOW, is_slack, points_of, rgb_of, turned
 
 WATER: Rgb = (12, 52, 84)
 AIR: Rgb = (9, 12, 24)
@@ -26,7 +25,6 @@ THIN_M = 0.01  # lines thinner than this are marks on the floor
 SLACK: Rgb = (236, 214, 110)
 TAUT: Rgb = (255, 70, 60)
 HARD_PULL_N = 20.0  # at which a tether has the colour of a taut one: half of what a vehicle of this size can push
-BOW = 0.10  # how far a slack tether is drawn out of the straight, as a share of its span; the plant's is straight
 
 
 def draw_water(canvas: Canvas, camera: Camera, statics: Mapping[str, Any], is_above: bool) -> None:
@@ -109,11 +107,6 @@ def draw_tether(
     for part in seen:
         canvas.line(list(part), color, 1.6)
     return [start for start, _ in seen] or [end]
-
-
-def is_slack(tether: Mapping[str, Any], pose: Any) -> bool:
-    """Whether a tether is longer than the way from where it is held to its body."""
-    return math.dist(tether["anchor_m"], turned(pose, tether["place_m"])) < float(tether["length_m"])
 
 
 def draw_current(canvas: Canvas, camera: Camera, arrow: Sequence[float] | None) -> None:

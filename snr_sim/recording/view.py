@@ -5,10 +5,14 @@ Everything lies on two timelines: `seq`, the order in which things happened, and
 
     /world/<name>                          what does not move
     /world/<body>                          shapes of a body; its pose (rerun keeps poses in float32)
-    /world/camera                          goes along with the first body
+    /world/follower                        goes along with the first body: the eye of the close-up
     /world/arrows/<name>/newtons           forces [N], scaled so that the longest is as long as the body
+    /world/arrows/current/newtons          where the water goes, scaled for itself
+    /world/<tether>                        with a bow if it is slack; the harder it pulls, the redder it is
+    /world/broken/<arrow>                  where something broken should push
     /truth/<value>, /truth/poses/<body>    what was really so, in float64
-    /<node>/pages/<key>/<field>            what the node believed
+    /<node>/pages/<key>/<field>            what the node believed; what its camera saw
+    /<node>/links/<key>/<field>            pages a second and round trip [ms], out of the page of a link
     /<node>/tasks, /<node>/events          what it did, one line per executed task; begin, errors and end
 
 This is the one file that imports rerun. rerun changes with most releases, so what it needs is asked for here only.

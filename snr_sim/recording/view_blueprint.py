@@ -29,13 +29,16 @@ UNITS = {
     "degps": "°/s",
 }
 # Where a student looks first; other units follow in the order in which they appear.
-UNITS_FIRST = ("m", "m/s", "", "kg", "rad", "rad/s")
+UNITS_FIRST = ("m", "m/s", "", "kg", "l", "rad", "rad/s")
+FLAGS = "yes (1) or no (0)"  # the plot of all that is one of them
+SAME = {"yaw": "heading"}  # words for one thing
 UNITS_NOT_PLOTTED = ("s",)  # stamps: a straight line for each sensor, and nothing to learn from it
 PLOTS_BESIDE_MAX = 4
+NARROW = 1.6  # the view of the whole way is so much higher than wide
 
 # Chosen to be told apart on white and on black, since the viewer follows the student's system. Beliefs are broad and
 # pale: truth is drawn on top of them as a thin line, so that noise and lag can be seen as what sticks out.
-TRUTH_COLORS = ((40, 100, 220, 255), (205, 45, 135, 255), (110, 110, 120, 255))
+TRUTH_COLORS = ((40, 100, 220, 255), (205, 45, 135, 255), (110, 110, 120, 255), (0, 140, 120, 255))
 BELIEF_COLORS = (
     (245, 165, 80, 255),
     (95, 195, 130, 255),
@@ -55,12 +58,14 @@ class Line:
         name: what the legend says.
         unit: its unit as text; empty if it has none.
         is_truth: whether the plant says so; otherwise it is what a node believed.
+        plot: title of the plot it belongs in; empty if unit and name say that.
     """
 
     entity: str
     name: str
     unit: str
     is_truth: bool
+    plot: str = ""
 
 
 @dataclass
@@ -73,7 +78,11 @@ class Layout:
         bodies: entities of the first body of each run.
         cameras: entities that go along with them.
         low_m, high_m: corners of the box in which bodies moved.
+        landmarks: corners of what stands in the world and has a name.
         body_size_m: longest edge of the largest body.
+        is_in_water: whether there is a surface of water.
+        images: entities of pictures that a camera took.
+        changed_flags: entities of what was not always yes, nor always no.
     """
 
     title: str
@@ -84,7 +93,11 @@ class Layout:
     cameras: list[str] = field(default_factory=list)
     low_m: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     high_m: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    landmarks: list[list[float]] = field(default_factory=list)
     body_size_m: float = 1.0
+    is_in_water: bool = False
+    images: list[str] = field(default_factory=list)
+    changed_flags: list[str] = field(default_factory=list)
     has_divergences: bool = False
 
 
@@ -112,13 +125,49 @@ def color_and_width(line: Line, before: Sequence[Line]) -> tuple[tuple[int, int,
     return colors[place % len(colors)], TRUTH_WIDTH if line.is_truth else BELIEF_WIDTH
 
 
-def plots(lines: Sequence[Line]) -> dict[str, list[Line]]:
-    """Returns lines by plot: numbers of the same unit share one, titled by what it shows and the unit."""
+def plots(lines: Sequence[Line], changed_flags: Sequence[str] = ()) -> dict[str, list[Line]]:
+    """Returns lines by plot, titled by what it shows and the unit; where a student looks first comes first.
+
+    Numbers of one unit share a plot, but for a true number that has beliefs of its name: it shares one with them alone.
+    """
     by_unit: dict[str, list[Line]] = {unit: [] for unit in UNITS_FIRST}
+    named: dict[str, list[Line]] = {}
     for line in lines:
-        if line.unit not in UNITS_NOT_PLOTTED:
+        if line.plot and not (line.plot == FLAGS and line.entity not in changed_flags):
+            named.setdefault(line.plot, []).append(line)
+        elif not line.plot and line.unit not in UNITS_NOT_PLOTTED:
             by_unit.setdefault(line.unit, []).append(line)
-    return {_title(unit, group): group for unit, group in by_unit.items() if group}
+    groups = [group for unit_group in by_unit.values() for group in _by_word(unit_group)]
+    true = [group for group in groups if group[0].is_truth]
+    believed = [group for group in groups if not group[0].is_truth]
+    flags, first = named.pop(FLAGS, []), PLOTS_BESIDE_MAX - 1
+    return {
+        **{_title(group[0].unit, group): group for group in true[:first]},
+        **named,
+        **{_title(group[0].unit, group): group for group in true[first:]},
+        **{_title(group[0].unit, group): group for group in believed},
+        **({FLAGS: flags} if flags else {}),
+    }
+
+
+def _by_word(lines: Sequence[Line]) -> list[list[Line]]:
+    """Returns lines of one unit by plot: each true one with the beliefs whose name ends alike, then the rest."""
+    left, groups = list(lines), []
+    for true in [line for line in lines if line.is_truth]:
+        alike = [line for line in left if not line.is_truth and _word(line) == _word(true)]
+        if alike:
+            groups.append([true, *alike])
+            left = [line for line in left if line is not true and line not in alike]
+    true_ones = [line for line in left if line.is_truth]
+    if groups and true_ones:
+        groups.append(true_ones)
+        left = [line for line in left if not line.is_truth]
+    return [*groups, *([left] if left else [])]
+
+
+def _word(line: Line) -> str:
+    last = line.name.rpartition(" ")[2]
+    return SAME.get(last, last)
 
 
 def _title(unit: str, lines: Sequence[Line]) -> str:
@@ -139,7 +188,9 @@ def blueprint(rrb: Any, layout: Layout, follow_time: bool = False) -> Any:
     left: list[Any] = []
     if layout.bodies:
         left.append(rrb.Horizontal(_follow(rrb, layout), _overview(rrb, layout, follow_time), column_shares=[3, 2]))
-    left.append(_logs(rrb, layout))
+    cameras = [rrb.Spatial2DView(name="what the camera saw", origin=entity) for entity in layout.images]
+    below = _logs(rrb, layout)
+    left.append(rrb.Horizontal(below, *cameras, column_shares=[2, *([1] * len(cameras))]) if cameras else below)
     parts: list[Any] = [rrb.Vertical(contents=left, row_shares=[7, 3] if len(left) == 2 else None)]
     beside = _plots(rrb, layout)
     if beside:
@@ -173,12 +224,16 @@ def _follow(rrb: Any, layout: Layout) -> Any:
 
 
 def _overview(rrb: Any, layout: Layout, follow_time: bool) -> Any:
-    """The whole way at once, seen from the south: x to the right, z up."""
+    """The whole way at once with the landmarks on it, seen from the south: x to the right, z up."""
     low, high = layout.low_m, layout.high_m
     if follow_time:  # where it goes is not known yet: the world's origin is where things are on the ground
         low, high = [min(0.0, a) for a in low], [max(0.0, b) for b in high]
+    low = [min(one) for one in zip(low, *layout.landmarks, strict=True)]
+    high = [max(one) for one in zip(high, *layout.landmarks, strict=True)]
     center = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
-    reach = 1.25 * max(max(b - a for a, b in zip(low, high, strict=True)), 3 * layout.body_size_m)
+    up = 0.5 if layout.is_in_water else 0.15  # into a pool one looks from above
+    wide, *others = (b - a for a, b in zip(low, high, strict=True))
+    reach = 1.25 * max(NARROW * wide, *others, 3 * layout.body_size_m)
     return rrb.Spatial3DView(
         name="the whole way",
         contents=["+ /**", *(f"- {root}/world/arrows/**" for root in layout.roots)],
@@ -186,7 +241,7 @@ def _overview(rrb: Any, layout: Layout, follow_time: bool) -> Any:
         background=[10, 12, 20],
         eye_controls=rrb.EyeControls3D(
             kind="Orbital",
-            position=[center[0], center[1] - reach, center[2] + 0.15 * reach],
+            position=[center[0], center[1] - reach, center[2] + up * reach],
             look_target=center,
             eye_up=[0, 0, 1],
         ),
@@ -221,7 +276,7 @@ def _plots(rrb: Any, layout: Layout) -> Any:
             plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
             axis_x=rrb.TimeAxis(link="linkToGlobal"),
         )
-        for title, lines in plots(layout.lines).items()
+        for title, lines in plots(layout.lines, layout.changed_flags).items()
     ]
     if len(views) <= PLOTS_BESIDE_MAX:
         return rrb.Vertical(*views) if views else None

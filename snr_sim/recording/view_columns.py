@@ -41,6 +41,10 @@ LIST_PLOTTED_MAX = 32
 # An input is executed soon after it came in; of one that waited for longer than so many others, only the seq is known.
 INPUTS_REMEMBERED = 10_000
 
+# A true number of such a name is 1 from when on what makes the arrow of that name is broken.
+BROKEN = "broken_"
+
+_IMAGE_MARK = b'"dtype":"uint8"'
 _NUMBERS = {float, int, bool}
 _NO_ARROW = [0.0] * 6
 
@@ -87,6 +91,7 @@ class Series:
     path: tuple[str, ...]
     when: When
     values: Floats
+    is_flag: bool = False  # yes or no
 
 
 @dataclass(frozen=True)
@@ -178,6 +183,19 @@ class Batch:
             for series in _columns((key,), When.of(records), data):
                 yield node, series
 
+    def images(self) -> Iterator[tuple[str, tuple[str, ...], When, list[NDArray[np.uint8]]]]:
+        """Returns what cameras saw: node, path of the field, when, and pictures of shape (height, width, 3)."""
+        for (node, key), records in self._pages.items():
+            if _IMAGE_MARK not in bytes(records[0].values):
+                continue
+            data = _page_data([record.values for record in records])
+            for field in data[0] if isinstance(data[0], dict) else ():
+                told: list[Any] = [one.get(field) if isinstance(one, dict) else None for one in data]
+                seen = [(i, image) for i, image in enumerate(told) if _is_image(image)]
+                if seen:
+                    when = When.of([records[i] for i, _ in seen])
+                    yield node, (key, field), when, [image for _, image in seen]
+
     def page_words(self, fields: Sequence[str]) -> Iterator[tuple[str, list[float], list[str]]]:
         """Returns the texts that pages carried in some fields, where they were made: field, times [s], texts."""
         for (node, key), records in self._pages.items():
@@ -235,6 +253,11 @@ class Batch:
         return "; ".join([f"{part.by}: {_tasks(part.returned)}" for part in handled if part.returned])
 
 
+def _is_image(value: Any) -> bool:
+    is_array = isinstance(value, np.ndarray) and value.dtype == np.uint8
+    return is_array and value.ndim == 3 and value.shape[2] == 3 and value.size > 0
+
+
 def _tasks(returned: Sequence[Returned]) -> str:
     return ", ".join([f"{task.type} {task.name}" for task in returned])
 
@@ -278,7 +301,7 @@ def _columns(path: tuple[str, ...], when: When, rows: Sequence[Any]) -> Iterator
     if not kinds:
         return
     if kinds <= _NUMBERS:
-        yield Series(path, when, _floats(rows))
+        yield Series(path, when, _floats(rows), kinds == {bool})
     elif kinds == {dict}:
         for name, picked, inner in _by_name(rows):
             yield from _columns((*path, str(name)), when if picked is None else when[picked], inner)

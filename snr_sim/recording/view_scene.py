@@ -5,7 +5,7 @@ Nothing here draws. The viewer and the picture ask it for numbers, so that both 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -15,6 +15,9 @@ Points: TypeAlias = NDArray[np.float64]
 
 # A path is drawn with at most this many points. More cannot be told apart on a screen, and a run may last for days.
 PATH_POINTS_MAX = 2_000
+BOW = 0.10  # how far a slack tether is drawn out of the straight, as a share of its span
+# A bow of unit length, along x, that goes out along z.
+TETHER_LINE: Points = np.array([[i / 16.0, 0.0, 4.0 * (i / 16.0) * (1.0 - i / 16.0)] for i in range(17)])
 
 
 class Path:
@@ -73,6 +76,53 @@ def size_of(shapes: Iterable[dict[str, Any]]) -> float:
 def rgb_of(shape: dict[str, Any]) -> list[int]:
     """Returns the shape's colour; grey if it has none."""
     return [int(part) for part in shape.get("rgb", (170, 170, 170))]
+
+
+def turned(pose: Any, points: Any) -> Points:
+    """Returns points of a body's frame in the world's.
+
+    Args:
+        pose: x, y, z [m] and the quaternion x, y, z, w; shape (7,), or (n, 7) for one point at n moments.
+        points: shape (..., 3).
+    """
+    pose, points = np.asarray(pose, float), np.asarray(points, float)
+    vector, w = pose[..., 3:6], pose[..., 6:]
+    twice = 2.0 * np.cross(vector, points)
+    moved: Points = points + w * twice + np.cross(vector, twice) + pose[..., :3]
+    return moved
+
+
+def tether_spans(tether: Mapping[str, Any], poses: Any) -> Points:
+    """Returns the way [m] from where a tether is held to where it ends at its body, for one pose or for many."""
+    spans: Points = turned(poses, tether["place_m"]) - np.asarray(tether["anchor_m"], float)
+    return spans
+
+
+def is_slack(tether: Mapping[str, Any], poses: Any) -> Any:
+    """Whether a tether is longer than the way that it spans, for one pose or for many."""
+    return np.linalg.norm(tether_spans(tether, poses), axis=-1) < tether["length_m"]
+
+
+def tether_frames(tether: Mapping[str, Any], poses: Points) -> Points:
+    """Returns what stretches `TETHER_LINE` to a tether: straight if it is taut, with a bow if it is slack.
+
+    The bow says no more than that: the plant's tether is straight.
+
+    Args:
+        tether: as a scene describes it.
+        poses: of its body, shape (n, 7).
+
+    Returns:
+        shape (n, 3, 3): a matrix each.
+    """
+    spans = tether_spans(tether, poses)
+    lengths = np.linalg.norm(spans, axis=1, keepdims=True)
+    ways = np.divide(spans, lengths, out=np.zeros_like(spans), where=lengths > 0)
+    aside = np.array([0.0, 0.0, -1.0]) + ways[:, 2:] * ways  # as much down as is possible across it
+    wide = np.linalg.norm(aside, axis=1, keepdims=True)
+    aside = np.where(wide > 0.1, aside / np.maximum(wide, 1e-9), [[1.0, 0.0, 0.0]])
+    bows = np.where(is_slack(tether, poses)[:, None], BOW, 1e-3) * np.maximum(lengths, 1e-6) * aside
+    return np.stack([spans, np.cross(ways, aside) + 1e-9, bows], axis=-1)
 
 
 def mesh_with_normals(vertices: Points, triangles: NDArray[np.int64]) -> tuple[Points, Points]:

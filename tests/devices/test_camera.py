@@ -1,4 +1,5 @@
 import math
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -6,7 +7,11 @@ import numpy as np
 import pytest
 
 from snr_sim.devices.camera import Camera, CameraReading
+from snr_sim.plants.dive import Dive
+from snr_sim.plants.pool import Gate, Pool
+from snr_sim.plants.urov_2d import Urov2D
 from snr_sim.plants.urov_outputs import Pose
+from snr_sim.plants.vehicle_file import read_vehicle
 from snr_sim.prelude.errors import ParameterError, SnrError, UnknownName
 from snr_sim.prelude.values import decode_value, encode_value
 from snr_sim.testing.contracts import check_sensor
@@ -143,3 +148,16 @@ def test_a_picture_cannot_be_changed_and_comes_back_from_a_file_byte_for_byte() 
 def test_numbers_that_make_no_sense_are_refused(numbers: dict[str, Any], error: type[SnrError]) -> None:
     with pytest.raises(error, match="camera"):
         Camera(**numbers)
+
+
+def test_the_vehicle_in_the_plane_has_eyes_too() -> None:
+    vehicle = read_vehicle(Path(__file__).parents[2] / "robots" / "urov" / "vehicles" / "benzon2022.toml")
+    pool = Pool(gates=(Gate("red", (2.0, 0.0, -2.0)),))
+    plant = Urov2D(vehicle, pool, lambda seed: Dive(position_m=(0.0, 0.0, -2.0)))
+    without = Urov2D(vehicle, Pool(), lambda seed: Dive(position_m=(0.0, 0.0, -2.0)))
+    rng = np.random.default_rng(1)
+    with_gate, empty = (Camera("ahead").simulated(one, "pose", rng).read().rgb for one in (plant, without))
+    is_gate = (with_gate != empty).any(axis=2)
+    assert is_gate[:, :32].any()
+    assert is_gate[:, 32:].any()
+    assert not is_gate[20:28, 28:36].any()  # it looks through the middle

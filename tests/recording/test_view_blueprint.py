@@ -1,0 +1,51 @@
+"""Which number goes into which plot, and in which order."""
+
+from __future__ import annotations
+
+from snr_sim.recording.view_blueprint import FLAGS, Line, plots
+
+
+def line(name: str, unit: str = "m", is_truth: bool = False, plot: str = "") -> Line:
+    return Line(f"/{name}", name, unit, is_truth, plot)
+
+
+def names(lines: list[Line], changed_flags: tuple[str, ...] = ()) -> list[list[str]]:
+    return [[one.name for one in group] for group in plots(lines, changed_flags).values()]
+
+
+def test_a_true_number_shares_its_plot_with_the_beliefs_of_its_name() -> None:
+    lines = [line("true depth", is_truth=True), line("sonar depth"), line("place position 0"), line("vehicle depth")]
+    assert names(lines) == [["true depth", "sonar depth", "vehicle depth"], ["place position 0"]]
+
+
+def test_where_no_name_agrees_a_unit_shares_one_plot() -> None:
+    lines = [line("true vertical", "m/s", True), line("true lateral", "m/s", True), line("radar velocity", "m/s")]
+    assert names(lines) == [["true vertical", "true lateral", "radar velocity"]]
+
+
+def test_yaw_and_heading_are_one_thing() -> None:
+    lines = [line("true yaw", "rad", True), line("controls heading", "rad"), line("imu roll", "rad")]
+    assert names(lines) == [["true yaw", "controls heading"], ["imu roll"]]
+
+
+def test_what_is_true_comes_first_then_links_then_beliefs_and_last_what_was_yes_or_no() -> None:
+    lines = [
+        line("power voltage", "V"),
+        line("up", "", plot="link tether: up (1) or down (0)"),
+        line("controls is armed", "", plot=FLAGS),
+        line("true speed", "m/s", True),
+        line("true depth", "m", True),
+    ]
+    assert names(lines, ("/controls is armed",)) == [
+        ["true depth"],
+        ["true speed"],
+        ["up"],
+        ["power voltage"],
+        ["controls is armed"],
+    ]
+
+
+def test_what_was_always_yes_or_always_no_has_no_line() -> None:
+    lines = [line("is armed", "", plot=FLAGS), line("is stopped", "", plot=FLAGS)]
+    assert names(lines, ("/is armed",)) == [["is armed"]]
+    assert names(lines) == []
