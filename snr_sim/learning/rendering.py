@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.recording.picture_bodies import FLAME, JET, draw_flames, draw_shapes, strongest_of, turned
+from snr_sim.recording.picture_bodies import FLAME, JET, draw_flames, draw_shapes, strongest_of
 from snr_sim.recording.picture_canvas import PIXELS_PER_POINT, Canvas, Point, Rgb, mixed
 from snr_sim.recording.picture_layout import Place, feet_and_size
 from snr_sim.recording.picture_world import cut_by_plane
-from snr_sim.recording.view_scene import rgb_of
+from snr_sim.recording.view_scene import rgb_of, turned
 
 WIDTH_PX, HEIGHT_PX = 320, 240
 SKY: Rgb = (24, 27, 38)
