@@ -175,15 +175,14 @@ class UrovMeasured:
     def truth(self) -> dict[str, Any]:
         """Returns the true state for the recorder."""
         w, x, y, z = self._attitude
-        place = self._place
+        place = px, py, pz = self._place
         roll, pitch, yaw = roll_pitch_yaw_rad(self._attitude)
         u, v, heave = self._through_water()
         arrows: dict[str, list[float]] = {}
         if self.thrusters is not None:
             for thruster, force in zip(self.vehicle.thrusters, self.thrusters.forces_n, strict=True):
-                at = self._in_world(*thruster.position_m)
-                pull = self._in_world(*(force * value for value in thruster.direction))
-                arrows[thruster.name] = [*(a + b for a, b in zip(place, at, strict=True)), *pull]
+                (ax, ay, az), (dx, dy, dz) = self._in_world(*thruster.position_m), self._in_world(*thruster.direction)
+                arrows[thruster.name] = [px + ax, py + ay, pz + az, force * dx, force * dy, force * dz]
         if any(self._current):
             east, north, up = self._current
             flow = (CURRENT_N * east, CURRENT_N * north, CURRENT_N * up)
