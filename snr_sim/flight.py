@@ -8,7 +8,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from types import ModuleType
 from typing import Any
 
 from snr_sim.core.blame import describe_error, short_path, student_place
@@ -81,7 +80,7 @@ class Flight:
             tells_notes=False,  # the result has them
         )
         self._truth = TruthLog(plant, recorder) if recorder is not None else None
-        self._referee = Referee(simulation.scenario, plant, self.nodes, self._truth)
+        self._referee = Referee(simulation.judge, plant, self.nodes, self._truth)
         clock.follow(Stepper(plant).advance_to)
         clock.follow(self._referee.look)
         if on_advance is not None:
@@ -157,19 +156,19 @@ def why_of(verdict: Verdict) -> list[str]:
 def metrics_of(simulation: Simulation, plant: Plant) -> tuple[dict[str, Any], str]:
     """Returns the scenario's metrics, or none and what went wrong."""
     try:
-        metrics = call_student(simulation.scenario.metrics, "metrics(plant, seed)", plant, simulation.request.seed)
+        metrics = call_student(simulation.judge.metrics, "metrics(plant, seed)", plant, simulation.request.seed)
     except SnrError as failure:
         return {}, str(failure)
     if isinstance(metrics, dict):
         return metrics, ""
-    place = short_path(str(simulation.scenario.__file__))
+    place = short_path(str(simulation.judge.__file__))
     return {}, f"{place}: metrics(plant, seed) returned {metrics!r}, which is not a dict."
 
 
 class Referee:
     """Looks at the plant at each new moment; once there is a verdict, every node is told to end."""
 
-    def __init__(self, scenario: ModuleType, plant: Plant, nodes: Sequence[Node], truth: TruthLog | None) -> None:
+    def __init__(self, scenario: Any, plant: Plant, nodes: Sequence[Node], truth: TruthLog | None) -> None:
         self._judge = scenario.verdict
         self._place = short_path(str(scenario.__file__))
         self._plant = plant

@@ -127,7 +127,7 @@ class RoleRun:
         self._looked_s = -LOOK_PERIOD_S
         if world.plant is not None:
             self._truth = TruthLog(world.plant, recorder) if recorder is not None else None
-            self._referee = Referee(simulation.scenario, world.plant, self.nodes, self._truth)
+            self._referee = Referee(simulation.judge, world.plant, self.nodes, self._truth)
             for key in world.sensor_keys:
                 self._node.tap(key, self._look)
 

@@ -21,11 +21,14 @@ from snr_sim.core.endpoint import EndpointFactory
 from snr_sim.core.loop import LoopFactory
 from snr_sim.devices.loops import ActuatorLoopFactory
 from snr_sim.options import check_options
-from snr_sim.prelude.errors import ConfigError, MissingExtra, SnrError, UnknownName, nearest
+from snr_sim.prelude.errors import ConfigError, MissingExtra, SnrError, TraceError, UnknownName, nearest
 from snr_sim.prelude.io import BENCH, parse_io
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import Rig, Robot
+from snr_sim.recording.folder import trace_path
+from snr_sim.recording.reader import read_trace
+from snr_sim.recording.recorded_run import RecordedRun
 from snr_sim.recording.records import Header, Opening, name_of
 
 
@@ -65,6 +68,7 @@ class Simulation:
         self._controller = controller
         self.notes: list[str] = []  # of putting it together, for the run's result
         self._found = found
+        self._recorded: RecordedRun | None = None
         self._robot = Robot(
             name=scenario.ROBOT,
             role=robot.ROLES[0],
@@ -122,10 +126,16 @@ class Simulation:
             )
         return Config(Mode.TEST, roles)
 
+    @property
+    def judge(self) -> Any:
+        """What says how a run ended: the scenario; where sensors read what was recorded, that it is over."""
+        return self._recorded or self.scenario
+
     def rig(self, plant: Plant | None, clock_s: Callable[[], float] | None = None) -> Rig:
         """Returns what the robot's file needs to open its devices; arguments as for `config`."""
         io = parse_io(self.request.io)
-        return Rig(self._robot, io.kind, self.request.seed, plant, io.where, clock_s)
+        recorded = None if self._recorded is None else self._recorded.pages
+        return Rig(self._robot, io.kind, self.request.seed, plant, io.where, clock_s, recorded=recorded)
 
     def with_seed(self, seed: int) -> Simulation:
         """Returns the same with another seed; nothing is looked for and loaded again."""
@@ -150,7 +160,16 @@ class Simulation:
         return list(made)
 
     def plant(self) -> Plant:
-        """Returns the plant at the start that belongs to the seed."""
+        """Returns the plant at the start that belongs to the seed; with `--io replay:RUN`, the run as it was recorded.
+
+        Raises:
+            ConfigError: the scenario or the robot gives something else than a plant.
+            TraceError: the recorded run cannot be read, or is of another robot.
+        """
+        io = parse_io(self.request.io)
+        if io.kind == "replay":
+            self._recorded = self._recorded_run(Path(io.where))
+            return self._recorded
         plant = call_student(self.scenario.plant, "plant(seed, engine)", self.request.seed, self.request.engine)
         if not isinstance(plant, Plant):
             raise ConfigError(
@@ -159,6 +178,15 @@ class Simulation:
                 fix="end it with: return Lander1D(...), or another class that keeps the promise of prelude/plant.py.",
             )
         return self._dressed(plant)
+
+    def _recorded_run(self, run: Path) -> RecordedRun:
+        trace = read_trace(trace_path(run))
+        if trace.header.robot != self._robot.name:
+            raise TraceError(
+                f"{run} is a run of the robot '{trace.header.robot}', not of '{self._robot.name}'.",
+                fix=f"name one of '{self._robot.name}'.",
+            )
+        return RecordedRun(trace)
 
     def _dressed(self, plant: Plant) -> Plant:
         """Returns what is stepped in place of the plant, if this row of the robot's device table wants that."""
@@ -254,7 +282,7 @@ def prepare(request: Request) -> Simulation:
         if controller_name in library.controllers(robot_found)
         else str(Path(controller_name).resolve()),
         role=request.role,
-        io=request.io,
+        io=_whole(request.io),
         options=request.options,
     )
     found = [
@@ -277,6 +305,12 @@ def _check_numpy(request: Request) -> None:
         if parse_io(request.io).kind == "pi":
             raise MissingExtra("numpy", "hardware") from None
         raise
+
+
+def _whole(io: str) -> str:
+    """Returns where devices are; a recorded run by its path, so that it is found from another folder, too."""
+    kind, _, where = io.partition(":")
+    return f"{kind}:{Path(where).resolve()}" if kind == "replay" else io
 
 
 def request_of(opening: Opening, header: Header, controller: str = "") -> Request:

@@ -18,6 +18,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
+import msgspec
+
 from snr_sim import library
 from snr_sim.core.loop import LoopFactory
 from snr_sim.devices.emulated.board import Board
@@ -28,6 +30,7 @@ from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
 from snr_sim.devices.mcu import McuPwm
 from snr_sim.devices.mcu_board import McuBoard
 from snr_sim.devices.mirror import MirrorPwm
+from snr_sim.devices.replayed import ReplayedSensor
 from snr_sim.devices.sim_pwm import BenchPwm
 from snr_sim.devices.simulated import SimActuator, SimSensor
 from snr_sim.devices.wire.mcu_messages import BAUD
@@ -36,7 +39,7 @@ from snr_sim.prelude.component import Factory
 from snr_sim.prelude.device import PwmOut
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Rig
-from snr_sim.prelude.signals import EngineCommand
+from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
 
 ROLES = ("lander",)
 OPTIONS: dict[str, str] = {}
@@ -59,6 +62,12 @@ def sim_inertial(rig: Rig) -> SimSensor:
 def sim_engine(rig: Rig) -> SimActuator[EngineCommand]:
     """Opens the simulated engine and attitude jets."""
     return SimActuator(rig.plant, "engine", EngineCommand, servos(rig).limits)
+
+
+def replayed_sensor(rig: Rig, name: str) -> ReplayedSensor:
+    """Opens a sensor that reads what it read in a recorded run."""
+    assert rig.recorded is not None
+    return ReplayedSensor(name, rig.recorded(name), READINGS[name], rig.now_s)
 
 
 def servos(rig: Rig) -> EngineServos:
@@ -108,12 +117,18 @@ def servo_loop(rig: Rig, open_device: Callable[[Rig], PwmOut]) -> LoopFactory:
 
 # What each device is, for each way of running the robot, the engine with its loop, and how often sensors are read at
 # least. Nothing else decides between simulation and hardware.
+READINGS: dict[str, type[msgspec.Struct]] = {"radar": RadarReading, "inertial": InertialReading}
 SENSORS: dict[str, Any] = {"radar": sim_radar, "inertial": sim_inertial}
 DEVICES: dict[str, dict[str, Any]] = {
     "sim": {**SENSORS, "engine": engine_loop, "least_hz": 0.0},
     "mirror": {**SENSORS, "engine": partial(servo_loop, open_device=mirror_servos), "least_hz": LEAST_HZ},
     "emulated": {**SENSORS, "engine": partial(servo_loop, open_device=emulated_servos), "least_hz": LEAST_HZ},
     "mcu": {**SENSORS, "engine": partial(servo_loop, open_device=mcu_servos), "least_hz": LEAST_HZ},
+    "replay": {
+        **{name: partial(replayed_sensor, name=name) for name in READINGS},
+        "engine": partial(servo_loop, open_device=mirror_servos),
+        "least_hz": 0.0,
+    },
 }
 IO = tuple(DEVICES)
 
@@ -126,4 +141,5 @@ def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
         SensorLoopFactory(name, partial(devices[name], rig), max(level.rate_hz, devices["least_hz"]))
         for name, level in levels.items()
     ]
-    return {"lander": [*sensors, *controller, devices["engine"](rig)]}
+    engine = devices["engine"](rig)
+    return {"lander": [*sensors, *controller, engine]}

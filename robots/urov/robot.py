@@ -21,6 +21,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from snr_sim.devices.camera import Camera, CameraLoopFactory
 from snr_sim.devices.emulated.board import Board
 from snr_sim.devices.emulated.lock_step import PlantOnBoard
@@ -33,6 +35,7 @@ from snr_sim.devices.pad import PadLoopFactory
 from snr_sim.devices.pwm_backend import PwmBackend
 from snr_sim.devices.pwm_loop import PwmLoopFactory
 from snr_sim.devices.pygame_pad import PygamePad
+from snr_sim.devices.replayed import ReplayedSensor
 from snr_sim.devices.sim_pwm import BenchPwm, SimPwm
 from snr_sim.devices.simulated import SimSensor
 from snr_sim.devices.wire.mcu_messages import BAUD
@@ -43,6 +46,7 @@ from snr_sim.prelude.device import LEASE_S
 from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Rig
+from snr_sim.prelude.signals import DepthReading, EchoReading, ImuReading, LeakReading, PowerReading
 from snr_sim.std_mods.comms.sockets import SocketsPair
 
 from .display import DisplayFactory
@@ -52,7 +56,7 @@ from .pad_pilot import PadPilotFactory
 from .parameters import UrovParameters
 from .pilot import ScriptedPilotFactory
 from .seeing_pilot import SeeingPilotFactory
-from .sight import EYES
+from .sight import EYES, Place
 
 ROLES = ("urov", "topside")
 PILOTS = ("scripted", "hands")
@@ -68,6 +72,14 @@ FIRMWARE = Path(__file__).parent / "firmware"
 MCU = "atmega328p"
 
 SENSORS = ("depth", "altitude", "power", "leak", "imu")  # the last one sets off control, so it comes after the others
+READINGS: dict[str, type[msgspec.Struct]] = {
+    "depth": DepthReading,
+    "altitude": EchoReading,
+    "power": PowerReading,
+    "leak": LeakReading,
+    "imu": ImuReading,
+    "place": Place,
+}
 ANSWERED = ("leak", "power", "imu")  # of these each reading sets off work; the others are looked up when needed
 # After so much silence either end counts as gone, also one that is there and stands still: told within a second.
 KEEP_ALIVE_S, GONE_S = 0.25, 0.75
@@ -152,6 +164,21 @@ def dressed(rig: Rig) -> Plant:
     return PlantOnBoard(rig.plant, lambda: Board(firmware_elf(FIRMWARE, MCU), MCU), thruster_count(rig), power="power")
 
 
+def replayed_sensor(rig: Rig, name: str) -> ReplayedSensor:
+    """Opens a sensor that reads what it read in a recorded run."""
+    assert rig.recorded is not None
+    return ReplayedSensor(name, rig.recorded(name), READINGS[name], rig.now_s)
+
+
+def no_camera(rig: Rig) -> Any:
+    """Refuses.
+
+    Raises:
+        UnknownName: pictures are not read again.
+    """
+    raise UnknownName("With --io replay:RUN there is no camera.", fix="leave out --option camera.")
+
+
 def thruster_count(rig: Rig) -> int:
     """Returns how many thrusters the vehicle has."""
     return len(rig.robot.parameters.vehicle.thrusters)
@@ -170,6 +197,12 @@ DEVICES: dict[str, dict[str, Callable[[Rig], Any]]] = {
     "mirror": {**SIMULATED, "pwm": mirror_pwm},
     "emulated": {**SIMULATED, "pwm": emulated_pwm, "power": emulated_power},
     "mcu": {**SIMULATED, "pwm": mcu_pwm, "power": mcu_power},
+    "replay": {
+        **{name: partial(replayed_sensor, name=name) for name in READINGS},
+        "camera": no_camera,
+        "pwm": mirror_pwm,
+        "hands": hands,
+    },
 }
 IO = tuple(DEVICES)
 

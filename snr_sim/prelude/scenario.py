@@ -23,10 +23,11 @@ With OPTIONS in robot.py, any other `--option` is refused before the run; withou
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from snr_sim.prelude.page import Page
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.rng import rng_for
 
@@ -83,6 +84,7 @@ class Rig:
         where: what follows `io` on the command line: a port, a bus and an address (`prelude/io.py`).
         clock_s: the clock of the run, which devices stamp by; the plant's time if not given.
         shared: what several devices share, such as the board that they are on; see `share`.
+        recorded: gives the pages that a sensor stored in the run that `where` names, for `--io replay:RUN`.
     """
 
     robot: Robot
@@ -92,6 +94,7 @@ class Rig:
     where: str = ""
     clock_s: Callable[[], float] | None = None
     shared: dict[str, Any] = field(default_factory=dict)
+    recorded: Callable[[str], Sequence[Page]] | None = None
 
     def share(self, name: str, make: Callable[[], Any]) -> Any:
         """Returns what several devices of this run share: made when it is asked for first."""

@@ -1,0 +1,123 @@
+"""A recorded run as a world to be in again: its sensors' pages, and its true state to be looked at. Nothing moves it.
+
+`--io replay:RUN` uses it: the program of today reads what was read then, and what it commands goes nowhere. That is not
+`snr replay`, which executes the tasks of then and compares.
+"""
+
+from __future__ import annotations
+
+import bisect
+from typing import Any
+
+from snr_sim.prelude.errors import PlantError, TraceError, UnknownName, ValueEncodingError, nearest
+from snr_sim.prelude.page import Page
+from snr_sim.prelude.scenario import Verdict
+from snr_sim.prelude.values import decode_value
+from snr_sim.recording.reader import Trace
+from snr_sim.recording.records import InputRecord, TruthRecord
+
+_ROUNDING_S = 1e-6
+_SENSOR_LOOP = "_sensor"  # what the loop of a sensor is called after its key
+
+
+class RecordedRun:
+    """Keeps the promise of Plant as far as looking goes, and judges nothing but that the recording is over.
+
+    Args:
+        trace: of the run.
+
+    Raises:
+        TraceError: no sensor was read in it.
+    """
+
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+    step_s: float | None = None
+
+    def __init__(self, trace: Trace) -> None:
+        self.trace = trace
+        self.engine = f"as recorded of {trace.header.engine or 'real devices'}"
+        self.time_s = 0.0
+        self.__file__ = str(trace.path)
+        self._inputs = [
+            record
+            for record in trace.records
+            if isinstance(record, InputRecord)
+            and record.type == "store_page"
+            and record.source == f"{record.name}{_SENSOR_LOOP}"
+        ]
+        self._truths = [record for record in trace.records if isinstance(record, TruthRecord)]
+        self._truth_times_s = [record.t for record in self._truths]
+        if not self._inputs:
+            raise TraceError(f"In the run {trace.path} no sensor was read.", fix="name one of a robot with sensors.")
+        self.end_s = self._inputs[-1].t
+
+    def pages(self, key: str) -> list[Page]:
+        """Returns the pages that a sensor stored, in order.
+
+        Raises:
+            TraceError: it stored none, or they cannot be brought back.
+        """
+        records = [record for record in self._inputs if record.name == key]
+        if not records:
+            read = {record.name for record in self._inputs}
+            raise TraceError(f"In the run {self.trace.path} there is no sensor '{key}'.", fix=nearest(key, read))
+        try:
+            return [decode_value(bytes(record.values), {"page": Page})[0] for record in records]
+        except ValueEncodingError as error:
+            raise TraceError(
+                f"Pages of the sensor '{key}' in {self.trace.path} cannot be brought back: {error.message}",
+                fix="leave this sensor out.",
+            ) from error
+
+    def verdict(self, plant: object) -> Verdict | None:
+        """Returns 'replayed' once the recording is over."""
+        return Verdict("replayed", True) if self.time_s >= self.end_s - _ROUNDING_S else None
+
+    def metrics(self, plant: object, seed: int) -> dict[str, Any]:
+        """Returns none: what is commanded moves nothing that could be measured."""
+        return {}
+
+    def reset(self, seed: int) -> None:
+        """Goes back to the beginning."""
+        self.time_s = 0.0
+
+    def step(self, dt_s: float) -> None:
+        """Goes on."""
+        self.time_s += dt_s
+
+    def write(self, name: str, command: Any) -> None:
+        """Refuses: nothing here can be moved.
+
+        Raises:
+            PlantError: always.
+        """
+        raise PlantError(f"'{name}' was written to a recorded run, which nothing moves.", fix="use --io sim.")
+
+    def read(self, name: str) -> Any:
+        """Refuses: what sensors read is in their pages.
+
+        Raises:
+            UnknownName: always.
+        """
+        raise UnknownName(f"A recorded run has no output '{name}'.", fix="rig.recorded(key) has a sensor's pages.")
+
+    def snapshot(self) -> Any:
+        """Returns how far it has come."""
+        return self.time_s
+
+    def restore(self, snapshot: Any) -> None:
+        """Goes back, or on."""
+        self.time_s = snapshot
+
+    def scene(self) -> dict[str, Any]:
+        """Returns what was there."""
+        return self.trace.header.scene or {"statics": {}, "bodies": {}}
+
+    def truth(self) -> dict[str, Any]:
+        """Returns the true state that was recorded last by now; nothing, if there was no plant."""
+        place = bisect.bisect_right(self._truth_times_s, self.time_s + _ROUNDING_S) - 1
+        if place < 0:
+            return {"poses": {}, "arrows": {}, "values": {}}
+        record = self._truths[place]
+        return {"poses": record.poses, "arrows": record.arrows, "values": record.values}

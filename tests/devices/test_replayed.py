@@ -1,0 +1,72 @@
+"""A sensor that reads what a recorded one read."""
+
+import msgspec
+import pytest
+
+from snr_sim import Page
+from snr_sim.devices.replayed import ReplayedSensor
+from snr_sim.prelude.device import Sensor, Stale
+from snr_sim.prelude.errors import DeviceError, SensorLost
+
+
+class Depth(msgspec.Struct, frozen=True):
+    depth_m: float
+    stamp_s: float
+
+
+def page(time_s: float, depth_m: object) -> Page:
+    return Page("depth", {"depth_m": depth_m, "stamp_s": time_s}, "urov_node", time_s)
+
+
+class Clock:
+    time_s = 0.0
+
+    def now_s(self) -> float:
+        return self.time_s
+
+
+def sensor(*pages: Page) -> tuple[ReplayedSensor, Clock]:
+    clock = Clock()
+    opened = ReplayedSensor("depth", pages, Depth, clock.now_s)
+    opened.configure()
+    opened.activate()
+    return opened, clock
+
+
+def test_each_reading_comes_when_it_came_then() -> None:
+    replayed, clock = sensor(page(0.0, 1.0), page(0.05, 1.1), page(0.1, 1.2))
+    assert isinstance(replayed, Sensor)
+    got = []
+    for i in range(3):
+        clock.time_s = i * 0.05 - 1e-9  # as rounding makes it
+        got.append(replayed.read())
+    assert got == [Depth(1.0, 0.0), Depth(1.1, 0.05), Depth(1.2, 0.1)]
+
+
+def test_one_who_reads_less_often_gets_the_newest() -> None:
+    replayed, clock = sensor(page(0.0, 1.0), page(0.05, 1.1), page(0.1, 1.2))
+    clock.time_s = 0.1
+    assert replayed.read() == Depth(1.2, 0.1)
+
+
+def test_where_there_was_none_there_is_none() -> None:
+    replayed, clock = sensor(page(0.1, 1.0), page(0.4, 1.1))
+    first = replayed.read()
+    assert isinstance(first, Stale)
+    assert (first.since_s, first.why) == (None, "in the recording it had none until 0.1 s.")
+    clock.time_s = 0.1
+    assert replayed.read() == Depth(1.0, 0.1)
+    clock.time_s = 0.2
+    assert replayed.read() == Stale("in the recording it had none until 0.4 s.", 0.1)
+    clock.time_s = 9.0
+    assert replayed.read() == Depth(1.1, 0.4)
+    assert replayed.read() == Stale("the recording of it ended at 0.4 s.", 0.4)
+
+
+def test_a_page_that_is_no_such_reading_and_one_that_was_closed_say_so() -> None:
+    replayed, _ = sensor(page(0.0, "deep"))
+    with pytest.raises(DeviceError, match=r"The recorded sensor 'depth': the page of 0 s holds no Depth"):
+        replayed.read()
+    replayed.close()
+    with pytest.raises(SensorLost, match="closed"):
+        replayed.read()

@@ -1,0 +1,99 @@
+"""A recorded run as a world to be in again: the sensors of today's program read what was read then."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim.flight import Flight, Result
+from snr_sim.prelude.errors import PlantError, TraceError, UnknownName
+from snr_sim.prelude.plant import Plant
+from snr_sim.recording.reader import Trace, read_trace
+from snr_sim.recording.recorded_run import RecordedRun
+from snr_sim.recording.records import InputRecord
+from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.simulation import Request, prepare
+
+
+def fly(folder: Path, scenario: str, **request: Any) -> tuple[Result, Trace]:
+    simulation = prepare(Request(scenario, **request))
+    plant = simulation.plant()
+    config = simulation.config(plant)
+    recorder = TraceWriter(folder / FILE_NAME, simulation.header(plant, config), simulation.opening())
+    result = Flight(simulation, plant, config, recorder).run()
+    recorder.close()
+    return result, read_trace(folder / FILE_NAME)
+
+
+def sensor_pages(trace: Trace) -> list[tuple[float, str, bytes]]:
+    return [
+        (record.t, record.source, bytes(record.values))
+        for record in trace.records
+        if isinstance(record, InputRecord) and record.source.endswith("_sensor")
+    ]
+
+
+@pytest.mark.parametrize(("scenario", "sensors"), [("lander_pad", 2), ("urov_heading_hold", 5)])
+def test_sensors_read_what_was_read_then_byte_for_byte_whoever_controls(
+    tmp_path: Path, scenario: str, sensors: int
+) -> None:
+    (tmp_path / "then").mkdir()
+    (tmp_path / "now").mkdir()
+    _, then = fly(tmp_path / "then", scenario, seed=3)
+    result, now = fly(tmp_path / "now", scenario, seed=3, io=f"replay:{tmp_path / 'then'}")
+    assert (result.error, result.outcome, result.success) == ("", "replayed", True)
+    read_then, read_now = sensor_pages(then), sensor_pages(now)
+    assert len({source for _, source, _ in read_then}) == sensors
+    assert read_now == read_then[: len(read_now)]
+    assert len(read_then) - len(read_now) <= sensors, "up to its end"
+    assert now.header.scene == then.header.scene
+    assert now.header.io == f"replay:{tmp_path / 'then'}"
+
+
+def test_a_run_is_named_with_its_folder_or_its_trace_and_found_from_another_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fly(tmp_path, "lander_pad")
+    monkeypatch.chdir(tmp_path)
+    for where in (".", FILE_NAME):
+        simulation = prepare(Request("lander_pad", io=f"replay:{where}"))
+        assert simulation.request.io.startswith(f"replay:{tmp_path}")
+        plant = simulation.plant()
+        assert isinstance(plant, RecordedRun)
+        assert isinstance(plant, Plant)
+
+
+def test_what_is_no_run_of_this_robot_is_refused_before_there_is_a_run(tmp_path: Path) -> None:
+    with pytest.raises(TraceError, match="There is no run at"):
+        prepare(Request("lander_pad", io=f"replay:{tmp_path / 'nowhere'}")).plant()
+    fly(tmp_path, "lander_vertical")
+    with pytest.raises(TraceError, match="is a run of the robot 'lander', not of 'urov'"):
+        prepare(Request("urov_depth_hold", io=f"replay:{tmp_path}")).plant()
+
+
+def test_a_sensor_that_was_not_there_is_told_with_those_that_were(tmp_path: Path) -> None:
+    _, trace = fly(tmp_path, "lander_vertical")
+    run = RecordedRun(trace)
+    with pytest.raises(TraceError, match=r"there is no sensor 'inertial'(.|\n)*radar"):
+        run.pages("inertial")
+    with pytest.raises(PlantError, match="nothing moves"):
+        run.write("engine", None)
+    with pytest.raises(UnknownName, match="no output 'radar'"):
+        run.read("radar")
+
+
+def test_its_true_state_is_what_was_recorded_by_then(tmp_path: Path) -> None:
+    _, trace = fly(tmp_path, "lander_vertical")
+    run = RecordedRun(trace)
+    body = next(iter(run.truth()["poses"]))
+    high = run.truth()["poses"][body][2]
+    run.step(20.0)
+    at_20_s = run.truth()
+    assert at_20_s["poses"][body][2] < high
+    kept = run.snapshot()
+    run.step(5.0)
+    assert run.truth() != at_20_s
+    run.restore(kept)
+    assert run.truth() == at_20_s
+    run.reset(0)
+    assert run.truth()["poses"][body][2] == high
