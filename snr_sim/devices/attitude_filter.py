@@ -1,0 +1,113 @@
+"""Attitude from rates, gravity and the field: a complementary filter on the rotation itself.
+
+Rates say how it turns from moment to moment, and drift; gravity says, slowly, where up is, and the field where north
+is. What the slow ones keep correcting is taken for the gyroscopes' bias.
+
+Source: R. Mahony, T. Hamel, J.-M. Pflimlin, "Nonlinear complementary filters on the special orthogonal group", IEEE
+Transactions on Automatic Control 53 (2008), the passive filter; heading as an error about the vertical only, so that
+iron nearby does not tilt it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TypeAlias
+
+from snr_sim.prelude.angles import quaternion_of
+
+Vector: TypeAlias = tuple[float, float, float]
+Quaternion: TypeAlias = tuple[float, float, float, float]
+
+GRAVITY_MPS2 = 9.80665
+GAIN_HZ = 0.5  # of corrections: they take about two seconds
+BIAS_GAIN_HZ2 = 0.02
+MOST_BIAS_RADPS = 0.1
+LONGEST_STEP_S = 0.5  # after a longer gap it begins anew
+_ACCELERATED = 0.15  # a share of g: beyond, gravity is not what is felt
+FIELD_UT = (15.0, 75.0)  # of the Earth, and some iron
+
+
+class AttitudeFilter:
+    """Keeps an attitude up to date.
+
+    Attributes:
+        attitude: quaternion [w, x, y, z] that turns vectors of the body into the world's (x east, y north, z up).
+        bias_radps: of the gyroscopes, as far as is known.
+    """
+
+    def __init__(self) -> None:
+        self.attitude: Quaternion | None = None
+        self.bias_radps: Vector = (0.0, 0.0, 0.0)
+        self._at_s = 0.0
+
+    def update(
+        self, rate_radps: Sequence[float], force_mps2: Sequence[float], field_ut: Sequence[float], at_s: float
+    ) -> Quaternion:
+        """Takes a measurement in the body's axes; returns the attitude."""
+        dt_s = at_s - self._at_s
+        self._at_s = at_s
+        if self.attitude is None or not 0.0 <= dt_s <= LONGEST_STEP_S:
+            self.attitude = level_of(force_mps2, field_ut)
+            return self.attitude
+        rates = [rate - bias for rate, bias in zip(rate_radps, self.bias_radps, strict=True)]
+        turned = _turned(self.attitude, [rate * dt_s for rate in rates])
+        error = self._error(turned, force_mps2, field_ut)
+        self.attitude = _turned(turned, [GAIN_HZ * dt_s * one for one in error])
+        bx, by, bz = (
+            max(-MOST_BIAS_RADPS, min(MOST_BIAS_RADPS, bias - BIAS_GAIN_HZ2 * one * dt_s))
+            for bias, one in zip(self.bias_radps, error, strict=True)
+        )
+        self.bias_radps = (bx, by, bz)
+        return self.attitude
+
+    @staticmethod
+    def _error(attitude: Quaternion, force_mps2: Sequence[float], field_ut: Sequence[float]) -> Vector:
+        """Returns the small rotation [rad] in the body's axes that up and north still ask for."""
+        up = _into_body(attitude, (0.0, 0.0, 1.0))
+        x = y = z = 0.0
+        force = math.hypot(*force_mps2)
+        if abs(force - GRAVITY_MPS2) < _ACCELERATED * GRAVITY_MPS2:
+            ax, ay, az = (one / force for one in force_mps2)
+            x, y, z = ay * up[2] - az * up[1], az * up[0] - ax * up[2], ax * up[1] - ay * up[0]
+        if FIELD_UT[0] < math.hypot(*field_ut) < FIELD_UT[1]:
+            east, north, _ = into_world(attitude, field_ut)
+            off = math.atan2(east, north)
+            x, y, z = x + off * up[0], y + off * up[1], z + off * up[2]
+        return x, y, z
+
+
+def level_of(force_mps2: Sequence[float], field_ut: Sequence[float]) -> Quaternion:
+    """Returns the attitude at rest: up is where the force points, north where the field does."""
+    ax, ay, az = force_mps2
+    roll, pitch = math.atan2(ay, az), math.atan2(-ax, math.hypot(ay, az))
+    east, north, _ = into_world(quaternion_of(roll, pitch, 0.0), field_ut)
+    return quaternion_of(roll, pitch, math.atan2(east, north))
+
+
+def into_world(q: Quaternion, v: Sequence[float]) -> Vector:
+    """Returns a vector of the body in the world's axes."""
+    w, x, y, z = q
+    a, b, c = v
+    # v + 2 w (u x v) + 2 u x (u x v)
+    tx, ty, tz = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
+    return a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx
+
+
+def _into_body(q: Quaternion, v: Sequence[float]) -> Vector:
+    return into_world((q[0], -q[1], -q[2], -q[3]), v)
+
+
+def _turned(q: Quaternion, by_rad: Sequence[float]) -> Quaternion:
+    """Returns an attitude, turned about the body's axes."""
+    angle = math.hypot(*by_rad)
+    share = 0.5 if angle < 1e-9 else math.sin(0.5 * angle) / angle
+    w1, x1, y1, z1 = q
+    w2 = math.cos(0.5 * angle)
+    x2, y2, z2 = (share * one for one in by_rad)
+    w = w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2
+    x = w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2
+    y = w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2
+    z = w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2
+    norm = math.sqrt(w * w + x * x + y * y + z * z)
+    return w / norm, x / norm, y / norm, z / norm

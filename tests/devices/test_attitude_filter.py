@@ -1,0 +1,86 @@
+"""The attitude against closed forms: at rest, turning, with a bias, and beside iron."""
+
+import math
+from collections.abc import Callable
+
+import pytest
+
+from snr_sim.devices.attitude_filter import AttitudeFilter, Quaternion, into_world, level_of
+from snr_sim.prelude.angles import quaternion_of, roll_pitch_yaw_rad
+
+DEG = math.radians(1.0)
+NORTH_UT = (0.0, 20.0, -40.0)  # and down, as in Europe
+UP = (0.0, 0.0, 9.80665)
+
+
+def felt(attitude: Quaternion) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Force and field in the body's axes."""
+    w, x, y, z = attitude
+    back = (w, -x, -y, -z)
+    return into_world(back, UP), into_world(back, NORTH_UT)
+
+
+def flown(truth: Callable[[float], Quaternion], rate: tuple[float, ...], seconds: float) -> tuple[float, ...]:
+    """Runs a filter at 100 Hz; returns how far roll, pitch and yaw are off [deg] in the end."""
+    one = AttitudeFilter()
+    attitude = (1.0, 0.0, 0.0, 0.0)
+    for i in range(round(seconds * 100)):
+        attitude = one.update(rate, *felt(truth(i / 100)), i / 100)
+    told, true = roll_pitch_yaw_rad(attitude), roll_pitch_yaw_rad(truth(seconds - 0.01))
+    return tuple(math.remainder(a - b, math.tau) / DEG for a, b in zip(told, true, strict=True))
+
+
+@pytest.mark.parametrize(
+    "angles", [(0.0, 0.0, 0.0), (0.3, 0.0, 0.0), (0.0, -0.4, 1.0), (-0.2, 0.5, -3.0), (3.0, 0.1, 2.0)]
+)
+def test_at_rest_gravity_and_field_give_the_attitude_exactly(angles: tuple[float, float, float]) -> None:
+    assert roll_pitch_yaw_rad(level_of(*felt(quaternion_of(*angles)))) == pytest.approx(angles)
+
+
+def test_facing_north_yaw_is_a_quarter_turn_and_facing_east_it_is_none() -> None:
+    """Yaw is 0 to the east and positive to the left."""
+    assert roll_pitch_yaw_rad(level_of(UP, (20.0, 0.0, -40.0)))[2] == pytest.approx(math.pi / 2)
+    assert roll_pitch_yaw_rad(level_of(UP, (0.0, 20.0, -40.0)))[2] == pytest.approx(0.0)
+
+
+def test_a_steady_turn_is_followed_to_a_hundredth_of_a_degree() -> None:
+    rate = 0.7
+    off = flown(lambda t: quaternion_of(0.0, 0.0, math.remainder(rate * t, math.tau)), (0.0, 0.0, rate), 20.0)
+    assert max(map(abs, off)) < 0.01
+
+
+def test_a_bias_of_half_a_degree_a_second_is_found_and_leaves_less_than_a_tenth_of_a_degree() -> None:
+    still = quaternion_of(0.2, -0.1, 1.0)
+    bias = (0.5 * DEG, -0.5 * DEG, 0.5 * DEG)
+    assert max(map(abs, flown(lambda t: still, bias, 2.0))) > 0.4  # at first it leads astray
+    assert max(map(abs, flown(lambda t: still, bias, 200.0))) < 0.1
+
+
+def test_while_it_is_pushed_about_gravity_is_not_what_is_felt_and_does_not_tilt_it() -> None:
+    one = AttitudeFilter()
+    one.update((0.0, 0.0, 0.0), UP, NORTH_UT, 0.0)
+    attitude = (1.0, 0.0, 0.0, 0.0)
+    for i in range(1, 300):
+        attitude = one.update((0.0, 0.0, 0.0), (6.0, 0.0, 9.80665), NORTH_UT, i / 100)
+    assert roll_pitch_yaw_rad(attitude) == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
+
+
+def test_iron_turns_its_heading_and_tilts_nothing() -> None:
+    one = AttitudeFilter()
+    one.update((0.0, 0.0, 0.0), UP, NORTH_UT, 0.0)
+    attitude = (1.0, 0.0, 0.0, 0.0)
+    for i in range(1, 8000):
+        attitude = one.update((0.0, 0.0, 0.0), UP, (10.0, 20.0, -40.0), i / 100)
+    roll, pitch, yaw = roll_pitch_yaw_rad(attitude)
+    assert (roll, pitch) == pytest.approx((0.0, 0.0), abs=1e-6)
+    assert yaw == pytest.approx(math.atan2(10.0, 20.0), abs=0.02)
+    for i in range(8000, 8200):  # a magnet: no field of the Earth's
+        attitude = one.update((0.0, 0.0, 0.0), UP, (900.0, 0.0, 0.0), i / 100)
+    assert roll_pitch_yaw_rad(attitude)[2] == pytest.approx(yaw, abs=0.05)
+
+
+def test_after_a_gap_it_begins_anew() -> None:
+    one = AttitudeFilter()
+    one.update((0.0, 0.0, 0.0), UP, NORTH_UT, 0.0)
+    turned = quaternion_of(0.0, 0.0, 2.0)
+    assert roll_pitch_yaw_rad(one.update((0.0, 0.0, 0.0), *felt(turned), 5.0))[2] == pytest.approx(2.0)

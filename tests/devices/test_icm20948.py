@@ -1,0 +1,144 @@
+"""The inertial unit's driver against its registers: units, axes, and what may be wrong."""
+
+import math
+
+import pytest
+
+from snr_sim.devices.icm20948 import Icm20948
+from snr_sim.devices.wire.i2c_bus import I2cBus
+from snr_sim.prelude.device import Stale
+from snr_sim.prelude.errors import DeviceError, ParameterError
+from snr_sim.prelude.signals import ImuReading
+from snr_sim.testing.contracts import check_sensor
+from snr_sim.testing.i2c_parts import FakeBus
+from snr_sim.testing.icm20948_part import Ak09916Part, Icm20948Part
+
+
+class Bench:
+    def __init__(self) -> None:
+        self.time_s = 0.0
+        self.part = Icm20948Part()
+        self.compass = Ak09916Part(self.part)
+        self.raw = FakeBus({0x69: self.part, 0x0C: self.compass})
+
+    def sleep(self, seconds: float) -> None:
+        self.time_s += seconds
+
+    def open(self, axes: tuple[str, str, str] = ("x", "y", "z"), iron: tuple[float, ...] = (0.0, 0.0, 0.0)) -> Icm20948:
+        return Icm20948(
+            lambda: I2cBus(1, self.raw.opened), lambda: self.time_s, axes=axes, hard_iron_ut=iron, sleep=self.sleep
+        )
+
+    def started(
+        self, axes: tuple[str, str, str] = ("x", "y", "z"), iron: tuple[float, ...] = (0.0, 0.0, 0.0)
+    ) -> Icm20948:
+        sensor = self.open(axes, iron)
+        sensor.configure()
+        sensor.activate()
+        return sensor
+
+    def reading(self, sensor: Icm20948) -> ImuReading:
+        self.time_s += 0.01
+        reading = sensor.read()
+        assert isinstance(reading, ImuReading), reading
+        return reading
+
+
+def test_it_keeps_the_promise_of_sensors() -> None:
+    check_sensor(Bench().open)
+
+
+def test_what_it_feels_is_told_in_si_units_and_microtesla() -> None:
+    bench = Bench()
+    sensor = bench.started()
+    bench.part.rate_radps = (0.5, -1.0, 2.0)
+    bench.part.force_mps2 = (1.0, -2.0, 9.0)
+    bench.compass.field_ut = (15.0, -6.0, -42.0)
+    reading = bench.reading(sensor)
+    assert reading.rate_radps == pytest.approx([0.5, -1.0, 2.0], abs=math.radians(0.5 / 65.5))
+    assert reading.specific_force_mps2 == pytest.approx([1.0, -2.0, 9.0], abs=9.81 / 8192)
+    assert reading.field_ut == pytest.approx([15.0, -6.0, -42.0], abs=0.08)
+    assert reading.stamp_s == bench.time_s
+
+
+def test_at_rest_and_level_it_tells_the_heading_by_the_field() -> None:
+    bench = Bench()
+    bench.compass.field_ut = (20.0, 0.0, -40.0)  # its x points north
+    reading = bench.reading(bench.started())
+    assert (reading.roll_rad, reading.pitch_rad) == pytest.approx((0.0, 0.0), abs=1e-3)
+    assert reading.yaw_rad == pytest.approx(math.pi / 2, abs=1e-2)
+
+
+def test_built_in_the_other_way_round_it_tells_the_body_all_the_same() -> None:
+    """Its y points forward, its x to the right: so the body's x is its y, and the body's y its -x."""
+    bench = Bench()
+    sensor = bench.started(axes=("y", "-x", "z"))
+    bench.part.rate_radps = (0.1, 0.2, 0.3)
+    bench.compass.field_ut = (15.0, -6.0, -42.0)
+    reading = bench.reading(sensor)
+    assert reading.rate_radps == pytest.approx([0.2, -0.1, 0.3], abs=1e-3)
+    assert reading.field_ut == pytest.approx([-6.0, -15.0, -42.0], abs=0.08)
+
+
+@pytest.mark.parametrize(
+    "axes", [("x", "y", "-z"), ("x", "x", "z"), ("y", "x", "z"), ("x", "y"), ("forward", "y", "z")]
+)
+def test_axes_that_no_right_hand_has_are_refused(axes: tuple[str, str, str]) -> None:
+    with pytest.raises(ParameterError, match="as a right hand has them"):
+        Bench().open(axes)
+
+
+def test_iron_of_the_vehicle_is_taken_off_the_field() -> None:
+    bench = Bench()
+    bench.compass.field_ut = (30.0, 20.0, -40.0)
+    reading = bench.reading(bench.started(iron=(30.0, 0.0, 0.0)))
+    assert reading.field_ut == pytest.approx([0.0, 20.0, -40.0], abs=0.08)
+
+
+def test_a_field_too_strong_to_measure_leaves_the_last_one() -> None:
+    bench = Bench()
+    sensor = bench.started()
+    bench.compass.field_ut, bench.compass.is_too_strong = (4000.0, 0.0, 0.0), True
+    assert bench.reading(sensor).field_ut == pytest.approx([0.0, 20.0, -40.0], abs=0.08)
+
+
+@pytest.mark.parametrize(
+    ("who", "words"),
+    [
+        ("part", "0x69 on /dev/i2c-1 is not an ICM-20948: it says 0x71"),
+        ("compass", "0x0c on .* is not its magnetometer: it says 0x71"),
+    ],
+)
+def test_another_part_at_its_address_is_told_by_what_it_says_who_it_is(who: str, words: str) -> None:
+    bench = Bench()
+    getattr(bench, who).identity = 0x71  # an MPU-9250
+    with pytest.raises(DeviceError, match=words) as e:
+        bench.open().configure()
+    assert "AD0" in e.value.fix
+
+
+def test_one_that_does_not_feel_gravity_is_told() -> None:
+    bench = Bench()
+    bench.part.force_mps2 = (0.0, 0.0, 2.0)
+    with pytest.raises(DeviceError, match=r"feels 2.0 m/s2 at the start, not 9.8"):
+        bench.open().configure()
+
+
+def test_pulled_it_is_stale_and_put_back_it_is_set_up_again() -> None:
+    bench = Bench()
+    sensor = bench.started()
+    bench.reading(sensor)
+    bench.raw.is_there = False
+    stale = sensor.read()
+    assert isinstance(stale, Stale)
+    assert stale.since_s is not None
+    assert "Nobody answers at 0x69" in stale.why
+    bench.raw.is_there = True
+    bench.part.power_on()
+    assert isinstance(sensor.read(), Stale)  # asleep: it would tell zeros
+    bench.time_s += 1.0
+    for _ in range(10):
+        bench.time_s += 0.05
+        reading = sensor.read()
+    assert isinstance(reading, ImuReading)
+    assert sensor.health().counts["errors"] >= 2
