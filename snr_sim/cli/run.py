@@ -30,6 +30,9 @@ def run(
     ] = "sim",
     speed: Annotated[str, typer.Option(help="'fast', 'real', or a multiple of real time such as 4.")] = "fast",
     option: Annotated[list[str], typer.Option(help="KEY=VALUE, see `snr list robots`; may be repeated.")] = [],  # noqa: B006
+    policy: Annotated[
+        str, typer.Option(metavar="FILE", help="What it has learned; same as --option policy=FILE.")
+    ] = "",
     out: Annotated[Path, typer.Option(help="Folder that run folders go into.")] = Path("runs"),
     no_rrd: Annotated[bool, typer.Option("--no-rrd", help="Leave out view.rrd.")] = False,
     show: Annotated[
@@ -49,7 +52,9 @@ def run(
     """
     from snr_sim.simulation import Request
 
-    request = Request(scenario, seed, engine or None, controller or None, role or None, io, _options(option))
+    # A file is named by its path, so that a replay from another folder finds it again.
+    options = _options([*option, f"policy={Path(policy).resolve()}"] if policy else option)
+    request = Request(scenario, seed, engine or None, controller or None, role or None, io, options)
     pace = pace_of(speed)
     if watch and pace is None:
         from snr_sim.prelude.errors import ParameterError

@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from snr_sim.learning.gym import box, spaces
 from snr_sim.learning.scenario_env import ScenarioEnv
 from snr_sim.prelude.scenario import Verdict
-from snr_sim.prelude.signals import EngineCommand
+from snr_sim.prelude.signals import EngineCommand, RadarReading
 
 VERTICAL_THROTTLES = (0.0, 0.25, 0.5, 1.0)
+VERTICAL_LOW, VERTICAL_HIGH = (-20.0, -250.0), (5000.0, 250.0)
 PAD_THROTTLES = (
     0.0,
     0.25,
@@ -70,6 +73,16 @@ def suitable_mps(altitude_m: float, gravity_mps2: float = 1.62) -> float:
     return -math.sqrt(TOUCHDOWN_MPS**2 + 2.0 * BRAKING_G * gravity_mps2 * max(0.0, altitude_m))
 
 
+def seen_by_radar(radar: RadarReading) -> list[float]:
+    """Returns what `LanderVertical` observes of a reading, to the last bit: a policy in a node looks through the same.
+
+    >>> seen_by_radar(RadarReading(altitude_m=0.1, velocity_mps=-300.0, stamp_s=0.0))
+    [0.10000000149011612, -250.0]
+    """
+    height, speed = np.clip(np.array([radar.altitude_m, radar.velocity_mps], np.float32), VERTICAL_LOW, VERTICAL_HIGH)
+    return [float(height), float(speed)]
+
+
 class LanderVertical(LanderEnv):
     """Scenario lander_vertical: one engine, straight down. 5 steps a second; at most 240 s.
 
@@ -88,14 +101,13 @@ class LanderVertical(LanderEnv):
 
     def __init__(self, is_continuous: bool = False, render_mode: str | None = None) -> None:
         super().__init__("lander_vertical", render_mode=render_mode)
-        self.observation_space = box([-20.0, -250.0], [5000.0, 250.0])
+        self.observation_space = box(VERTICAL_LOW, VERTICAL_HIGH)
         self.is_continuous = is_continuous
         self.action_space = box([0.0], [1.0]) if is_continuous else spaces.Discrete(len(VERTICAL_THROTTLES))
 
     def observe(self) -> list[float]:
         """Returns what the radar reads."""
-        radar = self.sensors["radar"].read()
-        return [radar.altitude_m, radar.velocity_mps]
+        return seen_by_radar(self.sensors["radar"].read())
 
     def act(self, action: Any) -> None:
         """Sets the throttle."""

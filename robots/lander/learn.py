@@ -1,0 +1,74 @@
+"""Learns to land straight down, and writes the table to a file: python robots/lander/learn.py --out policy.npz
+
+    --method batch            thousands of landings a second, with arrays (the default)
+    --method q_learning       one landing after the other, as in a textbook; also sarsa, expected_sarsa
+    --episodes N --seed N     how long (textbook methods), and which chance
+
+Afterwards the table lands 100 starts that it has never seen, and the way there is in policy.csv, the learning curve.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+from pathlib import Path
+
+import gymnasium
+from rich.console import Console
+from rich.progress import Progress
+
+import snr_sim.learning
+from snr_sim.learning.batch_training import BatchTraining, course_of, new_table, train_vertical
+from snr_sim.learning.tabular import METHODS, Decay, Training, evaluate, train
+from snr_sim.prelude.errors import SnrError
+
+UNSEEN = range(1, 101)  # seeds of the scenario; training draws its starts from other numbers
+
+
+def main() -> int:
+    """Learns, tries and saves; returns the exit status."""
+    parser = argparse.ArgumentParser(description="Learns to land straight down.")
+    parser.add_argument("--out", type=Path, default=Path("policy.npz"))
+    parser.add_argument("--method", choices=("batch", *METHODS), default="batch")
+    parser.add_argument("--episodes", type=int, default=3000)
+    parser.add_argument("--seed", type=int, default=0)
+    asked = parser.parse_args()
+    assert snr_sim.learning is not None  # imported for what it makes known to gymnasium
+    env = gymnasium.make("snr_sim/LanderVertical-v0").unwrapped
+    table, console = new_table(), Console(stderr=True)
+    with Progress(console=console, disable=not console.is_terminal) as progress:
+        if asked.method == "batch":
+            how = BatchTraining(seed=asked.seed)
+            bar = progress.add_task("learning", total=how.steps)
+            trials = train_vertical(
+                table, course_of(env), how, lambda step, trial: progress.update(bar, completed=step)
+            )
+            rows = [("trial", "landed", "fuel_kg"), *((i, one.landed, one.fuel_kg) for i, one in enumerate(trials))]
+        else:
+            half = max(1, asked.episodes // 2)
+            training = Training(
+                asked.method,
+                asked.episodes,
+                step=Decay(0.3, 0.05, asked.episodes or 1),
+                epsilon=Decay(0.5, 0.02, half),
+                seed=asked.seed,
+            )
+            bar = progress.add_task("learning", total=asked.episodes)
+            curve = train(env, table, training, lambda *told: progress.advance(bar))
+            rows = [("episode", "return"), *enumerate(curve)]
+    table.save(asked.out)
+    with asked.out.with_suffix(".csv").open("w", newline="") as file:
+        csv.writer(file).writerows(rows)
+    ends = evaluate(env, table.act, UNSEEN)
+    landed = sum(end["success"] for end in ends)
+    print(f"{asked.out}: lands {landed} of {len(ends)} starts that it has not seen.")
+    print(f"snr run lander_vertical --seed 7 --controller q --policy {asked.out}")
+    return 0
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except SnrError as error:
+        sys.exit(f"Error: {error}")

@@ -1,0 +1,226 @@
+"""Q-learning of the vertical landing in seconds: a thousand landers fly at once and write into one table.
+
+It is the update of `tabular.py`, done for all of them in a few array operations. Each lander begins somewhere on the
+way down, at any height and speed that it might have there (exploring starts), so every corner of the table is seen
+early. Now and then the table lands a few hundred landers without chance; the best table so far is the one that is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from snr_sim.learning.discretiser import Discretiser
+from snr_sim.learning.lander_envs import (
+    FUEL_WEIGHT,
+    LANDED,
+    NOT_LANDED,
+    SPEED_WEIGHT,
+    TOUCHDOWN_MPS,
+    VERTICAL_THROTTLES,
+    LanderVertical,
+)
+from snr_sim.learning.q_table import QTable
+from snr_sim.learning.vertical_batch import Bools, Floats, Landers, step
+from snr_sim.plants.descent import Engine
+from snr_sim.plants.gear import APOLLO_GEAR
+
+ENVIRONMENT = "snr_sim/LanderVertical-v0"
+STEP_S = 0.2
+CEILING_M, MOST_STEPS = 2000.0, 600  # a lander that climbs, or hovers for two minutes, begins anew
+
+
+@dataclass(frozen=True)
+class BatchTraining:
+    """How the table is learned.
+
+    Args:
+        landers: that fly at once.
+        steps: of all of them.
+        seed: of all chance.
+        epsilon: how often an action is taken at random: at first, and at least.
+        least_step: how far a value moves at least towards what was seen; at first by all of it, and less from visit to
+            visit.
+        tried: landers that try the table without chance.
+        try_every: steps between two such trials, in the second half of the training.
+        enough: trials in which all land, and the training ends before its time.
+    """
+
+    landers: int = 1024
+    steps: int = 3000
+    seed: int = 0
+    epsilon: tuple[float, float] = (0.5, 0.05)
+    least_step: float = 0.02
+    tried: int = 400
+    try_every: int = 150
+    enough: int = 3
+
+
+class Trial(NamedTuple):
+    """What came of trying a table: landings of all that tried, and the propellant that they burned on the way."""
+
+    landed: float
+    fuel_kg: float
+
+
+def fine_grid() -> Discretiser:
+    """Returns 80 heights, closer together near the ground, times 92 speeds, closer together where it is slow."""
+    heights = [0.25, *(0.25 * k * k for k in range(2, 80))]
+    speeds = [*np.arange(-110.0, -30.0, 2.0), *np.arange(-30.0, -10.0), *np.arange(-10.0, 4.1, 0.5), 8.0, 16.0]
+    return Discretiser(("altitude_m", "velocity_mps"), (tuple(heights), tuple(float(one) for one in speeds)))
+
+
+def new_table(grid: Discretiser | None = None) -> QTable:
+    """Returns an empty table for LanderVertical."""
+    actions = [f"throttle {throttle:g}" for throttle in VERTICAL_THROTTLES]
+    return QTable(fine_grid() if grid is None else grid, actions, ENVIRONMENT)
+
+
+class Course:
+    """What all landers have in common.
+
+    Args:
+        engine: of them.
+        tank_kg: propellant that the reward's share is reckoned of.
+        dry_kg: mass without propellant.
+        noise: standard deviation of the radar's height [m] and speed [m/s], which it tells a step late.
+    """
+
+    def __init__(self, engine: Engine, tank_kg: float, dry_kg: float, noise: tuple[float, float]) -> None:
+        self.engine, self.tank_kg, self.dry_kg = engine, tank_kg, dry_kg
+        self.noise = np.array(noise)
+
+    def exploring(self, count: int, rng: np.random.Generator) -> Floats:
+        """Returns starts anywhere on the way down, shape (4, count), rows as in `Landers`."""
+        height = 1500.0 * rng.random(count) ** 2
+        speed = self.suitable(height) + rng.uniform(-25.0, 25.0, count) * np.minimum(1.0, 0.2 + height / 200.0)
+        mass = rng.uniform(7000.0, 8500.0, count)
+        return np.stack([height, speed, mass, mass - self.dry_kg])
+
+    def proper(self, count: int, rng: np.random.Generator) -> Floats:
+        """Returns starts as the scenario draws them."""
+        mass = rng.uniform(7500.0, 8500.0, count)
+        height, speed = rng.uniform(600.0, 1500.0, count), rng.uniform(-25.0, 5.0, count)
+        return np.stack([height, speed, mass, mass - self.dry_kg])
+
+    def told(self, heights: Floats, speeds: Floats, rng: np.random.Generator) -> Floats:
+        """Returns what the radar tells, shape (count, 2)."""
+        truth: Floats = np.stack([heights, speeds], axis=1)
+        truth += rng.normal(size=truth.shape) * self.noise
+        return truth
+
+    def suitable(self, height: Floats) -> Floats:
+        """Returns the speed that suits each height, as the reward reckons (`suitable_mps`)."""
+        gravity: float = self.engine.gravity_mps2
+        speeds: Floats = -np.sqrt(TOUCHDOWN_MPS**2 + 2.0 * gravity * np.maximum(0.0, height))
+        return speeds
+
+    def rewards(self, before: Landers, after: Landers, touches: Bools, landed: Bools) -> Floats:
+        """Returns what a step was worth to each, as in `LanderEnv.reward`."""
+        potential = -SPEED_WEIGHT * np.abs(before.velocity_mps - self.suitable(before.height_m))
+        then = -SPEED_WEIGHT * np.abs(after.velocity_mps - self.suitable(after.height_m))
+        ends = np.where(landed, LANDED, NOT_LANDED)
+        burned: Floats = (before.fuel_kg - after.fuel_kg) / self.tank_kg
+        worth: Floats = np.where(touches, ends, then) - potential - FUEL_WEIGHT * burned
+        return worth
+
+
+def course_of(env: LanderVertical) -> Course:
+    """Returns what an environment's landers have in common: its engine, its masses and its radar's noise."""
+    plant: Any = env.plant
+    noise = env.run.rig(plant).robot.parameters.radar.errors.noise
+    engine = Engine(plant.thrust_n, plant.exhaust_mps, plant.gravity_mps2)
+    dry_kg = plant.mass_kg - plant.fuel_kg
+    return Course(engine, plant.fuel_kg, dry_kg, (noise["altitude_m"], noise["velocity_mps"]))
+
+
+def train_vertical(
+    table: QTable,
+    course: Course,
+    training: BatchTraining | None = None,
+    on_trial: Callable[[int, Trial], None] | None = None,
+) -> list[Trial]:
+    """Learns a table of the vertical landing; returns the trials on the way, which are its learning curve.
+
+    Args:
+        table: is changed; afterwards it is the best that was tried.
+        course: what is flown.
+        training: how.
+        on_trial: is called with the step and what came of it.
+    """
+    how = training or BatchTraining()
+    rng = np.random.default_rng(how.seed)
+    throttles, cells_of = np.array(VERTICAL_THROTTLES), table.discretiser.cells
+    values, visits = table.values.reshape(-1), table.visits.reshape(-1)
+    count = len(VERTICAL_THROTTLES)
+    landers = course.exploring(how.landers, rng)
+    flown = np.zeros(how.landers, np.int64)
+    cells = cells_of(course.told(landers[0], landers[1], rng))
+    trials: list[Trial] = []
+    best, kept = Trial(-1.0, np.inf), (table.values.copy(), table.visits.copy())
+    for i in range(how.steps):
+        epsilon = max(how.epsilon[1], how.epsilon[0] * (1.0 - i / (0.7 * how.steps)))
+        actions = np.argmax(table.values[cells], axis=1)
+        explores = rng.random(how.landers) < epsilon
+        actions[explores] = rng.integers(0, count, int(explores.sum()))
+        before = Landers(*landers)
+        after, touches, speeds = step(before, throttles[actions], course.engine, STEP_S)
+        rewards = course.rewards(before, after, touches, touches & (speeds <= APOLLO_GEAR.vertical_mps))
+        next_cells = cells_of(course.told(before.height_m, before.velocity_mps, rng))  # the radar tells it a step late
+        targets = rewards + np.where(touches, 0.0, table.values[next_cells].max(axis=1))
+        _learn(values, visits, cells * count + actions, targets, how.least_step)
+        flown += 1
+        over = touches | (after.height_m > CEILING_M) | (flown > MOST_STEPS)
+        landers, cells = np.stack(after), next_cells
+        if over.any():
+            fresh = course.exploring(int(over.sum()), rng)
+            landers[:, over], flown[over] = fresh, 0
+            cells[over] = cells_of(course.told(fresh[0], fresh[1], rng))
+        if i >= how.steps // 2 and (i + 1) % how.try_every == 0:
+            trials.append(trial := try_table(table, course, how.tried, seed=how.seed + 1))
+            if (trial.landed, -trial.fuel_kg) > (best.landed, -best.fuel_kg):
+                best, kept = trial, (table.values.copy(), table.visits.copy())
+            if on_trial is not None:
+                on_trial(i + 1, trial)
+            if sum(one.landed == 1.0 for one in trials) >= how.enough:
+                break
+    table.values[:], table.visits[:] = kept
+    table.made_by = repr(how)
+    return trials
+
+
+def try_table(table: QTable, course: Course, count: int, seed: int) -> Trial:
+    """Returns what comes of landing by a table, without exploring and without learning, from drawn starts."""
+    rng = np.random.default_rng([seed, 1])
+    landers = course.proper(count, rng)
+    greedy = np.argmax(np.where(table.visits > 0, table.values, -np.inf), axis=1)  # 0 where nothing was tried
+    throttles, cells_of = np.array(VERTICAL_THROTTLES), table.discretiser.cells
+    told = course.told(landers[0], landers[1], rng)
+    landed, burned_kg, flies = 0, 0.0, np.ones(count, bool)
+    for _ in range(2 * MOST_STEPS):
+        before = Landers(*landers)
+        after, touches, speeds = step(before, throttles[greedy[cells_of(told)]], course.engine, STEP_S)
+        told = course.told(before.height_m, before.velocity_mps, rng)
+        landed += int((touches & (speeds <= APOLLO_GEAR.vertical_mps)).sum())
+        burned_kg += float((before.fuel_kg - after.fuel_kg).sum())
+        flies = ~touches
+        if not flies.any():
+            break
+        landers, told = np.stack(after)[:, flies], told[flies]
+    return Trial(landed / count, burned_kg / count)
+
+
+def _learn(
+    values: Floats, visits: NDArray[np.int64], places: NDArray[np.int64], targets: Floats, least_step: float
+) -> None:
+    """Moves the values at some places towards targets; of several for one place, towards their mean."""
+    counts = np.bincount(places, minlength=len(values))
+    sums = np.bincount(places, targets, minlength=len(values))
+    hit = np.flatnonzero(counts)
+    visits[hit] += counts[hit]
+    steps = np.maximum(least_step, (1.0 + visits[hit] / 30.0) ** -0.7)
+    values[hit] += steps * (sums[hit] / counts[hit] - values[hit])

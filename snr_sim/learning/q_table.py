@@ -1,0 +1,139 @@
+"""A table of action values, and its file: numbers only, so that nobody's code runs when it is read."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from snr_sim.learning.discretiser import Discretiser
+from snr_sim.prelude.errors import ParameterError, RecordingError
+
+FORMAT = 1
+MOST_BYTES = 256 * 2**20  # of a table that is read: nobody's file fills the memory
+
+
+class About(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a table's file says beside its numbers.
+
+    Args:
+        environment: what it was learned in, such as 'snr_sim/LanderVertical-v0'.
+        names, edges: of its `Discretiser`.
+        actions: what each action means, in words.
+        made_by: method and numbers of the training.
+        version: of this format.
+    """
+
+    environment: str
+    names: tuple[str, ...]
+    edges: tuple[tuple[float, ...], ...]
+    actions: tuple[str, ...]
+    made_by: str = ""
+    version: int = FORMAT
+
+
+class QTable:
+    """Values of actions in cells.
+
+    Args:
+        discretiser: makes cells of observations.
+        actions: what each action means, in words.
+        environment: what it is for.
+
+    Attributes:
+        values: shape (cells, actions), what an action is worth.
+        visits: shape (cells, actions), how often it was tried: an action that never was is not chosen for its zero.
+    """
+
+    def __init__(self, discretiser: Discretiser, actions: Sequence[str], environment: str) -> None:
+        if len(actions) < 2:
+            raise ParameterError(f"A table of {len(actions)} actions leaves nothing to choose.", fix="2 or more.")
+        self.discretiser = discretiser
+        self.actions = tuple(actions)
+        self.environment = environment
+        self.values: NDArray[np.float64] = np.zeros((discretiser.count, len(actions)))
+        self.visits: NDArray[np.int64] = np.zeros((discretiser.count, len(actions)), np.int64)
+        self.made_by = ""
+
+    def best(self, cell: int) -> int:
+        """Returns the action of most worth in a cell, of those that were tried; the first of several, and 0 of none.
+
+        So what is chosen depends on the numbers alone, and not on chance or on an order that nobody sees.
+        """
+        tried = self.visits[cell] > 0
+        if not tried.any():
+            return 0
+        return int(np.argmax(np.where(tried, self.values[cell], -np.inf)))
+
+    def act(self, observation: Sequence[float]) -> int:
+        """Returns the best action for an observation. Changes nothing."""
+        return self.best(self.discretiser.cell(observation))
+
+    def save(self, path: str | Path) -> None:
+        """Writes the table as npz: arrays of numbers, and a line of JSON about them.
+
+        Raises:
+            RecordingError: it cannot be written there.
+        """
+        grid = self.discretiser
+        about = About(self.environment, grid.names, grid.edges, self.actions, self.made_by)
+        text = np.frombuffer(msgspec.json.encode(about), np.uint8)
+        try:
+            with Path(path).open("wb") as file:
+                np.savez_compressed(file, about=text, values=self.values, visits=self.visits)
+        except OSError as error:
+            raise RecordingError(f"{path} cannot be written: {error.strerror or error}.") from error
+
+    @classmethod
+    def load(cls, path: str | Path, environment: str = "") -> QTable:
+        """Returns the table in a file.
+
+        Args:
+            path: of the file.
+            environment: what it must be for; anything if empty.
+
+        Raises:
+            RecordingError: there is no such file, it is none of these (a pickle is refused, not opened), it is cut, or
+                it is for something else.
+        """
+        place = Path(path)
+        try:
+            size = place.stat().st_size
+            with zipfile.ZipFile(place) as archive:
+                unpacked = sum(info.file_size for info in archive.infolist())
+            if max(size, unpacked) > MOST_BYTES:
+                raise RecordingError(f"{path} holds {unpacked} bytes.", fix=f"a table of at most {MOST_BYTES} bytes.")
+            with np.load(place, allow_pickle=False) as arrays:
+                about = msgspec.json.decode(arrays["about"].tobytes(), type=About)
+                values, visits = arrays["values"], arrays["visits"]
+        except FileNotFoundError:
+            raise RecordingError(
+                f"There is no file {path}.", fix="save the table first, or look for its path."
+            ) from None
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, msgspec.MsgspecError) as error:
+            raise RecordingError(
+                f"{path} is no table of action values: {error}.", fix="a file that QTable.save has written."
+            ) from error
+        if about.version != FORMAT:
+            raise RecordingError(f"{path} has version {about.version}; this kit reads {FORMAT}.", fix="train it again.")
+        if environment and about.environment != environment:
+            raise RecordingError(
+                f"{path} was learned in {about.environment}, not in {environment}.", fix="train one for it."
+            )
+        table = cls(Discretiser(about.names, about.edges), about.actions, about.environment)
+        table.made_by = about.made_by
+        for name, array, kind in (("values", values, np.floating), ("visits", visits, np.integer)):
+            if array.shape != table.values.shape or not np.issubdtype(array.dtype, kind):
+                raise RecordingError(
+                    f"{path}: '{name}' is {array.dtype} of shape {array.shape}, its edges and actions make "
+                    f"{table.values.shape}.",
+                    fix="a file that QTable.save has written.",
+                )
+        if not np.isfinite(values).all():
+            raise RecordingError(f"{path} has values that are not finite.", fix="train it again, more slowly.")
+        table.values, table.visits = values.astype(np.float64), visits.astype(np.int64)
+        return table

@@ -1,0 +1,185 @@
+"""Learning a table by trying: Q-learning, SARSA and Expected SARSA, in any environment with a Discretiser for it.
+
+All three move a value towards reward plus what is expected afterwards, and differ in what they expect:
+
+    Q-learning       the best action's value                                      (Watkins 1989)
+    SARSA            the value of the action that is really taken next           (Rummery, Niranjan 1994)
+    Expected SARSA   the mean over what might be taken, by how likely it is      (van Seijen et al. 2009)
+
+After a terminated episode nothing is expected. After a truncated one the world would have gone on: something is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from snr_sim.learning.q_table import QTable
+from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
+
+METHODS = ("q_learning", "sarsa", "expected_sarsa")
+
+
+@dataclass(frozen=True)
+class Decay:
+    """A number that falls from one value to another, by a fixed share an episode, and then stays.
+
+    >>> epsilon = Decay(1.0, 0.1, episodes=100)
+    >>> epsilon.at(0), round(epsilon.at(50), 3), epsilon.at(100), epsilon.at(1000)
+    (1.0, 0.316, 0.1, 0.1)
+    """
+
+    first: float
+    last: float
+    episodes: int
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.last <= self.first <= 1.0 and self.episodes > 0):
+            raise ParameterError(
+                f"A decay from {self.first} to {self.last} in {self.episodes} episodes.",
+                fix="numbers from 1 down to more than 0, in 1 episode or more.",
+            )
+
+    def at(self, episode: int) -> float:
+        """Returns the value in an episode; the first one is 0."""
+        if episode >= self.episodes:
+            return self.last
+        fallen: float = self.first * (self.last / self.first) ** (episode / self.episodes)
+        return fallen
+
+
+@dataclass(frozen=True)
+class Training:
+    """How a table is learned.
+
+    Args:
+        method: one of `METHODS`.
+        episodes: how many.
+        discount: what a reward is worth that comes a step later, 0 to 1.
+        step: how far a value moves towards what was seen.
+        epsilon: how often an action is taken at random.
+        seed: of all chance in the training.
+    """
+
+    method: str = "q_learning"
+    episodes: int = 1000
+    discount: float = 1.0
+    step: Decay = field(default_factory=lambda: Decay(0.2, 0.2, 1))
+    epsilon: Decay = field(default_factory=lambda: Decay(1.0, 0.02, 500))
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise UnknownName(f"There is no method '{self.method}'.", fix=nearest(self.method, METHODS))
+        if not (0.0 <= self.discount <= 1.0 and self.episodes >= 0):
+            raise ParameterError(f"{self.episodes} episodes, discount {self.discount}.", fix="discount 0 to 1.")
+
+
+class Learner:
+    """Updates a table, transition by transition.
+
+    Args:
+        table: what is learned.
+        training: how.
+    """
+
+    def __init__(self, table: QTable, training: Training) -> None:
+        self.table = table
+        self.training = training
+        self.rng = np.random.default_rng(training.seed)
+        self.step, self.epsilon = training.step.at(0), training.epsilon.at(0)
+
+    def choose(self, cell: int) -> int:
+        """Returns an action: the best one, or with probability epsilon any."""
+        if self.rng.random() < self.epsilon:
+            return int(self.rng.integers(len(self.table.actions)))
+        return self.table.best(cell)
+
+    def update(
+        self, cell: int, action: int, reward: float, next_cell: int, next_action: int, is_terminated: bool
+    ) -> float:
+        """Learns from one transition; returns by how much it was a surprise.
+
+        Args:
+            cell, action: where, and what was done.
+            reward: for it.
+            next_cell, next_action: where that led, and what will be done there (only SARSA looks at it).
+            is_terminated: nothing comes after; not so if the episode was only cut off.
+        """
+        expected = 0.0 if is_terminated else self._expected(next_cell, next_action)
+        surprise = reward + self.training.discount * expected - float(self.table.values[cell, action])
+        self.table.values[cell, action] += self.step * surprise
+        self.table.visits[cell, action] += 1
+        return surprise
+
+    def _expected(self, cell: int, action: int) -> float:
+        values = self.table.values[cell]
+        if self.training.method == "sarsa":
+            return float(values[action])
+        best = float(values[self.table.best(cell)])
+        if self.training.method == "q_learning":
+            return best
+        return (1.0 - self.epsilon) * best + self.epsilon * float(values.mean())
+
+
+def train(
+    env: Any, table: QTable, training: Training, on_episode: Callable[[int, float, dict[str, Any]], None] | None = None
+) -> list[float]:
+    """Learns a table in an environment; returns the sum of rewards of each episode, which is the learning curve.
+
+    Args:
+        env: with discrete actions, one for each of the table.
+        table: is changed.
+        training: how.
+        on_episode: is called after each episode with its number, its sum of rewards and its last `info`.
+
+    Raises:
+        ParameterError: the environment has other actions than the table.
+    """
+    actions = getattr(env.action_space, "n", None)
+    if actions != len(table.actions):
+        raise ParameterError(
+            f"The table has {len(table.actions)} actions, the environment has {env.action_space}.",
+            fix="name one action for each of them.",
+        )
+    learner, curve, cell_of = Learner(table, training), [], table.discretiser.cell
+    for episode in range(training.episodes):
+        learner.step, learner.epsilon = training.step.at(episode), training.epsilon.at(episode)
+        observation, info = env.reset(seed=training.seed if episode == 0 else None)
+        cell, total, is_over = cell_of(observation), 0.0, False
+        action = learner.choose(cell)
+        while not is_over:
+            observation, reward, is_terminated, is_truncated, info = env.step(action)
+            next_cell = cell_of(observation)
+            next_action = learner.choose(next_cell)
+            learner.update(cell, action, float(reward), next_cell, next_action, is_terminated)
+            cell, action, total = next_cell, next_action, total + float(reward)
+            is_over = is_terminated or is_truncated
+        curve.append(total)
+        if on_episode is not None:
+            on_episode(episode, total, info)
+    table.made_by = repr(training)
+    return curve
+
+
+def evaluate(env: Any, act: Callable[[Sequence[float]], Any], starts: Sequence[int]) -> list[dict[str, Any]]:
+    """Tries a policy without learning and without chance of its own; returns the last `info` of each episode.
+
+    Args:
+        env: over a scenario.
+        act: from observation to action.
+        starts: of the scenario, which the training should not have seen.
+    """
+    ends = []
+    for start in starts:
+        observation, info = env.reset(options={"start": start})
+        is_over, total = False, 0.0
+        while not is_over:
+            observation, reward, is_terminated, is_truncated, info = env.step(act(observation))
+            total += float(reward)
+            is_over = is_terminated or is_truncated
+        ends.append({**info, "return": total})
+    return ends

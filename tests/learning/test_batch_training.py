@@ -1,0 +1,125 @@
+"""Many landers at once: the plant's physics, the environment's reward, and a policy that lands unseen starts."""
+
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+import snr_sim.learning  # noqa: F401 - makes our environments known
+from snr_sim.flight import Flight
+from snr_sim.learning.batch_training import BatchTraining, Course, course_of, new_table, train_vertical, try_table
+from snr_sim.learning.lander_envs import VERTICAL_THROTTLES
+from snr_sim.learning.q_table import QTable
+from snr_sim.learning.tabular import evaluate
+from snr_sim.learning.vertical_batch import Landers, step
+from snr_sim.plants.gear import GearLimits
+from snr_sim.plants.lander_1d import Lander1D, VerticalStart
+from snr_sim.prelude.errors import ParameterError, RecordingError
+from snr_sim.prelude.signals import EngineCommand
+from snr_sim.simulation import Request, prepare
+
+
+@pytest.fixture(scope="module")
+def env() -> Any:
+    return gymnasium.make("snr_sim/LanderVertical-v0").unwrapped
+
+
+@pytest.fixture(scope="module")
+def course(env: Any) -> Course:
+    return course_of(env)
+
+
+@pytest.fixture(scope="module")
+def learned(course: Course) -> QTable:
+    table = new_table()
+    train_vertical(table, course)
+    return table
+
+
+def test_a_batch_flies_as_the_plant_does(course: Course) -> None:
+    """Also where the tank runs dry within a step, and where the ground is met."""
+    rng = np.random.default_rng(5)
+    count = 400
+    height, speed = rng.uniform(0.1, 8.0, count), rng.uniform(-30.0, 10.0, count)
+    mass, fuel = rng.uniform(6900.0, 8500.0, count), rng.choice([0.0, 0.5, 2.0, 900.0], count)
+    throttle = rng.choice([0.0, 0.25, 0.5, 1.0], count)
+    after, touches, speeds = step(Landers(height, speed, mass, fuel), throttle, course.engine, 0.2)
+    for i in range(count):
+        start = VerticalStart(height[i], speed[i], mass[i], fuel[i])
+        plant = Lander1D(lambda seed, start=start: start, course.engine, gear=GearLimits(1e9, 1e9))
+        plant.write("engine", EngineCommand(throttle[i]))
+        plant.step(0.2)
+        assert bool(touches[i]) == (plant.touchdown is not None)
+        if plant.touchdown is None:
+            assert after.height_m[i] == pytest.approx(plant.height_m, abs=1e-9)
+            assert after.velocity_mps[i] == pytest.approx(plant.velocity_mps, abs=1e-9)
+            assert after.fuel_kg[i] == pytest.approx(plant.fuel_kg, abs=1e-9)
+        else:
+            runs_dry = 0.0 < fuel[i] < 10.0 and throttle[i] > 0.0
+            assert speeds[i] == pytest.approx(plant.touchdown["vertical_mps"], abs=0.5 if runs_dry else 0.02)
+    assert 50 < touches.sum() < 350
+
+
+def test_its_rewards_are_the_environments(env: Any, course: Course) -> None:
+    env.reset(options={"start": 7})
+    course = course_of(env)
+    rng, ended = np.random.default_rng(2), False
+    while not ended:
+        plant = env.plant
+        before = Landers(
+            *(np.array([one]) for one in (plant.height_m, plant.velocity_mps, plant.mass_kg, plant.fuel_kg))
+        )
+        action = int(rng.integers(0, 3))
+        _, reward, ended, _, info = env.step(action)
+        after, touches, speeds = step(before, np.array([VERTICAL_THROTTLES[action]]), course.engine, 0.2)
+        landed = touches & (speeds <= 3.05)
+        assert course.rewards(before, after, touches, landed)[0] == pytest.approx(reward, abs=1e-3 if ended else 1e-6)
+    assert info["outcome"] == "crashed"
+
+
+def test_a_learned_table_lands_nearly_all_starts_that_it_has_not_seen(env: Any, learned: QTable) -> None:
+    ends = evaluate(env, learned.act, range(1, 101))
+    assert sum(end["success"] for end in ends) >= 99
+
+
+def test_the_same_seed_learns_the_same_table(course: Course) -> None:
+    short = BatchTraining(landers=64, steps=60, try_every=20, tried=10)
+    tables = [new_table(), new_table(), new_table()]
+    for table, seed in zip(tables, (1, 1, 2), strict=True):
+        train_vertical(table, course, BatchTraining(64, 60, seed, tried=10, try_every=20))
+    assert short.seed == 0
+    assert (tables[0].values == tables[1].values).all()
+    assert (tables[0].values != tables[2].values).any()
+
+
+def test_the_table_that_is_kept_is_the_best_that_was_tried(course: Course) -> None:
+    table = new_table()
+    trials = train_vertical(table, course, BatchTraining(256, 400, tried=100, try_every=50))
+    assert try_table(table, course, 100, seed=1) == max(trials, key=lambda trial: (trial.landed, -trial.fuel_kg))
+
+
+def run(**options: str) -> Any:
+    simulation = prepare(Request("lander_vertical", seed=7, controller="q", options=options))
+    plant: Any = simulation.plant()
+    return Flight(simulation, plant, simulation.config(plant)).run(), plant
+
+
+def test_the_table_goes_back_into_a_node_and_lands_there_as_it_did_here(
+    env: Any, learned: QTable, tmp_path: Path
+) -> None:
+    learned.save(tmp_path / "policy.npz")
+    result, plant = run(policy=str(tmp_path / "policy.npz"))
+    assert evaluate(env, learned.act, [7])[0]["outcome"] == result.outcome == "landed"
+    assert (plant.touchdown, plant.fuel_kg) == (env.plant.touchdown, env.plant.fuel_kg)
+
+
+def test_without_a_table_or_with_another_the_controller_says_what_it_needs(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="needs a table to go by"):
+        run()
+    with pytest.raises(RecordingError, match="There is no file"):
+        run(policy=str(tmp_path / "none.npz"))
+    in_the_plane = prepare(Request("lander_pad", controller="q", options={"policy": "x"}))
+    with pytest.raises(ParameterError, match="flies straight down, and lander_pad is in the plane"):
+        in_the_plane.config(in_the_plane.plant())

@@ -1,0 +1,133 @@
+"""A table and its file: what is chosen, what comes back, and what is not let in."""
+
+import io
+import pickle
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from snr_sim.learning.discretiser import Discretiser
+from snr_sim.learning.q_table import QTable
+from snr_sim.prelude.errors import ParameterError, RecordingError
+
+GRID = Discretiser(("x",), ((0.0, 1.0),))
+
+
+def table() -> QTable:
+    made = QTable(GRID, ("left", "right"), "toy/Line-v0")
+    made.values[:] = [[-1.0, -2.0], [0.5, 0.25], [3.0, 3.0]]
+    made.visits[:] = [[4, 1], [1, 1], [1, 1]]
+    return made
+
+
+def test_the_best_action_is_chosen_and_of_equals_the_first() -> None:
+    assert [table().act([x]) for x in (-5.0, 0.5, 5.0)] == [0, 0, 0]
+    other = table()
+    other.values[1] = 0.1, 0.2
+    assert other.act([0.5]) == 1
+
+
+def test_an_action_that_was_never_tried_is_not_chosen_for_its_zero() -> None:
+    young = table()
+    young.values[0], young.visits[0] = (-1.0, 0.0), (4, 0)
+    assert young.act([-5.0]) == 0
+
+
+def test_a_table_comes_back_from_its_file_to_the_last_bit(tmp_path: Path) -> None:
+    mine = table()
+    mine.made_by = "by hand"
+    mine.save(tmp_path / "policy.npz")
+    back = QTable.load(tmp_path / "policy.npz", "toy/Line-v0")
+    assert (back.values == mine.values).all()
+    assert (back.visits == mine.visits).all()
+    assert (back.discretiser, back.actions, back.environment, back.made_by) == (
+        GRID,
+        mine.actions,
+        "toy/Line-v0",
+        "by hand",
+    )
+
+
+def test_a_file_for_something_else_is_refused(tmp_path: Path) -> None:
+    table().save(tmp_path / "policy.npz")
+    with pytest.raises(RecordingError, match="was learned in toy/Line-v0, not in snr_sim/LanderVertical-v0"):
+        QTable.load(tmp_path / "policy.npz", "snr_sim/LanderVertical-v0")
+
+
+class Bomb:
+    """Unpickled, it makes a file."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self) -> Any:
+        return (open, (str(self.path), "w"))
+
+
+def test_a_pickle_is_refused_and_not_opened(tmp_path: Path) -> None:
+    trace = tmp_path / "it_ran"
+    (tmp_path / "plain.npz").write_bytes(pickle.dumps(Bomb(trace)))
+    array = np.empty(1, object)
+    array[0] = Bomb(trace)
+    np.savez(tmp_path / "inside.npz", about=array, values=array, visits=array)
+    for name in ("plain.npz", "inside.npz"):
+        with pytest.raises(RecordingError, match="is no table of action values"):
+            QTable.load(tmp_path / name)
+    assert not trace.exists()
+
+
+@pytest.mark.parametrize("length", [0, 10, 100, -30])
+def test_a_file_that_was_cut_is_refused(length: int, tmp_path: Path) -> None:
+    path = tmp_path / "policy.npz"
+    table().save(path)
+    path.write_bytes(path.read_bytes()[:length])
+    with pytest.raises(RecordingError, match="is no table of action values"):
+        QTable.load(path)
+
+
+def rewritten(path: Path, **arrays: Any) -> None:
+    """Replaces arrays of a table's file."""
+    table().save(path)
+    with np.load(path) as whole:
+        kept = {name: whole[name] for name in whole.files}
+    np.savez(path, **{**kept, **arrays})
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ({"values": np.zeros((2, 2))}, r"'values' is float64 of shape \(2, 2\), its edges and actions make \(3, 2\)"),
+        ({"visits": np.zeros((3, 2))}, "'visits' is float64"),
+        ({"values": np.full((3, 2), np.nan)}, "not finite"),
+        ({"about": np.frombuffer(b'{"environment": "x"}', np.uint8)}, "is no table"),
+        ({"about": np.frombuffer(b"not json", np.uint8)}, "is no table"),
+    ],
+)
+def test_a_file_whose_parts_do_not_agree_is_refused(arrays: dict[str, Any], message: str, tmp_path: Path) -> None:
+    rewritten(tmp_path / "policy.npz", **arrays)
+    with pytest.raises(RecordingError, match=message):
+        QTable.load(tmp_path / "policy.npz")
+
+
+def test_a_file_that_unpacks_to_more_than_fits_is_refused_before_it_is_unpacked(tmp_path: Path) -> None:
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("values.npy", bytes(300 * 2**20))
+    (tmp_path / "bomb.npz").write_bytes(packed.getvalue())
+    with pytest.raises(RecordingError, match="holds 314572800 bytes"):
+        QTable.load(tmp_path / "bomb.npz")
+
+
+def test_no_such_file_and_no_such_folder_are_told(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="There is no file"):
+        QTable.load(tmp_path / "none.npz")
+    with pytest.raises(RecordingError, match="cannot be written"):
+        table().save(tmp_path / "no" / "folder.npz")
+
+
+def test_one_action_leaves_nothing_to_learn() -> None:
+    with pytest.raises(ParameterError, match="nothing to choose"):
+        QTable(GRID, ("only",), "toy/Line-v0")

@@ -1,0 +1,128 @@
+"""The three updates against numbers worked out by hand, and a walk whose values are known."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium import Env, spaces
+
+from snr_sim.learning.discretiser import Discretiser
+from snr_sim.learning.q_table import QTable
+from snr_sim.learning.tabular import METHODS, Decay, Learner, Training, evaluate, train
+from snr_sim.prelude.errors import ParameterError, UnknownName
+
+LINE = Discretiser(("x",), ((0.5,),))
+
+
+def two_cells(training: Training) -> Learner:
+    made = QTable(LINE, ("a", "b"), "toy")
+    made.values[:] = [[1.0, 2.0], [3.0, 5.0]]
+    made.visits[:] = 1
+    return Learner(made, training)
+
+
+def test_each_method_expects_what_its_book_says() -> None:
+    """Reward 1, discount 0.5, step 0.1, from cell 0 by a (worth 1) to cell 1 (worth 3 and 5), where a is taken."""
+    fixed = {"discount": 0.5, "step": Decay(0.1, 0.1, 1), "epsilon": Decay(0.2, 0.2, 1)}
+    expected = {
+        "q_learning": 1.0 + 0.5 * 5.0,
+        "sarsa": 1.0 + 0.5 * 3.0,
+        "expected_sarsa": 1.0 + 0.5 * (0.8 * 5.0 + 0.2 * 4.0),
+    }
+    assert set(expected) == set(METHODS)
+    for method, target in expected.items():
+        learner = two_cells(Training(method, **fixed))  # type: ignore[arg-type]
+        assert learner.update(0, 0, 1.0, 1, 0, is_terminated=False) == pytest.approx(target - 1.0)
+        assert learner.table.values[0, 0] == pytest.approx(1.0 + 0.1 * (target - 1.0), abs=1e-12)
+        assert learner.table.values[0, 1] == 2.0
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_nothing_is_expected_after_the_end(method: str) -> None:
+    learner = two_cells(Training(method, step=Decay(1.0, 1.0, 1)))
+    learner.update(0, 0, -7.0, 1, 0, is_terminated=True)
+    assert learner.table.values[0, 0] == -7.0
+
+
+class Corridor(Env[Any, Any]):
+    """Five places in a row, left of the first -1, right of the last +1; 40 steps at most. Begins anywhere."""
+
+    observation_space = spaces.Box(0.0, 4.0, (1,))
+    action_space = spaces.Discrete(2)
+
+    def __init__(self, cut_after: int = 40) -> None:
+        self.cut_after = cut_after
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
+        super().reset(seed=seed)
+        self.place, self.steps = (options or {}).get("start", int(self.np_random.integers(5))), 0
+        return [float(self.place)], {}
+
+    def step(self, action: int) -> Any:
+        self.place, self.steps = self.place + (1 if action == 1 else -1), self.steps + 1
+        ends = self.place in (-1, 5)
+        reward = {-1: -1.0, 5: 1.0}.get(self.place, 0.0)
+        return [float(self.place)], reward, ends, not ends and self.steps >= self.cut_after, {"place": self.place}
+
+
+PLACES = Discretiser(("place",), ((-0.5, 0.5, 1.5, 2.5, 3.5, 4.5),))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_corridor_is_learned_to_its_known_values(method: str) -> None:
+    table = QTable(PLACES, ("left", "right"), "toy/Corridor")
+    how = Training(method, 3000, 0.9, Decay(0.5, 0.01, 2500), Decay(1.0, 0.01, 2500))
+    curve = train(Corridor(), table, how)
+    assert [table.act([place]) for place in range(5)] == [1] * 5
+    values = [table.values[PLACES.cell([place]), 1] for place in range(5)]
+    assert values == pytest.approx([0.9**4, 0.9**3, 0.9**2, 0.9, 1.0], abs=0.03)
+    assert np.mean(curve[-200:]) > 0.95 > np.mean(curve[:200])
+
+
+def test_an_episode_that_is_cut_off_is_not_an_end() -> None:
+    """Cut after every step, a corridor has the same values: what follows is expected, though it is not seen."""
+    table = QTable(PLACES, ("left", "right"), "toy/Corridor")
+
+    train(Corridor(cut_after=1), table, Training("q_learning", 8000, 0.9, Decay(0.5, 0.05, 8000), Decay(1.0, 1.0, 1)))
+    values = [table.values[PLACES.cell([place]), 1] for place in range(5)]
+    assert values == pytest.approx([0.9**4, 0.9**3, 0.9**2, 0.9, 1.0], abs=0.05)
+
+
+def test_the_same_seed_learns_the_same_table_and_another_another() -> None:
+    def learned(seed: int) -> Any:
+        table = QTable(PLACES, ("left", "right"), "toy/Corridor")
+        train(Corridor(), table, Training(episodes=50, seed=seed))
+        return table.values
+
+    assert (learned(1) == learned(1)).all()
+    assert (learned(1) != learned(2)).any()
+
+
+def test_trying_a_policy_changes_nothing_in_it_and_takes_no_chance() -> None:
+    table = QTable(PLACES, ("left", "right"), "toy/Corridor")
+    train(Corridor(), table, Training(episodes=300))
+    values, visits = table.values.copy(), table.visits.copy()
+    first, second = (evaluate(Corridor(), table.act, [0, 1, 2, 3, 4]) for _ in range(2))
+    assert first == second
+    assert (table.values == values).all()
+    assert (table.visits == visits).all()
+
+
+def test_decays_fall_and_stay() -> None:
+    decay = Decay(0.8, 0.2, 10)
+    values = [decay.at(i) for i in range(15)]
+    assert values[0] == 0.8
+    assert values == sorted(values, reverse=True)
+    assert values[10:] == [0.2] * 5
+    for bad in ((0.0, 0.0, 1), (0.1, 0.2, 5), (1.5, 0.1, 5), (1.0, 0.1, 0)):
+        with pytest.raises(ParameterError, match="A decay from"):
+            Decay(*bad)
+
+
+def test_what_cannot_be_learned_is_said_first() -> None:
+    with pytest.raises(UnknownName, match="'q_lerning'"):
+        Training("q_lerning")
+    with pytest.raises(ParameterError, match=r"discount 1\.5"):
+        Training(discount=1.5)
+    with pytest.raises(ParameterError, match="3 actions, the environment has Discrete"):
+        train(Corridor(), QTable(PLACES, ("a", "b", "c"), "toy"), Training())
