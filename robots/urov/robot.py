@@ -82,7 +82,7 @@ READINGS: dict[str, type[msgspec.Struct]] = {
 }
 ANSWERED = ("leak", "power", "imu")  # of these each reading sets off work; the others are looked up when needed
 # After so much silence either end counts as gone, also one that is there and stands still: told within a second.
-KEEP_ALIVE_S, GONE_S = 0.25, 0.75
+KEEP_ALIVE_S, GONE_S = 0.2, 0.6
 TO_TOPSIDE = ("vehicle", "depth", "altitude", "power", "leak")
 
 
