@@ -89,7 +89,8 @@ class Holds:
         if controls.depth_m is not None:
             self._wanted_depth_m = controls.depth_m
         numbers = self.numbers
-        self._wanted_depth_m = max(0.0, self._wanted_depth_m - controls.heave * numbers.sink_mps * dt_s)
+        if controls.heave:
+            self._wanted_depth_m = self._moved(self._wanted_depth_m, controls.heave, depth.depth_m, dt_s)
         move_m = approach(self._wanted_depth_m - self.depth_m, numbers.sink_mps, numbers.brake_mps2, dt_s)
         self.depth_m += move_m
         # What moving costs is known: the drag at that speed. So it has not to be learnt by being late.
@@ -97,6 +98,17 @@ class Holds:
         drag_n = (self._drag[0] + self._drag[1] * abs(sink_mps)) * sink_mps
         rate = self._rate(depth) - sink_mps
         return -self._depth.update(self.depth_m, depth.depth_m, dt_s, rate=rate, feed_forward=drag_n)
+
+    def _moved(self, wanted_m: float, heave: float, depth_m: float, dt_s: float) -> float:
+        """Returns where the stick moves a depth to that is wanted: not beyond what a vehicle on the floor can follow.
+
+        Else a stick that was held down there for long would have to be held up for as long.
+        """
+        numbers = self.numbers
+        moved_m = max(0.0, wanted_m - heave * numbers.sink_mps * dt_s)
+        if moved_m > wanted_m:
+            return max(wanted_m, min(moved_m, depth_m + numbers.lead_m))
+        return min(wanted_m, max(moved_m, depth_m - numbers.lead_m))
 
     def _rate(self, depth: DepthReading) -> float:
         """The depth comes less often than control is asked for: its rate is reckoned once for each reading."""

@@ -48,6 +48,7 @@ class HoldNumbers:
         yaw_nm: what a full stick turns with.
         sink_mps: how fast a held depth moves, at full stick or on its way to another one.
         brake_mps2: how it slows down before it arrives.
+        lead_m: how far from where the vehicle is a stick moves it at most; more than it takes to slow down.
         turn_radps, brake_radps2: the same of a held heading.
     """
 
@@ -58,6 +59,7 @@ class HoldNumbers:
     yaw_nm: float = 6.0
     sink_mps: float = 0.35
     brake_mps2: float = 0.1
+    lead_m: float = 1.0
     turn_radps: float = 0.7
     brake_radps2: float = 0.4
 

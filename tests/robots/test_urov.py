@@ -255,6 +255,25 @@ def test_the_heave_stick_moves_the_depth_that_is_held_and_not_above_the_water() 
     assert one.depth_m == pytest.approx(0.0, abs=1e-12)
 
 
+def test_a_stick_that_was_held_down_on_the_floor_has_not_to_be_held_up_for_as_long() -> None:
+    one = holds()
+    for heave in [-1.0] * 1500 + [0.0] * 300:
+        one.wrench(Controls(mode="depth_hold", heave=heave), depth(3.0), imu(), DT_S)
+    assert one.depth_m == pytest.approx(3.0 + HoldNumbers().lead_m)
+    for heave in [1.0] * 150 + [0.0] * 300:
+        one.wrench(Controls(mode="depth_hold", heave=heave), depth(3.0), imu(), DT_S)
+    assert one.depth_m is not None
+    assert one.depth_m < 3.0
+
+
+def test_a_stick_does_not_take_back_a_depth_that_was_asked_for_by_number() -> None:
+    one = holds()
+    one.wrench(Controls(mode="depth_hold", depth_m=6.0), depth(1.0), imu(), DT_S)
+    for heave in [-0.1] * 10 + [0.0] * 1500:
+        one.wrench(Controls(mode="depth_hold", heave=heave), depth(1.0), imu(), DT_S)
+    assert one.depth_m == pytest.approx(6.0)
+
+
 def test_heading_hold_turns_the_shorter_way_and_the_yaw_stick_moves_the_heading() -> None:
     one = holds()
     one.wrench(Controls(mode="heading_hold", heading_rad=math.radians(170)), depth(1.0), imu(yaw=3.0), DT_S)
