@@ -64,8 +64,8 @@ OPTIONS = {
     "pilot": "who flies: scripted, or hands (game controller, keyboard)",
     "camera": "ahead or down: gives the vehicle a camera",
     "host": "where the vehicle listens, when roles run by themselves: 127.0.0.1",
-    "power": "board: with --io mcu:PORT, measures the battery at the microcontroller's pins A0 and A1",
     "port": "and its port there, the same at both ends: 9120",
+    "power": "board: with --io mcu:PORT, measures the battery at the microcontroller's pins A0 and A1",
 }
 
 FIRMWARE = Path(__file__).parent / "firmware"

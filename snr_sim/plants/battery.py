@@ -57,7 +57,8 @@ class Pack:
             off it stays until it is charged; None is a pack without such a circuit, which gives until it is empty.
             The maker's pack has none, and its guide asks the user to stop at 3.0 V a cell, or the pack is spoilt
             (bluerobotics.com/learn/battery-info). That one is fitted is our choice, and so are its numbers: 2.5 V, at
-            which the cells' own makers call them empty, and a delay that a motor's start does not outlast.
+            which the cells' own makers call them empty, and a delay that a motor's start does not outlast. Thrusters
+            stand still then; that the computers would, too, is left out.
         cutoff_s: that delay.
 
     Raises:
