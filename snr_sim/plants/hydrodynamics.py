@@ -77,6 +77,13 @@ class Hydrodynamics:
         self._drag = [wet * value for value in self._linear], [wet * value for value in self._quadratic]
         self.mass, self._momentum, self._acceleration = self._known[step]
 
+    def less(self, nu: Sequence[float], momentum: Sequence[float]) -> Six:
+        """Returns the velocity of a body that has given away some momentum, body frame [N s, N m s]."""
+        x, y, z, k, m, n = momentum
+        u, v, w, p, q, r = nu
+        du, dv, dw, dp, dq, dr = self._acceleration(x, y, z, k, m, n)
+        return u - du, v - dv, w - dw, p - dp, q - dq, r - dr
+
     def kinetic_energy_j(self, nu: Sequence[float]) -> float:
         """Returns the energy of body and water."""
         column = np.array(nu)

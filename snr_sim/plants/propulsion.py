@@ -144,12 +144,13 @@ class Propulsion:
         nothing = (0.0,) * (2 * n)
         self._lines = Lines(0.0, 0.0, nothing, nothing, nothing, (0.0, 0.0, 0.0))
         self._left, self._rise = 1.0, 0.0
+        self._mean = self._left, self._rise  # of the last step
         self._mix: Mix | None = None
         self.acting_us = [STOP_US] * n
         self._shares = [_SOUND] * n
         self._stuck = [False] * n
         self.voltage_v = self.supply.voltage_v(self.electronics_a)
-        self._lag_of = (0.0, 0.0)
+        self._lag_of = (0.0, 0.0, 0.0)  # for a step: the share of its way that the lag goes, and where its mean lies
         self._told: list[float | None] | None = None
         self._is_settled = False
         self._shifts_us = [0.0] * n
@@ -158,12 +159,20 @@ class Propulsion:
     @property
     def forces_n(self) -> list[float]:
         """Force of each thruster along its own axis, after the last step."""
-        return self._drives()[: self.count]
+        return self._drives(self._left, self._rise)[: self.count]
+
+    @property
+    def mean_forces_n(self) -> list[float]:
+        """Force of each thruster along its own axis, on average over the last step: what moved the vehicle.
+
+        With the force of the step's end a vehicle would be ahead of its thrusters' lag by half a step.
+        """
+        return self._drives(*self._mean)[: self.count]
 
     @property
     def currents_a(self) -> list[float]:
         """Current of each thruster."""
-        return self._drives()[self.count :]
+        return self._drives(self._left, self._rise)[self.count :]
 
     @property
     def current_a(self) -> float:
@@ -212,7 +221,7 @@ class Propulsion:
         self._forget()
 
     def mixed(self, matrix: Matrix) -> list[float]:
-        """Returns a matrix of n columns times the forces: with the vehicle's, the wrench of all thrusters.
+        """Returns a matrix of n columns times `mean_forces_n`: with the vehicle's, the wrench of all thrusters.
 
         Of the same matrix it is quick: only the lines are multiplied, and they seldom change.
         """
@@ -220,9 +229,7 @@ class Propulsion:
         if mix is None or mix.matrix is not matrix:
             rows, n = matrix.tolist(), self.count
             self._mix = mix = Mix(matrix, rows, *(_products(rows, one[:n]) for one in self._lines[2:5]))
-        left, rise = self._left, self._rise
-        gone = 1.0 - left
-        return [left * a + gone * b + rise * c for a, b, c in zip(mix.before, mix.bases, mix.slopes, strict=True)]
+        return _along(mix, *self._mean)
 
     def step(self, dt_s: float, pulses_us: Sequence[float | None]) -> None:
         """Moves on by `dt_s`.
@@ -241,11 +248,14 @@ class Propulsion:
             self._look_up(volts)
         lines = self._lines
         if self._lag_of[0] != dt_s:
-            self._lag_of = dt_s, 1.0 - math.exp(-dt_s / self.lag_s)
-        share = self._lag_of[1]
-        left = self._left - share * self._left
+            share = 1.0 - math.exp(-dt_s / self.lag_s)
+            self._lag_of = dt_s, share, 1.0 / share - self.lag_s / dt_s
+        _, share, middle = self._lag_of
+        had, rose = self._left, self._rise
+        left = had - share * had
         self._left = left = left if left > GONE else 0.0
-        self._rise = rise = self._rise + share * (volts - lines.from_v - self._rise)
+        self._rise = rise = rose + share * (volts - lines.from_v - rose)
+        self._mean = had + middle * (left - had), rose + middle * (rise - rose)
         before, base, slope = lines.current_a
         supply, current_a = self.supply, left * before + (1.0 - left) * base + rise * slope + self.electronics_a
         supply.draw(current_a, volts, dt_s)
@@ -253,9 +263,9 @@ class Propulsion:
         # voltage satisfy the table and the battery at once.
         self.voltage_v = supply.voltage_v(current_a)
 
-    def _drives(self) -> list[float]:
+    def _drives(self, left: float, rise: float) -> list[float]:
         """Returns all forces, then all currents: they follow the table alike."""
-        lines, left, rise = self._lines, self._left, self._rise
+        lines = self._lines
         gone = 1.0 - left
         return [
             left * before + gone * base + rise * slope
@@ -332,7 +342,7 @@ class Propulsion:
         forces, currents, forces_per_v, currents_per_v = columns
         if self._mix is not None:  # where it is it goes on from, too
             matrix, rows, *_ = self._mix
-            mixed = self.mixed(matrix)
+            mixed = _along(self._mix, self._left, self._rise)
             self._mix = Mix(matrix, rows, mixed, _products(rows, forces), _products(rows, forces_per_v))
         left, rise = self._left, self._rise
         before_a, base_a, slope_a = self._lines.current_a
@@ -340,7 +350,7 @@ class Propulsion:
         self._lines = Lines(
             from_v,
             to_v,
-            self._drives(),
+            self._drives(self._left, self._rise),
             forces + currents,
             forces_per_v + currents_per_v,
             (now_a, sum(currents), sum(currents_per_v)),
@@ -372,7 +382,7 @@ class Propulsion:
     def restore(self, snapshot: PropulsionState) -> None:
         """Puts back what `snapshot` returned."""
         self._lines, self._mix = snapshot.lines, snapshot.mix
-        self._left, self._rise = snapshot.left, snapshot.rise
+        self._left, self._rise = self._mean = snapshot.left, snapshot.rise
         self.acting_us = snapshot.acting_us
         self._shares, self._stuck = list(snapshot.shares), list(snapshot.stuck)
         for esc, state in zip(self.escs, snapshot.escs, strict=True):
@@ -398,6 +408,12 @@ def _patch(step: int, pulse_us: int) -> tuple[float, float, float, float, float,
     corners = [one.at(pulse) for one in (lower, upper) for pulse in (pulse_us, following_us)]
     force, current, _ = zip(*corners, strict=True)
     return (*_bilinear(*force), *_bilinear(*current))
+
+
+def _along(mix: Mix, left: float, rise: float) -> list[float]:
+    """Returns where the lines of a mix are."""
+    gone = 1.0 - left
+    return [left * a + gone * b + rise * c for a, b, c in zip(mix.before, mix.bases, mix.slopes, strict=True)]
 
 
 def _bilinear(low: float, low_next: float, high: float, high_next: float) -> tuple[float, float, float, float]:

@@ -45,6 +45,7 @@ from snr_sim.prelude.wrench import AXES
 
 STEP_S = 0.005  # the table in robots/urov/PHYSICS.md says what 2 and 10 ms would change
 EXPLODED = 1e9  # m/s2 and rad/s2: infinite as far as a vehicle goes, and still before MuJoCo writes it into a log file
+SLIDES = 0.002  # m/s, rad/s: what touches and is slower sticks, as far as contacts go
 STOP_US = 1500.0
 WATER_STEP_L = 0.01  # leaked water is weighed anew when it has become so much more
 
@@ -206,6 +207,7 @@ class Urov(UrovMeasured):
         self._pulses_until_s = snapshot.pulses_until_s
         self._water_l = snapshot.water_l
         self._moments_s = dive.times_s()
+        self._slam: Sequence[float] | None = None
         self._tether = (
             None
             if dive.tether is None
@@ -312,6 +314,8 @@ class Urov(UrovMeasured):
     def _move_freely(self, nu: Six, push: Sequence[float]) -> None:
         """Moves on by the middle of the step, where nothing touches."""
         step_s, flotation = self.step_s, self._flotation
+        if self._slam is not None:
+            nu = self._hydro.less(nu, self._slam)
         r11, r12, r13, r21, r22, r23, r31, r32, r33 = self._rotation
         (mu, mv, mw, mp, mq, mr), change = self._hydro.advance(
             nu, (r31, r32, r33), push, flotation.net_n, flotation.arm, self._guess, step_s
@@ -349,6 +353,8 @@ class Urov(UrovMeasured):
 
     def _move_touching(self, nu: Six, push: Sequence[float]) -> None:
         """Lets MuJoCo move on, with the water's forces at the step's begin: contacts may stop what would have moved."""
+        if self._slam is not None:
+            push = [a - b / self.step_s for a, b in zip(push, self._slam, strict=True)]
         _, change = self._hydro.advance(
             nu, self._rotation[6:], push, self._flotation.net_n, self._flotation.arm, AT_REST, 0.0
         )
@@ -356,6 +362,8 @@ class Urov(UrovMeasured):
         gained = self._seen_from_world(change)
         self._check_finite(nu, gained, change)
         body = self._mujoco
+        if math.hypot(*self._velocity, *self._rate) > SLIDES:
+            body.limit_grip(math.hypot(*(self._contact_n or ())))
         body.move(self._more, (*gained, *change[3:]))
         fx, fy, fz = body.touch()[:3]
         self._contact_n = (fx, fy, fz)
@@ -406,18 +414,19 @@ class Urov(UrovMeasured):
         self.thrusters.step(self.step_s, self._pulses)
         if self._place[2] <= -self._surface.reach_m:
             return self.thrusters.mixed(self._matrix)
-        forces = np.array(self.thrusters.forces_n) * self._surface.drawing(self._place[2], self._rotation[6:])
+        forces = np.array(self.thrusters.mean_forces_n) * self._surface.drawing(self._place[2], self._rotation[6:])
         wrench: list[float] = self._matrix.dot(forces).tolist()  # `@` takes twice as long for so few
         return wrench
 
     def _around(self, push: Sequence[float], nu: Six, dt_s: float) -> Sequence[float]:
-        """Adds the surface's and the tether's share to a wrench, and sets what is wet.
+        """Adds the tether's share to a wrench, sets what is wet, and the momentum that water takes which gets wet.
 
         Both depend on where the vehicle is, and are taken where it will be in the middle of the step.
         """
         half = 0.5 * dt_s
         x, y, z = self._place
         vx, vy, vz = self._velocity
+        self._slam = None
         if z > -self._surface.reach_m:
             kx, ky, kz = self._rotation[6:]
             p, q, r = self._rate
@@ -427,9 +436,7 @@ class Urov(UrovMeasured):
             if self._wet > before and dt_s > 0.0:
                 # Water that gets wet by the body must be brought to its speed; what it leaves keeps it. So neither
                 # coming up nor going down makes energy. Source: von Karman, NACA TN 321 (1929).
-                rate = (self._wet - before) / dt_s
-                slam = rate * (self.vehicle.added_mass @ nu)
-                push = [a - b for a, b in zip(push, slam.tolist(), strict=True)]
+                self._slam = ((self._wet - before) * (self.vehicle.added_mass @ nu)).tolist()
         elif self._wet != 1.0:
             self._wet = 1.0
             self._flotation.submerge()

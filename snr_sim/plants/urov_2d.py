@@ -79,8 +79,11 @@ class Urov2D(Urov):
         step_s, plane, water, flotation = self.step_s, self._plane, self._water, self._flotation
         (vx, _, vz), (cx, _, cz), pitch_rate = self._velocity, self._current, self._rate[1]
         push = self._around(self._thrust(), self.through_water, step_s)
-        plane.drift(0.5 * step_s)
         through = vx - cx, vz - cz, pitch_rate
+        if self._slam is not None:
+            through = water.less(through, self._pitch, (self._slam[0], self._slam[2], self._slam[4]))
+            plane.move_at((through[0] + cx, through[1] + cz, through[2]))
+        plane.drift(0.5 * step_s)
         arm_x, _, arm_z = flotation.arm
         rx, rz, rate = water.advance(
             through, self._pitch, (push[0], push[2], push[4]), flotation.net_n, (arm_x, arm_z), step_s

@@ -26,6 +26,11 @@ class Thrusters(Protocol):
         ...
 
     @property
+    def mean_forces_n(self) -> list[float]:
+        """The same, on average over the last step."""
+        ...
+
+    @property
     def current_a(self) -> float:
         """All that is drawn from the supply."""
         ...
@@ -44,7 +49,7 @@ class Thrusters(Protocol):
         ...
 
     def mixed(self, matrix: Matrix) -> list[float]:
-        """Returns a matrix of n columns times the forces."""
+        """Returns a matrix of n columns times `mean_forces_n`."""
         ...
 
     def fail(self, thruster: int, fault: str, share: float = 0.5) -> None:

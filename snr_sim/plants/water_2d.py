@@ -116,6 +116,13 @@ class Water2D:
             fix="look at the last commands and at the vehicle's numbers; or take a shorter step.",
         )
 
+    def less(self, velocity: Three, pitch: float, momentum: Three) -> Three:
+        """Returns the velocity (world frame) of a body that has given away some momentum (body frame)."""
+        x, z, turn = momentum
+        du, dw, dq = (a * x + b * z + c * turn for a, b, c in self._inverse)
+        cos, sin = math.cos(pitch), math.sin(pitch)
+        return velocity[0] - cos * du - sin * dw, velocity[1] + sin * du - cos * dw, velocity[2] - dq
+
     def mobility(self, pitch: float) -> list[list[float]]:
         """Returns the inverse of the mass in the world's frame, 3 x 3: what an impulse does to the velocity."""
         cos, sin = math.cos(pitch), math.sin(pitch)

@@ -59,6 +59,9 @@ def test_force_follows_with_the_closed_form_of_a_first_order_lag_at_any_step(dt_
         thrusters.step(dt_s, [1900.0])
         force = thrusters.forces_n[0]
         assert force == pytest.approx(full * (1.0 - math.exp(-k * dt_s / LAG_S)), rel=1e-9)
+        # What moves the vehicle is the mean of the step: with that of its end it would be ahead by half a step.
+        lacks = LAG_S / dt_s * (math.exp(-(k - 1) * dt_s / LAG_S) - math.exp(-k * dt_s / LAG_S))
+        assert thrusters.mean_forces_n[0] == pytest.approx(full * (1.0 - lacks), rel=1e-9)
 
 
 def test_the_lag_is_late_by_as_much_as_the_measured_third_order_response() -> None:
@@ -263,9 +266,9 @@ def test_the_mix_of_forces_is_the_matrix_times_the_forces_whatever_happens() -> 
         if i == 200:
             thrusters.fail(3, "weak", 0.4)
         thrusters.step(DT_S, pulses)
-        assert thrusters.mixed(matrix) == pytest.approx(matrix @ thrusters.forces_n, abs=1e-9)
+        assert thrusters.mixed(matrix) == pytest.approx(matrix @ thrusters.mean_forces_n, abs=1e-9)
         assert thrusters.current_a == pytest.approx(sum(thrusters.currents_a) + 1.0, abs=1e-9)
-    assert thrusters.mixed(other) == pytest.approx(other @ thrusters.forces_n, abs=1e-9)
+    assert thrusters.mixed(other) == pytest.approx(other @ thrusters.mean_forces_n, abs=1e-9)
 
 
 def test_forces_follow_the_table_as_if_each_was_moved_on_by_itself() -> None:

@@ -246,6 +246,22 @@ def test_friction_holds_it_on_the_floor_until_the_current_is_too_strong(current:
         assert 13.7 * slip + 141.0 * slip**2 == pytest.approx(FRICTION * presses, rel=1e-2)
 
 
+@pytest.mark.parametrize("step_s", [0.002, 0.005, 0.01])
+def test_what_slides_fast_over_the_floor_stays_on_it(step_s: float) -> None:
+    """MuJoCo gave as pressure what it could not give as friction: the vehicle hopped, pressing from 0 to five times."""
+    wu = read_vehicle(VEHICLES / "wu2018.toml")
+    lead = Load(3.0, 3.0 * 0.000088)
+    plant = go(swim(wu, Pool(), step_s, position_m=(-9.0, 0.0, -3.873), loads=(lead,)), 1.0)
+    go(plant, 3.0, (40.0, 0.0, 0.0))
+    assert plant.velocity_mps[0] > 1.0
+    presses = 9.81 * (3.0 - 0.264) - 1.5
+    for _ in range(round(0.5 / step_s)):
+        plant.step(step_s)
+        along, _, up = plant.contact_n or (0.0, 0.0, 0.0)
+        assert up == pytest.approx(presses, rel=0.02)
+        assert along == pytest.approx(-FRICTION * up, rel=1e-3)
+
+
 def test_pressed_sideways_against_a_wall_the_wall_presses_back() -> None:
     plant = go(swim(pool=Pool(), position_m=(0.0, 5.9, -2.0)), 5.0, (0.0, 40.0, 0.0))
     assert plant.contact_n == pytest.approx((0.0, -40.0, -1.5), abs=0.1)  # friction holds the buoyancy, too

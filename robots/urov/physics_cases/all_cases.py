@@ -5,13 +5,16 @@ from __future__ import annotations
 from .along_an_axis import steps
 from .case import Case
 from .contact import contact
+from .entering import entries
 from .flow import current
 from .pulled import tether
+from .pulses import pushed
+from .sliding import friction
 from .together import together
 from .turning import conserved, munk
 from .weight import righting
 
-GROUPS = (steps, righting, conserved, current, munk, together, contact, tether)
+GROUPS = (steps, pushed, righting, entries, conserved, current, munk, together, contact, friction, tether)
 
 
 def cases() -> list[Case]:

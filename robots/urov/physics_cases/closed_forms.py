@@ -1,14 +1,19 @@
-"""Motions that can be written down: along one axis against drag, a pendulum, a steady circle."""
+"""Motions that can be written down: along one axis against drag, a pendulum, a steady circle; and Runge-Kutta, for one
+or two numbers, where none can."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 
 from snr_sim.plants.vehicle import Vehicle
 
 from .swimming import mass_along
+
+Rate: TypeAlias = Callable[[float, tuple[float, ...]], tuple[float, ...]]  # of time and state
 
 
 def step_response(mass: float, a: float, b: float, push: float, time_s: float) -> tuple[float, float]:
@@ -62,3 +67,24 @@ def steady_circle(one: Vehicle, push: float) -> tuple[float, float, float]:
         state = state - 0.5 * np.linalg.solve(slope, unbalanced(state))
     u, v, r = state.tolist()
     return u, v, r
+
+
+def sliding(mass: float, a: float, b: float, friction: float, speed: float, time_s: float) -> float:
+    """Returns what is left of a speed that friction and drag a u + b u^2 take, before it has stopped."""
+    rest = friction - 0.25 * a * a / b  # mass u' = -(b (u + a / 2b)^2 + rest)
+    fast = math.sqrt(rest / b)
+    return fast * math.tan(math.atan((speed + 0.5 * a / b) / fast) - math.sqrt(rest * b) * time_s / mass) - 0.5 * a / b
+
+
+def rk4(rate: Rate, state: tuple[float, ...], time_s: float, step_s: float) -> tuple[float, ...]:
+    """Returns the state after a time, by the Runge-Kutta rule of fourth order."""
+    half = 0.5 * step_s
+    for i in range(round(time_s / step_s)):
+        t = i * step_s
+        k1 = rate(t, state)
+        k2 = rate(t + half, tuple(x + half * k for x, k in zip(state, k1, strict=True)))
+        k3 = rate(t + half, tuple(x + half * k for x, k in zip(state, k2, strict=True)))
+        k4 = rate(t + step_s, tuple(x + step_s * k for x, k in zip(state, k3, strict=True)))
+        slopes = zip(state, k1, k2, k3, k4, strict=True)
+        state = tuple(x + step_s / 6.0 * (a + 2.0 * b + 2.0 * c + d) for x, a, b, c, d in slopes)
+    return state

@@ -10,13 +10,13 @@ from snr_sim.plants.dive import Current
 from snr_sim.plants.vehicle import Vehicle
 
 from .case import Case
-from .closed_forms import coasting
-from .swimming import SETS, go, mass_along, swim, undamped, weightless
+from .closed_forms import coasting, terminal_speed
+from .swimming import SEA, SETS, go, mass_along, swim, undamped, vehicle, weightless
 
 
 def current() -> Iterator[Case]:
     """Water that moves as a whole."""
-    flow = (0.3, 0.0, 0.0)
+    flow, up = (0.3, 0.0, 0.0), (0.0, 0.0, 0.2)
     for name in SETS:
         one = weightless(name)
         a, b = one.linear_damping[0], one.quadratic_damping[0]
@@ -41,4 +41,17 @@ def current() -> Iterator[Case]:
         yield Case(
             "Current", f"{name}: tumbling in a current and in still water, part from its way in 10 s", 0.0, "m",
             off_course, 1e-9, "rounding",
+        )  # fmt: skip
+        slip = coasting(mass_along(one, 2), one.linear_damping[2], one.quadratic_damping[2], 0.2, 3.0)
+        yield Case(
+            "Current", f"{name}: lifted, after 3 s, by a current of 0.2 m/s upwards", 0.2 - slip, "m/s",
+            lambda h, one=one: go(swim(one, h, currents=(Current(0.0, up),)), 3.0).velocity_mps[2], 1e-4,
+        )  # fmt: skip
+        as_is = vehicle(name).trimmed(SEA.density_kgm3, SEA.gravity_mps2)
+        rises = terminal_speed(one.linear_damping[2], one.quadratic_damping[2], 1.5)
+        yield Case(
+            "Current", f"{name}: with its 1.5 N in a current of 0.3 m/s downwards", rises - 0.3, "m/s",
+            lambda h, as_is=as_is: go(
+                swim(as_is, h, currents=(Current(0.0, (0.0, 0.0, -0.3)),)), 30.0
+            ).velocity_mps[2], 1e-5, "what is left of the way to it in 30 s",
         )  # fmt: skip

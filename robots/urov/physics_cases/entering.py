@@ -1,0 +1,73 @@
+"""From air into water: a free fall, the surface, and what floats bobbing; beside a Runge-Kutta of its own.
+
+The second opinion is a level box whose wet share grows with its draught. Weight, buoyancy and drag are as in the book;
+while it gets wetter, the water it takes along must be brought to its speed (von Karman, NACA TN 321), and while it
+gets drier, that water is left behind with its speed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+
+from snr_sim.plants.urov import Urov
+from snr_sim.plants.vehicle import Vehicle
+
+from .case import SECOND_ORDER, Case
+from .closed_forms import rk4
+from .swimming import SEA, SETS, go, mass_along, swim, vehicle
+
+GROUP = "From air into water"
+DROP_M = 0.6
+FINE_S = 2e-5
+KINK = "the surface is crossed within a few steps, each with one wet share"
+HALF = "in the midst of it, what is told is the speed before the water of half a step is taken along"
+
+
+@cache
+def dropped(name: str, height_m: float, time_s: float) -> tuple[float, float]:
+    """Returns height and speed upwards after a time, by Runge and Kutta."""
+    one = trimmed(name)
+    added, volume = float(one.added_mass[2, 2]), one.volume_m3
+    dry, a, b = mass_along(one, 2) - added, one.linear_damping[2], one.quadratic_damping[2]
+    tall, middle = one.size_m[2], one.centre_of_buoyancy_m[2]
+
+    def rate(_: float, state: tuple[float, ...]) -> tuple[float, ...]:
+        z, w = state
+        draught = 0.5 - (z + middle) / tall
+        share = min(1.0, max(0.0, draught))
+        wetting = max(0.0, -w / tall) if 0.0 < draught < 1.0 else 0.0
+        force = SEA.gravity_mps2 * (SEA.density_kgm3 * volume * share - dry)
+        force -= share * (a + b * abs(w)) * w + added * wetting * w
+        return w, force / (dry + share * added)
+
+    z, w = rk4(rate, (height_m, 0.0), time_s, FINE_S)
+    return z, w
+
+
+def trimmed(name: str) -> Vehicle:
+    """Returns a set as it floats."""
+    return vehicle(name).trimmed(SEA.density_kgm3, SEA.gravity_mps2)
+
+
+def entries() -> Iterator[Case]:
+    """Dropped from over the water, and let go half under it."""
+    for name in SETS:
+        one = trimmed(name)
+        for time_s, allowed, why in ((0.4, 3e-2, HALF), (0.7, 2e-3, KINK), (2.0, 2e-3, KINK)):
+
+            def fall(step_s: float, one: Vehicle = one, time_s: float = time_s) -> Urov:
+                return go(swim(one, step_s, position_m=(0.0, 0.0, DROP_M)), time_s)
+
+            z, w = dropped(name, DROP_M, time_s)
+            what = f"{name}, dropped from {DROP_M} m, after {time_s:g} s"
+            yield Case(
+                GROUP, f"{what}: height", z, "m", lambda h, fall=fall: fall(h).position_m[2],
+                1e-2 if time_s < 0.5 else 2e-3, KINK,
+            )  # fmt: skip
+            yield Case(GROUP, f"{what}: speed up", w, "m/s", lambda h, fall=fall: fall(h).velocity_mps[2], allowed, why)
+        bobbed = dropped(name, 0.0, 1.5)[0]
+        yield Case(
+            GROUP, f"{name}, let go with its middle at the surface: height after 1.5 s", bobbed, "m",
+            lambda h, one=one: go(swim(one, h, position_m=(0.0, 0.0, 0.0)), 1.5).position_m[2], 1e-4, SECOND_ORDER,
+        )  # fmt: skip

@@ -1,0 +1,95 @@
+"""Pulses instead of a wrench: what the thrusters push at a voltage, how late, and what they cost the battery.
+
+Forces and currents are typed in here from the maker's table, arms from the paper, so a slip in the plant's own table,
+its mixing of thrusters or its frame would show.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from snr_sim.plants.battery import Battery, BenchSupply
+from snr_sim.plants.dive import Dive
+from snr_sim.plants.propulsion import Propulsion
+from snr_sim.plants.urov import Urov
+from snr_sim.plants.vehicle import Vehicle
+from snr_sim.prelude.signals import PwmCommand
+
+from .case import LEFT, SECOND_ORDER, Case
+from .closed_forms import rk4, terminal_speed
+from .swimming import DEEP, SEA, SETS, go, mass_along, weightless
+
+# T200 at 16 V: Blue Robotics, T200 public performance data 10-20 V (2019).
+N_PER_KGF = 9.80665
+AHEAD_KGF, ASTERN_KGF = {1700.0: 1.82, 1600.0: 0.60}, {1300.0: 1.44, 1400.0: 0.48}
+# Current flat out at 14 and 16 V, ahead and astern.
+AHEAD_A, ASTERN_A = (20.36, 23.83), (20.71, 24.3)
+ARM_M = (0.156 + 0.111) / math.sqrt(2.0)  # of a level thruster about z: von Benzon et al. 2022
+LAG_S = (9258.0 - 6136.0) / 108700.0  # of their filter, taken as one of first order
+FULL_V, RESISTANCE_OHM, ELECTRONICS_A = 4 * 4.2, 0.03, 1.0  # the pack's: parameters, not results
+GROUP = "Pulses"
+
+STOP = [1500.0] * 8
+# The two upright thrusters that point down push up when they run astern.
+UP = [1500.0] * 4 + [1700.0, 1300.0, 1300.0, 1700.0]
+ALL_UP = [1500.0] * 4 + [1900.0, 1100.0, 1100.0, 1900.0]
+LEFT_TURN = [1700.0, 1300.0, 1300.0, 1700.0] + [1500.0] * 4
+SLOW_TURN = [1600.0, 1400.0, 1400.0, 1600.0] + [1500.0] * 4
+
+
+def pulsed(one: Vehicle, step_s: float, pulses: list[float], time_s: float, supply: Battery | BenchSupply) -> Urov:
+    """Returns a plant that has been given pulses for a time, after its speed controllers had armed."""
+    plant = Urov(one, SEA, lambda seed: Dive(DEEP), Propulsion(8, supply), step_s=step_s)
+    plant.write("pwm", PwmCommand(STOP))
+    go(plant, 1.2)
+    plant.write("pwm", PwmCommand(pulses))
+    return go(plant, time_s)
+
+
+def pushed() -> Iterator[Case]:
+    """Rising and turning by pulses at 16 V, and the voltage that four thrusters flat out leave."""
+    up_n = 2.0 * N_PER_KGF * (AHEAD_KGF[1700.0] + ASTERN_KGF[1300.0])
+    for name in SETS:
+        one = weightless(name)
+        a, b = one.linear_damping, one.quadratic_damping
+        yield Case(
+            GROUP, f"{name}: four thrusters up at 1700 and 1300 us, 16 V: terminal", terminal_speed(a[2], b[2], up_n),
+            "m/s", lambda h, one=one: pulsed(one, h, UP, 12.0, BenchSupply(16.0)).through_water[2], 1e-5, LEFT,
+        )  # fmt: skip
+        for pulses, ahead, astern in ((LEFT_TURN, 1700.0, 1300.0), (SLOW_TURN, 1600.0, 1400.0)):
+            turn_nm = 2.0 * ARM_M * N_PER_KGF * (AHEAD_KGF[ahead] + ASTERN_KGF[astern])
+            yield Case(
+                GROUP, f"{name}: level thrusters against each other at {ahead:g} and {astern:g} us, 16 V: terminal",
+                terminal_speed(a[5], b[5], turn_nm), "rad/s",
+                lambda h, one=one, pulses=pulses: pulsed(one, h, pulses, 12.0, BenchSupply(16.0)).rate_radps[2], 1e-5,
+                LEFT,
+            )  # fmt: skip
+        yield Case(
+            GROUP, f"{name}: four thrusters up, 0.2 s after the pulse, with their lag", late(one, up_n, 0.2), "m/s",
+            lambda h, one=one: pulsed(one, h, UP, 0.2, BenchSupply(16.0)).through_water[2], 2e-4, SECOND_ORDER,
+        )  # fmt: skip
+    one = weightless("benzon2022")
+    yield Case(
+        GROUP, "voltage of a full battery under four thrusters flat out", sagged_v(), "V",
+        lambda h: pulsed(one, h, ALL_UP, 0.5, Battery()).read("power").voltage_v, 5e-4,
+        "the charge that half a second takes",
+    )  # fmt: skip
+
+
+def late(one: Vehicle, push_n: float, time_s: float) -> float:
+    """Returns the speed up that a push gives which follows its command with a lag, by Runge and Kutta."""
+    mass, a, b = mass_along(one, 2), one.linear_damping[2], one.quadratic_damping[2]
+
+    def rate(time_s: float, state: tuple[float, ...]) -> tuple[float, ...]:
+        (w,) = state
+        return ((push_n * (1.0 - math.exp(-time_s / LAG_S)) - a * w - b * w * abs(w)) / mass,)
+
+    return rk4(rate, (0.0,), time_s, 1e-4)[0]
+
+
+def sagged_v() -> float:
+    """Returns where the battery's line and the table's meet: between 14 and 16 V both are straight."""
+    slope = sum(AHEAD_A[1] - AHEAD_A[0] + ASTERN_A[1] - ASTERN_A[0] for _ in range(2)) / 2.0
+    at_14_v = 2.0 * (AHEAD_A[0] + ASTERN_A[0]) + ELECTRONICS_A
+    return (FULL_V - RESISTANCE_OHM * (at_14_v - 14.0 * slope)) / (1.0 + RESISTANCE_OHM * slope)
