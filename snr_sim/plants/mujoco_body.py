@@ -196,7 +196,9 @@ class MujocoBody:
         for contact in data.contact[: data.ncon]:
             ours = [int(model.geom_bodyid[geom]) == self._body for geom in contact.geom]
             if any(ours) and -contact.dist > depth_m:
-                solid, depth_m = model.geom(int(contact.geom[ours.index(True) - 1])).name, -float(contact.dist)
+                geom = int(contact.geom[ours.index(True) - 1])
+                owner = model.body(int(model.geom_bodyid[geom])).name
+                solid, depth_m = model.geom(geom).name or owner or f"geom {geom}", -float(contact.dist)
         return solid, depth_m
 
     def snapshot(self) -> Any:

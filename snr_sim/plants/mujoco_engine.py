@@ -36,6 +36,11 @@ class MujocoWorld:
 
     def __init__(self, mjcf: str, step_s: float, bodies: tuple[str, ...] = (), source: str = "the MJCF") -> None:
         mujoco = mujoco_module()
+        if not isinstance(mjcf, str) or (mjcf.strip() and not mjcf.lstrip().startswith("<")):
+            raise ParameterError(
+                f"MuJoCo cannot read {source}: {mjcf!r:.80} is no XML.",
+                fix="give the text itself; of a file it is Path(...).read_text().",
+            )
         try:
             self.model: Any = mujoco.MjModel.from_xml_string(mjcf)
         except ValueError as error:

@@ -77,7 +77,7 @@ LIMITS = {
     "time_s": Limit(0.0, 1e6, "s", "a dive begins at 0 s, and nobody waits for ten days", {"milliseconds": 1e-3}),
     "speed_mps": Limit(-10.0, 10.0, "m/s", "the strongest tidal streams run at about that",
                        {"centimetres a second": 1e-2, "millimetres a second": 1e-3}),
-    "start_mps": Limit(-100.0, 100.0, "m/s", "nothing begins a dive faster"),
+    "start_mps": Limit(-20.0, 20.0, "m/s", "nothing begins a dive faster"),
     "start_radps": Limit(-100.0, 100.0, "rad/s", "nothing begins a dive faster", DEGREES),
     "angle_rad": Limit(-2.0 * math.pi, 2.0 * math.pi, "rad", "a full turn is 6.28 rad", DEGREES),
     "position_m": Limit(-1e5, 1e5, "m", "no basin is larger", MILLIMETRES),

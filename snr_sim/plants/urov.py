@@ -36,7 +36,7 @@ from snr_sim.plants.surface import Surface
 from snr_sim.plants.tether import TetherPull
 from snr_sim.plants.urov_measured import UrovMeasured
 from snr_sim.plants.urov_start import check_room, check_start
-from snr_sim.plants.urov_state import Body, State, Thrusters
+from snr_sim.plants.urov_state import Body, State, Thrusters, WrenchCommand
 from snr_sim.plants.vehicle import Six, Vector, Vehicle
 from snr_sim.prelude.angles import quaternion_of
 from snr_sim.prelude.errors import CommandError, ParameterError, PlantError, UnknownName, nearest
@@ -81,11 +81,14 @@ class Urov(UrovMeasured):
         step_s: float = STEP_S,
         mjcf: str | None = None,
     ) -> None:
-        for what, given, kind in (("vehicle", vehicle, Vehicle), ("pool", pool, Pool)):
-            if not isinstance(given, kind):
-                raise ParameterError(
-                    f"The {what} is {shown(given)}.", fix=f"give a {kind.__name__}; read_vehicle makes one of a file."
-                )
+        for what, given, is_right, wanted in (
+            ("vehicle", vehicle, isinstance(vehicle, Vehicle), "a Vehicle; read_vehicle makes one of a file"),
+            ("pool", pool, isinstance(pool, Pool), "a Pool"),
+            ("start", start_of, callable(start_of), "a function that takes a seed and returns a Dive"),
+            ("propulsion", thrusters, thrusters is None or hasattr(thrusters, "count"), "a Propulsion, or None"),
+        ):
+            if not is_right:
+                raise ParameterError(f"The {what} is {shown(given)}.", fix=f"give {wanted}.")
         if not is_number(step_s) or not 0.0 < step_s <= 0.05:
             raise ParameterError(f"A vehicle under water in steps of {step_s} s.", fix=f"{STEP_S} s is a good step.")
         if thrusters is not None and thrusters.count != len(vehicle.thrusters):
@@ -255,14 +258,23 @@ class Urov(UrovMeasured):
         """Sets pulses or wrench, which hold until they are set again."""
         if name not in self.inputs:
             raise UnknownName(f"This plant has no input '{name}'.", fix=nearest(name, self.inputs))
-        if name == "pwm":
-            self._pulses, self._pulses_until_s = self._checked_pulses(command), command.until_s
-            return
+        try:
+            if name == "pwm":
+                self._pulses, self._pulses_until_s = self._checked_pulses(command), command.until_s
+            else:
+                self._wrench = self._checked_wrench(command)
+        except (AttributeError, TypeError) as error:  # of another kind, or made of something else than numbers
+            kind = "PwmCommand" if name == "pwm" else "WrenchCommand"
+            raise CommandError(
+                f"At {self.time_s:g} s the vehicle was told {shown(command)}.", fix=f"send a {kind} of numbers."
+            ) from error
+
+    def _checked_wrench(self, command: WrenchCommand) -> Six:
         values = [*command.force_n, *command.moment_nm]
         if len(values) != 6 or not math.isfinite(sum(values)):
             raise CommandError(f"At {self.time_s:g} s the vehicle was told {command}.", fix="send six finite numbers.")
         x, y, z, k, m, n = values
-        self._wrench = (x, y, z, k, m, n)
+        return x, y, z, k, m, n
 
     def _checked_pulses(self, command: PwmCommand) -> list[float | None]:
         count = len(self.vehicle.thrusters)
@@ -279,7 +291,7 @@ class Urov(UrovMeasured):
     def step(self, dt_s: float) -> None:
         """Moves on by one step."""
         step_s = self.step_s
-        if dt_s != step_s and abs(dt_s - step_s) > 1e-9:
+        if dt_s != step_s and not abs(dt_s - step_s) <= 1e-9:  # also NaN
             raise ParameterError(f"This plant moves in steps of {step_s} s, not {dt_s} s.", fix="use plant.step_s.")
         if self._steps * step_s >= self._next_s:
             self._happen()

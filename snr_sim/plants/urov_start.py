@@ -37,6 +37,7 @@ def check_start(dive: Any, seed: int, vehicle: Vehicle, pool: Pool, has_thruster
         raise ParameterError(f"The dive begins at {dive.position_m} m, which is not in the pool.", fix=pool.extent())
     if dive.faults and not has_thrusters:
         raise ParameterError("Thrusters fail in this dive, but there are none.", fix="give the plant thrusters.")
+    _check_floats(dive, vehicle, pool)
     for fault in dive.faults:
         fault.number_in([thruster.name for thruster in vehicle.thrusters])
     if dive.tether is not None:
@@ -62,6 +63,20 @@ def check_room(dive: Dive, solid: str, depth_m: float, vehicle: Vehicle, pool: P
             f"The dive begins at {dive.position_m} m with the vehicle {100.0 * depth_m:.3g} cm deep in '{solid}'.",
             fix=f"begin farther from it: the vehicle is {size} m large, {pool.extent()}",
         )
+
+
+def _check_floats(dive: Dive, vehicle: Vehicle, pool: Pool) -> None:
+    """A load's buoyancy counts as if it were always under water, so it must not be able to carry all of them."""
+    for time_s in dive.times_s():
+        loads = dive.loads_at(time_s)
+        carried = pool.density_kgm3 * sum(load.volume_m3 for load in loads)
+        mass = vehicle.mass_kg + sum(load.mass_kg for load in loads)
+        if carried > mass:
+            raise ParameterError(
+                f"At {time_s:g} s the dive's loads displace {carried:.3g} kg of water, more than all weighs: "
+                f"{mass:.3g} kg.",
+                fix="look at volume_m3: with it they would float on their own, high and dry.",
+            )
 
 
 def _check_reach(dive: Dive, tether: Tether) -> None:

@@ -103,6 +103,11 @@ class Vehicle:
     sources: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not isinstance(self.sources, dict):
+            raise ParameterError(
+                f"A vehicle is named {shown(self.name)}, its sources are {shown(self.sources)}.",
+                fix='a text such as "mine", and a dict of texts, by the names of the numbers.',
+            )
         names = ["mass_kg", "volume_m3"] + ["net_buoyancy_n"] * (self.net_buoyancy_n is not None)
         places = {"centre_of_mass_m": "place_m", "centre_of_buoyancy_m": "place_m"}
         check_fields(self, self._what(""), {name: name for name in names}, places)
@@ -178,7 +183,7 @@ class Vehicle:
         if not isinstance(rows, list | tuple) or len(rows) != n:
             raise ParameterError(f"{what} is {shown(rows)}.", fix=f"it is a matrix of {n} x {n}: {', '.join(axes)}.")
         for axis, row in zip(axes, rows, strict=True):
-            check_vector(f"{what}, row of {axis}", row, axes=axes)
+            check_vector(f"{what} (row of {axis})", row, axes=axes)
         matrix: Matrix = np.array(rows, dtype=float)
         check_symmetric(what, matrix, axes)
         object.__setattr__(self, name, matrix)
@@ -204,6 +209,8 @@ class Vehicle:
             ParameterError: the ballast would be more than a tenth of the mass: then mass, volume and net buoyancy
                 contradict each other.
         """
+        check_number("The density of the water", density_kgm3, LIMITS["water_kgm3"])
+        check_number("The gravity", gravity_mps2, LIMITS["gravity_mps2"])
         if self.net_buoyancy_n is None:
             return self
         mass = density_kgm3 * self.volume_m3 - self.net_buoyancy_n / gravity_mps2
@@ -225,12 +232,13 @@ class Vehicle:
         ]
         return np.array(columns).reshape(-1, 6).T
 
-    def require_axes(self, axes: tuple[str, ...] = AXES) -> None:
+    def require_axes(self, axes: Sequence[str] = AXES) -> None:
         """Checks that the thrusters can push along and about all of these axes.
 
         Raises:
             ParameterError: they cannot; the message names the axes.
         """
+        axes = (axes,) if isinstance(axes, str) else axes
         for axis in axes:
             if axis not in AXES:
                 raise ParameterError(f"There is no axis '{axis}'.", fix=nearest(axis, AXES))

@@ -41,7 +41,7 @@ _NUMBER = ("value", "source")
 _THRUSTER = ("name", "position_m", "direction")
 
 
-def read_vehicle(path: Path) -> Vehicle:
+def read_vehicle(path: Path | str) -> Vehicle:
     """Returns the vehicle of a TOML file; its name is the file's.
 
     The file says its `frame` ("FRD" or "FLU"), the `[sources]` by short names, the numbers as
@@ -52,6 +52,8 @@ def read_vehicle(path: Path) -> Vehicle:
         ParameterError: the file cannot be read, lacks a number or its source, or a number cannot be; the message names
             the file, the field and what was found in it.
     """
+    if not isinstance(path, str | Path):
+        raise ParameterError(f"The path of the vehicle's file is {shown(path)}.", fix='Path("vehicles/mine.toml").')
     path = Path(path)
     data = _tables(path)
     try:
@@ -168,7 +170,7 @@ def _checked(name: str, value: Any, shape: tuple[tuple[str, ...], ...]) -> Any:
             n = len(shape[0])
             raise ParameterError(f"{name} has {len(value)} rows, not {n}.", fix=f"give {n} rows of {n} numbers.")
         for axis, row in zip(shape[0], value, strict=True):
-            check_vector(f"{name}, row of {axis}", row, axes=shape[1])
+            check_vector(f"{name} (row of {axis})", row, axes=shape[1])
         check_symmetric(name, np.array(value, dtype=float), shape[0])  # here, as the file has it, not turned to FLU
     else:
         check_vector(name, value, axes=shape[0])

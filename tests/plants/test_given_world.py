@@ -97,3 +97,21 @@ def test_what_a_world_says_of_its_contacts_and_of_the_same_step_and_gravity_coun
     left = math.exp(-190.0 * (slow + fast) / mass * 2.0)
     assert plant.velocity_mps[2] == pytest.approx(slow * (1.0 - left) / (1.0 + slow / fast * left), rel=1e-3)
     assert plant.mass_matrix[2, 2] == pytest.approx(mass)
+
+
+def test_a_path_in_place_of_the_text_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "pool.xml"
+    path.write_text(world(), encoding="utf-8")
+    for given in (path, str(path), 3):
+        with pytest.raises(ParameterError, match=r"MuJoCo cannot read the MJCF: .* is no XML") as caught:
+            swim(given)  # type: ignore[arg-type]
+        assert "read_text()" in caught.value.fix
+    swim(path.read_text(encoding="utf-8"))
+
+
+def test_a_start_in_something_without_a_name_says_whose_it_is() -> None:
+    rock = '<body name="rock" pos="0 0 -2.3"><geom size="0.3"/></body>'
+    with pytest.raises(ParameterError, match="deep in 'rock'"):
+        swim(world(body=BODY + rock))
+    with pytest.raises(ParameterError, match="deep in 'world'"):
+        swim(world(body=BODY + '<geom pos="0 0 -2.3" size="0.3"/>'))

@@ -116,6 +116,10 @@ def test_what_cannot_be_is_refused_in_words() -> None:
         plant.read("power")
     with pytest.raises(CommandError, match="six finite numbers"):
         plant.write("wrench", WrenchCommand([math.nan, 0.0, 0.0]))
+    with pytest.raises(CommandError, match=r"was told \{'force_n': 3\}"):
+        plant.write("wrench", {"force_n": 3})
+    with pytest.raises(ParameterError, match="not nan s"):
+        plant.step(math.nan)
 
 
 def test_a_state_that_explodes_is_an_error_that_says_what_it_was(
@@ -480,6 +484,10 @@ def test_pulses_that_are_none_are_refused() -> None:
     for pulses in ([1500.0] * 7, [math.nan] + [1500.0] * 7):
         with pytest.raises(CommandError, match="8 thrusters were sent the pulses"):
             plant.write("pwm", PwmCommand(pulses))
+    for command in (None, [1500.0] * 8, PwmCommand(["1500"] * 8), PwmCommand(1500.0)):  # type: ignore[arg-type, list-item]
+        with pytest.raises(CommandError, match="At 0 s the vehicle was told") as caught:
+            plant.write("pwm", command)
+        assert caught.value.fix == "send a PwmCommand of numbers."
     plant.write("pwm", PwmCommand([0.5] * 8))
     with pytest.raises(PlantError, match=r"sent a pulse of 0\.5 us"):
         plant.step(plant.step_s)

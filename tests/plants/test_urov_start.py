@@ -1,10 +1,11 @@
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from snr_sim.plants.dive import Dive, ThrusterFault
+from snr_sim.plants.dive import Dive, Load, ThrusterFault
 from snr_sim.plants.pool import Gate, Pool
 from snr_sim.plants.propulsion import Propulsion
 from snr_sim.plants.tether import Tether
@@ -52,6 +53,16 @@ def test_a_dive_does_not_begin_across_the_bar_of_a_gate(kind: Callable[..., Urov
     pool = Pool(gates=(Gate("red", (0.0, 0.0, bar_z_m - 0.5)),))
     with pytest.raises(ParameterError, match="cm deep in 'red"):
         begin(Dive(BELOW), pool, kind)
+
+
+def test_loads_that_would_float_with_the_vehicle_are_refused_when_they_are_taken_up_together() -> None:
+    foam = Load(0.5, 0.01, from_s=5.0)
+    begin(Dive(BELOW, loads=(foam,)))
+    with pytest.raises(
+        ParameterError, match=r"At 5 s the dive's loads displace 20 kg of water, more than all weighs: 14\.2 kg"
+    ):
+        begin(Dive(BELOW, loads=(foam, foam)))
+    begin(Dive(BELOW, loads=(foam, replace(foam, from_s=0.0, until_s=5.0))))
 
 
 def test_contacts_give_way_so_a_dive_may_begin_where_one_ended() -> None:
@@ -104,6 +115,10 @@ def test_what_is_no_vehicle_no_pool_or_no_dive_is_told() -> None:
         Urov("benzon2022", Pool(), lambda seed: Dive())  # type: ignore[arg-type]
     with pytest.raises(ParameterError, match="The pool is 4"):
         Urov(HEAVY, 4, lambda seed: Dive())  # type: ignore[arg-type]
+    with pytest.raises(ParameterError, match="The start is Dive"):
+        Urov(HEAVY, Pool(), Dive())  # type: ignore[arg-type]
+    with pytest.raises(ParameterError, match="The propulsion is 8"):
+        Urov(HEAVY, Pool(), lambda seed: Dive(), 8)  # type: ignore[arg-type]
     with pytest.raises(ParameterError, match="The start of seed 0 is None"):
         begin(None)
     with pytest.raises(ParameterError, match="in steps of nan s"):

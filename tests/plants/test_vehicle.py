@@ -57,6 +57,10 @@ def test_trim_that_would_hide_a_wrong_mass_is_refused() -> None:
     wrong = replace(HEAVY, mass_kg=20.0)
     with pytest.raises(ParameterError, match=r"mass_kg 20; .* net_buoyancy_n 1\.5 .* 13\.4 l must weigh 13\.25 kg"):
         wrong.trimmed(1000.0, 9.81)
+    with pytest.raises(ParameterError, match="The gravity is 0"):
+        HEAVY.trimmed(1000.0, 0.0)
+    with pytest.raises(ParameterError, match=r"The density of the water is 1\.0: kg/l\?"):
+        HEAVY.trimmed(1.0, 9.81)
     heavy = replace(wrong, net_buoyancy_n=None).trimmed(1000.0, 9.81)
     assert heavy.mass_kg == 20.0  # said to weigh what it weighs, it does
 
