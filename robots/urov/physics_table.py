@@ -20,9 +20,9 @@ SHOWN_STEPS = ", ".join(f"{1e3 * step_s:g}" for step_s in STEPS_S)
 HEAD = f"""# What the vehicle's physics is worth
 
 Made by `python robots/urov/physics_table.py`; a test compares it with what the plant does. Each case is known without a
-simulation: a closed form, a conserved quantity, the root of steady equations, or the Runge-Kutta of `fossen_rk4.py`,
-which shares nothing with the plant but the numbers. Errors are shares of the reference, or in its unit where that is
-0, at steps of {SHOWN_STEPS} ms (the plant's own is 5); 0 is rounding, or less than a ten-thousandth
+simulation: a closed form, a conserved quantity, the root of steady equations, or a Runge-Kutta (of `fossen_rk4.py`, or
+in `physics_cases/`) that shares nothing with the plant but the numbers. Errors are shares of the reference, or in its
+unit where that is 0, at steps of {SHOWN_STEPS} ms (the plant's own is 5); 0 is rounding, or less than a ten-thousandth
 of what is allowed. "Allowed" is what the test allows at each step, and why.
 
 `benzon2022` and `wu2018` are as they are in `vehicles/`, in fresh water; where only one axis is meant, they are

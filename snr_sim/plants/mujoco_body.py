@@ -8,6 +8,7 @@ MuJoCo's velocities of a free body are the world's for the linear part (of its o
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -84,6 +85,7 @@ class MujocoBody:
         self.has_others = model.nv > 6
         self._kind = mujoco.mjtState.mjSTATE_INTEGRATION
         self._size = int(mujoco.mj_stateSize(model, self._kind))
+        self._owners = model.geom_bodyid.tolist()  # of each geom
         self._geom = np.zeros((1, 1), dtype=np.int32)
         self.gravity_mps2 = -float(model.opt.gravity[2])
         self.rigid = self._mass_at_rest()
@@ -163,17 +165,19 @@ class MujocoBody:
         Args:
             pressed_n: what contacts pushed in the last step.
         """
-        data, contact = self._data, self._data.contact
+        data = self._data
         if not data.ncon or not self._model.opt.cone:
             return
-        is_mine = (contact.efc_address >= 0) & (contact.dim >= 3)
-        is_mine &= (self._model.geom_bodyid[contact.geom] == self._body).any(axis=1)
-        first = contact.efc_address[is_mine]  # the row of its pressure; the two of friction follow
-        rows = np.stack((first + 1, first + 2))
-        asked = data.efc_aref[rows]
+        contact, asked, inverse_mass = data.contact, data.efc_aref.tolist(), data.efc_diagA.tolist()
         pressed_n = max(pressed_n, LEAST_PRESSED * self._weight_n)
-        most = GRIP * contact.friction[is_mine, 0] * pressed_n * data.efc_diagA[first]
-        data.efc_aref[rows] = asked * np.minimum(1.0, most / np.maximum(np.hypot(*asked), 1e-12))
+        lists = contact.efc_address.tolist(), contact.dim.tolist(), contact.geom.tolist(), contact.friction.tolist()
+        for first, dim, (one, other), friction in zip(*lists, strict=True):  # so few are quicker without numpy
+            if first < 0 or dim < 3 or self._body not in (self._owners[one], self._owners[other]):
+                continue
+            u, v = asked[first + 1], asked[first + 2]  # after the row of its pressure
+            size, most = math.hypot(u, v), GRIP * friction[0] * pressed_n * inverse_mass[first]
+            if size > most:
+                data.efc_aref[first + 1 : first + 3] = u * most / size, v * most / size
 
     def touch(self) -> list[float]:
         """Returns what contacts pushed in the last step: force in the world [N], moment in the body's frame [N m]."""
