@@ -8,9 +8,14 @@ import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from snr_sim.cli.finding import Finding
+
+if TYPE_CHECKING:
+    from snr_sim.prelude.io import Io
 
 _EXTRAS = {
     "sim": ("pymunk", "gymnasium", "mujoco-core"),
@@ -20,35 +25,35 @@ _LOWEST_PYTHON = (3, 11)
 _ROOM_WANTED_MB = 100
 
 
-class Finding(NamedTuple):
-    """One thing looked at: whether it is well, what was found, and what to do if not."""
-
-    is_well: bool
-    what: str
-    fix: str = ""
-
-
-def doctor(as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False) -> None:
+def doctor(
+    io: Annotated[
+        str, typer.Option(help="Also asks who is there: mcu:PORT, pca9685:BUS:ADDR, emulated, ...", envvar="SNR_SIM_IO")
+    ] = "",
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
     """Check this machine.
 
-    Python, packages and folders; and lands a module to see that all works together.
+    Python, packages and folders; serial ports, buses and PWM chips, if there are any; and lands a module to see that
+    all works together.
 
     Exit status: 0 all is well, 1 something is missing.
     """
-    findings = list(_look())
+    from snr_sim.prelude.io import parse_io
+
+    findings = list(_look(parse_io(io) if io else None))
     if as_json:
         import json
 
         print(json.dumps({"findings": [finding._asdict() for finding in findings]}))
     else:
         for finding in findings:
-            print(f"{'ok  ' if finding.is_well else 'MISS'} {finding.what}")
+            print(f"{finding.tag:<4} {finding.what}")
             if finding.fix:
                 print(f"       {finding.fix}")
     sys.exit(0 if all(finding.is_well for finding in findings) else 1)
 
 
-def _look() -> Iterator[Finding]:
+def _look(io: Io | None) -> Iterator[Finding]:
     import importlib.metadata  # slow, and `snr --help` does not need it
 
     version = platform.python_version()
@@ -66,6 +71,17 @@ def _look() -> Iterator[Finding]:
     is_writable = os.access(Path.cwd(), os.W_OK)
     yield Finding(is_writable, "runs can be written here" if is_writable else "this folder is read-only: use --out")
     yield _landing()
+    yield from _wires(io)
+
+
+def _wires(io: Io | None) -> Iterator[Finding]:
+    from snr_sim.cli.doctor_hardware import answers, wires
+    from snr_sim.devices.wires_here import Machine
+
+    found = list(wires(Machine(), io))
+    yield from found
+    if io is not None and all(finding.is_well for finding in found):
+        yield from answers(io)
 
 
 def _landing() -> Finding:

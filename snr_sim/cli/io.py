@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 SHOWN_EVERY_S = 0.2
 TOLD_EVERY_S = 1.0  # in a pipe
-ONCE_S = 2.0  # how long --once waits for first readings
 
 
 def io(
@@ -55,7 +54,7 @@ def io(
         if move:
             _confirm(bench, move, io)
         if once:
-            _settle(bench)
+            bench.settle()
             _print_once(bench, io, scenario, as_json)
         else:
             with Keys() as keys:
@@ -85,17 +84,6 @@ def _confirm(bench: Bench, name: str, io: str) -> None:
     typed = sys.stdin.readline().strip()
     if typed != wanted:
         raise ParameterError(f"Nothing was moved: '{typed}' is not '{wanted}'.", fix=f"type: {wanted}")
-
-
-def _settle(bench: Bench) -> None:
-    """Waits until every device has answered, or long enough."""
-    from snr_sim.cli.io_bench import TICK_S
-
-    until_s = time.monotonic() + ONCE_S
-    bench.tick()
-    while time.monotonic() < until_s and any(one.reading is None and not one.trouble for one in bench.sensors):
-        time.sleep(TICK_S)
-        bench.tick()
 
 
 def _print_once(bench: Bench, io: str, scenario: str, as_json: bool) -> None:

@@ -6,6 +6,7 @@ Outputs are written neutral at every tick, and armed only to move one of their c
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -24,6 +25,7 @@ from snr_sim.prelude.signals import AppliedPulses
 from snr_sim.simulation import Simulation
 
 TICK_S = 0.05
+FIRST_S = 2.0  # how long first readings may take
 ARMING_S = 15.0  # boards show speed controllers neutral for some seconds before they follow
 
 
@@ -118,6 +120,14 @@ class Bench:
                 one.pulses_us = self._wanted(one, one.device)
                 one.reading = one.device.write_us(one.pulses_us, self.now_s())
         self._watch()
+
+    def settle(self, most_s: float = FIRST_S) -> None:
+        """Ticks until every sensor has been heard, or so long, by the computer's clock."""
+        until_s = time.monotonic() + most_s
+        self.tick()
+        while time.monotonic() < until_s and any(one.reading is None and not one.trouble for one in self.sensors):
+            time.sleep(TICK_S)
+            self.tick()
 
     def names(self) -> list[str]:
         """Returns the names of all channels."""

@@ -1,0 +1,150 @@
+"""What `snr doctor` says of wires: what there is, what this user may not use, and with --io who answers there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from snr_sim.cli.finding import Finding
+from snr_sim.cli.io_bench import Bench, bench_of
+from snr_sim.devices.mcu_board import McuBoard
+from snr_sim.devices.pwm_backend import STOP_US
+from snr_sim.devices.wire.mcu_messages import BAUD, Fault, Ident, ResetCause, Telemetry
+from snr_sim.devices.wire.serial_port import BytePort, SerialPort
+from snr_sim.devices.wires_here import Machine, Wire
+from snr_sim.prelude.errors import SnrError
+from snr_sim.prelude.io import Io
+
+NEEDS = {"mcu": "serial", "maestro": "serial", "pca9685": "i2c", "sysfs": "pwm"}
+_WORDS = {"serial": "serial port", "i2c": "I2C bus", "pwm": "PWM chip"}
+
+
+def wires(machine: Machine, io: Io | None) -> Iterator[Finding]:
+    """Yields what there is. Nothing is missed that nobody asked for: a laptop needs no ports."""
+    needed = NEEDS.get(io.kind, "") if io is not None else ""
+    if machine.is_pi:
+        yield Finding(True, machine.model)
+    found = list(machine.wires())
+    for wire in found:
+        is_meant = wire.kind == needed and io is not None and _is_meant(wire, io)
+        yield Finding(not (wire.fix and is_meant), _told(wire), wire.fix)
+    if needed and io is not None and not any(wire.kind == needed and _is_meant(wire, io) for wire in found):
+        if needed == "serial" and (machine.root / io.where.lstrip("/")).exists():
+            return  # a link, or a port of an emulator: no list has it
+        which = f" {io.where.partition(':')[0]}" if io.where else " of a Raspberry Pi's header"
+        yield Finding(False, f"there is no {_WORDS[needed]}{which}", machine.missing(needed))
+
+
+def _is_meant(wire: Wire, io: Io) -> bool:
+    if wire.kind == "serial":
+        return wire.name == io.where or wire.about.endswith(io.where)
+    if wire.kind == "i2c":
+        return wire.name == io.where.partition(":")[0]
+    return "the one of a" in wire.about
+
+
+def _told(wire: Wire) -> str:
+    name = f"/dev/i2c-{wire.name}" if wire.kind == "i2c" else wire.name
+    return f"{_WORDS[wire.kind]} {name}{f' ({wire.about})' if wire.about else ''}"
+
+
+def answers(io: Io, open_port: Callable[[], BytePort] | None = None) -> Iterator[Finding]:
+    """Asks who is at a port, or opens the devices as `snr io` does, and yields how they are.
+
+    Args:
+        io: what was asked for.
+        open_port: of a microcontroller.
+    """
+    try:
+        if io.kind == "mcu":
+            yield from _microcontroller(open_port or (lambda: SerialPort(io.where, BAUD)))
+        else:
+            yield from _devices(io)
+    except SnrError as error:
+        yield Finding(False, f"--io {io}: {error.message}", error.fix or "")
+
+
+def _microcontroller(open_port: Callable[[], BytePort]) -> Iterator[Finding]:
+    from snr_sim.core.clocks import WallClock
+
+    board = McuBoard(open_port, WallClock().now_s)
+    try:
+        ident = board.open(board)
+        telemetry = board.telemetry
+    finally:
+        board.leave(board)
+    yield Finding(True, _who(ident))
+    if ident.neutral_us != STOP_US:
+        fix = "flash the firmware that belongs to this kit: robots/urov/firmware/README.md."
+        yield Finding(False, f"its neutral is {ident.neutral_us:g} us, not {STOP_US:g}: thrusters would turn", fix)
+    if telemetry is None:
+        yield Finding(False, "it sends no telemetry", "snr io shows what comes; the cable may be loose.")
+    else:
+        yield from _state(ident, telemetry)
+
+
+def _who(ident: Ident) -> str:
+    return (
+        f"'{ident.name}' on {ident.mcu}: firmware {'.'.join(map(str, ident.firmware))}, protocol {ident.protocol}, "
+        f"{ident.channels} channels, {ident.lowest_us:g} to {ident.highest_us:g} us in steps of "
+        f"{ident.resolution_ns / 1000.0:g}, neutral {ident.neutral_us:g}, dead band {ident.dead_band_us:g}, "
+        f"lease {ident.most_lease_ms} ms at most"
+    )
+
+
+def _state(ident: Ident, telemetry: Telemetry) -> Iterator[Finding]:
+    widths = " ".join(f"{width:g}" for width in telemetry.widths_us)
+    causes = telemetry.reset_cause
+    why = f", started by {causes.name}" if causes.name else ""
+    yield Finding(
+        True, f"it is {telemetry.state.name.lower()} since {telemetry.uptime_ms / 1000.0:.1f} s{why}; {widths} us"
+    )
+    off = [i for i, width in enumerate(telemetry.widths_us) if width != ident.neutral_us]
+    if off:
+        channels = ", ".join(map(str, off))
+        yield Finding(False, f"channels {channels} are not at neutral", "another program drives them: end it first.")
+    if Fault.STOPPED in telemetry.faults:
+        yield Finding(False, "its emergency stop is on", "clear it where it was pressed, or take its power away.")
+    if ResetCause.WATCHDOG in causes:
+        yield Finding(
+            True, "it started anew because its firmware had hung", "tell the maintainers; it is neutral since."
+        )
+    if ResetCause.BROWN_OUT in causes:
+        yield Finding(True, "its supply was too low for a moment", "power it from USB, not from a speed controller.")
+
+
+def _devices(io: Io) -> Iterator[Finding]:
+    from snr_sim.simulation import Request, prepare
+
+    with bench_of(prepare(Request("urov_depth_hold", io=str(io)))) as bench:
+        bench.settle()
+        yield from _of_bench(bench)
+
+
+def _of_bench(bench: Bench) -> Iterator[Finding]:
+    for one in bench.outputs:
+        health = one.health
+        if health.state == "error":
+            yield _trouble(one.key, health.why)
+            continue
+        out: Any = one.device
+        yield Finding(
+            True, f"outputs '{one.key}': {health.state}, {out.channels} channels, resolution {out.resolution_us:g} us"
+        )
+        pulses = one.reading.pulses_us if one.reading is not None else []
+        off = [i for i, pulse in enumerate(pulses) if abs(pulse - STOP_US) > out.resolution_us]
+        if off:
+            told = ", ".join(f"{i}: {pulses[i]:g} us" for i in off)
+            yield Finding(False, f"outputs '{one.key}' are not at neutral ({told})", "end whoever drives them.")
+    for one in bench.sensors:
+        health = one.health
+        if health.state == "error" or one.stale:
+            yield _trouble(one.key, one.stale or health.why)
+        else:
+            yield Finding(True, f"sensor '{one.key}' answers")
+
+
+def _trouble(key: str, why: str) -> Finding:
+    """Returns what is wrong, with the error's own advice where it stands."""
+    what, _, fix = why.partition("\n  Try: ")
+    return Finding(False, f"'{key}': {what}", fix or "snr io shows it while you look at the wires.")

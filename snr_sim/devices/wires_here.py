@@ -1,0 +1,135 @@
+"""What this computer has that wires end in: serial ports, I2C buses, PWM chips; and whether this user may use them.
+
+Only names and permissions are looked at; nothing is opened. Sources of the places: Linux' devices.txt and
+Documentation/driver-api/pwm.rst; /dev/serial/by-id is made by systemd's udev rules.
+"""
+
+from __future__ import annotations
+
+import grp
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from snr_sim.devices.sysfs_pwm import CHIPS, OVERLAYS
+from snr_sim.devices.wire import serial_port
+from snr_sim.prelude.errors import MissingExtra
+
+
+@dataclass(frozen=True)
+class Wire:
+    """One place that a wire can end in.
+
+    Args:
+        kind: 'serial', 'i2c' or 'pwm'.
+        name: as `--io` takes it: a port, the number of a bus, a chip.
+        about: what is known of it.
+        fix: what to do before it can be used; empty if it can be.
+    """
+
+    kind: str
+    name: str
+    about: str
+    fix: str = ""
+
+
+def may_use(path: Path) -> bool:
+    """Returns whether this user may read and write a file."""
+    return os.access(path, os.R_OK | os.W_OK)
+
+
+def group_of(path: Path) -> str:
+    """Returns the group that a file belongs to."""
+    gid = path.stat().st_gid
+    try:
+        return grp.getgrgid(gid).gr_name
+    except KeyError:
+        return str(gid)
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A computer, or in a test a folder that looks like one.
+
+    Args:
+        root: of its files.
+        ports: its serial ports, each perhaps with what is behind it in brackets.
+        may_use, group_of: of a file.
+    """
+
+    root: Path = Path("/")
+    ports: Callable[[], list[str]] = serial_port.ports
+    may_use: Callable[[Path], bool] = may_use
+    group_of: Callable[[Path], str] = group_of
+
+    @property
+    def model(self) -> str:
+        """What it is, if it says so: 'Raspberry Pi 4 Model B Rev 1.4'."""
+        try:
+            return (self.root / "proc/device-tree/model").read_text(errors="replace").rstrip("\0\n")
+        except OSError:
+            return ""
+
+    @property
+    def is_pi(self) -> bool:
+        """Whether it is a Raspberry Pi."""
+        return "Raspberry Pi" in self.model
+
+    def wires(self) -> Iterator[Wire]:
+        """Yields all there are."""
+        yield from self._serial()
+        yield from self._i2c()
+        yield from self._pwm()
+
+    def _serial(self) -> Iterator[Wire]:
+        folder = self.root / "dev/serial/by-id"
+        lasting = {os.path.basename(os.readlink(link)): link for link in sorted(folder.glob("*")) if link.is_symlink()}
+        try:
+            listed = [port.partition(" (") for port in self.ports()]
+        except MissingExtra as error:
+            names = sorted(path.name for kind in ("ttyUSB*", "ttyACM*") for path in (self.root / "dev").glob(kind))
+            for name in names:
+                yield Wire("serial", f"/dev/{name}", "not asked what it is", error.fix)
+            return
+        for name, _, what in listed:
+            link = lasting.get(os.path.basename(name))
+            told = [what.removesuffix(")")] if what else []
+            told += [f"always /dev/serial/by-id/{link.name}"] if link is not None else []
+            yield Wire("serial", name, ", ".join(told), self._not_allowed(self.root / name.lstrip("/")))
+
+    def _i2c(self) -> Iterator[Wire]:
+        for path in sorted((self.root / "dev").glob("i2c-*")):
+            try:
+                about = (self.root / "sys/class/i2c-dev" / path.name / "name").read_text().strip()
+            except OSError:
+                about = ""
+            yield Wire("i2c", path.name.removeprefix("i2c-"), about, self._not_allowed(path))
+
+    def _pwm(self) -> Iterator[Wire]:
+        for chip in sorted((self.root / "sys/class/pwm").glob("pwmchip*")):
+            device = os.path.basename(os.path.realpath(chip / "device"))
+            known = CHIPS.get(device)
+            try:
+                channels = (chip / "npwm").read_text().strip()
+            except OSError:
+                channels = "?"
+            about = f"{chip.name}, {channels} channels, {f'the one of a {known}' if known else 'not a Pi header'}"
+            yield Wire("pwm", device, about, self._not_allowed(chip / "export") if known else "")
+
+    def _not_allowed(self, path: Path) -> str:
+        try:
+            if self.may_use(path):
+                return ""
+            group = self.group_of(path)
+        except OSError as error:
+            return f"{path}: {error.strerror}"
+        return f"sudo usermod -aG {group} $USER, then log out and in again."
+
+    def missing(self, kind: str) -> str:
+        """Returns how a Raspberry Pi, or any computer, comes to have what it lacks."""
+        return {
+            "serial": "plug the board in with a cable that carries data; `dmesg | tail` tells its name.",
+            "i2c": "sudo raspi-config nonint do_i2c 0 on a Raspberry Pi; else sudo modprobe i2c-dev.",
+            "pwm": OVERLAYS,
+        }[kind]

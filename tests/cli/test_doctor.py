@@ -1,0 +1,157 @@
+"""`snr doctor` and wires: nothing is missed that nobody needs, and who is at a port is asked and told."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from snr_sim.cli.doctor_hardware import answers, wires
+from snr_sim.devices.wire.mcu_frames import McuFrames, encode
+from snr_sim.devices.wire.mcu_messages import Fault, Hello, Ident, ResetCause, State, Telemetry
+from snr_sim.devices.wires_here import Machine
+from snr_sim.prelude.io import parse_io
+
+Snr = Callable[..., Any]
+IDENT = Ident(
+    nth=0, session=1, protocol=1, firmware=(1, 2), channels=8, lowest_us=1100.0, neutral_us=1500.0, highest_us=1900.0,
+    dead_band_us=25.0, resolution_ns=500, period_us=8000, most_lease_ms=200, esc_start_ms=2000, slew_us_per_100ms=400,
+    dwell_ms=40, mcu="atmega328p", name="snr_sim esc",
+)  # fmt: skip
+TELEMETRY = Telemetry(
+    nth=1, session=1, seq=0, uptime_ms=2500, state=State.DISARMED, faults=Fault(0), reset_cause=ResetCause.EXTERNAL,
+    command_age_ms=0xFFFF, crc_errors=0, battery_pin_mv=0, current_pin_mv=0, widths_us=(1500.0,) * 8,
+)  # fmt: skip
+
+
+class FarEnd:
+    """A port with somebody behind it who answers a greeting."""
+
+    name = "/dev/ttyUSB0"
+
+    def __init__(self, ident: dict[str, Any], telemetry: dict[str, Any]) -> None:
+        self.ident = msgspec.structs.replace(IDENT, **ident)
+        self.telemetry = msgspec.structs.replace(TELEMETRY, **telemetry)
+        self.is_closed = False
+        self._frames, self._waiting = McuFrames(), b""
+
+    def write(self, data: bytes) -> None:
+        for message in self._frames.feed(data):
+            if isinstance(message, Hello):
+                answer = msgspec.structs.replace(self.ident, session=message.session)
+                self._waiting += encode(answer) + encode(self.telemetry)
+
+    def read(self) -> bytes:
+        data, self._waiting = self._waiting, b""
+        return data
+
+    def wait(self, seconds: float) -> bool:
+        return bool(self._waiting)
+
+    def close(self) -> None:
+        self.is_closed = True
+
+
+def asked(ident: dict[str, Any] | None = None, **telemetry: Any) -> list[tuple[str, str, str]]:
+    port = FarEnd(ident or {}, telemetry)
+    found = list(answers(parse_io("mcu:/dev/ttyUSB0"), lambda: port))
+    assert port.is_closed
+    return [(one.tag, one.what, one.fix) for one in found]
+
+
+def test_the_microcontroller_is_told_with_version_identity_and_widths() -> None:
+    who, state = asked()
+    assert who[0] == state[0] == "ok"
+    assert (
+        "'snr_sim esc' on atmega328p: firmware 1.2, protocol 1, 8 channels, 1100 to 1900 us in steps of 0.5" in who[1]
+    )
+    assert "neutral 1500, dead band 25" in who[1]
+    assert "it is disarmed since 2.5 s, started by EXTERNAL; 1500 1500 1500 1500 1500 1500 1500 1500 us" in state[1]
+
+
+@pytest.mark.parametrize(
+    ("ident", "telemetry", "tag", "said"),
+    [
+        ({"neutral_us": 1520.0}, {"widths_us": (1520.0,) * 8}, "MISS", "its neutral is 1520 us, not 1500"),
+        ({}, {"widths_us": (1500.0,) * 6 + (1600.0, 1500.0)}, "MISS", "channels 6 are not at neutral"),
+        ({}, {"state": State.STOPPED, "faults": Fault.STOPPED}, "MISS", "its emergency stop is on"),
+        ({}, {"reset_cause": ResetCause.WATCHDOG}, "note", "its firmware had hung"),
+        ({}, {"reset_cause": ResetCause.BROWN_OUT}, "note", "its supply was too low"),
+    ],
+)
+def test_what_is_wrong_there_is_told_with_what_to_do(
+    ident: dict[str, Any], telemetry: dict[str, Any], tag: str, said: str
+) -> None:
+    (told,) = [one for one in asked(ident, **telemetry) if said in one[1]]
+    assert told[0] == tag
+    assert told[2]
+
+
+def test_a_firmware_of_another_version_is_told_with_what_to_flash() -> None:
+    ((tag, what, fix),) = asked({"protocol": 7})
+    assert tag == "MISS"
+    assert "protocol 7" in what
+    assert "robots/urov/firmware" in fix
+
+
+def machine(tmp_path: Path, ports: list[str], may: bool = True, model: str = "") -> Machine:
+    for port in ports:
+        (tmp_path / "dev").mkdir(exist_ok=True)
+        (tmp_path / port.partition(" ")[0].lstrip("/")).touch()
+    if model:
+        (tmp_path / "proc/device-tree").mkdir(parents=True)
+        (tmp_path / "proc/device-tree/model").write_text(model)
+    return Machine(tmp_path, lambda: ports, lambda path: may, lambda path: "dialout")
+
+
+def test_a_laptop_without_ports_misses_nothing(tmp_path: Path) -> None:
+    assert list(wires(machine(tmp_path, []), None)) == []
+
+
+@pytest.mark.parametrize(
+    ("io", "said"),
+    [
+        ("mcu:/dev/ttyUSB0", "there is no serial port /dev/ttyUSB0"),
+        ("maestro:/dev/ttyACM0", "there is no serial port /dev/ttyACM0"),
+        ("pca9685:1:0x40", "there is no I2C bus 1"),
+        ("sysfs", "there is no PWM chip of a Raspberry Pi's header"),
+    ],
+)
+def test_what_was_asked_for_and_is_not_there_is_missed(tmp_path: Path, io: str, said: str) -> None:
+    (finding,) = wires(machine(tmp_path, []), parse_io(io))
+    assert (finding.tag, finding.what) == ("MISS", said)
+    assert finding.fix
+
+
+def test_a_port_without_permission_is_a_note_and_a_miss_only_for_who_needs_it(tmp_path: Path) -> None:
+    laptop = machine(tmp_path, ["/dev/ttyUSB0 (FT232R)"], may=False)
+    for io, tag in ((None, "note"), ("pca9685:1:0x40", "note"), ("mcu:/dev/ttyUSB0", "MISS")):
+        finding = next(wires(laptop, parse_io(io) if io else None))
+        assert (finding.tag, finding.what) == (tag, "serial port /dev/ttyUSB0 (FT232R)")
+        assert "usermod -aG dialout" in finding.fix
+
+
+def test_a_link_to_a_port_is_no_port_that_is_missed(tmp_path: Path) -> None:
+    laptop = machine(tmp_path, [])
+    (tmp_path / "board").touch()
+    assert list(wires(laptop, parse_io("mcu:/board"))) == []
+
+
+def test_a_raspberry_pi_is_named(tmp_path: Path) -> None:
+    (finding,) = wires(machine(tmp_path, [], model="Raspberry Pi 4 Model B Rev 1.4\0"), None)
+    assert finding.what == "Raspberry Pi 4 Model B Rev 1.4"
+
+
+def test_outputs_and_sensors_of_any_choice_are_opened_and_told(snr: Snr) -> None:
+    answer = snr("doctor", "--io", "mirror", "--json")
+    whats = [finding["what"] for finding in answer.json["findings"]]
+    assert "outputs 'pwm': inactive, 8 channels, resolution 0 us" in whats
+    assert "sensor 'depth' answers" in whats
+    assert answer.status == 0
+
+
+def test_an_io_that_is_none_is_refused(snr: Snr) -> None:
+    answer = snr("doctor", "--io", "muc:/dev/ttyUSB0")
+    assert answer.status == 2
+    assert "did you mean 'mcu'" in answer.err

@@ -1,0 +1,82 @@
+"""What is found of ports, buses and chips, on computers that are folders."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from snr_sim.devices.wires_here import Machine, Wire
+from snr_sim.prelude.errors import MissingExtra
+
+BY_ID = "usb-FTDI_FT232R_USB_UART_A50285BI-if00-port0"
+
+
+@pytest.fixture
+def pi(tmp_path: Path) -> Path:
+    """A Raspberry Pi 5 with an Arduino, the header's I2C bus, its own PWM chip and another one."""
+    for name in ("dev/serial/by-id", "proc/device-tree", "sys/class/i2c-dev/i2c-1", "sys/devices"):
+        (tmp_path / name).mkdir(parents=True)
+    (tmp_path / "proc/device-tree/model").write_text("Raspberry Pi 5 Model B Rev 1.0\0")
+    for name in ("dev/ttyUSB0", "dev/i2c-1"):
+        (tmp_path / name).touch()
+    (tmp_path / "dev/serial/by-id" / BY_ID).symlink_to("../../ttyUSB0")
+    (tmp_path / "sys/class/i2c-dev/i2c-1/name").write_text("Synopsys DesignWare I2C adapter\n")
+    for number, device in enumerate(("107d517a80.pwm", "1f00098000.pwm")):
+        chip = tmp_path / f"sys/class/pwm/pwmchip{number}"
+        chip.mkdir(parents=True)
+        (tmp_path / "sys/devices" / device).mkdir()
+        (chip / "device").symlink_to(tmp_path / "sys/devices" / device)
+        (chip / "npwm").write_text("4\n")
+        (chip / "export").touch()
+    return tmp_path
+
+
+def machine(root: Path, forbidden: str = "nothing", ports: Callable[[], list[str]] | None = None) -> Machine:
+    return Machine(
+        root,
+        ports or (lambda: ["/dev/ttyUSB0 (FT232R USB UART)"]),
+        may_use=lambda path: path.exists() and forbidden not in str(path),
+        group_of=lambda path: {"ttyUSB0": "dialout", "i2c-1": "i2c"}.get(path.name, "gpio"),
+    )
+
+
+def test_all_that_a_pi_has_is_found_by_names_that_last(pi: Path) -> None:
+    assert list(machine(pi).wires()) == [
+        Wire("serial", "/dev/ttyUSB0", f"FT232R USB UART, always /dev/serial/by-id/{BY_ID}"),
+        Wire("i2c", "1", "Synopsys DesignWare I2C adapter"),
+        Wire("pwm", "107d517a80.pwm", "pwmchip0, 4 channels, not a Pi header"),
+        Wire("pwm", "1f00098000.pwm", "pwmchip1, 4 channels, the one of a Raspberry Pi 5"),
+    ]
+    assert machine(pi).is_pi
+
+
+@pytest.mark.parametrize(
+    ("forbidden", "kind", "group"), [("ttyUSB0", "serial", "dialout"), ("i2c-1", "i2c", "i2c"), ("pwm", "pwm", "gpio")]
+)
+def test_what_this_user_may_not_use_is_told_with_the_group_to_join(
+    pi: Path, forbidden: str, kind: str, group: str
+) -> None:
+    fixes = {wire.kind: wire.fix for wire in machine(pi, forbidden).wires() if wire.fix}
+    assert fixes == {kind: f"sudo usermod -aG {group} $USER, then log out and in again."}
+
+
+def test_without_pyserial_ports_are_found_by_name_and_it_is_told_what_to_install(pi: Path) -> None:
+    def missing() -> list[str]:
+        raise MissingExtra("pyserial", "hardware")
+
+    first = next(machine(pi, ports=missing).wires())
+    assert (first.name, "snr_sim[hardware]" in first.fix) == ("/dev/ttyUSB0", True)
+
+
+def test_a_computer_without_any_of_it_has_nothing_to_tell(tmp_path: Path) -> None:
+    bare = machine(tmp_path, ports=list)
+    assert list(bare.wires()) == []
+    assert not bare.is_pi
+
+
+def test_a_port_that_is_listed_but_gone_is_told_with_the_reason(tmp_path: Path) -> None:
+    def gone(path: Path) -> str:
+        raise FileNotFoundError(2, "No such file or directory")
+
+    left = Machine(tmp_path, lambda: ["/dev/ttyUSB3"], may_use=lambda path: False, group_of=gone)
+    assert next(left.wires()).fix == f"{tmp_path}/dev/ttyUSB3: No such file or directory"
