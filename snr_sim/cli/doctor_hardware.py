@@ -29,17 +29,18 @@ def wires(machine: Machine, io: Io | None) -> Iterator[Finding]:
         is_meant = wire.kind == needed and io is not None and _is_meant(wire, io)
         yield Finding(not (wire.fix and is_meant), _told(wire), wire.fix)
     if needed and io is not None and not any(wire.kind == needed and _is_meant(wire, io) for wire in found):
-        if needed == "serial" and (machine.root / io.where.lstrip("/")).exists():
+        if needed == "serial" and (machine.root / io.where.partition(",")[0].lstrip("/")).exists():
             return  # a link, or a port of an emulator: no list has it
         which = f" {io.where.partition(':')[0]}" if io.where else " of a Raspberry Pi's header"
         yield Finding(False, f"there is no {_WORDS[needed]}{which}", machine.missing(needed))
 
 
 def _is_meant(wire: Wire, io: Io) -> bool:
+    place = io.where.partition(",")[0]  # after it come settings
     if wire.kind == "serial":
-        return wire.name == io.where or wire.about.endswith(io.where)
+        return wire.name == place or wire.about.endswith(place)
     if wire.kind == "i2c":
-        return wire.name == io.where.partition(":")[0]
+        return wire.name == place.partition(":")[0].removeprefix("/dev/").removeprefix("i2c-")
     return "the one of a" in wire.about
 
 

@@ -132,6 +132,14 @@ def test_a_port_without_permission_is_a_note_and_a_miss_only_for_who_needs_it(tm
         assert "usermod -aG dialout" in finding.fix
 
 
+def test_a_place_is_known_with_settings_after_it_and_a_bus_by_its_file(tmp_path: Path) -> None:
+    (tmp_path / "dev").mkdir()
+    (tmp_path / "dev/i2c-1").touch()
+    laptop = machine(tmp_path, ["/dev/ttyACM0 (Maestro)"])
+    for io in ("maestro:/dev/ttyACM0,crc", "pca9685:i2c-1:0x40", "pca9685:1:0x40,oscillator_hz=26e6"):
+        assert [one.tag for one in wires(laptop, parse_io(io))] == ["ok", "ok"]
+
+
 def test_a_link_to_a_port_is_no_port_that_is_missed(tmp_path: Path) -> None:
     laptop = machine(tmp_path, [])
     (tmp_path / "board").touch()

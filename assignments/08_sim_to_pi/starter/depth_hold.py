@@ -1,0 +1,63 @@
+"""Holds the depth that the pilot asks for: in simulation, on the emulated board and on the vehicle, without a change.
+
+page "depth" ----.
+page "controls" --+--> page "imu" comes, 50 times a second --> page "pwm": a pulse for each of eight thrusters
+"""
+
+from telling import told
+
+from snr_sim import Endpoint, EndpointFactory, TaskType
+
+STOP_US = 1500.0
+# The four thrusters that push up and down: channel, and +1 if a pulse above 1500 pushes the vehicle up.
+VERTICAL = {4: +1.0, 5: -1.0, 6: -1.0, 7: +1.0}
+
+
+def factories(robot):
+    return [DepthHoldFactory()]
+
+
+class DepthHoldFactory(EndpointFactory):
+    def get(self, parent):
+        return DepthHold(self, parent, "depth_hold")
+
+
+class DepthHold(Endpoint):
+    def __init__(self, factory, parent, name):
+        super().__init__(factory, parent, name)
+        self.wanted_m = None
+        self.is_stopped = False
+        self.task_handlers = {(TaskType.process_data, "imu"): self.on_tick}
+
+    def on_tick(self, task, task_id):
+        controls = self.get_data("controls")
+        depth = self.get_data("depth")
+        pulses_us = [STOP_US] * 8
+        if controls is not None and depth is not None and self.may_push(controls):
+            if controls["depth_m"] is not None:  # the pilot says it once
+                self.wanted_m = controls["depth_m"]
+            if self.wanted_m is not None:
+                up_n = self.up_force_n(depth["depth_m"])
+                for channel, sign in VERTICAL.items():
+                    pulses_us[channel] = pulse_us(sign * up_n / len(VERTICAL))
+        vehicle = told(controls, self.wanted_m, self.is_stopped, self.get_data("imu"))
+        return [
+            self.store_data_task("pwm", {"pulses_us": pulses_us}, process=False),
+            self.store_data_task("vehicle", vehicle),
+        ]
+
+    def may_push(self, controls):
+        """Returns whether the thrusters may push now."""
+        # Step 2: not if the controls, or the depth, are too old (self.get_age_s("controls")). Not after a stop.
+        return controls["is_armed"]
+
+    def up_force_n(self, depth_m):
+        """Returns the force that should push the vehicle up [N]."""
+        # Step 1: this is a proportional controller. What does it lack?
+        return 10.0 * (depth_m - self.wanted_m)
+
+
+def pulse_us(thrust_n):
+    """Returns the pulse that makes a thruster push so hard; negative is astern."""
+    # Step 3: nothing turns within 30 us of 1500, and from there on thrust does not grow in a straight line.
+    return STOP_US + 5.0 * thrust_n
