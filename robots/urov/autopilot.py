@@ -11,6 +11,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import msgspec
+
 from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
 from snr_sim.plants.t200 import curve
 from snr_sim.prelude.errors import CommandError, UnknownName
@@ -26,6 +28,7 @@ from .parameters import UrovParameters
 
 TOLD_EVERY_S = 0.1  # and whenever something else than numbers changes
 SURFACE_M = 0.2  # where going up ends: the top of the vehicle is just out of the water
+BLIND_S = 0.5  # age of the newest depth from which the vehicle does not know how deep it is
 NEAR_SURFACE_M = 0.3  # less deep than this, buoyancy does the rest of the way up, unless the vehicle has taken in water
 
 
@@ -69,6 +72,7 @@ class Autopilot(Endpoint):
         self.kept: tuple[float, float] = (0.0, 0.0)  # depth and heading while a pilot was heard
         self.share = 1.0
         self.refused = ""
+        self.is_blind = False
         self.told_s = -math.inf
         self.task_handlers = {
             (TaskType.process_data, "controls"): self.on_controls,
@@ -121,6 +125,7 @@ class Autopilot(Endpoint):
         dt_s = now_s - self.before_s if self.before_s is not None else 0.0
         self.before_s = now_s
         changed, self.rules = rules != self.rules, rules
+        self._see(self.get_age_s("depth"))
         thrusts = self.slew.update(self.thrusts(rules, depth, imu, dt_s), dt_s) if dt_s > 0.0 else self.still
         pulses = [self.thruster.pulse_us(thrust) for thrust in thrusts]
         answer = [self.store_data_task("pwm", {"pulses_us": pulses}, process=False)]
@@ -129,9 +134,19 @@ class Autopilot(Endpoint):
             answer.append(self.store_data_task("vehicle", self.told(now_s, imu)))
         return answer
 
+    def _see(self, age_s: float) -> None:
+        """Notices that depth is no longer measured, and that it is again."""
+        is_blind = age_s > BLIND_S
+        if is_blind and not self.is_blind:
+            self.parent.note(
+                f"Depth is not known, t = {self.get_time_s():.2f} s: it is no longer held, heave is as told."
+            )
+        self.is_blind = is_blind
+
     def thrusts(self, rules: str, depth: DepthReading, imu: ImuReading, dt_s: float) -> list[float]:
         """Returns the thrusts that are wanted now, by whose word counts."""
-        floats = rules == "surface" and not self.guard.is_wet and depth.depth_m < NEAR_SURFACE_M
+        is_there = depth.depth_m < NEAR_SURFACE_M and not self.is_blind
+        floats = rules == "surface" and not self.guard.is_wet and is_there
         if rules in ("idle", "neutral") or floats:
             self.holds.let_go()
             if rules == "idle":
@@ -143,6 +158,8 @@ class Autopilot(Endpoint):
         else:
             wanted_m = self.kept[0] if rules == "hold" else SURFACE_M
             controls = Controls(mode="heading_hold", depth_m=wanted_m, heading_rad=self.kept[1])
+        if self.is_blind and controls.mode != "manual":
+            controls = msgspec.structs.replace(controls, mode="stabilise")  # of itself it floats up, slowly
         thrusts, self.share, _ = self.allocation.allocate(self.holds.wrench(controls, depth, imu, dt_s))
         return thrusts
 
@@ -158,6 +175,7 @@ class Autopilot(Endpoint):
             "age_s": guard.age_s(now_s),
             "is_wet": guard.is_wet,
             "is_low": guard.is_low,
+            "is_blind": self.is_blind,
             "refused": self.refused,
             "depth_m": holds.depth_m,
             "heading_rad": holds.heading_rad,

@@ -9,8 +9,9 @@ import pytest
 
 from snr_sim import Page, SimRunner, library
 from snr_sim.core.config import Config
+from snr_sim.prelude.signals import DepthReading, ImuReading
 from snr_sim.prelude.task import Task, TaskType
-from snr_sim.testing.parts import TickerFactory
+from snr_sim.testing.parts import PartFactory, TickerFactory
 
 library.load_robot(library.find("robots", "urov"))
 
@@ -53,3 +54,49 @@ def test_age_counts_from_when_controls_were_made() -> None:
     assert guard.rules(guard.heard_s + 0.24) == "pilot"
     assert guard.rules(guard.heard_s + 0.26) == "neutral"
     assert guard.heard_s <= 9.8 + 1e-9
+
+
+def blind_from(blind_s: float, controls: Controls) -> tuple[Autopilot, list[list[float]]]:
+    """The mind of a vehicle whose depth sensor falls silent, five centimetres above what is held, and its pulses."""
+    number, pulses = 0, []
+
+    def bring(loop: Any) -> None:
+        nonlocal number
+        number, now_s = number + 1, loop.get_time_s()
+        loop.store_data("controls", msgspec.structs.asdict(msgspec.structs.replace(controls, number=number)))
+        if now_s < blind_s:
+            loop.store_data("depth", msgspec.to_builtins(DepthReading(0.95, 110_000.0, 18.0, now_s)), process=False)
+        level = ImuReading([0.0, 0.0, 0.0], [0.0, 0.0, 9.81], [0.0, 20.0, -40.0], 0.0, 0.0, 0.0, now_s)
+        loop.store_data("imu", msgspec.to_builtins(level))
+
+    def keep(task: Task, task_id: Any) -> None:
+        pulses.append(task.val_list[0].data["pulses_us"])
+
+    factories = [
+        TickerFactory(bring, "bringer", 20.0),
+        AutopilotFactory(UrovParameters(vehicle())),
+        PartFactory({(TaskType.store_page, "pwm"): keep}),
+    ]
+    runner = SimRunner(Config(factories={"urov": factories}), until_s=4.0, tells_notes=False)
+    runner.run()
+    autopilot = runner.nodes["urov"].components["autopilot"]
+    assert isinstance(autopilot, Autopilot)
+    return autopilot, pulses
+
+
+def test_depth_that_is_no_longer_measured_is_no_longer_held_and_that_is_said_once() -> None:
+    holds = Controls(is_armed=True, mode="heading_hold", depth_m=1.0, heading_rad=0.0)
+    seeing, pulses = blind_from(10.0, holds)
+    assert not seeing.is_blind
+    assert pulses[-1] != [1500.0] * 8  # five centimetres too high: it pushes down
+    blind, pulses = blind_from(2.0, holds)
+    assert blind.is_blind
+    assert blind.told(4.0, ImuReading([0.0] * 3, [0.0] * 3, [0.0] * 3, 0.0, 0.0, 0.0, 4.0))["is_blind"]
+    assert pulses[-1] == [1500.0] * 8  # what it last knew does not push it on for ever
+    (note,) = [note for note in blind.parent.notes if "Depth is not known" in note]
+    assert 2.4 < float(note.partition("t = ")[2].partition(" s")[0]) < 2.6
+
+
+def test_a_blind_vehicle_still_obeys_the_sticks() -> None:
+    _, pulses = blind_from(1.0, Controls(is_armed=True, mode="depth_hold", heave=1.0))
+    assert pulses[-1] != [1500.0] * 8
