@@ -22,6 +22,7 @@ UNITS = {
     "s": "s",
     "hz": "Hz",
     "us": "µs",
+    "ut": "µT",
     "ms": "ms",
     "l": "l",
     "j": "J",
@@ -31,6 +32,7 @@ UNITS = {
 # Where a student looks first; other units follow in the order in which they appear.
 UNITS_FIRST = ("m", "m/s", "", "kg", "l", "rad", "rad/s")
 FLAGS = "yes (1) or no (0)"  # the plot of all that is one of them
+FAILURES = "broken (1) or not (0)"
 SAME = {"yaw": "heading"}  # words for one thing
 UNITS_NOT_PLOTTED = ("s",)  # stamps: a straight line for each sensor, and nothing to learn from it
 PLOTS_BESIDE_MAX = 4
@@ -59,6 +61,7 @@ class Line:
         unit: its unit as text; empty if it has none.
         is_truth: whether the plant says so; otherwise it is what a node believed.
         plot: title of the plot it belongs in; empty if unit and name say that.
+        is_step: whether it keeps each value until the next; otherwise it goes straight there.
     """
 
     entity: str
@@ -66,6 +69,7 @@ class Line:
     unit: str
     is_truth: bool
     plot: str = ""
+    is_step: bool = False
 
 
 @dataclass
@@ -121,7 +125,8 @@ def name_and_unit(path: Sequence[str]) -> tuple[str, str]:
 def color_and_width(line: Line, before: Sequence[Line]) -> tuple[tuple[int, int, int, int], float]:
     """Returns how a line is drawn: truth thick and first, beliefs thin and in colours of their own."""
     colors = TRUTH_COLORS if line.is_truth else BELIEF_COLORS
-    place = sum(other.unit == line.unit and other.is_truth == line.is_truth for other in before)
+    here = line.unit, line.is_truth, line.plot
+    place = sum((other.unit, other.is_truth, other.plot) == here for other in before)
     return colors[place % len(colors)], TRUTH_WIDTH if line.is_truth else BELIEF_WIDTH
 
 

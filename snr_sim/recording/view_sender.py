@@ -61,7 +61,7 @@ class Sender:
                 *rr.LineStrips3D.columns(colors=[0]),
                 *rr.Points3D.columns(positions=[[0.0, 0.0, 0.0]]),
                 *rr.TextLog.columns(text=["a"], level=["a"]),
-                *rr.SeriesLines.columns(names=["a"], colors=[0], widths=[0.0]),
+                *rr.SeriesLines.columns(names=["a"], colors=[0], widths=[0.0], interpolation_mode=["Linear"]),
             )
         }
 

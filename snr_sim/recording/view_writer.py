@@ -11,8 +11,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from snr_sim.recording.records import Header, Record
-from snr_sim.recording.view_blueprint import FLAGS, Layout, Line, blueprint, color_and_width, name_and_unit
-from snr_sim.recording.view_columns import Batch, LogRows, Series, When
+from snr_sim.recording.view_blueprint import FAILURES, FLAGS, Layout, Line, blueprint, color_and_width, name_and_unit
+from snr_sim.recording.view_columns import BROKEN, Batch, LogRows, Series, When
 from snr_sim.recording.view_links import LinkReports, is_of_link
 from snr_sim.recording.view_sender import Sender
 from snr_sim.recording.view_world import World
@@ -21,6 +21,7 @@ from snr_sim.recording.view_world import World
 BATCH_RECORDS = 100_000
 NOT_PLOTTED = ("number",)  # running numbers of what is sent: straight lines, and nothing to learn from them
 DIVERGENCES_MARKED_MAX = 1_000
+STEP_AFTER = np.array([2], np.uint8)  # as rerun counts its ways to go from one value to the next
 DIVERGENCE_RGB = (255, 60, 60)
 
 Divergences: TypeAlias = Sequence[tuple[int, float, str]]
@@ -118,7 +119,9 @@ class Writer:
         self._known.add(parts)
         name, unit = name_and_unit(series.path)
         legend = " ".join([*self._root, *(["true"] if is_truth else []), name])
-        line = Line(self._sender.entity(*parts), legend, unit, is_truth, FLAGS if series.is_flag else "")
+        is_failure = is_truth and parts[1].startswith(BROKEN)
+        plot = FAILURES if is_failure else FLAGS if series.is_flag else ""
+        line = Line(self._sender.entity(*parts), legend, unit, is_truth, plot, is_step=bool(plot))
         color, width = color_and_width(line, self.layout.lines)
         if is_truth or self._is_plotted(parts):
             self.layout.lines.append(line)
@@ -148,7 +151,8 @@ class Writer:
                 self._sender.send(entity, series.when, [self._sender.numbers(report.series.values)])
             if (entity, report.plot) not in self._known:
                 self._known.add((entity, report.plot))
-                line = Line(entity, f"{node} {report.name}", "", False, report.plot)
+                is_step = report.series is None
+                line = Line(entity, f"{node} {report.name}", "", False, report.plot, is_step)
                 color, width = color_and_width(line, self.layout.lines)
                 self.layout.lines.append(line)
                 self._send_style(line, color, width)
@@ -161,6 +165,8 @@ class Writer:
             sender.colors("SeriesLines:colors", [rgba]),
             sender.column("SeriesLines:widths", sender.arrow.array(np.array([width], np.float32))),
         ]
+        if line.is_step:
+            columns.append(sender.column("SeriesLines:interpolation_mode", sender.arrow.array(STEP_AFTER)))
         sender.send_static(line.entity, columns)
 
     def _send_images(self, parts: tuple[str, ...], when: When, images: Sequence[Any]) -> None:

@@ -106,6 +106,15 @@ def test_what_is_broken_is_marked_from_when_on_it_is(tmp_path: Path) -> None:
     assert not any("broken" in entity for entity in rows(tmp_path, []))
 
 
+def test_what_is_yes_or_no_goes_in_steps_and_other_numbers_do_not(tmp_path: Path) -> None:
+    found = rows(tmp_path, [truth(1), page(2, "controls", {"is_armed": True, "surge": 0.5})])
+    mode = "SeriesLines:interpolation_mode"
+    step = rr.components.InterpolationMode.StepAfter.value
+    assert found["/urov/pages/controls/is_armed"][mode] == [[step]]
+    assert found["/truth/broken_T1"][mode] == [[step]]
+    assert mode not in found["/urov/pages/controls/surge"]
+
+
 def test_gates_and_the_surface_are_called_by_name_and_the_current_is_told_from_thrust(tmp_path: Path) -> None:
     found = rows(tmp_path, [truth(1)])
     assert found["/world/gate_1/label"]["Points3D:labels"] == [["gate 1"]]
