@@ -5,7 +5,7 @@ Nothing here draws. The viewer and the picture ask it for numbers, so that both 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -125,17 +125,19 @@ def tether_frames(tether: Mapping[str, Any], poses: Points) -> Points:
     return np.stack([spans, np.cross(ways, aside) + 1e-9, bows], axis=-1)
 
 
-def mesh_with_normals(vertices: Points, triangles: NDArray[np.int64]) -> tuple[Points, Points]:
+def meshes_with_normals(meshes: Sequence[dict[str, Any]]) -> tuple[Points, Points]:
     """Returns three vertices of its own for each triangle, and their normals: edges then look like edges.
 
     Args:
-        vertices: shape (n, 3).
-        triangles: shape (k, 3), indices of vertices.
+        meshes: shapes of kind "mesh".
 
     Returns:
-        vertices of shape (3 k, 3), and unit normals of the same shape.
+        vertices of shape (3 k, 3) for k triangles in all, mesh by mesh, and unit normals of the same shape.
     """
-    corners = vertices[triangles]
+    vertices = [points_of(mesh) for mesh in meshes]
+    begins = np.cumsum([0, *map(len, vertices[:-1])])
+    triangles = [np.array(mesh["triangles"], int) + begin for mesh, begin in zip(meshes, begins, strict=True)]
+    corners = np.concatenate(vertices)[np.concatenate(triangles)]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)

@@ -14,6 +14,16 @@ import numpy as np
 from snr_sim.recording.view_columns import When
 
 
+def packed(colors: Any) -> Any:
+    """Returns colours as rerun keeps them, one number each; given as others, it takes longer to find out what they are.
+
+    Args:
+        colors: red, green, blue and perhaps opacity of each, shape (n, 3) or (n, 4).
+    """
+    red, green, blue, *opacity = np.asarray(colors, np.uint32).T
+    return red << 24 | green << 16 | blue << 8 | (opacity[0] if opacity else np.uint32(255))
+
+
 class _Column:
     """A column for rerun, made of an arrow array that is already right."""
 
@@ -98,8 +108,7 @@ class Sender:
 
     def colors(self, component: str, rgba: Any) -> Any:
         """Returns a column of colours, given red, green, blue and opacity of each, shape (n, 4)."""
-        red, green, blue, opacity = np.asarray(rgba, np.uint32).T
-        return self.column(component, self.arrow.array(red << 24 | green << 16 | blue << 8 | opacity))
+        return self.column(component, self.arrow.array(packed(rgba)))
 
     def _index(self, when: When) -> list[_Index]:
         if self._index_of[0] is not when:

@@ -14,13 +14,13 @@ from snr_sim.recording.view_scene import (
     TETHER_LINE,
     Path,
     Points,
-    mesh_with_normals,
+    meshes_with_normals,
     points_of,
     rgb_of,
     size_of,
     tether_frames,
 )
-from snr_sim.recording.view_sender import Sender
+from snr_sim.recording.view_sender import Sender, packed
 
 FOLLOWER = "follower"  # what the close-up's eye goes along with; not the robot's own camera
 THRUST_RGB = (255, 140, 30)
@@ -102,19 +102,22 @@ class World:
         kinds = {kind: [shape for shape in shapes if shape.get("kind") == kind] for kind in ("box", "polyline", "mesh")}
         if boxes := kinds["box"]:
             sizes, centers = [box["half_size_m"] for box in boxes], [box["center_m"] for box in boxes]
-            colors = [rgb_of(box) for box in boxes]
+            colors = packed([rgb_of(box) for box in boxes])
             solid = rr.Boxes3D(half_sizes=sizes, centers=centers, colors=colors, fill_mode="solid")
             self._sender.log(entity, solid)
         if lines := kinds["polyline"]:
-            radii, colors = [line.get("radius_m", 0.1) for line in lines], [rgb_of(line) for line in lines]
+            radii, colors = [line.get("radius_m", 0.1) for line in lines], packed([rgb_of(line) for line in lines])
             strips = rr.LineStrips3D([points_of(line).astype(np.float32) for line in lines], radii=radii, colors=colors)
             self._sender.log(entity, strips)
         if meshes := kinds["mesh"]:
-            parts = [mesh_with_normals(points_of(mesh), np.array(mesh["triangles"], int)) for mesh in meshes]
-            vertices, normals = (np.concatenate(part).astype(np.float32) for part in zip(*parts, strict=True))
-            counts = [len(part[0]) for part in parts]
-            rgb = np.repeat(np.array([rgb_of(mesh) for mesh in meshes], np.uint8), counts, axis=0)
-            mesh = rr.Mesh3D(vertex_positions=vertices, vertex_normals=normals, vertex_colors=rgb)
+            vertices, normals = meshes_with_normals(meshes)
+            counts = [3 * len(mesh["triangles"]) for mesh in meshes]
+            colors = np.repeat(packed([rgb_of(mesh) for mesh in meshes]), counts)
+            mesh = rr.Mesh3D(
+                vertex_positions=vertices.astype(np.float32),
+                vertex_normals=normals.astype(np.float32),
+                vertex_colors=colors,
+            )
             self._sender.log(entity, mesh)
 
     def _send_poses(self, body: str, when: When, poses: Any) -> None:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import gc
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from itertools import islice
 from typing import Any, TypeAlias
 
@@ -60,9 +58,8 @@ class Writer:
         """Sends all of a run, some records at a time."""
         remaining = iter(records)
         while some := list(islice(remaining, BATCH_RECORDS)):
-            with _no_garbage_collection():
-                self.batch.extend(some)
-                self.flush()
+            self.batch.extend(some)
+            self.flush()
 
     def flush(self) -> None:
         """Sends the records in the batch, and empties it."""
@@ -189,17 +186,3 @@ class Writer:
         log = self._sender.entity(parts[0])
         if log not in self.layout.logs and not at_top:
             self.layout.logs.append(log)
-
-
-@contextmanager
-def _no_garbage_collection() -> Iterator[None]:
-    """Columns are made of a hundred thousand small objects that refer to nothing: looking for circles among them, and
-    among all the records of the run, costs a tenth of the time and finds none.
-    """
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
