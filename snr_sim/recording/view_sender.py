@@ -63,13 +63,20 @@ class Sender:
         self.rr, self.arrow, self.root = rr, importlib.import_module("pyarrow"), root
         self._stream = stream
         self._index_of: tuple[When | None, list[_Index]] = (None, [])
+        vectors = (
+            *rr.Arrows3D.columns(vectors=[[0.0, 0.0, 0.0]], origins=[[0.0, 0.0, 0.0]]),
+            *rr.Transform3D.columns(translation=[[0.0, 0.0, 0.0]], quaternion=[[0.0, 0.0, 0.0, 1.0]]),
+            *rr.Points3D.columns(positions=[[0.0, 0.0, 0.0]]),
+        )
+        self._vector_types = {
+            column.component_descriptor().component: column.as_arrow_array().type.value_type for column in vectors
+        }
         self._descriptors = {
             column.component_descriptor().component: column.component_descriptor()
             for column in (
+                *vectors,
                 *rr.Scalars.columns(scalars=[0.0]),
-                *rr.Arrows3D.columns(vectors=[[0.0, 0.0, 0.0]], origins=[[0.0, 0.0, 0.0]]),
                 *rr.LineStrips3D.columns(colors=[0]),
-                *rr.Points3D.columns(positions=[[0.0, 0.0, 0.0]]),
                 *rr.TextLog.columns(text=["a"], level=["a"]),
                 *rr.SeriesLines.columns(names=["a"], colors=[0], widths=[0.0], interpolation_mode=["Linear"]),
             )
@@ -105,6 +112,12 @@ class Sender:
     def words(self, component: str, words: list[str]) -> Any:
         """Returns a column of texts."""
         return self.column(component, self.arrow.array(words, self.arrow.string()))
+
+    def vectors(self, component: str, values: Any, offsets: Any = None) -> Any:
+        """Returns a column of float32 vectors, shape (n, k); one per row unless `offsets` say otherwise."""
+        flat = self.arrow.array(np.ascontiguousarray(values, np.float32).ravel())
+        vectors = self.arrow.FixedSizeListArray.from_arrays(flat, type=self._vector_types[component])
+        return self.column(component, vectors, offsets)
 
     def colors(self, component: str, rgba: Any) -> Any:
         """Returns a column of colours, given red, green, blue and opacity of each, shape (n, 4)."""

@@ -125,15 +125,13 @@ class World:
         if ("poses", body) not in self._known:
             self._known.add(("poses", body))
             self._see_body(body, entity, positions)
-        translation, quaternion = positions.astype(np.float32), poses[:, 3:].astype(np.float32)
-        self._sender.send(
-            entity, when, self._sender.rr.Transform3D.columns(translation=translation, quaternion=quaternion)
-        )
+        vectors = self._sender.vectors
+        there = vectors("Transform3D:translation", positions)
+        self._sender.send(entity, when, [there, vectors("Transform3D:quaternion", poses[:, 3:])])
         self._sender.send(self._sender.entity("truth", "poses", body), when, [self._sender.numbers(poses.ravel(), 7)])
         if body == self._main_body:
             # Moves, but does not turn: seen from here the body stays in the middle and the ground stays level.
-            camera = self._sender.rr.Transform3D.columns(translation=translation)
-            self._sender.send(self._sender.entity("world", FOLLOWER), when, camera)
+            self._sender.send(self._sender.entity("world", FOLLOWER), when, [there])
             self._path.extend(positions)
             self._layout.low_m = np.minimum(self._layout.low_m, positions.min(axis=0)).tolist()
             self._layout.high_m = np.maximum(self._layout.high_m, positions.max(axis=0)).tolist()
@@ -183,15 +181,12 @@ class World:
             self._sender.log(newtons, style)
         self._longest[is_flow] = max(self._longest[is_flow], float(lengths.max()))
         pushes = lengths > 0  # a force of nothing is no arrow, not even a dot
-        triples = rr.components.Vector3DBatch(vectors[pushes].astype(np.float32)).as_arrow_array()
-        # It pushes: its tip, not its tail, is where the force acts. Drawn up from the nozzle, the hull would hide it.
-        tails = rr.components.Position3DBatch(-vectors[pushes].astype(np.float32)).as_arrow_array()
         offsets = np.concatenate(([0], np.cumsum(pushes))).astype(np.int32)
-        self._sender.send(entity, when, rr.Transform3D.columns(translation=arrows[:, :3].astype(np.float32)))
-        column = self._sender.column
-        self._sender.send(
-            newtons, when, [column("Arrows3D:vectors", triples, offsets), column("Arrows3D:origins", tails, offsets)]
-        )
+        send, column = self._sender.send, self._sender.vectors
+        send(entity, when, [column("Transform3D:translation", arrows[:, :3])])
+        # It pushes: its tip, not its tail, is where the force acts. Drawn up from the nozzle, the hull would hide it.
+        tips = column("Arrows3D:vectors", vectors[pushes], offsets)
+        send(newtons, when, [tips, column("Arrows3D:origins", -vectors[pushes], offsets)])
 
     def _send_broken(self, truths: Sequence[TruthRecord]) -> None:
         """Marks what is broken, where it pushes or should."""
@@ -207,9 +202,8 @@ class World:
                 self._sender.log(entity, style)
             broken = np.array([bool(truth.values.get(name)) for truth in truths])
             spots = [truth.arrows[thruster][:3] for truth, is_so in zip(truths, broken, strict=True) if is_so]
-            places = rr.components.Position3DBatch(np.array(spots, np.float32).reshape(-1, 3)).as_arrow_array()
             offsets = np.concatenate(([0], np.cumsum(broken))).astype(np.int32)
-            self._sender.send(entity, When.of(truths), [self._sender.column("Points3D:positions", places, offsets)])
+            self._sender.send(entity, When.of(truths), [self._sender.vectors("Points3D:positions", spots, offsets)])
 
     def _scale_arrows(self) -> None:
         """Newtons to metres: a static scale, so that the file keeps newtons and a live run can find its own scale."""
