@@ -18,13 +18,16 @@ from snr_sim.plants.lander_3d import Lander3D
 from snr_sim.plants.legs import Pose
 from snr_sim.plants.module import LunarModule, PlaneStart
 from snr_sim.plants.terrain import FLAT, Terrain, make_terrain
+from snr_sim.prelude.errors import ParameterError, PlantError, UnknownName
 from snr_sim.prelude.signals import EngineCommand, InertialReading
 
 Program = Sequence[tuple[float, EngineCommand]]
+HILLS = make_terrain(11, relief_m=14.0, pad_slope_rad=0.08)
 SLOPE = make_terrain(3, relief_m=0.0, pad_slope_rad=0.1)
 # Metres, radians, and these per second.
 IN_FLIGHT = Pose(5e-4, 5e-4, 5e-5, 3e-4, 3e-4, 5e-5)
 IN_CONTACT = Pose(0.04, 0.02, 0.005, 0.1, 0.1, 0.1)
+each = pytest.mark.parametrize("which", [0, 1], ids=["pymunk", "mujoco"])  # of what `both` returns
 AT_REST = Pose(0.03, 0.003, 0.003, 0.001, 0.001, 0.001)
 
 
@@ -56,6 +59,14 @@ def fly(plants: tuple[Lander, Lander], time_s: float, program: Program = ()) -> 
             plant.step(0.005)
         most = [max(worst, abs(a - b)) for worst, a, b in zip(most, *map(pose, plants), strict=True)]
     return Pose(*most)
+
+
+def go(plant: Lander, time_s: float, command: EngineCommand | None = None) -> Pose:
+    if command is not None:
+        plant.write("engine", command)
+    for _ in range(round(time_s / 0.005)):
+        plant.step(0.005)
+    return pose(plant)
 
 
 def check(found: Pose, allowed: Pose) -> None:
@@ -137,7 +148,7 @@ def test_both_call_a_crash_a_crash_for_the_same_reason(apollo: LunarModule, how:
     assert (space.outcome, space.why.split(" is ")[0]) == (plane.outcome, plane.why.split(" is ")[0])
 
 
-@pytest.mark.parametrize("which", [0, 1], ids=["pymunk", "mujoco"])
+@each
 def test_both_show_the_same_numbers(apollo: LunarModule, which: int) -> None:
     plants = both(apollo, x=5.0, z=90.0, tilt=0.2)
     fly(plants, 1.0, [(0.0, EngineCommand(0.5, 0.03, 0.4))])
@@ -156,3 +167,87 @@ def test_radars_agree_over_hills(apollo: LunarModule) -> None:
         fly(plants, 1.0)
         plane, space = (radar("radar") for radar in read)
         assert plane.altitude_m == pytest.approx(space.altitude_m, abs=1e-6)  # type: ignore[attr-defined]
+
+
+# -- what is promised of either ---------------------------------------------------------------------------------------
+
+
+@each
+def test_a_snapshot_in_contact_goes_on_to_the_bit_also_in_another_plant(apollo: LunarModule, which: int) -> None:
+    plant = both(apollo, z=4.0, vx=0.4, vz=-1.0, tilt=0.03, ground=HILLS)[which]
+    for _ in range(600):
+        plant.step(0.005)
+        if any(plant.read("inertial").contact):
+            break
+    go(plant, 0.1)
+    assert any(plant.read("inertial").contact)
+    assert plant.outcome is None
+    held = plant.snapshot()
+
+    def go_on(one: Lander) -> list[object]:
+        one.restore(held)
+        states: list[object] = []
+        for i in range(500):
+            go(one, 0.005, EngineCommand(0.2 if i < 100 else 0.0, 0.01, 0.05))
+            states.append((one.snapshot(), one.truth(), one.read("inertial")))
+        return states
+
+    first = go_on(plant)
+    assert go_on(plant) == first
+    assert go_on(both(apollo)[which]) == first
+
+
+@each
+def test_an_ended_run_put_back_stands_as_still_as_before(apollo: LunarModule, which: int) -> None:
+    plant = both(apollo, z=4.1)[which]
+    stands = go(plant, 8.0)
+    ended = plant.snapshot()
+    assert stands[3:] == (0.0, 0.0, 0.0)
+    plant.reset(0)
+    plant.restore(ended)
+    assert pose(plant) == stands
+    assert plant.outcome == "landed"
+
+
+@each
+def test_after_a_reset_the_same_run_follows(apollo: LunarModule, which: int) -> None:
+    plant = both(apollo, z=5.6, vx=0.3, tilt=0.02)[which]
+    go(plant, 3.0, EngineCommand(0.2, 0.02, 0.1))
+    first = plant.snapshot()
+    plant.reset(0)
+    assert plant.time_s == 0.0
+    go(plant, 3.0, EngineCommand(0.2, 0.02, 0.1))
+    assert plant.snapshot() == first
+
+
+@each
+def test_after_the_end_it_stands_still_whatever_it_is_told(apollo: LunarModule, which: int) -> None:
+    plant = both(apollo, z=4.1)[which]
+    go(plant, 8.0)
+    before = plant.snapshot()
+    go(plant, 1.0, EngineCommand(1.0, 0.1, 1.0))
+    assert plant.snapshot().body == before.body
+    assert plant.fuel_kg == before.fuel_kg
+    assert plant.truth()["arrows"]["thrust"][3:] == [0.0, 0.0, 0.0]
+
+
+@each
+@pytest.mark.parametrize("field", ["throttle", "gimbal_rad", "attitude"])
+def test_a_command_that_is_no_number_is_refused(apollo: LunarModule, which: int, field: str) -> None:
+    with pytest.raises(PlantError, match=r"At 0 s the engine was told .*nan"):
+        both(apollo)[which].write("engine", EngineCommand(**{field: math.nan}))
+
+
+@each
+def test_a_step_of_another_length_is_refused(apollo: LunarModule, which: int) -> None:
+    with pytest.raises(ParameterError, match=r"steps of 0\.005 s"):
+        both(apollo)[which].step(0.02)
+
+
+@each
+def test_unknown_names_are_answered_with_the_nearest(apollo: LunarModule, which: int) -> None:
+    plant = both(apollo)[which]
+    with pytest.raises(UnknownName, match="did you mean 'inertial'"):
+        plant.read("inertia")
+    with pytest.raises(UnknownName, match="did you mean 'engine'"):
+        plant.write("engines", EngineCommand())
