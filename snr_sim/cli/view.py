@@ -28,7 +28,7 @@ def view(
 
 def _draw(run: Path, png: Path) -> None:
     from snr_sim.prelude.errors import TraceError
-    from snr_sim.recording.folder import measured, read_result, remarks, trace_path
+    from snr_sim.recording.folder import measured, read_result, remarks, trace_path, why
     from snr_sim.recording.picture import draw_run
     from snr_sim.recording.reader import read_trace
     from snr_sim.recording.records import TruthRecord
@@ -49,7 +49,9 @@ def _draw(run: Path, png: Path) -> None:
     try:
         result = read_result(trace.path.parent)
         outcome, success = result.get("outcome", ""), result.get("success")
-        draw_run(trace.header, trace.records, png, outcome, result.get("touchdown"), success, measured(result))
+        draw_run(
+            trace.header, trace.records, png, outcome, result.get("touchdown"), success, measured(result), why(result)
+        )
     except OSError as error:
         raise TraceError(f"The picture {png} cannot be written: {error.strerror}.", fix="name another file.") from error
     print(png)

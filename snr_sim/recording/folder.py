@@ -91,6 +91,16 @@ def measured(fields: dict[str, Any]) -> dict[str, float | str]:
     return {name: value for name, value in found.items() if isinstance(value, (int, float, str))}
 
 
+def why(fields: dict[str, Any]) -> str:
+    """Returns what the scenario had to say of its outcome, out of what result.json holds; empty if nothing.
+
+    >>> why({"outcome": "missed", "notes": ["Something else.", "missed: ended 1 m off."]})
+    'ended 1 m off.'
+    """
+    begins = f"{fields.get('outcome', '')}: "
+    return next((note.removeprefix(begins) for note in fields.get("notes", []) if note.startswith(begins)), "")
+
+
 def as_json(fields: dict[str, Any], indent: int | None = None) -> str:
     """Returns strict JSON: a number that is none becomes null, and numpy's become plain ones."""
     return json.dumps(_plain(fields), indent=indent, allow_nan=False)

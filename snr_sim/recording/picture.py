@@ -22,7 +22,7 @@ from snr_sim.recording.picture_canvas import Canvas, Rgb
 from snr_sim.recording.picture_dive import draw_dive
 from snr_sim.recording.picture_dive_plots import dive_plots
 from snr_sim.recording.picture_flight import Flight, flight_of, is_in_water
-from snr_sim.recording.picture_layout import HEIGHT, PLOTS, WIDTH
+from snr_sim.recording.picture_layout import HEIGHT, PLOTS, SCENE, WIDTH
 from snr_sim.recording.picture_moments import moments_of_run
 from snr_sim.recording.picture_plots import BACKGROUND, INK, PALE, Plot, draw_plots
 from snr_sim.recording.picture_scene import draw_scene
@@ -48,6 +48,7 @@ def draw_run(
     touchdown: Numbers | None = None,
     success: bool | None = None,
     measured: Measured | None = None,
+    why: str = "",
 ) -> None:
     """Draws a run as a PNG of 1800 x 1000 pixels.
 
@@ -59,6 +60,7 @@ def draw_run(
         touchdown: the judged one, number by name with unit, as in result.json; only that is told in words.
         success: whether the criterion was met; None if nobody said.
         measured: what the scenario measured, by name with unit; told of a dive.
+        why: what the scenario had to say of it; told of a dive in the place of what it measured.
 
     Raises:
         MissingExtra: Pillow is not installed.
@@ -74,13 +76,13 @@ def draw_run(
         draw_dive(canvas, header, flight, moments)
         times_s = [moment.time_s for moment in moments]
         draw_plots(canvas, PLOTS, dive_plots(flight, batch), times_s, are_numbered=True)
-        told = _told_of_dive(measured or {})
+        told = why or _told_of_dive(measured or {})
     else:
         draw_scene(canvas, header, flight)
         draw_plots(canvas, PLOTS, _plots(batch), [] if flight.touchdown_s is None else [flight.touchdown_s])
         told = _told_of_flight(flight, touchdown)
     _draw_title(canvas, header, f"{outcome or reason}, {flight.times_s[-1]:.1f} s".lstrip(", "), success)
-    canvas.text((PLOTS[2], 35), told, 11.5, PALE, "ra")
+    canvas.text((PLOTS[2], 35), canvas.cut(told, 11.5, PLOTS[2] - SCENE[0]), 11.5, PALE, "ra")
     canvas.save(path)
 
 

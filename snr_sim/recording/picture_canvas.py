@@ -86,6 +86,14 @@ class Canvas:
         """Returns how wide a text is."""
         return float(self._draw.textlength(words, font=self._font(size))) / self._scale
 
+    def cut(self, words: str, size: float, width: float) -> str:
+        """Returns as much of a text as fits into a width, with dots where the rest is missing."""
+        shown = words
+        while shown and self.text_width(shown, size) > width:
+            words = words[:-1]
+            shown = words.rstrip(" ,;:") + " ..."
+        return shown
+
     def save(self, path: str | Path) -> None:
         """Writes the sheet as PNG."""
         size = (self.width * PIXELS_PER_POINT, self.height * PIXELS_PER_POINT)

@@ -118,6 +118,9 @@ class _View:
         left, top, right, bottom = self.area
         labels = Labels([stage.way[i] for i in stage.moments], 0.42 * stage.size, (left, top + 18, right, bottom))
         labels.keep_free(jets, 3.0)
+        if not self.is_above:
+            level = camera.at(0.0, 0.0)[1]  # of the surface: a line through words makes both hard to see
+            labels.keep_free([(float(x), level) for x in range(round(left), round(right), 8)], 2.0)
         self._write_times(labels)
         if is_main:
             self._write_names(labels, tethers[-1])

@@ -202,6 +202,19 @@ def test_what_the_scenario_measured_stands_in_the_picture(tmp_path: Path, said: 
     assert "held, 10.0 s" in said
 
 
+def test_why_it_was_missed_stands_there_instead_as_far_as_there_is_room(
+    tmp_path: Path, said: dict[str, tuple[float, float]]
+) -> None:
+    records, path = dive([0.5, 0.0, -2.0]), tmp_path / "run.png"
+    picture.draw_run(header(), records, path, "missed", None, False, {"settling_s": 5.9}, "ended 1 m off.")
+    assert "ended 1 m off." in said
+    assert not any("settling" in text for text in said)
+    picture.draw_run(header(), records, path, "missed", None, False, {}, "it was off, and off again, " * 20)
+    (cut,) = (text for text in said if text.startswith("it was off"))
+    assert cut.endswith(" ...")
+    assert 100 < len(cut) < 400
+
+
 def test_a_dive_is_drawn_the_same_each_time_and_small(tmp_path: Path) -> None:
     files = []
     for name in ("first.png", "second.png"):
