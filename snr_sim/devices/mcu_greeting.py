@@ -106,7 +106,7 @@ def _nobody(port: BytePort, heard: _Heard, patience_s: float) -> DeviceError:
             fix="take the port of the microcontroller: `snr doctor` lists them.",
         )
     return DeviceError(
-        f"{within}. What came is none of its frames: {seen}.",
+        f"{within}. What came ({seen}) is none of its frames.",
         fix=f"wrong baud rate, or another device; if it is the microcontroller, {FLASH}",
     )
 

@@ -6,6 +6,7 @@ from snr_sim.devices.emulated.board import Board
 from snr_sim.prelude.errors import DeviceError
 
 _STEP_US = 500.0  # of waiting; a byte takes 87
+_CYCLE_US = 0.0625  # nothing shorter passes
 
 
 class EmulatedPort:
@@ -46,8 +47,8 @@ class EmulatedPort:
         self._check()
         end_us = self._board.now_us + seconds * 1e6
         self._come += self._board.uart_out()
-        while not self._come and self._board.now_us < end_us:
-            self._board.run_us(min(_STEP_US, end_us - self._board.now_us))
+        while not self._come and (left_us := end_us - self._board.now_us) > _CYCLE_US:
+            self._board.run_us(min(_STEP_US, left_us))
             self._come += self._board.uart_out()
         return bool(self._come)
 

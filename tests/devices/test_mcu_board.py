@@ -1,0 +1,103 @@
+"""The microcontroller's board at a port: who has it, and a plug that is pulled in the middle of a run."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("serial", reason="the extra 'hardware' is not installed")
+
+from snr_sim import Config, Node, SimClock, TimeoutLoopFactory
+from snr_sim.devices.mcu import McuPwm
+from snr_sim.devices.mcu_board import McuBoard
+from snr_sim.devices.pwm_loop import PwmLoopFactory
+from snr_sim.devices.wire.mcu_messages import BAUD
+from snr_sim.devices.wire.serial_port import SerialPort
+from snr_sim.prelude.errors import DeviceError
+from snr_sim.testing.parts import TickerFactory
+from snr_sim.testing.pwm_contract import check_pwm_out
+
+STILL, AHEAD = [1500.0] * 8, [1700.0] * 8
+
+
+def test_outputs_behind_a_real_serial_port_keep_the_promise(pty_bench: Any) -> None:
+    """Through the system's terminal and pyserial, with the plug pulled and put back."""
+    check_pwm_out(pty_bench)
+
+
+def test_of_two_nodes_on_one_port_the_second_is_told_who_has_it(pty_bench: Any) -> None:
+    first, second = pty_bench.open(), pty_bench.open()
+    first.configure()
+    with pytest.raises(DeviceError, match=rf"{pty_bench.link} is busy"):
+        second.configure()
+    assert second.health().state == "error"
+    first.close()
+    second.configure()
+    second.close()
+
+
+def test_a_port_that_is_not_there_is_told_and_opened_once_it_is(pty_bench: Any) -> None:
+    out = pty_bench.open()
+    pty_bench.unplug()
+    with pytest.raises(DeviceError, match=rf"no serial port {pty_bench.link}"):
+        out.configure()
+    pty_bench.plug_in()
+    out.configure()
+    assert out.health().state == "inactive"
+    out.close()
+
+
+def test_a_plug_that_is_pulled_in_the_middle_of_a_run_and_put_back(pty_bench: Any) -> None:
+    """The node goes on; it is told once, and the outputs turn again only after half a second of neutral."""
+    pulled_s, back_s, rests_s, end_s = 4.0, 5.0, 7.0, 11.0
+    board_s: list[float] = []
+    pins: list[tuple[float, float]] = []
+
+    def says(loop: Any) -> None:
+        t = loop.get_time_s()
+        neutral = t < 2.0 or rests_s <= t < rests_s + 2.0
+        loop.store_data("pwm", {"pulses_us": STILL if neutral else AHEAD})
+        if pulled_s <= t < pulled_s + 0.01:
+            pty_bench.unplug()
+        if back_s <= t < back_s + 0.01:
+            pty_bench.plug_in()
+
+    def follow(time_s: float) -> None:
+        """Keeps the board up with the node's clock."""
+        if not board_s:
+            board_s.append(pty_bench.now_s() - time_s)
+        behind_s = time_s + board_s[0] - pty_bench.now_s()
+        if behind_s > 0.0:
+            pty_bench.advance(behind_s)
+        pins.append((time_s, max(pty_bench.pins_us())))
+
+    clock = SimClock()
+    out = McuPwm(McuBoard(pty_bench.open_port, clock.now_s, pty_bench.now_s), clock.now_s, 8)
+    parts = [TickerFactory(says, "pilot", 50.0), PwmLoopFactory("pwm", lambda: out, 50.0)]
+    config = Config(factories={"r": [*parts, TimeoutLoopFactory(seconds=end_s)]})
+    node = Node("r", config, clock=clock)
+    clock.follow(follow)
+    node.loop()
+    assert max(width for t, width in pins if 3.0 < t < pulled_s) == pytest.approx(1700.0, abs=0.5)
+    unpowered = [width for t, width in pins if pulled_s + 0.25 < t < rests_s + 0.5]
+    assert max(unpowered) == pytest.approx(1500.0, abs=0.5), "neutral by itself, and it stays so"
+    assert pins[-1][1] == pytest.approx(1700.0, abs=0.5), "after neutral it turns again"
+    states = [note.split(" s: ")[1].split(".")[0].split(";")[0] for note in node.notes if "Outputs" in note]
+    assert states == ["active", "error", "inactive", "activating", "active"], node.notes
+    assert f"{pty_bench.link} is gone" in next(note for note in node.notes if "error" in note)
+    assert out.health().counts["reopened"] >= 1
+
+
+def test_a_session_is_another_one_each_time() -> None:
+    boards = [McuBoard(lambda: SerialPort("/dev/null", BAUD), lambda: 0.0) for _ in range(20)]
+    assert len({board.session for board in boards}) > 1
+    assert all(0 <= board.session < 0xFFFF for board in boards)
+
+
+def test_nothing_is_opened_before_a_device_needs_it(tmp_path: Path) -> None:
+    board = McuBoard(lambda: SerialPort(str(tmp_path / "none"), BAUD), lambda: 0.0)
+    assert not board.is_open
+    with pytest.raises(DeviceError, match="is not open: not opened yet"):
+        board.poll()
+    board.leave(object())
+    board.lose("again")
