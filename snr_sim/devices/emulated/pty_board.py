@@ -34,7 +34,8 @@ class PtyBoard:
     Args:
         link: where a link to the terminal is put; taken away in the end.
         log: a line for whatever is seen: `rx` bytes that came from the computer, `pulse` when a channel's width is
-            another than before, `behind` milliseconds in which the time stood still; each after the board's time [us].
+            another than before, `behind` milliseconds in which the time stood still, `start` of the board's time by the
+            computer's monotonic clock [s]; each after the board's time [us].
     """
 
     def __init__(self, board: Board, link: Path, log: TextIO | None = None) -> None:
@@ -54,12 +55,14 @@ class PtyBoard:
     def serve(self, goes_on: Callable[[], bool]) -> None:
         """Runs in real time as long as it is to go on."""
         start_s = time.monotonic() - self.board.now_us * 1e-6
+        self._note("start", f"{start_s:.6f}")
         while goes_on():
             self._take(STEP_S)
             behind_s = time.monotonic() - start_s - self.board.now_us * 1e-6
             if behind_s > _MOST_BEHIND_S:
                 start_s += behind_s - STEP_S
                 self._note("behind", f"{behind_s * 1e3:.1f}")
+                self._note("start", f"{start_s:.6f}")
             self.board.run_until_us((time.monotonic() - start_s) * 1e6)
             self._give()
             self._note_pulses()

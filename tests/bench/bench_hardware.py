@@ -1,0 +1,336 @@
+"""Outputs behind a microcontroller: what a tick costs, how fast the emulated board goes, how soon a pin follows.
+
+Run by `snr bench hardware`, or by itself: python tests/bench/bench_hardware.py [--quick] [--json]
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+import tempfile
+import time
+import tty
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from statistics import median
+
+from harness import Row, report
+
+from snr_sim import Config, Node, TimeoutLoopFactory, WallClock
+from snr_sim.devices.emulated.board import PINS, Board
+from snr_sim.devices.emulated.lock_step import PlantOnBoard
+from snr_sim.devices.emulated.port import EmulatedPort
+from snr_sim.devices.emulated.toolchain import ToolsMissing, firmware_elf
+from snr_sim.devices.mcu import McuPwm
+from snr_sim.devices.mcu_board import McuBoard
+from snr_sim.devices.wire.mcu_frames import encode
+from snr_sim.devices.wire.mcu_messages import (
+    BAUD,
+    TYPE_OF,
+    Answer,
+    Arm,
+    Fault,
+    FromMcu,
+    Ident,
+    ResetCause,
+    Result,
+    State,
+    Telemetry,
+)
+from snr_sim.devices.wire.serial_port import BytePort, SerialPort
+from snr_sim.prelude.signals import PowerReading
+from snr_sim.testing.parts import Ticker, TickerFactory
+
+FIRMWARE = Path(__file__).parents[2] / "robots" / "urov" / "firmware"
+CHANNELS = 8
+STILL = [1500.0] * CHANNELS
+STEP_S = 0.005
+MOST_TICK_US = 150.0
+LEAST_SPEED = 20.0
+MOST_LATENCY_MS = 12.0
+LATENCY_HZ = 100.0
+LOWEST_US, WIDTHS, SETTLED = 1550.0, 20, 4  # commands go up by 1 us each; the first of each row are not counted
+IDENT = Ident(0, 1, 1, (1, 0), 8, 1100.0, 1500.0, 1900.0, 25.0, 500, 8000, 200, 1500, 400, 50, "atmega328p", "bench")
+
+
+def measure(is_quick: bool) -> Iterator[Row]:
+    """Yields the rows of the table."""
+    ticks = 500 if is_quick else 5000
+    yield tick_row("a tick of eight channels, port of a test", ticks, MemoryPort())
+    with tempfile.TemporaryDirectory() as folder:
+        yield tick_row("a tick of eight channels, serial port (pty)", ticks, PtyPort(Path(folder) / "port"))
+    try:
+        for mcu in PINS:
+            yield lock_step_row(mcu, 2.0 if is_quick else 10.0)
+        yield line_row(3.0 if is_quick else 30.0)
+        yield from latency_rows(3.0 if is_quick else 30.0)
+    except ToolsMissing as missing:
+        yield Row("the emulated board", math.nan, "x real time", note=str(missing))
+
+
+class FarEnd:
+    """A board that says what is needed, at the cost of its words alone: it is no part of what is measured."""
+
+    def __init__(self) -> None:
+        self.nth = 0
+
+    def answers(self) -> bytes:
+        """Returns an answer to whatever may have been asked, and telemetry."""
+        words: list[FromMcu] = [
+            Ident(*(getattr(IDENT, field) for field in IDENT.__struct_fields__)),
+            Answer(0, 1, TYPE_OF[Arm], Result.DONE),
+            self.telemetry(),
+        ]
+        return b"".join(map(encode, words))
+
+    def telemetry(self) -> Telemetry:
+        """Returns the next one, of a board that is armed and stands still."""
+        self.nth += 1
+        known = State.ARMED, Fault(0), ResetCause.EXTERNAL
+        return Telemetry(self.nth % 256, 1, self.nth, self.nth * 20, *known, 0, 0, 1345, 330, (1600.5,) * CHANNELS)
+
+
+class MemoryPort(FarEnd):
+    """A port without a wire."""
+
+    name = "memory"
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.come = b""
+
+    def feed(self, data: bytes) -> None:
+        """Has bytes come."""
+        self.come += data
+
+    def open(self) -> BytePort:
+        """Returns itself."""
+        return self
+
+    def write(self, data: bytes) -> None:
+        """Takes bytes."""
+
+    def read(self) -> bytes:
+        """Returns what has come."""
+        come, self.come = self.come, b""
+        return come
+
+    def wait(self, seconds: float) -> bool:
+        """Does not."""
+        return True
+
+    def close(self) -> None:
+        """Has nothing to close."""
+
+
+class PtyPort(FarEnd):
+    """A port of the system's, whose other end reads what comes."""
+
+    def __init__(self, link: Path) -> None:
+        super().__init__()
+        self._far, self._near = os.openpty()
+        tty.setraw(self._near)
+        os.set_blocking(self._far, False)
+        link.symlink_to(os.ttyname(self._near))
+        self._link = link
+
+    def feed(self, data: bytes) -> None:
+        """Has bytes come, and takes those that were sent."""
+        with suppress(BlockingIOError):
+            os.read(self._far, 4096)
+        os.write(self._far, data)
+
+    def open(self) -> BytePort:
+        """Opens it."""
+        return AnsweringPort(self, str(self._link))
+
+
+class AnsweringPort(SerialPort):
+    """A serial port whose other end answers when it is waited for."""
+
+    def __init__(self, end: PtyPort, path: str) -> None:
+        super().__init__(path, BAUD)
+        self._end = end
+
+    def wait(self, seconds: float) -> bool:
+        """Has the other end answer."""
+        self._end.feed(self._end.answers())
+        return super().wait(seconds)
+
+
+def tick_row(name: str, ticks: int, port: MemoryPort | PtyPort) -> Row:
+    """Measures write_us: it reads telemetry, and sends a command."""
+    now_s = 0.0
+    port.feed(port.answers())
+    out = McuPwm(McuBoard(port.open, lambda: now_s, session=1), lambda: now_s, CHANNELS)
+    out.configure()
+    out.activate()
+    port.feed(port.answers())
+    pulses = [1600.5 + i for i in range(CHANNELS)]
+    times_s = []
+    for i in range(ticks):
+        now_s = i * 0.02
+        port.feed(encode(port.telemetry()))
+        begin_s = time.thread_time()
+        out.write_us(pulses, now_s)
+        times_s.append(time.thread_time() - begin_s)
+    assert out.health().state == "active", out.health()
+    out.close()
+    times_s.sort()
+    note = f"median; p99 {times_s[int(0.99 * ticks)] * 1e6:.0f} us"
+    return Row(name, median(times_s) * 1e6, "us CPU", limit=MOST_TICK_US, note=note)
+
+
+class Battery:
+    """A plant that has a battery and nothing else."""
+
+    engine, step_s = "none", STEP_S
+    inputs, outputs = ("pwm",), ("power",)
+    time_s = 0.0
+
+    def step(self, dt_s: float) -> None:
+        """Lets time pass."""
+        self.time_s += dt_s
+
+    def read(self, name: str) -> PowerReading:
+        """Returns what the battery gives."""
+        return PowerReading(14.8, 12.0, self.time_s)
+
+    def write(self, name: str, command: object) -> None:
+        """Takes pulses."""
+
+
+def lock_step_row(mcu: str, seconds: float) -> Row:
+    """Measures board, serial line and outputs in lock step at 50 Hz, without the vehicle's physics."""
+    elf = firmware_elf(FIRMWARE, mcu)
+    battery = Battery()
+    plant = PlantOnBoard(battery, lambda: Board(elf, mcu), CHANNELS, power="power")  # type: ignore[arg-type]
+    out = McuPwm(plant.mcu, lambda: battery.time_s, CHANNELS)
+
+    def run(seconds: float, pulses: Callable[[float], list[float]]) -> None:
+        for i in range(round(seconds / STEP_S)):
+            plant.step(STEP_S)
+            if i % 4 == 0:
+                out.write_us(pulses(battery.time_s), battery.time_s)
+
+    out.configure()
+    out.activate()
+    run(2.0, lambda t: STILL)
+    assert out.health().state == "active", out.health()
+    begin_s = time.process_time()
+    run(seconds, lambda t: [1500.0 + 200.0 * math.sin(t + i) for i in range(CHANNELS)])
+    speed = seconds / (time.process_time() - begin_s)
+    out.close()
+    plant.board.close()
+    name = f"emulated lock step, eight channels and telemetry, {mcu}"
+    return Row(name, speed, "x real time", limit=LEAST_SPEED, more_is_better=True, note="CPU time; commands at 50 Hz")
+
+
+def latency_rows(seconds: float) -> Iterator[Row]:
+    """Measures from the moment a loop on a thread computed a command to the first pulse at each pin that shows it."""
+    with tempfile.TemporaryDirectory() as folder:
+        link, log = Path(folder) / "esc", Path(folder) / "log"
+        arguments = [str(FIRMWARE), "--link", str(link), "--log", str(log)]
+        command = [sys.executable, "-m", "snr_sim.devices.emulated.pty_board", *arguments]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as board:
+            assert board.stdout is not None
+            board.stdout.readline()
+            try:
+                sent = drive(link, seconds)
+            finally:
+                board.terminate()
+                board.communicate()
+        latencies_ms = sorted(latencies(sent, seen_in(log.read_text())))
+    assert len(latencies_ms) > 0.9 * len(sent) * CHANNELS * (1 - SETTLED / WIDTHS), "pulses were missed"
+
+    def share(of: float) -> float:
+        return latencies_ms[min(len(latencies_ms) - 1, int(of * len(latencies_ms)))]
+
+    note = f"wall time, {LATENCY_HZ:g} Hz over a pty at {BAUD} baud; median {share(0.5):.1f}, most {share(1.0):.1f} ms"
+    yield Row("command to pin, p99", share(0.99), "ms", limit=MOST_LATENCY_MS, note=note)
+
+
+def drive(link: Path, seconds: float) -> list[tuple[float, float]]:
+    """Has a loop on a thread command another width in each tick; returns when [s, monotonic] and which."""
+    sent: list[tuple[float, float]] = []
+
+    def open_board(loop: Ticker) -> None:
+        board = McuBoard(lambda: SerialPort(str(link), BAUD), loop.get_time_s)
+        loop.out = McuPwm(board, loop.get_time_s, CHANNELS)  # type: ignore[attr-defined]
+        loop.out.configure()  # type: ignore[attr-defined]
+        loop.out.activate()  # type: ignore[attr-defined]
+
+    def command(loop: Ticker) -> None:
+        out: McuPwm = loop.out  # type: ignore[attr-defined]
+        width = 1500.0
+        if out.health().state == "active":
+            width = LOWEST_US + len(sent) % WIDTHS  # 1 us more is made at once, all the way back in two pulses
+            sent.append((time.monotonic(), width))
+        out.write_us([width] * CHANNELS, loop.get_time_s())
+
+    ticker = TickerFactory(command, "pilot", LATENCY_HZ, setup=open_board, terminate=lambda loop: loop.out.close())  # type: ignore[attr-defined]
+    Node("r", Config(factories={"r": [ticker, TimeoutLoopFactory(seconds=seconds + 2.5)]}), clock=WallClock()).loop()
+    return sent[50:-5]  # the first go from 1500 up
+
+
+def line_row(seconds: float) -> Row:
+    """Measures the same by the board's time alone: what line and firmware take, without the computer's share."""
+    board = Board(firmware_elf(FIRMWARE, "atmega328p"))
+
+    def now_s() -> float:
+        return board.now_us * 1e-6
+
+    out = McuPwm(McuBoard(lambda: EmulatedPort(board), now_s, now_s, session=1), now_s, CHANNELS)
+    out.configure()
+    out.activate()
+    sent: list[tuple[float, float]] = []
+    seen: list[list[tuple[float, float]]] = [[] for _ in range(CHANNELS)]
+    end_s = now_s() + seconds + 2.5
+    while now_s() < end_s:
+        board.run_us(1e6 / LATENCY_HZ + 130.0)  # so that all phases of the pulses come
+        for pulse in board.pulses():
+            seen[pulse.channel].append((pulse.rise_us * 1e-6, pulse.width_us))
+        width = 1500.0
+        if out.health().state == "active":
+            width = LOWEST_US + len(sent) % WIDTHS
+            sent.append((now_s(), width))
+        out.write_us([width] * CHANNELS, now_s())
+    out.close()
+    board.close()
+    latencies_ms = sorted(latencies(sent[50:-5], seen))
+    p99_ms = latencies_ms[int(0.99 * len(latencies_ms))]
+    note = f"time of the emulated board; median {median(latencies_ms):.1f}, most {latencies_ms[-1]:.1f} ms"
+    return Row("command to pin, p99, line and firmware alone", p99_ms, "ms", limit=MOST_LATENCY_MS, note=note)
+
+
+def seen_in(log: str) -> list[list[tuple[float, float]]]:
+    """Returns when [s, monotonic] pulses of another width than before began, and their widths, of each channel."""
+    start_s = 0.0
+    pulses: list[list[tuple[float, float]]] = [[] for _ in range(CHANNELS)]
+    for line in log.splitlines():
+        _, what, *values = line.split()
+        if what == "start":
+            start_s = float(values[0])
+        elif what == "pulse":
+            channel, width, rise_us = int(values[0]), float(values[1]), float(values[2])
+            pulses[channel].append((start_s + rise_us * 1e-6, width))
+    return pulses
+
+
+def latencies(sent: list[tuple[float, float]], pulses: list[list[tuple[float, float]]]) -> Iterator[float]:
+    """Yields how long each command took to the first pulse that shows it [ms], at each pin."""
+    for channel in pulses:
+        place = 0
+        for sent_s, width in sent:
+            while place < len(channel) and channel[place][0] < sent_s:
+                place += 1
+            shown = (rise_s for rise_s, seen in channel[place : place + 20] if seen > width - 0.5)
+            if width >= LOWEST_US + SETTLED and (rise_s := next(shown, None)) is not None:
+                yield (rise_s - sent_s) * 1e3
+
+
+if __name__ == "__main__":
+    report(measure)
