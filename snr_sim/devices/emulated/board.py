@@ -111,8 +111,8 @@ class Board:
         if not self._board:
             raise DeviceError(f"simavr cannot run {elf} on an {mcu}.", fix="compile it again: `make` in its folder.")
         self.channels = len(pins) // 2
-        self._until = 0  # cycles
-        self._now = 0
+        self._until_us = 0.0
+        self._now = 0  # cycles
         self._bytes = ctypes.create_string_buffer(_ROOM)
         self._pulses = (_Pulse * _PULSES)()
         self._pins = (_Pin * self.channels)()
@@ -124,7 +124,7 @@ class Board:
 
     def run_us(self, us: float) -> None:
         """Lets time pass. What an instruction took too long is taken off the next time: nothing adds up."""
-        self.run_until_us((self._until / _CYCLES_PER_US) + us)
+        self.run_until_us(self._until_us + us)
 
     def run_until_us(self, us: float) -> None:
         """Lets time pass until so long after power on; does nothing if that is over.
@@ -132,9 +132,10 @@ class Board:
         Raises:
             DeviceError: the firmware has stopped for good: it slept without interrupts, or did what no program does.
         """
-        self._until = max(self._until, round(us * _CYCLES_PER_US))
-        if self._until > self._now:
-            self._now = self._library.board_run(self._board, self._until)
+        self._until_us = max(self._until_us, us)
+        until = round(self._until_us * _CYCLES_PER_US)
+        if until > self._now:
+            self._now = self._library.board_run(self._board, until)
             if self._now == 0:
                 raise DeviceError(
                     "The emulated firmware has come to a halt.", fix="look what it did last: board.uart_out()."

@@ -1,0 +1,119 @@
+"""The firmware on emulated microcontrollers: how much faster than real time, how exact at the pins, how soon neutral.
+
+Run by `snr bench firmware`, or by itself: python tests/bench/bench_firmware.py [--quick] [--json]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from harness import Row, compare, report
+
+from snr_sim.devices.emulated.board import PINS, Board
+from snr_sim.devices.emulated.toolchain import firmware_elf
+from snr_sim.devices.wire.mcu_frames import McuFrames, encode
+from snr_sim.devices.wire.mcu_messages import Arm, Hello, SetWidths, Telemetry
+
+FIRMWARE = Path(__file__).parents[2] / "robots" / "urov" / "firmware"
+SESSION, CHANNELS = 1, 8
+TICK_US = 10_000
+LEAST_SPEED = 20.0
+NEUTRAL_WITHIN_MS = 250.0
+
+
+class Driven:
+    """A board that is sent eight new widths every 10 ms, and whose telemetry is read."""
+
+    def __init__(self, mcu: str) -> None:
+        self.board = Board(firmware_elf(FIRMWARE, mcu), mcu)
+        self.frames = McuFrames()
+        self.ticks = 0
+        self.told = 0
+        self.board.run_us(1.6e6)
+        self.board.uart_in(b"\0" + encode(Hello(SESSION)))
+        self.tick([1500.0] * CHANNELS)
+        self.board.uart_in(encode(Arm(SESSION)))
+        self.tick([1500.0] * CHANNELS)
+
+    def tick(self, widths_us: list[float]) -> None:
+        self.ticks += 1
+        stamp_ms = self.ticks * TICK_US // 1000
+        self.board.uart_in(encode(SetWidths(SESSION, self.ticks % 65536, stamp_ms, 0, 200, tuple(widths_us))))
+        self.board.run_us(TICK_US)
+        self.told += sum(isinstance(message, Telemetry) for message in self.frames.feed(self.board.uart_out()))
+        self.board.pins()
+
+    def wave(self, ticks: int) -> None:
+        for i in range(ticks):
+            self.tick([1300.0 + (7 * i + 31 * channel) % 400 for channel in range(CHANNELS)])
+
+
+def measure(is_quick: bool) -> Iterator[Row]:
+    """Yields the rows of each microcontroller."""
+    ticks, rounds = (200, 2) if is_quick else (1000, 5)
+    for mcu in PINS:
+        yield speed(mcu, ticks, rounds)
+        yield exactness(mcu, ticks)
+        yield lease(mcu)
+
+
+def speed(mcu: str, ticks: int, rounds: int) -> Row:
+    """Emulated seconds per second of CPU time; beside it without commands, and so without work."""
+    driven = Driven(mcu)
+
+    def idle() -> Callable[[], Any]:
+        return lambda: driven.board.run_us(ticks * TICK_US)
+
+    def busy() -> Callable[[], Any]:
+        return lambda: driven.wave(ticks)
+
+    found = compare(idle, busy, rounds=rounds)
+    seconds = ticks * TICK_US * 1e-6
+    return Row(
+        f"{mcu} in lock step: 8 channels, 100 commands and telemetries a second",
+        seconds / found.shortest_s[1],
+        "x real time",
+        limit=LEAST_SPEED,
+        more_is_better=True,
+        baseline=seconds / found.shortest_s[0],
+        compared_to="nothing to do but pulses",
+        note="CPU time, Python and all",
+    )
+
+
+def exactness(mcu: str, ticks: int) -> Row:
+    """The worst width of any pulse while commands and telemetry go on."""
+    wanted_us = [1500.0, 1100.0, 1900.0, 1234.0, 1501.0, 1500.5, 1700.0, 1299.5]
+    driven = Driven(mcu)
+    for _ in range(30):
+        driven.tick(wanted_us)
+    driven.board.pulses()
+    for _ in range(ticks):
+        driven.tick(wanted_us)
+    pulses = driven.board.pulses()
+    worst_us = max(abs(pulse.width_us - wanted_us[pulse.channel]) for pulse in pulses)
+    return Row(f"{mcu}: worst width at a pin, of {len(pulses)} pulses", worst_us, "us", limit=1.0)
+
+
+def lease(mcu: str) -> Row:
+    """From the last command at full thrust to the first neutral pulse of the last channel."""
+    worst_ms = 0.0
+    for shift_us in range(0, 8000, 500):  # over all phases of the pulses' period
+        driven = Driven(mcu)
+        for _ in range(30):
+            driven.tick([1900.0] * CHANNELS)
+        driven.board.run_us(shift_us)
+        driven.tick([1900.0] * CHANNELS)
+        end_us = driven.board.now_us - TICK_US
+        driven.board.pulses()
+        driven.board.run_us(400_000)
+        driven_us = {pulse.channel: pulse.rise_us for pulse in driven.board.pulses() if pulse.width_us > 1501.0}
+        worst_ms = max(worst_ms, (max(driven_us.values()) + 8000 - end_us) / 1000)
+        driven.board.close()
+    return Row(f"{mcu}: silence of the computer to neutral at each pin", worst_ms, "ms", limit=NEUTRAL_WITHIN_MS)
+
+
+if __name__ == "__main__":
+    report(measure)

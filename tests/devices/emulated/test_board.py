@@ -1,0 +1,128 @@
+"""The emulated board by itself; what its firmware does is in tests/robots/urov_firmware."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from snr_sim.devices.emulated.board import Board
+from snr_sim.devices.emulated.toolchain import firmware_elf
+from snr_sim.devices.wire.mcu_frames import McuFrames, encode
+from snr_sim.devices.wire.mcu_messages import BAUD, Hello, Ident
+from snr_sim.prelude.errors import DeviceError, ParameterError
+
+FIRMWARE = Path(__file__).parents[3] / "robots" / "urov" / "firmware"
+MCU = "atmega328p"
+BYTE_US = 10e6 / BAUD
+CYCLE_US = 1 / 16
+
+pytestmark = pytest.mark.usefixtures("emulators")
+
+
+@pytest.fixture
+def board(emulators: None) -> Iterator[Board]:
+    with Board(firmware_elf(FIRMWARE, MCU), MCU) as board:
+        yield board
+
+
+def test_time_passes_only_when_it_is_told_to_and_nothing_adds_up(board: Board) -> None:
+    assert board.now_us == 0.0
+    for _ in range(1000):
+        board.run_us(33.3)
+    assert board.now_us == pytest.approx(33_300, abs=4 * CYCLE_US)
+    before_us = board.now_us
+    board.run_until_us(10.0)
+    assert board.now_us == before_us
+
+
+def test_bytes_take_as_long_as_the_line_needs_for_them(board: Board) -> None:
+    board.run_us(1000)
+    data = b"\0" + encode(Hello(1))
+    assert board.uart_in(data) == len(data)
+    board.run_us(BYTE_US * (len(data) - 2))
+    assert board.waiting > 0
+    board.run_us(BYTE_US * 3)
+    assert board.waiting == 0
+
+
+def test_an_answer_comes_byte_by_byte(board: Board) -> None:
+    board.run_us(1000)
+    board.uart_in(encode(Hello(1)))
+    frames, steps = McuFrames(), 0
+    while not (heard := frames.feed(board.uart_out())):
+        board.run_us(BYTE_US)
+        steps += 1
+    assert isinstance(heard[0], Ident)
+    assert 8 + 60 <= steps <= 85  # simavr's UART takes a tenth longer for a byte than silicon
+
+
+def test_more_bytes_than_the_line_holds_are_not_taken(board: Board) -> None:
+    assert board.uart_in(b"\0" * 70_000) == 65_536
+    assert board.uart_in(b"\0") == 0
+
+
+def test_pins_and_pulses_tell_the_same(board: Board) -> None:
+    board.run_us(50_000)
+    pulses = board.pulses()
+    assert board.pulses() == []
+    for channel, pin in enumerate(board.pins()):
+        mine = [pulse for pulse in pulses if pulse.channel == channel]
+        assert pin.pulses == len(mine) > 4
+        assert pin.width_us == mine[-1].width_us
+        assert pin.rise_us >= mine[-1].rise_us
+
+
+def test_pulses_that_nobody_fetches_are_forgotten_from_the_oldest_on(board: Board) -> None:
+    board.run_us(20e6)
+    pulses = board.pulses()
+    assert len(pulses) == 16_384
+    assert pulses[-1].rise_us > 19.9e6
+
+
+def test_before_it_has_begun_no_pin_had_a_pulse(board: Board) -> None:
+    assert [tuple(pin) for pin in board.pins()] == [(0.0, 0.0, 0)] * 8
+
+
+def test_two_boards_do_not_know_of_each_other(board: Board) -> None:
+    with Board(firmware_elf(FIRMWARE, "atmega2560"), "atmega2560") as other:
+        board.run_us(10_000)
+        board.reset()
+        board.run_us(10_000)
+        assert (board.resets, other.resets, other.now_us) == (1, 0, 0.0)
+        other.run_us(30_000)
+        assert other.pins()[0].pulses == 3
+
+
+def test_many_boards_one_after_the_other_leave_room(emulators: None) -> None:
+    elf = firmware_elf(FIRMWARE, MCU)
+    for _ in range(100):
+        board = Board(elf, MCU)
+        board.close()
+        board.close()
+
+
+def test_firmware_that_stops_for_good_is_told(tmp_path: Path) -> None:
+    folder = tmp_path / "firmware"
+    folder.mkdir()
+    (folder / "Makefile").write_text(
+        (FIRMWARE / "Makefile").read_text().replace("FILES = esc.c frames.c", "FILES = esc.c")
+    )
+    for name in ("frames.h", "pulses.h"):
+        (folder / name).write_text("")
+    (folder / "pulses_328p.c").write_text("")
+    sleeps = "#include <avr/interrupt.h>\n#include <avr/sleep.h>\nint main(void) { cli(); sleep_mode(); for (;;) {} }\n"
+    (folder / "esc.c").write_text(sleeps)
+    with Board(firmware_elf(folder, MCU), MCU) as board, pytest.raises(DeviceError, match="halt"):
+        board.run_us(1000)
+
+
+def test_a_file_that_is_no_firmware_is_told(tmp_path: Path) -> None:
+    file = tmp_path / "no.elf"
+    file.write_text("no")
+    with pytest.raises(DeviceError, match=r"cannot run .*no\.elf on an atmega328p"):
+        Board(file, MCU)
+
+
+def test_another_microcontroller_is_told_with_the_nearest_there_is(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="did you mean 'atmega328p'"):
+        Board(tmp_path, "atmega328")

@@ -1,0 +1,70 @@
+"""What the emulator is made with, and words for what is not there."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from snr_sim.devices.emulated import toolchain
+from snr_sim.devices.emulated.toolchain import ToolsMissing, firmware_elf, require_tools, runner_library
+from snr_sim.prelude.errors import DeviceError
+
+FIRMWARE = Path(__file__).parents[3] / "robots" / "urov" / "firmware"
+MCU = "atmega328p"
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    return tmp_path / "snr_sim" / "emulated"
+
+
+@pytest.mark.usefixtures("cache")
+def test_without_a_compiler_it_says_which_one_and_the_command_that_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "")
+    for ask in (require_tools, runner_library, lambda: firmware_elf(FIRMWARE, MCU)):
+        with pytest.raises(ToolsMissing, match=r"avr-gcc") as caught:
+            ask()
+        assert "sudo apt install" in str(caught.value)
+        assert "gcc-avr" in str(caught.value)
+
+
+@pytest.mark.usefixtures("cache")
+def test_without_simavr_it_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(toolchain, "_INCLUDE", (tmp_path,))
+    with pytest.raises(ToolsMissing, match="simavr's headers"):
+        runner_library()
+
+
+@pytest.mark.usefixtures("emulators")
+def test_what_was_compiled_once_is_not_compiled_again(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = runner_library(), firmware_elf(FIRMWARE, MCU)
+    assert all(path.parent == cache for path in made)
+    monkeypatch.setenv("PATH", "")
+    assert (runner_library(), firmware_elf(FIRMWARE, MCU)) == made
+    assert sorted(path.name for path in cache.iterdir()) == sorted(path.name for path in made)
+
+
+@pytest.mark.usefixtures("emulators", "cache")
+def test_a_change_of_the_firmware_or_its_settings_is_compiled(tmp_path: Path) -> None:
+    folder = tmp_path / "firmware"
+    shutil.copytree(FIRMWARE, folder)
+    first = firmware_elf(folder, MCU)
+    source = folder / "esc.c"
+    source.write_text(source.read_text() + "/* changed */\n")
+    assert len({first, firmware_elf(folder, MCU), firmware_elf(folder, MCU, {"PERIOD_MS": 20})}) == 3
+
+
+@pytest.mark.usefixtures("emulators")
+def test_a_mistake_in_the_firmware_is_told_with_its_line_and_leaves_nothing_behind(tmp_path: Path, cache: Path) -> None:
+    folder = tmp_path / "firmware"
+    shutil.copytree(FIRMWARE, folder)
+    (folder / "esc.c").write_text("int main(void) { return nonsense; }\n")
+    with pytest.raises(DeviceError, match=r"esc\.c:1:.*nonsense"):
+        firmware_elf(folder, MCU)
+    assert list(cache.iterdir()) == []
+
+
+def test_a_folder_without_firmware_is_told(tmp_path: Path) -> None:
+    with pytest.raises(DeviceError, match="no firmware"):
+        firmware_elf(tmp_path, MCU)
