@@ -6,10 +6,11 @@
 #include <avr/io.h>
 
 #define PERIOD_TICKS (PERIOD_MS * 1000u * TICKS_PER_US)
+#define BEFORE (40 * TICKS_PER_US) /* longer than the other interrupts together take */
 
 static volatile uint16_t *const compare[CHANNELS] = {&OCR3B, &OCR3C, &OCR3A, &OCR4A, &OCR4B, &OCR4C, &OCR1A, &OCR1B};
 
-/* 0.2 ms before the next pulses: hands over the widths. The timers take them when the pulses begin. simavr takes them
+/* A moment before the next pulses: hands over the widths. The timers take them when the pulses begin. simavr takes them
    at once, and so they are not handed over while a pulse is under way. */
 ISR(TIMER1_COMPC_vect) {
     for (uint8_t i = 0; i < CHANNELS; i++)
@@ -21,7 +22,7 @@ void pulses_begin(void) {
     GTCCR = _BV(TSM) | _BV(PSRSYNC); /* the timers stand still until all are set up, then go at once */
     for (uint8_t i = 0; i < CHANNELS; i++)
         *compare[i] = widths[i] - 1;
-    OCR1C = PERIOD_TICKS - 200 * TICKS_PER_US;
+    OCR1C = PERIOD_TICKS - BEFORE;
     ICR1 = ICR3 = ICR4 = PERIOD_TICKS - 1;
     TCNT1 = TCNT3 = TCNT4 = PERIOD_TICKS - 1000 * TICKS_PER_US; /* the first pulses in a millisecond */
     TCCR1A = TCCR3A = TCCR4A = _BV(WGM11);
