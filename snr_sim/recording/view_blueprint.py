@@ -216,7 +216,7 @@ def _follow(rrb: Any, layout: Layout) -> Any:
     return rrb.Spatial3DView(
         name="close-up: the camera follows",
         origin=layout.cameras[0],
-        contents=["+ /**", *(f"- {body}/marker" for body in layout.bodies)],
+        contents=["+ /**", *(f"- {body}/marker" for body in layout.bodies), *_no_images(layout)],
         line_grid=False,
         background=[10, 12, 20],
         eye_controls=rrb.EyeControls3D(
@@ -226,6 +226,11 @@ def _follow(rrb: Any, layout: Layout) -> Any:
             eye_up=[0, 0, 1],
         ),
     )
+
+
+def _no_images(layout: Layout) -> list[str]:
+    """What a camera saw has no place in space: a view in space that is given it complains."""
+    return [f"- {image}" for image in layout.images]
 
 
 def _overview(rrb: Any, layout: Layout, follow_time: bool) -> Any:
@@ -241,7 +246,7 @@ def _overview(rrb: Any, layout: Layout, follow_time: bool) -> Any:
     reach = 1.25 * max(NARROW * wide, *others, 3 * layout.body_size_m)
     return rrb.Spatial3DView(
         name="the whole way",
-        contents=["+ /**", *(f"- {root}/world/arrows/**" for root in layout.roots)],
+        contents=["+ /**", *(f"- {root}/world/arrows/**" for root in layout.roots), *_no_images(layout)],
         line_grid=False,
         background=[10, 12, 20],
         eye_controls=rrb.EyeControls3D(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from snr_sim.recording.view_blueprint import FLAGS, Line, plots
+import pytest
+
+from snr_sim.recording.view_blueprint import FLAGS, Layout, Line, blueprint, plots
 
 
 def line(name: str, unit: str = "m", is_truth: bool = False, plot: str = "") -> Line:
@@ -49,3 +51,17 @@ def test_what_was_always_yes_or_always_no_has_no_line() -> None:
     lines = [line("is armed", "", plot=FLAGS), line("is stopped", "", plot=FLAGS)]
     assert names(lines, ("/is armed",)) == [["is armed"]]
     assert names(lines) == []
+
+
+def test_what_a_camera_saw_is_left_out_of_the_views_in_space() -> None:
+    rrb = pytest.importorskip("rerun.blueprint")
+    layout = Layout("run", bodies=["/world/vehicle"], cameras=["/world/follower"], images=["/urov/pages/camera/rgb"])
+    parts, views = [blueprint(rrb, layout).root_container], []
+    while parts:
+        part = parts.pop()
+        parts += getattr(part, "contents", []) if isinstance(part, rrb.api.Container) else []
+        views += [part] if isinstance(part, rrb.api.View) else []
+    in_space = [view.contents for view in views if isinstance(view, rrb.Spatial3DView)]
+    assert len(in_space) == 2
+    assert all("- /urov/pages/camera/rgb" in contents for contents in in_space)
+    assert [view.origin for view in views if isinstance(view, rrb.Spatial2DView)] == ["/urov/pages/camera/rgb"]
