@@ -1,36 +1,34 @@
-"""The firmware on emulated microcontrollers: how much faster than real time, how exact at the pins, how soon neutral.
+"""The firmware on emulated microcontrollers: how exact at the pins, how soon neutral. All by their time, so of no load.
 
-Run by `snr bench firmware`, or by itself: python tests/bench/bench_firmware.py [--quick] [--json]
+How fast it runs is in bench_hardware.py. Run by `snr bench firmware`, or by itself:
+python tests/bench/bench_firmware.py [--quick] [--json]
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
-from harness import Row, compare, report
+from harness import Row, report
 
 from snr_sim.devices.emulated.board import PINS, Board
-from snr_sim.devices.emulated.toolchain import firmware_elf
-from snr_sim.devices.wire.mcu_frames import McuFrames, encode
-from snr_sim.devices.wire.mcu_messages import Arm, Hello, SetWidths, Telemetry
+from snr_sim.devices.emulated.toolchain import ToolsMissing, firmware_elf, require_tools
+from snr_sim.devices.wire.mcu_frames import encode
+from snr_sim.devices.wire.mcu_messages import Arm, Hello, SetWidths
 
 FIRMWARE = Path(__file__).parents[2] / "robots" / "urov" / "firmware"
 SESSION, CHANNELS = 1, 8
 TICK_US = 10_000
-LEAST_SPEED = 20.0
 NEUTRAL_WITHIN_MS = 250.0
 
 
 class Driven:
-    """A board that is sent eight new widths every 10 ms, and whose telemetry is read."""
+    """A board that is sent eight widths every 10 ms."""
 
     def __init__(self, mcu: str) -> None:
         self.board = Board(firmware_elf(FIRMWARE, mcu), mcu)
-        self.frames = McuFrames()
         self.ticks = 0
-        self.told = 0
         self.board.run_us(1.6e6)
         self.board.uart_in(b"\0" + encode(Hello(SESSION)))
         self.tick([1500.0] * CHANNELS)
@@ -42,45 +40,20 @@ class Driven:
         stamp_ms = self.ticks * TICK_US // 1000
         self.board.uart_in(encode(SetWidths(SESSION, self.ticks % 65536, stamp_ms, 0, 200, tuple(widths_us))))
         self.board.run_us(TICK_US)
-        self.told += sum(isinstance(message, Telemetry) for message in self.frames.feed(self.board.uart_out()))
-        self.board.pins()
-
-    def wave(self, ticks: int) -> None:
-        for i in range(ticks):
-            self.tick([1300.0 + (7 * i + 31 * channel) % 400 for channel in range(CHANNELS)])
+        self.board.uart_out()
 
 
 def measure(is_quick: bool) -> Iterator[Row]:
     """Yields the rows of each microcontroller."""
-    ticks, rounds = (200, 2) if is_quick else (1000, 5)
+    try:
+        require_tools()
+    except ToolsMissing as missing:
+        yield Row("worst width at a pin", math.nan, "us", note=str(missing))
+        return
+    ticks = 200 if is_quick else 1000
     for mcu in PINS:
-        yield speed(mcu, ticks, rounds)
         yield exactness(mcu, ticks)
         yield lease(mcu)
-
-
-def speed(mcu: str, ticks: int, rounds: int) -> Row:
-    """Emulated seconds per second of CPU time; beside it without commands, and so without work."""
-    driven = Driven(mcu)
-
-    def idle() -> Callable[[], Any]:
-        return lambda: driven.board.run_us(ticks * TICK_US)
-
-    def busy() -> Callable[[], Any]:
-        return lambda: driven.wave(ticks)
-
-    found = compare(idle, busy, rounds=rounds)
-    seconds = ticks * TICK_US * 1e-6
-    return Row(
-        f"{mcu} in lock step: 8 channels, 100 commands and telemetries a second",
-        seconds / found.shortest_s[1],
-        "x real time",
-        limit=LEAST_SPEED,
-        more_is_better=True,
-        baseline=seconds / found.shortest_s[0],
-        compared_to="nothing to do but pulses",
-        note="CPU time, Python and all",
-    )
 
 
 def exactness(mcu: str, ticks: int) -> Row:
