@@ -88,7 +88,9 @@ def _confirm(bench: Bench, name: str, io: str) -> None:
 
 def _print_once(bench: Bench, io: str, scenario: str, as_json: bool) -> None:
     if not as_json:
-        _console().print(shown(bench))
+        console = _console()  # takes a while to import: the readings are looked at after it
+        bench.tick()
+        console.print(shown(bench))
         return
     from snr_sim.cli.io_bench import fields_of
     from snr_sim.recording.folder import as_json as json_of
