@@ -61,6 +61,7 @@ class PlantOnBoard:
 
     def _power_up(self) -> None:
         board = self.board = self._open_board()
+        self._connect_battery()  # before it measures for the first time, or that would be 0 V
         board.run_us(self._up_s * 1e6)
         self._pulses_us = None
         self.mcu = McuBoard(
@@ -104,13 +105,17 @@ class PlantOnBoard:
     def step(self, dt_s: float) -> None:
         """Moves both on: the board first, and the plant by the pulses that were at the pins by then."""
         board = self.board
-        if self._power is not None:
-            battery = self.plant.read(self._power)
-            for pin, millivolts in enumerate(self._scale.pins_mv(battery.voltage_v, battery.current_a)):
-                board.set_millivolts(pin, millivolts)
+        self._connect_battery()
         board.run_us(dt_s * 1e6)
         self._obey()
         self.plant.step(dt_s)
+
+    def _connect_battery(self) -> None:
+        """Puts what the plant's battery has now at the pins that measure it."""
+        if self._power is not None:
+            battery = self.plant.read(self._power)
+            for pin, millivolts in enumerate(self._scale.pins_mv(battery.voltage_v, battery.current_a)):
+                self.board.set_millivolts(pin, millivolts)
 
     def _obey(self) -> None:
         pins = self.board.pins()[: self._channels]

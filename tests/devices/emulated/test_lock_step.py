@@ -4,8 +4,10 @@ from typing import Any
 
 import pytest
 
+from snr_sim.devices.mcu import McuPower
 from snr_sim.flight import Flight, Result
 from snr_sim.prelude.errors import PlantError, UnknownName
+from snr_sim.prelude.signals import PowerReading
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.simulation import Request, prepare
 
@@ -36,6 +38,18 @@ def test_thrust_comes_from_the_pulses_at_the_pins_and_not_from_the_command() -> 
     plant.reset(0)
     assert plant.time_s == 0.0
     assert plant.board is not first
+    plant.board.close()
+
+
+def test_the_first_voltage_that_the_board_tells_of_is_that_of_the_battery() -> None:
+    plant: Any = prepare(Request("urov_depth_hold", io="emulated")).plant()
+    power = McuPower(plant.mcu)
+    power.configure()
+    power.activate()
+    reading = power.read()
+    assert isinstance(reading, PowerReading)
+    assert reading.voltage_v == pytest.approx(plant.read("power").voltage_v, abs=0.1)
+    power.close()
     plant.board.close()
 
 
