@@ -167,6 +167,30 @@ class PowerReading(msgspec.Struct, frozen=True):
     stamp_s: float
 
 
+class GpsReading(msgspec.Struct, frozen=True):
+    """What a receiver of satellite navigation tells. None is what it did not tell.
+
+    Args:
+        latitude_deg: north positive.
+        longitude_deg: east positive.
+        altitude_m: over the sea.
+        speed_mps: over ground.
+        course_rad: where it moves to: 0 to the east, positive to the left, as yaw.
+        satellites: that were used.
+        hdop: how badly they stand; below 2 is good.
+        stamp_s: when it was told.
+    """
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float | None
+    speed_mps: float | None
+    course_rad: float | None
+    satellites: int
+    hdop: float | None
+    stamp_s: float
+
+
 class LeakReading(msgspec.Struct, frozen=True):
     """Whether a probe in the hull is wet.
 

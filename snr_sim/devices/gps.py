@@ -1,0 +1,138 @@
+"""A receiver of satellite navigation on a serial port. At the surface only: water stops its signals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from snr_sim.devices.wire.nmea import Course, Fix, NmeaLines
+from snr_sim.devices.wire.serial_port import BytePort
+from snr_sim.prelude.angles import wrap_rad
+from snr_sim.prelude.device import Stale
+from snr_sim.prelude.errors import DeviceError, SensorLost
+from snr_sim.prelude.life_cycle import LifeCycle
+from snr_sim.prelude.signals import GpsReading
+
+BAUD = 9600
+FRESH_S = 2.5  # most receivers tell once a second
+RETRY_EVERY_S = 1.0
+_SHOWN = 16
+
+
+class Gps(LifeCycle):
+    """The receiver. Keeps the promise of Sensor; reads `GpsReading`, and is stale without a fix.
+
+    Args:
+        open_port: opens the port.
+        now_s: the clock that readings are stamped by, when they come in.
+    """
+
+    def __init__(self, open_port: Callable[[], BytePort], now_s: Callable[[], float]) -> None:
+        self.title = "The receiver"
+        self._open_port, self._now_s = open_port, now_s
+        self._port: BytePort | None = None
+        self._lines = NmeaLines()
+        self._course: Course | None = None
+        self._newest: GpsReading | None = None
+        self._heard = 0
+        self._last = b""
+        self._quality: int | None = None
+        self._retry_s = 0.0
+
+    def counts(self) -> dict[str, int]:
+        """Returns what came: 'bytes', 'sentences', 'checksum_errors', 'garbage'."""
+        lines = self._lines
+        return {
+            "bytes": self._heard,
+            "sentences": lines.sentences,
+            "checksum_errors": lines.checksum_errors,
+            "garbage": lines.garbage,
+        }
+
+    def on_configure(self) -> None:
+        """Opens the port. Whether a receiver is there shows when it speaks.
+
+        Raises:
+            DeviceError: there is no such port, it is busy, or we may not.
+        """
+        self.on_close()
+        self._port = self._open_port()
+        self.title = f"The receiver on {self._port.name}"
+        self._lines, self._heard, self._last, self._quality = NmeaLines(), 0, b"", None
+
+    def read(self) -> GpsReading | Stale:
+        """Returns the newest fix.
+
+        Raises:
+            SensorLost: it was closed.
+        """
+        if self.state == "closed":
+            raise SensorLost(f"{self.title} was closed.")
+        newest = self._newest
+        try:
+            if self.state == "error" and self._now_s() >= self._retry_s:
+                self._retry_s = self._now_s() + RETRY_EVERY_S
+                self.configure()
+                self.activate()
+            if self.state == "active":
+                self._hear()
+        except DeviceError as error:
+            self.fail(error.message)
+        if self.state != "active":
+            why = f"{self.title} is {self.state}: {self.why}" if self.why else f"{self.title} is {self.state}."
+            return Stale(why, newest.stamp_s if newest else None)
+        newest = self._newest
+        if newest is not None and self._now_s() <= newest.stamp_s + FRESH_S:
+            return newest
+        return Stale(self._why_none(), newest.stamp_s if newest else None)
+
+    def on_close(self) -> None:
+        """Lets go of the port."""
+        port, self._port = self._port, None
+        if port is not None:
+            port.close()
+
+    def _hear(self) -> None:
+        data = self._port.read() if self._port is not None else b""
+        self._heard += len(data)
+        self._last = (self._last + data)[-_SHOWN:]
+        for sentence in self._lines.feed(data):
+            if isinstance(sentence, Course):
+                self._course = sentence
+            else:
+                self._take(sentence)
+
+    def _take(self, fix: Fix) -> None:
+        self._quality = fix.quality
+        if fix.quality == 0 or fix.latitude_deg is None or fix.longitude_deg is None:
+            return
+        course = self._course
+        is_of_it = course is not None and course.is_valid and course.time_s == fix.time_s
+        self._newest = GpsReading(
+            latitude_deg=fix.latitude_deg,
+            longitude_deg=fix.longitude_deg,
+            altitude_m=fix.altitude_m,
+            speed_mps=course.speed_mps if course is not None and is_of_it else None,
+            course_rad=_course_rad(course.course_deg) if course is not None and is_of_it else None,
+            satellites=fix.satellites,
+            hdop=fix.hdop,
+            stamp_s=self._now_s(),
+        )
+
+    def _why_none(self) -> str:
+        lines = self._lines
+        if self._heard == 0:
+            return f"{self.title} says nothing: 0 bytes. Is its TX at our RX, and does it have power?"
+        if lines.sentences == 0:
+            return (
+                f"{self.title} says {self._heard} bytes that are no NMEA, such as {self._last.hex(' ')}: "
+                "another baud rate (receivers have 9600 or 38400), or another device."
+            )
+        if self._quality == 0:
+            return f"{self.title} has no fix: it needs the open sky, for a minute when it is cold."
+        return f"{self.title} has stopped telling where it is."
+
+
+def _course_rad(course_deg: float | None) -> float | None:
+    """Returns a course, clockwise from north, as our yaw: from east, positive to the left."""
+    return None if course_deg is None else wrap_rad(math.radians(90.0 - course_deg))

@@ -1,0 +1,183 @@
+"""NMEA 0183: the lines of text that receivers of satellite navigation say once a second. Bytes in, sentences out.
+
+    $GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47
+     talker and type, fields between commas, the exclusive or of all between $ and * in two hexadecimal digits
+
+Whatever else is on the line is counted and skipped: a wrong baud rate, another device, half a sentence.
+
+Source: NMEA 0183, as the receivers' makers describe it (u-blox, "Receiver Description", NMEA protocol).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import reduce
+from operator import xor
+
+import msgspec
+
+MOST_BYTES = 120  # of a line: 82 by the standard, and some receivers say more
+KNOTS_TO_MPS = 1852.0 / 3600.0
+
+
+class Fix(msgspec.Struct, frozen=True):
+    """A sentence GGA: where it is.
+
+    Args:
+        time_s: of day, UTC; None before it knows.
+        latitude_deg: north positive; None without a fix.
+        longitude_deg: east positive; None without a fix.
+        quality: 0 none, 1 satellites, 2 with corrections, 4 and 5 with those of a base nearby.
+        satellites: that are used.
+        hdop: how badly they stand: below 2 is good; None if not told.
+        altitude_m: over the sea; None if not told.
+    """
+
+    time_s: float | None
+    latitude_deg: float | None
+    longitude_deg: float | None
+    quality: int
+    satellites: int
+    hdop: float | None
+    altitude_m: float | None
+
+
+class Course(msgspec.Struct, frozen=True):
+    """A sentence RMC: where it goes.
+
+    Args:
+        time_s: of day, UTC; None before it knows.
+        is_valid: whether it has a fix.
+        latitude_deg: north positive; None without a fix.
+        longitude_deg: east positive; None without a fix.
+        speed_mps: over ground; None if not told.
+        course_deg: clockwise from north; None if not told, as at rest.
+        date: ddmmyy, as it comes; empty before it knows.
+    """
+
+    time_s: float | None
+    is_valid: bool
+    latitude_deg: float | None
+    longitude_deg: float | None
+    speed_mps: float | None
+    course_deg: float | None
+    date: str
+
+
+class NmeaLines:
+    """Bytes in, sentences out. Never raises, never grows.
+
+    Attributes:
+        sentences: that were whole.
+        unread: whole ones of types that are not read here.
+        checksum_errors: lines with another check sum than they carry.
+        garbage: lines that are no sentence, or too long.
+    """
+
+    def __init__(self) -> None:
+        self.sentences = self.unread = self.checksum_errors = self.garbage = 0
+        self._rest = b""
+        self._skips = False  # inside a line that is too long
+
+    def feed(self, data: bytes) -> list[Fix | Course]:
+        """Takes bytes as they come; returns the sentences that are complete and of use.
+
+        >>> lines = NmeaLines()
+        >>> len(lines.feed(b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\\r\\n"))
+        1
+        """
+        found: list[Fix | Course] = []
+        *lines, rest = data.split(b"\n")
+        for line in lines:
+            whole, self._rest = self._rest + line, b""
+            if self._skips or len(whole) > MOST_BYTES:
+                self.garbage += 1
+                self._skips = False
+            elif (sentence := self._sentence(whole.strip())) is not None:
+                found.append(sentence)
+        self._rest += rest
+        if len(self._rest) > MOST_BYTES:
+            self._rest, self._skips = b"", True
+        return found
+
+    def _sentence(self, line: bytes) -> Fix | Course | None:
+        if not line:
+            return None
+        body, star, told = line[1:].partition(b"*")
+        if not line.startswith(b"$") or not star or len(told) != 2 or not line.isascii():
+            self.garbage += 1
+            return None
+        if told.upper() != b"%02X" % checksum(body):
+            self.checksum_errors += 1
+            return None
+        fields = body.decode("ascii").split(",")
+        read = _READERS.get(fields[0][2:])
+        if read is None:
+            self.sentences += 1
+            self.unread += 1
+            return None
+        try:
+            sentence = read(fields)
+        except (ValueError, IndexError):
+            self.garbage += 1
+            return None
+        self.sentences += 1
+        return sentence
+
+
+def checksum(body: bytes) -> int:
+    """Returns the check sum of what stands between $ and *.
+
+    >>> f"{checksum(b'GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,'):02X}"
+    '47'
+    """
+    return reduce(xor, body, 0)
+
+
+def _fix(f: list[str]) -> Fix:
+    return Fix(
+        _time_s(f[1]), _angle_deg(f[2], f[3], "NS"), _angle_deg(f[4], f[5], "EW"), int(f[6]), int(f[7] or 0),
+        _number(f[8]), _number(f[9]),
+    )  # fmt: skip
+
+
+def _course(f: list[str]) -> Course:
+    knots = _number(f[7])
+    return Course(
+        _time_s(f[1]), f[2] == "A", _angle_deg(f[3], f[4], "NS"), _angle_deg(f[5], f[6], "EW"),
+        None if knots is None else knots * KNOTS_TO_MPS, _number(f[8]), f[9],
+    )  # fmt: skip
+
+
+_READERS: dict[str, Callable[[list[str]], Fix | Course]] = {"GGA": _fix, "RMC": _course}
+
+
+def _number(text: str) -> float | None:
+    if not text:
+        return None
+    if not set(text) <= set("0123456789.-"):  # Python's float would take "nan" and "1_0"
+        raise ValueError(text)
+    return float(text)
+
+
+def _time_s(text: str) -> float | None:
+    if not text:
+        return None
+    seconds = _number(text[4:])
+    if seconds is None or not (text[:4].isdecimal() and int(text[:2]) < 24 and int(text[2:4]) < 60 and seconds < 61.0):
+        raise ValueError(text)
+    return int(text[:2]) * 3600 + int(text[2:4]) * 60 + seconds
+
+
+def _angle_deg(text: str, side: str, sides: str) -> float | None:
+    """Returns degrees of ddmm.mmmm, or dddmm.mmmm, and a letter."""
+    if not text:
+        return None
+    whole, _, part = text.partition(".")
+    minutes = _number(f"{whole[-2:]}.{part or 0}")
+    if minutes is None or side not in sides or not side or not whole.isdecimal() or len(whole) < 3 or minutes >= 60.0:
+        raise ValueError(text)
+    degrees = int(whole[:-2]) + minutes / 60.0
+    if degrees > (90.0 if sides == "NS" else 180.0):
+        raise ValueError(text)
+    return degrees if side == sides[0] else -degrees

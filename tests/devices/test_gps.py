@@ -1,0 +1,132 @@
+"""The receiver, with a text for the sky."""
+
+import math
+
+import pytest
+
+from snr_sim.devices.gps import Gps
+from snr_sim.devices.wire.nmea import checksum
+from snr_sim.prelude.device import Stale
+from snr_sim.prelude.errors import DeviceError
+from snr_sim.prelude.signals import GpsReading
+from snr_sim.testing.contracts import check_sensor
+
+GGA = "GPGGA,{time},4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,"
+RMC = "GPRMC,{time},A,4807.038,N,01131.000,E,010.0,090.0,230394,003.1,W"
+
+
+def line(body: str, time: str = "123519") -> bytes:
+    body = body.format(time=time)
+    return f"${body}*{checksum(body.encode()):02X}\r\n".encode()
+
+
+class Receiver:
+    """The far end of the cable."""
+
+    name = "/dev/ttyS0"
+
+    def __init__(self) -> None:
+        self.says = b""
+        self.is_plugged = True
+        self.time_s = 0.0
+
+    def open(self) -> "Receiver":
+        self._check()
+        return self
+
+    def gps(self) -> Gps:
+        return Gps(self.open, lambda: self.time_s)
+
+    def started(self) -> Gps:
+        gps = self.gps()
+        gps.configure()
+        gps.activate()
+        return gps
+
+    def write(self, data: bytes) -> None:
+        self._check()
+
+    def read(self) -> bytes:
+        self._check()
+        said, self.says = self.says, b""
+        return said
+
+    def wait(self, seconds: float) -> bool:
+        return bool(self.says)
+
+    def close(self) -> None:
+        pass
+
+    def _check(self) -> None:
+        if not self.is_plugged:
+            raise DeviceError("/dev/ttyS0 is gone: [Errno 5] Input/output error.", fix="is the cable in?")
+
+
+def stale(reading: object) -> str:
+    assert isinstance(reading, Stale), reading
+    return reading.why
+
+
+def test_it_keeps_the_promise_of_sensors() -> None:
+    def opened() -> Gps:
+        receiver = Receiver()
+        receiver.says = line(GGA)
+        return receiver.gps()
+
+    check_sensor(opened)
+
+
+def test_place_speed_and_course_of_one_moment_are_one_reading() -> None:
+    receiver = Receiver()
+    gps = receiver.started()
+    receiver.says = line(RMC) + line(GGA)
+    reading = gps.read()
+    assert isinstance(reading, GpsReading)
+    assert reading.latitude_deg == pytest.approx(48 + 7.038 / 60)
+    assert reading.longitude_deg == pytest.approx(11.5166667)
+    assert reading.speed_mps == pytest.approx(5.14444, abs=1e-4)
+    assert reading.course_rad == pytest.approx(0.0)  # 090 is east
+    receiver.says = line(GGA, "123520")
+    later = gps.read()
+    assert isinstance(later, GpsReading)
+    assert later.speed_mps is None  # it was told of a moment before
+
+
+def test_a_course_to_the_north_is_a_quarter_turn_to_the_left_of_east() -> None:
+    receiver = Receiver()
+    gps = receiver.started()
+    receiver.says = line(RMC.replace("090.0", "000.0")) + line(GGA)
+    reading = gps.read()
+    assert isinstance(reading, GpsReading)
+    assert reading.course_rad == pytest.approx(math.pi / 2)
+
+
+def test_silence_other_bytes_no_fix_and_stopping_are_told_apart() -> None:
+    receiver = Receiver()
+    gps = receiver.started()
+    assert "/dev/ttyS0 says nothing: 0 bytes. Is its TX at our RX" in stale(gps.read())
+    receiver.says = b"\x00\xe6\x98\xf8" * 8
+    why = stale(gps.read())
+    assert "says 32 bytes that are no NMEA, such as 00 e6 98 f8" in why
+    assert "another baud rate" in why
+    receiver.says = b"\n" + line("GPGGA,{time},,,,,0,00,99.99,,,,,,")
+    assert "has no fix: it needs the open sky" in stale(gps.read())
+    receiver.says = line(GGA)
+    assert isinstance(gps.read(), GpsReading)
+    receiver.time_s = 3.0
+    assert "has stopped telling where it is" in stale(gps.read())
+    assert gps.health().counts["garbage"] == 1
+
+
+def test_a_cable_that_is_pulled_and_put_back_is_told_and_read_again() -> None:
+    receiver = Receiver()
+    gps = receiver.started()
+    receiver.says = line(GGA)
+    gps.read()
+    receiver.is_plugged = False
+    assert "/dev/ttyS0 is gone" in stale(gps.read())
+    assert gps.health().state == "error"
+    receiver.is_plugged = True
+    receiver.time_s = 5.0
+    receiver.says = line(GGA)
+    assert isinstance(gps.read(), GpsReading)
