@@ -30,6 +30,7 @@ from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
 from snr_sim.devices.mcu import McuPwm
 from snr_sim.devices.mcu_board import McuBoard
 from snr_sim.devices.mirror import MirrorPwm
+from snr_sim.devices.opening import open_pwm
 from snr_sim.devices.replayed import ReplayedSensor
 from snr_sim.devices.sim_pwm import BenchPwm
 from snr_sim.devices.simulated import SimActuator, SimSensor
@@ -87,6 +88,13 @@ def mcu_servos(rig: Rig) -> BenchPwm:
     return BenchPwm(McuPwm(board, rig.now_s, CHANNELS), rig.plant, "engine", servos(rig).command)
 
 
+def bench_servos(rig: Rig) -> BenchPwm:
+    """Opens real outputs; the simulated module is driven by what they do."""
+    assert rig.plant is not None
+    out = open_pwm(f"{rig.io}:{rig.where}", rig.now_s, CHANNELS)
+    return BenchPwm(out, rig.plant, "engine", servos(rig).command)
+
+
 def emulated_servos(rig: Rig) -> McuPwm:
     """Opens the outputs of the emulated board, over its serial line."""
     assert isinstance(rig.plant, PlantOnBoard)
@@ -124,6 +132,10 @@ DEVICES: dict[str, dict[str, Any]] = {
     "mirror": {**SENSORS, "engine": partial(servo_loop, open_device=mirror_servos), "least_hz": LEAST_HZ},
     "emulated": {**SENSORS, "engine": partial(servo_loop, open_device=emulated_servos), "least_hz": LEAST_HZ},
     "mcu": {**SENSORS, "engine": partial(servo_loop, open_device=mcu_servos), "least_hz": LEAST_HZ},
+    **{
+        kind: {**SENSORS, "engine": partial(servo_loop, open_device=bench_servos), "least_hz": LEAST_HZ}
+        for kind in ("maestro", "pca9685", "sysfs")
+    },
     "replay": {
         **{name: partial(replayed_sensor, name=name) for name in READINGS},
         "engine": partial(servo_loop, open_device=mirror_servos),

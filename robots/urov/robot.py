@@ -31,6 +31,7 @@ from snr_sim.devices.loops import SensorLoopFactory
 from snr_sim.devices.mcu import McuPower, McuPwm
 from snr_sim.devices.mcu_board import McuBoard
 from snr_sim.devices.mirror import MirrorPwm
+from snr_sim.devices.opening import check_table, open_pwm, open_sensor
 from snr_sim.devices.pad import PadLoopFactory
 from snr_sim.devices.pwm_backend import PwmBackend
 from snr_sim.devices.pwm_loop import PwmLoopFactory
@@ -42,7 +43,7 @@ from snr_sim.devices.wire.mcu_messages import BAUD
 from snr_sim.devices.wire.serial_port import SerialPort
 from snr_sim.plants.t200 import LEAST_US, MOST_US
 from snr_sim.prelude.component import Factory
-from snr_sim.prelude.device import LEASE_S
+from snr_sim.prelude.device import LEASE_S, PwmOut
 from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Rig
@@ -70,6 +71,15 @@ OPTIONS = {
 
 FIRMWARE = Path(__file__).parent / "firmware"
 MCU = "atmega328p"
+
+# With --io pi: what is where in the vehicle that you have built. `snr doctor` lists ports and addresses. What is not
+# here is not there: an altitude, a leak probe. "mcu" without a port is the board of the thrusters.
+PI: dict[str, str] = {
+    "pwm": "mcu:/dev/ttyUSB0",
+    "power": "mcu",
+    "depth": "ms5837:1:0x76",
+    "imu": "icm20948:1:0x69",
+}
 
 SENSORS = ("depth", "altitude", "power", "leak", "imu")  # the last one sets off control, so it comes after the others
 READINGS: dict[str, type[msgspec.Struct]] = {
@@ -125,7 +135,8 @@ def mirror_pwm(rig: Rig) -> PwmBackend:
 
 def mcu_board(rig: Rig) -> McuBoard:
     """Returns the microcontroller's board at the port that was named. Its port is opened when a device needs it."""
-    board: McuBoard = rig.share("board", lambda: McuBoard(lambda: SerialPort(rig.where, BAUD), rig.now_s))
+    port = PI["pwm"].removeprefix("mcu:") if rig.io == "pi" else rig.where
+    board: McuBoard = rig.share("board", lambda: McuBoard(lambda: SerialPort(port, BAUD), rig.now_s))
     return board
 
 
@@ -138,6 +149,28 @@ def mcu_pwm(rig: Rig) -> BenchPwm:
 def mcu_power(rig: Rig) -> Any:
     """Opens what measures the battery: that of the simulated vehicle, unless `--option power=board`."""
     return McuPower(mcu_board(rig)) if rig.robot.options.get("power") == "board" else sim_sensor(rig, "power")
+
+
+def bench_pwm(rig: Rig) -> BenchPwm:
+    """Opens real outputs; the simulated vehicle is driven by what they do."""
+    assert rig.plant is not None
+    out = open_pwm(f"{rig.io}:{rig.where}", rig.now_s, thruster_count(rig), (LEAST_US, MOST_US))
+    return BenchPwm(out, rig.plant)
+
+
+def pi_pwm(rig: Rig) -> PwmOut:
+    """Opens the outputs that the table of ports names."""
+    check_table({name: text for name, text in PI.items() if text != "mcu"})
+    if PI["pwm"].startswith("mcu:"):
+        return McuPwm(mcu_board(rig), rig.now_s, thruster_count(rig))
+    return open_pwm(PI["pwm"], rig.now_s, thruster_count(rig), (LEAST_US, MOST_US))
+
+
+def pi_sensor(rig: Rig, name: str) -> Any:
+    """Opens a sensor that the table of ports names."""
+    if PI[name] == "mcu":
+        return McuPower(mcu_board(rig))
+    return open_sensor(PI[name], rig.now_s, getattr(rig.robot.parameters.sensors, name))
 
 
 def emulated_pwm(rig: Rig) -> McuPwm:
@@ -197,6 +230,12 @@ DEVICES: dict[str, dict[str, Callable[[Rig], Any]]] = {
     "mirror": {**SIMULATED, "pwm": mirror_pwm},
     "emulated": {**SIMULATED, "pwm": emulated_pwm, "power": emulated_power},
     "mcu": {**SIMULATED, "pwm": mcu_pwm, "power": mcu_power},
+    **{kind: {**SIMULATED, "pwm": bench_pwm} for kind in ("maestro", "pca9685", "sysfs")},
+    "pi": {
+        **{name: partial(pi_sensor, name=name) for name in PI if name != "pwm"},
+        "pwm": pi_pwm,
+        "hands": hands,
+    },
     "replay": {
         **{name: partial(replayed_sensor, name=name) for name in READINGS},
         "camera": no_camera,
@@ -229,6 +268,7 @@ def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
     sensors = [
         SensorLoopFactory(name, partial(devices[name], rig), parameters.sensors.rates_hz[name], name in ANSWERED)
         for name in SENSORS
+        if name in devices
     ]
     camera = camera_of(rig)
     if camera is not None:

@@ -29,6 +29,13 @@ _WHERE = {
     "replay": "RUN",
     "pi": "",
 }
+REFUSED = {
+    "gpiozero": (
+        "gpiozero's servos are not for speed controllers: on a Raspberry Pi (lgpio) they have steps of 200 us at "
+        "50 Hz. Measured: of 1100 to 1900 us only 1000, 1200, 1400, 1600 and 1800 come out, so neutral, 1500, becomes "
+        "1400, which is reverse thrust, and the lowest is beyond the limit (gpiozero#1209)."
+    ),
+}
 BENCH = ("mcu", "maestro", "pca9685", "sysfs")  # real outputs, and the rest simulated: in real time
 _EXAMPLES = {
     "PORT": "/dev/ttyUSB0",
@@ -60,6 +67,8 @@ def parse_io(text: str) -> Io:
         UnknownName: there is no such kind of devices, or it lacks where they are.
     """
     kind, _, where = text.partition(":")
+    if kind in REFUSED:
+        raise UnknownName(REFUSED[kind], fix="--io mcu:PORT, a microcontroller; or maestro, pca9685, sysfs.")
     if kind not in _WHERE:
         raise UnknownName(f"--io {text}: there are no devices of the kind '{kind}'.", fix=nearest(kind, _WHERE))
     wanted = _WHERE[kind]
@@ -69,4 +78,28 @@ def parse_io(text: str) -> Io:
         )
     if where and not wanted:
         raise UnknownName(f"--io {text}: '{kind}' takes nothing after it, but found ':{where}'.", fix=f"--io {kind}")
+    if wanted == "BUS:ADDR":
+        bus_and_address(where.partition(",")[0])
     return Io(kind, where)
+
+
+def bus_and_address(where: str) -> tuple[int, int]:
+    """Returns the number of an I2C bus and an address on it.
+
+    Raises:
+        UnknownName: it says neither.
+
+    >>> bus_and_address("1:0x40"), bus_and_address("i2c-1:64")
+    ((1, 64), (1, 64))
+    """
+    bus, _, address = where.partition(":")
+    number = bus.removeprefix("/dev/").removeprefix("i2c-")
+    try:
+        at = int(address, 0)
+        if number.isdecimal() and 0x08 <= at <= 0x77:
+            return int(number), at
+    except ValueError:
+        pass
+    raise UnknownName(
+        f"'{where}' is no I2C bus and address.", fix="BUS:ADDR, such as 1:0x40; addresses go from 0x08 to 0x77."
+    )
