@@ -1,0 +1,30 @@
+"""Runs drivers over a real smbus2, where /dev/i2c-1 is not the kernel's; prints what they made of it, as JSON."""
+
+import json
+import time
+
+from snr_sim.devices.ms5837_i2c import Ms5837I2c
+from snr_sim.devices.pca9685 import Pca9685Pwm
+from snr_sim.devices.wire.i2c_bus import I2cBus
+from snr_sim.prelude.errors import DeviceError
+
+
+def main() -> None:
+    out = Pca9685Pwm(lambda: I2cBus(1), 0x40, time.monotonic, 8, is_supervised=True, esc_start_s=0.0)
+    out.configure()
+    out.activate()
+    out.write_us([1500.0] * 8, time.monotonic())
+    applied = out.write_us([1700.0] * 8, time.monotonic())
+    sensor = Ms5837I2c(lambda: I2cBus(1), time.monotonic)
+    sensor.configure()
+    sensor.activate()
+    reading = sensor.read()
+    try:
+        I2cBus(1).read(0x41, 0, 1)
+    except DeviceError as error:
+        missing = error.message
+    print(json.dumps([applied.pulses_us, applied.why, reading.pressure_pa, reading.temperature_c, missing]))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,102 @@
+"""smbus2's real ioctls between our drivers and our parts: umockdev stands where the kernel would.
+
+Needs Debian's umockdev with its Python bindings, which only the system's Python has: that one plays the kernel.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from snr_sim.testing.i2c_parts import FakeBus, Pca9685Part
+from snr_sim.testing.ms5837_part import Ms5837Part
+
+HERE = Path(__file__).parent
+SYSTEM = "/usr/bin/python3"
+NEEDS = "apt-get install --no-install-recommends umockdev gir1.2-umockdev-1.0 python3-gi"
+HAS = "import gi; gi.require_version('UMockdev', '1.0'); from gi.repository import UMockdev"
+
+
+def need_umockdev() -> str:
+    """Returns umockdev-wrapper; skips where it is absent, but not in CI."""
+    wrapper = shutil.which("umockdev-wrapper")
+    has_bindings = Path(SYSTEM).exists() and subprocess.run([SYSTEM, "-c", HAS], capture_output=True).returncode == 0
+    if wrapper is None or not has_bindings:
+        message = f"umockdev is not here: {NEEDS}"
+        if os.environ.get("SNR_REQUIRE_EMULATORS"):
+            raise RuntimeError(message)
+        pytest.skip(message)
+    return wrapper
+
+
+def answer_of(bus: FakeBus, call: list[object]) -> object:
+    """What the parts say to one call: bytes, or the number of an error."""
+    address, what, register, rest = call
+    assert isinstance(address, int)
+    try:
+        if register is None:
+            return [bus.read_byte(address)]
+        assert isinstance(register, int)
+        if what == "read":
+            assert isinstance(rest, int)
+            return bus.read_i2c_block_data(address, register, rest)
+        assert isinstance(rest, list)
+        if rest:
+            bus.write_i2c_block_data(address, register, rest)
+        else:
+            bus.write_byte(address, register)
+    except OSError as error:
+        return error.errno
+    return []
+
+
+@contextmanager
+def kernel_with(bus: FakeBus, tick: Callable[[], None]) -> Iterator[dict[str, str]]:
+    """Has the parts of a bus at /dev/i2c-1 of whoever is started under umockdev-wrapper with this environment."""
+    script = [need_umockdev(), SYSTEM, str(HERE / "i2c_kernel.py")]
+    with subprocess.Popen(script, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as kernel:
+        calls, answers = kernel.stdout, kernel.stdin
+        assert calls is not None
+        assert answers is not None
+
+        def serve() -> None:
+            for line in calls:
+                tick()
+                print(json.dumps(answer_of(bus, json.loads(line))), file=answers, flush=True)
+
+        try:
+            root = json.loads(calls.readline())
+            threading.Thread(target=serve, daemon=True).start()
+            yield {**os.environ, "UMOCKDEV_DIR": root}
+        finally:
+            kernel.terminate()
+
+
+def test_our_drivers_reach_our_parts_through_the_ioctls_of_smbus2() -> None:
+    chip, clock = Pca9685Part(), [0.0]
+    depth = Ms5837Part(lambda: clock[0], pressure_pa=123_456.0, temperature_c=12.34)
+
+    def tick() -> None:
+        clock[0] += 1.0  # whatever was being converted is by now
+
+    with kernel_with(FakeBus({0x40: chip, 0x76: depth}), tick) as environment:
+        told = subprocess.run(
+            [need_umockdev(), sys.executable, str(HERE / "drivers.py")],
+            env=environment,
+            stdout=subprocess.PIPE,
+            text=True,
+            timeout=60.0,
+            check=True,
+        ).stdout
+    pulses_us, why, pressure_pa, temperature_c, missing = json.loads(told)
+    assert why == []
+    assert pulses_us == chip.pins_us(8) == [pytest.approx(1698.2, abs=0.1)] * 8
+    assert (pressure_pa, temperature_c) == (pytest.approx(123_456.0, abs=1.0), pytest.approx(12.34, abs=0.01))
+    assert missing == "Nobody answers at 0x41 on /dev/i2c-1; on that bus there is: 0x40, 0x76."
