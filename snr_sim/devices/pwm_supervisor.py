@@ -18,6 +18,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from multiprocessing.connection import Connection
 
 from snr_sim.devices.wire.child_port import send_all
@@ -106,12 +107,18 @@ def run(line: Connection) -> int:
     """The process: obeys until its line ends."""
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(0))  # to neutral on the way out
     supervisor = Supervisor(time.monotonic)
+    why = "the robot's program has gone without closing them"
     try:
         _serve(line.fileno(), supervisor)
-    except (DeviceError, OSError) as error:  # no message of ours, or nobody to answer to
-        print(f"The supervisor of outputs ends: {error}", file=sys.stderr)
+    except DeviceError as error:
+        why = error.message
+    except OSError:
+        pass  # it went while it was answered
     finally:
-        supervisor.end(time.sleep)
+        supervisor.end(time.sleep)  # before anything is said: nobody may be there to take it
+    if not supervisor.has_closed:
+        with suppress(OSError):
+            print(f"Outputs have gone to neutral: {why}.", file=sys.stderr)
     return 0
 
 
