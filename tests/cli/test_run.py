@@ -136,7 +136,7 @@ WRONG = [
     ((*RUN, "--controller", "/dev/null"), "'/dev/null' is not a file that can be read", "Try: by name, one of: "),
     ((*RUN, "--role", "landr"), "no role 'landr'", "did you mean 'lander'?"),
     ((*RUN, "--engine", "pymnk"), "does not run on engine 'pymnk'", "Try: 'closed_form' is the only one."),
-    ((*RUN, "--io", "pi"), "no devices for --io pi", "Try: one of: emulated, mcu, mirror"),
+    ((*RUN, "--io", "pi"), "no devices for --io pi", "Try: one of: emulated, maestro, mcu, mirror"),
     ((*RUN, "--option", "t_go_s"), "--option t_go_s is not KEY=VALUE", "Try: --option"),
     ((*RUN, "--option", "t_go_s=60"), "--option t_go_s=...: there is no such option here.", "Try: leave it out."),
     (
