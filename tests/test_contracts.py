@@ -36,8 +36,9 @@ class PlantBench:
     def __init__(self, io: str) -> None:
         found = library.find("scenarios", "urov_depth_hold")
         self.scenario, self.robot = load(found)
-        self.plant = self.scenario.plant(1, "mujoco")
+        self.vehicle = self.scenario.plant(1, "mujoco")
         about = Robot(self.scenario.ROBOT, "urov", found.name, "mujoco", self.scenario.parameters(1), {})
+        self.plant = self.robot.dressed(Rig(about, io, 1, self.vehicle))
         self.rig = Rig(about, io, 1, self.plant)
         self.io = io
 
@@ -53,7 +54,7 @@ class PlantBench:
             self.plant.step(self.plant.step_s)
 
     def pins_us(self) -> list[float] | None:
-        return None if self.io == "mirror" else [float(one) for one in self.plant.snapshot().pulses]
+        return None if self.io == "mirror" else [float(one) for one in self.vehicle.snapshot().pulses]
 
     def unplug(self) -> None:
         raise NotImplementedError("no wire")
@@ -108,3 +109,10 @@ def test_actuators_keep_their_promise(found: library.Found, engine: str) -> None
 @pytest.mark.parametrize("io", ["sim", "mirror"])
 def test_outputs_of_pulses_keep_their_promise(io: str) -> None:
     check_pwm_out(PlantBench(io))
+
+
+def test_outputs_and_power_monitor_of_the_emulated_board_keep_their_promise(emulators: None) -> None:
+    bench = PlantBench("emulated")
+    check_pwm_out(bench)
+    check_sensor(lambda: bench.robot.DEVICES["emulated"]["power"](bench.rig))
+    bench.plant.board.close()

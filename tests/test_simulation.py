@@ -121,6 +121,31 @@ def test_a_robot_whose_roles_are_none_is_explained(scenario: Scenario, returned:
 
 
 @pytest.mark.parametrize(
+    ("returned", "said"),
+    [
+        ("5", "robot.py: dressed(rig) returned 5, which is not a plant"),
+        ("None", "returned None, which is not a plant"),
+        ("1 / 0", "ZeroDivisionError"),
+    ],
+)
+def test_a_robot_that_puts_no_plant_in_the_plants_place_is_explained(
+    scenario: Scenario, returned: str, said: str
+) -> None:
+    import shutil
+
+    shutil.copytree(find("robots", "lander").path, "robots/lander")
+    robot = Path("robots/lander/robot.py")
+    text = robot.read_text()
+    kept = "        return rig.plant\n"
+    assert text.count(kept) == 1
+    robot.write_text(text.replace(kept, f"        return {returned}\n"))
+    with pytest.raises(ConfigError) as caught:
+        record("lander_vertical")
+    assert said in str(caught.value)
+    assert not Path("runs").exists()
+
+
+@pytest.mark.parametrize(
     "wrong", [{"engine": "pymnk"}, {"io": "p"}, {"role": "x"}, {"controller": "x"}, {"scenario": "x"}]
 )
 def test_what_is_not_known_is_refused_by_prepare(wrong: dict[str, str]) -> None:

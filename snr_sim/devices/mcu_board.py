@@ -10,14 +10,16 @@ from __future__ import annotations
 import os
 import threading
 import time
+import weakref
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 
 from snr_sim.devices.mcu_greeting import greet
 from snr_sim.devices.wire.mcu_frames import McuFrames, encode
-from snr_sim.devices.wire.mcu_messages import Answer, FromMcu, Ident, Telemetry, ToMcu
+from snr_sim.devices.wire.mcu_messages import Answer, Disarm, FromMcu, Ident, Telemetry, ToMcu
 from snr_sim.devices.wire.serial_port import BytePort
-from snr_sim.prelude.errors import DeviceError
+from snr_sim.prelude.errors import DeviceError, SnrError
 
 PATIENCE_S = 4.0  # for the first answer: opening the port resets most boards, whose boot loaders take up to 2 s
 SILENT_S = 0.25  # without telemetry, which comes every 50 ms at least, somebody has pulled a wire
@@ -61,6 +63,7 @@ class McuBoard:
         self._frames = McuFrames()
         self._news: deque[FromMcu] = deque(maxlen=64)
         self._users: set[int] = set()
+        self._farewell: weakref.finalize[..., McuBoard] | None = None
         self._lock = threading.RLock()
         self._counts = {"crc_errors": 0, "gaps": 0, "frames": 0, "bytes": 0, "reopened": -1}
 
@@ -128,11 +131,13 @@ class McuBoard:
             port, self._port = self._port, None
             self.fault = why
             self._news.clear()
+            if self._farewell is not None:
+                self._farewell.detach()
             if port is not None:
                 port.close()
 
     def counts(self) -> dict[str, int]:
-        """Returns what has been counted: 'bytes', 'frames', 'crc_errors', 'gaps' at this end, and 'reopened'.
+        """Returns what has been counted: 'bytes', 'frames', 'crc_errors', 'gaps' at this end, 'reopened', 'silent_ms'.
 
         'refused_there' are frames that came to the microcontroller damaged.
         """
@@ -144,6 +149,7 @@ class McuBoard:
             "crc_errors": before["crc_errors"] + frames.crc_errors + frames.overlong,
             "gaps": before["gaps"] + frames.gaps,
             "reopened": max(0, before["reopened"]),
+            "silent_ms": int(self.silent_s * 1e3) if self.is_open else 0,
             **there,
         }
 
@@ -157,6 +163,7 @@ class McuBoard:
         try:
             self.ident, after = greet(port, self._frames, self.session, self._patience_s, self._line_s)
             self._port = port
+            self._farewell = weakref.finalize(self, _say_farewell, port, self.session)
             self._heard_s = self._line_s()
             for message in after:
                 self._note(message)
@@ -164,9 +171,8 @@ class McuBoard:
                 port.wait(_FIRST_TELEMETRY_S)
                 self._take(port.read())
         except BaseException as error:
-            self._port = None
-            self.fault = str(error)
-            port.close()
+            self._port = port  # to be let go of in the same way
+            self.lose(str(error))
             raise
 
     def _take(self, data: bytes) -> None:
@@ -186,3 +192,10 @@ class McuBoard:
         if self._port is None:
             raise DeviceError(f"{self.name} is not open: {self.fault}", fix="configure() opens it again.")
         return self._port
+
+
+def _say_farewell(port: BytePort, session: int) -> None:
+    """Disarms at the end of a program that has not closed its devices, or has forgotten them: the lease is longer."""
+    with suppress(SnrError):
+        port.write(encode(Disarm(session)))
+    port.close()

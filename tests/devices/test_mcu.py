@@ -1,5 +1,6 @@
 """Outputs and power monitor on the microcontroller: the real firmware in simavr, over its serial line."""
 
+import gc
 import math
 from collections.abc import Callable
 from typing import Any
@@ -118,12 +119,13 @@ def test_another_program_on_the_line_is_told(bench: Any) -> None:
     pilot = Pilot(bench, out)
     pilot.arm()
     other = bench.open_board(session=500)
-    other.open(None)
+    other.open(other)
     applied = pilot.hold(AHEAD, 0.2)
     assert LOST in applied.why
     assert "another program has greeted the microcontroller" in out.health().why
     assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
     out.close()
+    other.leave(other)
 
 
 def test_an_emergency_stop_holds_until_it_is_cleared(bench: Any) -> None:
@@ -157,6 +159,18 @@ def test_a_silent_board_is_lost_though_its_port_is_open(bench: Any, monkeypatch:
     assert LOST in pilot.hold(STILL, 0.4).why
     assert "no telemetry for 0." in out.health().why
     out.close()
+
+
+def test_outputs_that_a_program_forgot_are_neutral_within_a_frame(bench: Any) -> None:
+    """Nobody closed them: not in 200 ms, when the lease is over, but as soon as they are gone (H8)."""
+    out = bench.open()
+    pilot = Pilot(bench, out)
+    pilot.arm()
+    pilot.hold(AHEAD, 0.5)
+    del out, pilot
+    gc.collect()
+    bench.advance(0.02)
+    assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
 
 
 def test_noise_on_the_line_is_counted_and_changes_nothing(bench: Any) -> None:

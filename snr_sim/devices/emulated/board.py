@@ -88,6 +88,13 @@ def _library(path: Path) -> Any:
     return library
 
 
+class _SwitchedOff:
+    """What is called on a board that is off: the library would end the program."""
+
+    def __getattr__(self, name: str) -> Any:
+        raise DeviceError("The emulated board was switched off.", fix="make another Board.")
+
+
 class Board:
     """One microcontroller, from power on.
 
@@ -184,10 +191,10 @@ class Board:
         return int(self._library.board_resets(self._board))
 
     def close(self) -> None:
-        """Switches it off. Safe to call twice; nothing else may be called then."""
+        """Switches it off. Safe to call twice; whatever else is called then raises a DeviceError."""
         if self._board:
             self._library.board_close(self._board)
-            self._board = None
+            self._board, self._library = None, _SwitchedOff()
 
     def __enter__(self) -> Board:
         return self

@@ -4,17 +4,21 @@ from typing import Any
 
 import pytest
 
+from snr_sim.devices.emulated.board import Board
+from snr_sim.devices.emulated.toolchain import ToolsMissing
 from snr_sim.devices.mcu import McuPower
 from snr_sim.flight import Flight, Result
 from snr_sim.prelude.errors import PlantError, UnknownName
 from snr_sim.prelude.signals import PowerReading
+from snr_sim.recording.reader import read_trace
+from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
-from snr_sim.simulation import Request, prepare
+from snr_sim.simulation import Request, prepare, request_of
 
 pytestmark = pytest.mark.usefixtures("emulators")
 
 
-def fly(path: Any, scenario: str = "urov_depth_hold", io: str = "emulated") -> tuple[Result, str]:
+def fly(path: Any, scenario: str, io: str = "emulated") -> tuple[Result, str]:
     simulation = prepare(Request(scenario, io=io))
     plant = simulation.plant()
     config = simulation.config(plant)
@@ -53,23 +57,40 @@ def test_the_first_voltage_that_the_board_tells_of_is_that_of_the_battery() -> N
     plant.board.close()
 
 
-def test_a_depth_is_held_through_the_firmware_and_twice_with_the_same_bits(tmp_path: Any) -> None:
+def test_a_depth_is_held_through_the_firmware(tmp_path: Any) -> None:
+    result, _ = fly(tmp_path, "urov_depth_hold")
+    assert result.error == ""
+    assert result.outcome == "held", result.notes
+    assert result.success
+
+
+def test_the_same_run_has_the_same_bits_and_replays_without_a_board(
+    tmp_path: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()
-    one, first = fly(tmp_path / "a")
-    assert one.error == ""
-    assert one.outcome == "held", one.notes
-    assert one.success
-    other, second = fly(tmp_path / "b")
+    one, first = fly(tmp_path / "a", "lander_pad")
+    other, second = fly(tmp_path / "b", "lander_pad")
     assert (first, one.metrics) == (second, other.metrics)
+    assert one.outcome == "landed", one.notes
+    monkeypatch.setattr(Board, "__init__", lambda *_: pytest.fail("a replay opened a board"))
+    trace = read_trace(tmp_path / "a" / FILE_NAME)
+    simulation = prepare(request_of(trace.opening, trace.header))
+    assert replay_node(trace, "lander", simulation.config(None)).divergences == []
 
 
-@pytest.mark.parametrize("scenario", ["lander_pad", "lander_vertical"])
-def test_a_lander_lands_with_its_engine_at_the_pins(tmp_path: Any, scenario: str) -> None:
-    result, _ = fly(tmp_path, scenario)
+def test_a_plant_that_takes_any_step_lands_with_its_engine_at_the_pins(tmp_path: Any) -> None:
+    result, _ = fly(tmp_path, "lander_vertical")
     assert result.error == ""
     assert result.outcome == "landed", result.notes
     assert [note for note in result.notes if "Outputs" in note] == ["Outputs of 'engine', t = 0.02 s: active."]
+
+
+def test_without_the_emulators_packages_it_says_what_to_install(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(ToolsMissing, match=r"avr-gcc(.|\n)*apt install(.|\n)*gcc-avr"):
+        prepare(Request("urov_depth_hold", io="emulated")).plant()
 
 
 def test_one_role_alone_has_no_emulated_board() -> None:

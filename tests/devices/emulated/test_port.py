@@ -30,3 +30,12 @@ def test_one_that_was_closed_or_takes_no_more_says_so(bench: Any) -> None:
     for use in (port.read, lambda: port.write(b"x"), lambda: port.wait(0.1)):
         with pytest.raises(DeviceError, match="/dev/board was closed"):
             use()
+
+
+def test_a_board_that_was_switched_off_says_so_instead_of_ending_the_program(bench: Any) -> None:
+    port = EmulatedPort(bench.board)
+    bench.board.close()
+    bench.board.close()
+    for use in (port.read, lambda: port.write(b"x"), lambda: bench.board.run_us(1000.0), bench.board.pins):
+        with pytest.raises(DeviceError, match="switched off"):
+            use()
