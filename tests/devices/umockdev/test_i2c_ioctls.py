@@ -20,7 +20,7 @@ from snr_sim.testing.ms5837_part import Ms5837Part
 
 HERE = Path(__file__).parent
 SYSTEM = "/usr/bin/python3"
-NEEDS = "apt-get install --no-install-recommends umockdev gir1.2-umockdev-1.0 python3-gi"
+PACKAGES = "umockdev gir1.2-umockdev-1.0 python3-gi"
 HAS = "import gi; gi.require_version('UMockdev', '1.0'); from gi.repository import UMockdev"
 
 
@@ -29,7 +29,7 @@ def need_umockdev() -> str:
     wrapper = shutil.which("umockdev-wrapper")
     has_bindings = Path(SYSTEM).exists() and subprocess.run([SYSTEM, "-c", HAS], capture_output=True).returncode == 0
     if wrapper is None or not has_bindings:
-        message = f"umockdev is not here: {NEEDS}"
+        message = f"umockdev is not here: apt-get install --no-install-recommends {PACKAGES}"
         if os.environ.get("SNR_REQUIRE_EMULATORS"):
             raise RuntimeError(message)
         pytest.skip(message)
