@@ -6,7 +6,7 @@ import os
 import platform
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 _EXTRAS = {
     "sim": ("pymunk", "gymnasium", "mujoco-core"),
     "view": ("rerun-sdk", "pillow"),
+    "hardware": ("pyserial", "smbus2", "numpy"),
 }
 _LOWEST_PYTHON = (3, 11)
 _ROOM_WANTED_MB = 100
@@ -56,37 +57,50 @@ def doctor(
 def _look(io: Io | None) -> Iterator[Finding]:
     import importlib.metadata  # slow, and `snr --help` does not need it
 
-    version = platform.python_version()
-    yield Finding(sys.version_info >= _LOWEST_PYTHON, f"Python {version} on {platform.platform()}")
-    for extra, packages in _EXTRAS.items():
-        for package in packages:
-            try:
-                yield Finding(True, f"{package} {importlib.metadata.version(package)}")
-            except importlib.metadata.PackageNotFoundError:
-                yield Finding(False, f"{package} is not installed", f"pip install 'snr_sim[{extra}]'")
+    from snr_sim.cli.doctor_hardware import answers, wires
+    from snr_sim.devices.wires_here import Machine
+
+    machine = Machine()
+    python = platform.python_version()
+    yield Finding(sys.version_info >= _LOWEST_PYTHON, f"Python {python} on {platform.platform()}")
+    yield from packages(machine.is_pi, importlib.metadata.version)
     free_mb = shutil.disk_usage(Path.cwd()).free // 2**20
     yield Finding(
         free_mb > _ROOM_WANTED_MB, f"{free_mb} MB free in this folder", "" if free_mb > _ROOM_WANTED_MB else "make room"
     )
     is_writable = os.access(Path.cwd(), os.W_OK)
     yield Finding(is_writable, "runs can be written here" if is_writable else "this folder is read-only: use --out")
-    yield _landing()
-    yield from _wires(io)
-
-
-def _wires(io: Io | None) -> Iterator[Finding]:
-    from snr_sim.cli.doctor_hardware import answers, wires
-    from snr_sim.devices.wires_here import Machine
-
-    found = list(wires(Machine(), io))
+    yield landing(machine.is_pi)
+    found = list(wires(machine, io))
     yield from found
     if io is not None and all(finding.is_well for finding in found):
         yield from answers(io)
 
 
-def _landing() -> Finding:
+def packages(is_pi: bool, version: Callable[[str], str]) -> Iterator[Finding]:
+    """Yields the packages of each extra. A Raspberry Pi needs those for wires, and everybody else those to simulate.
+
+    Args:
+        is_pi: whether this is one.
+        version: returns a package's, or raises PackageNotFoundError.
+    """
+    for extra, names in _EXTRAS.items():
+        is_needed = (extra == "hardware") == is_pi
+        for name in names:
+            try:
+                found = version(name)
+            except ModuleNotFoundError:  # PackageNotFoundError is one
+                if is_needed or is_pi:
+                    yield Finding(not is_needed, f"{name} is not installed", f"pip install 'snr_sim[{extra}]'")
+            else:
+                if is_needed or is_pi:
+                    yield Finding(True, f"{name} {found}")
+
+
+def landing(is_pi: bool) -> Finding:
+    """Returns whether a module lands; a Raspberry Pi may be without the physics."""
     from snr_sim.flight import Flight
-    from snr_sim.prelude.errors import SnrError
+    from snr_sim.prelude.errors import MissingExtra, SnrError
     from snr_sim.simulation import Request, prepare
 
     try:
@@ -94,5 +108,6 @@ def _landing() -> Finding:
         plant = simulation.plant()
         result = Flight(simulation, plant, simulation.config(plant)).run()
     except SnrError as error:
-        return Finding(False, "lander_vertical does not run", str(error))
+        is_well = is_pi and isinstance(error, MissingExtra)
+        return Finding(is_well, f"lander_vertical does not run: {error.message}", error.fix)
     return Finding(result.success, f"lander_vertical, seed 0: {result.outcome}, {result.tasks} tasks")

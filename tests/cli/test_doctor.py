@@ -1,16 +1,19 @@
 """`snr doctor` and wires: nothing is missed that nobody needs, and who is at a port is asked and told."""
 
 from collections.abc import Callable
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import pytest
 
+from snr_sim.cli.doctor import landing, packages
 from snr_sim.cli.doctor_hardware import answers, wires
 from snr_sim.devices.wire.mcu_frames import McuFrames, encode
 from snr_sim.devices.wire.mcu_messages import Fault, Hello, Ident, ResetCause, State, Telemetry
 from snr_sim.devices.wires_here import Machine
+from snr_sim.prelude.errors import MissingExtra
 from snr_sim.prelude.io import parse_io
 
 Snr = Callable[..., Any]
@@ -149,6 +152,37 @@ def test_a_link_to_a_port_is_no_port_that_is_missed(tmp_path: Path) -> None:
 def test_a_raspberry_pi_is_named(tmp_path: Path) -> None:
     (finding,) = wires(machine(tmp_path, [], model="Raspberry Pi 4 Model B Rev 1.4\0"), None)
     assert finding.what == "Raspberry Pi 4 Model B Rev 1.4"
+
+
+def only(*installed: str) -> Callable[[str], str]:
+    def version(name: str) -> str:
+        if name not in installed:
+            raise PackageNotFoundError(name)
+        return "1.0"
+
+    return version
+
+
+def test_a_pi_needs_what_wires_need_and_physics_only_if_somebody_wants_to_simulate() -> None:
+    tags = {one.what.split()[0]: one.tag for one in packages(True, only("pyserial", "numpy"))}
+    assert (tags["pyserial"], tags["smbus2"], tags["pymunk"], tags["rerun-sdk"]) == ("ok", "MISS", "note", "note")
+
+
+def test_a_laptop_needs_the_physics_and_nothing_for_wires() -> None:
+    tags = {one.what.split()[0]: one.tag for one in packages(False, only("pymunk"))}
+    assert (tags["pymunk"], tags["gymnasium"]) == ("ok", "MISS")
+    assert "pyserial" not in tags
+
+
+def test_a_module_that_cannot_land_for_want_of_a_package_is_a_note_on_a_pi_only(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def missing(*given: Any) -> Any:
+        raise MissingExtra("numpy", "sim")
+
+    monkeypatch.setattr("snr_sim.simulation.prepare", missing)
+    assert (landing(True).tag, landing(False).tag) == ("note", "MISS")
+    assert "numpy" in landing(True).what
 
 
 def test_outputs_and_sensors_of_any_choice_are_opened_and_told(snr: Snr) -> None:
