@@ -126,7 +126,7 @@ class Autopilot(Endpoint):
         self.before_s = now_s
         changed, self.rules = rules != self.rules, rules
         self._see(self.get_age_s("depth"))
-        thrusts = self.slew.update(self.thrusts(rules, depth, imu, dt_s), dt_s) if dt_s > 0.0 else self.still
+        thrusts = self.slewed(self.thrusts(rules, depth, imu, dt_s), dt_s) if dt_s > 0.0 else self.still
         pulses = [self.thruster.pulse_us(thrust) for thrust in thrusts]
         answer = [self.store_data_task("pwm", {"pulses_us": pulses}, process=False)]
         if changed or now_s - self.told_s >= TOLD_EVERY_S - 1e-9:
@@ -143,14 +143,18 @@ class Autopilot(Endpoint):
             )
         self.is_blind = is_blind
 
+    def slewed(self, wanted_n: list[float], dt_s: float) -> list[float]:
+        """Returns thrusts on their way to those wanted. To nothing at all there is no way: that is obeyed at once."""
+        if not any(wanted_n):
+            self.slew.reset()
+        return self.slew.update(wanted_n, dt_s)
+
     def thrusts(self, rules: str, depth: DepthReading, imu: ImuReading, dt_s: float) -> list[float]:
         """Returns the thrusts that are wanted now, by whose word counts."""
         is_there = depth.depth_m < NEAR_SURFACE_M and not self.is_blind
         floats = rules == "surface" and not self.guard.is_wet and is_there
         if rules in ("idle", "neutral") or floats:
             self.holds.let_go()
-            if rules == "idle":
-                self.slew.reset()  # at once
             return self.still
         if rules == "pilot":
             controls = self.guard.controls

@@ -50,6 +50,7 @@ from snr_sim.prelude.scenario import Rig
 from snr_sim.prelude.signals import DepthReading, EchoReading, ImuReading, LeakReading, PowerReading
 from snr_sim.std_mods.comms.sockets import SocketsPair
 
+from .deadman import Deadman
 from .display import DisplayFactory
 from .keyboard import Hands
 from .lookout import LookoutFactory
@@ -63,6 +64,7 @@ ROLES = ("urov", "topside")
 PILOTS = ("scripted", "hands")
 OPTIONS = {
     "pilot": "who flies: scripted, or hands (game controller, keyboard)",
+    "deadman": "yes: a game controller's sticks count only while its right trigger is held",
     "camera": "ahead or down: gives the vehicle a camera",
     "host": "where the vehicle listens, when roles run by themselves: 127.0.0.1",
     "port": "and its port there, the same at both ends: 9120",
@@ -120,7 +122,8 @@ def sim_eyes(rig: Rig) -> SimSensor:
 
 def hands(rig: Rig) -> Hands:
     """Opens a game controller, or the keyboard."""
-    return Hands(PygamePad)
+    needs_trigger = rig.robot.options.get("deadman") == "yes"
+    return Hands(lambda: Deadman(PygamePad()) if needs_trigger else PygamePad())
 
 
 def sim_pwm(rig: Rig) -> PwmBackend:
@@ -289,6 +292,9 @@ def _pilot(rig: Rig, parameters: UrovParameters) -> list[Factory]:
     pilot = rig.robot.options.get("pilot", PILOTS[0])
     if pilot not in PILOTS:
         raise UnknownName(f"--option pilot={pilot}: there is no such pilot.", fix=nearest(pilot, PILOTS))
+    deadman = rig.robot.options.get("deadman", "no")
+    if deadman not in ("yes", "no"):
+        raise UnknownName(f"--option deadman={deadman}: it is yes or no.", fix="--option deadman=yes")
     if pilot == "hands":
         hands = PadLoopFactory("pad", partial(DEVICES[rig.io]["hands"], rig), parameters.command_hz)
         return [hands, PadPilotFactory(), DisplayFactory(has_pad=True), LookoutFactory("link_tether")]

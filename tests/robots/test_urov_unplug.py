@@ -1,0 +1,145 @@
+"""From a game controller that SDL takes for a real one, over link and vehicle, to the pulses: and unplugged."""
+
+import importlib
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+pytest.importorskip("pygame", reason="the extra 'pad' is not installed")
+
+from snr_sim import SimRunner, TaskType, library
+from snr_sim.core.clocks import SimClock
+from snr_sim.devices.mirror import MirrorPwm
+from snr_sim.devices.pygame_pad import PygamePad
+from snr_sim.plants.stepping import Stepper
+from snr_sim.prelude.device import Stale
+from snr_sim.prelude.errors import UnknownName
+from snr_sim.prelude.scenario import Rig
+from snr_sim.simulation import Request, prepare
+from snr_sim.testing.contracts import check_sensor
+from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.virtual_pad import VirtualPad
+
+ARM, AHEAD, TRIGGER = 7, 4, 5  # a button and two axes, as of an Xbox controller under Linux
+ARMED_S, PUSHED_S, UNPLUGGED_S, END_S = 1.5, 1.6, 2.5, 3.2
+CONTROL_S = 0.04  # a reading of the inertial unit, and a tick of the outputs
+
+
+@pytest.fixture
+def virtual() -> Iterator[VirtualPad]:
+    pad = VirtualPad()
+    yield pad
+    pad.unplug()
+
+
+class SeenPwm(MirrorPwm):
+    """Outputs that keep what they make, and when."""
+
+    def __init__(self, rig: Rig, made: list[tuple[float, list[float]]]) -> None:
+        super().__init__(rig.now_s, 8)
+        self.made = made
+
+    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
+        self.made.append((self.now_s(), pulses_us))
+        return pulses_us
+
+
+class Dive:
+    """What the vehicle heard and what pulses it made, while something was done to the pad now and then.
+
+    Args:
+        steps: what to do and when, by the surface's clock.
+        options: of the robot.
+    """
+
+    def __init__(self, steps: list[tuple[float, Any]], **options: str) -> None:
+        self.controls: list[tuple[float, dict[str, Any]]] = []
+        self.pulses: list[tuple[float, list[float]]] = []
+        simulation = prepare(Request("urov_teleop", io="mirror", options={"pilot": "hands", **options}))
+        simulation.robot_file.DEVICES["mirror"]["pwm"] = lambda rig: SeenPwm(rig, self.pulses)
+        plant = simulation.plant()
+        config = simulation.config(plant)
+        parameters = simulation.scenario.parameters(0)
+        self.latest_s = 1.0 / parameters.command_hz + parameters.tether.latency_s + parameters.tether.jitter_s
+        left = list(steps)
+
+        def play(loop: Any) -> None:
+            while left and loop.get_time_s() >= left[0][0] - 1e-9:
+                left.pop(0)[1]()
+
+        parts: list[Any] = []
+
+        def hear(task: Any, task_id: Any) -> None:
+            self.controls.append((parts[0].get_time_s(), parts[0].get_data("controls")))
+
+        listener = PartFactory({(TaskType.store_page, "controls"): hear}, begin=parts.append)
+        # Before the pad's loop, so that what is done at a moment is seen in that moment's reading.
+        config.factories["topside"].insert(0, TickerFactory(play, "player"))
+        config.factories["urov"].append(listener)
+        clock = SimClock()
+        clock.follow(Stepper(plant).advance_to)
+        SimRunner(config, clock=clock, until_s=END_S).run()
+
+    def pulses_at(self, time_s: float) -> list[float]:
+        return [pulses for at_s, pulses in self.pulses if at_s <= time_s][-1]
+
+
+def is_still(pulses_us: list[float]) -> bool:
+    return all(pulse == 1500.0 for pulse in pulses_us)
+
+
+def test_a_pad_unplugged_at_full_thrust_leaves_neutral_pulses_within_its_tick_and_the_way_of_one_command(
+    virtual: VirtualPad,
+) -> None:
+    dive = Dive(
+        [
+            (ARMED_S, lambda: virtual.press(ARM)),
+            (PUSHED_S, lambda: virtual.move(AHEAD, -1.0)),
+            (UNPLUGGED_S, virtual.unplug),
+        ]
+    )
+    before = dive.pulses_at(UNPLUGGED_S)
+    assert max(before) > 1700.0
+    assert min(before) < 1300.0
+    let_go_s = next(at_s for at_s, one in dive.controls if at_s > UNPLUGGED_S and one["surge"] == 0.0)
+    assert let_go_s <= UNPLUGGED_S + dive.latest_s
+    assert let_go_s >= UNPLUGGED_S + 0.001, "and not before it was pulled"
+    neutral_s = next(at_s for at_s, pulses in dive.pulses if at_s > UNPLUGGED_S and is_still(pulses))
+    assert neutral_s <= UNPLUGGED_S + dive.latest_s + CONTROL_S
+    assert all(is_still(pulses) for at_s, pulses in dive.pulses if at_s > neutral_s), "and so it stays"
+
+
+def test_with_a_deadmans_trigger_sticks_count_only_while_it_is_held(virtual: VirtualPad) -> None:
+    dive = Dive(
+        [
+            (ARMED_S, lambda: virtual.press(ARM)),
+            (PUSHED_S, lambda: virtual.move(AHEAD, -1.0)),
+            (2.0, lambda: virtual.move(TRIGGER, 1.0)),
+            (UNPLUGGED_S, lambda: virtual.move(TRIGGER, -1.0)),
+        ],
+        deadman="yes",
+    )
+    assert is_still(dive.pulses_at(2.0)), "armed, full ahead, and nobody holds the trigger"
+    assert max(dive.pulses_at(UNPLUGGED_S)) > 1700.0
+    assert is_still(dive.pulses_at(UNPLUGGED_S + dive.latest_s + CONTROL_S))
+    assert dive.controls[-1][1]["is_armed"], "and it is still armed: the trigger is for sticks"
+
+
+def test_a_deadmans_trigger_is_asked_for_with_yes_or_no(virtual: VirtualPad) -> None:
+    with pytest.raises(UnknownName, match="deadman=maybe"):
+        Dive([], deadman="maybe")
+
+
+def test_a_pad_with_a_deadmans_trigger_keeps_the_promise_of_sensors_and_its_buttons_count(virtual: VirtualPad) -> None:
+    deadman = robot_part("deadman")
+    check_sensor(lambda: deadman.Deadman(PygamePad()))
+    virtual.press(ARM)
+    assert deadman.Deadman(PygamePad()).read().buttons[ARM]
+    virtual.unplug()
+    assert isinstance(deadman.Deadman(PygamePad()).read(), Stale)
+
+
+def robot_part(name: str) -> Any:
+    library.load_robot(library.find("robots", "urov"))
+    return importlib.import_module(f"snr_sim_robot_urov.{name}")
