@@ -44,6 +44,11 @@ class PwmBackend(LifeCycle):
         self.applied = AppliedPulses(self.still_us, 0.0, [NOT_ACTIVE])
         self.asks_neutral = False
 
+    def __del__(self) -> None:
+        """Goes to neutral if whoever had it has dropped it: nobody is left who could."""
+        if self.state in self._holding:
+            self.close()
+
     def write_us(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float = LEASE_S) -> AppliedPulses:
         """Asks for pulses; returns what is made of them. Never raises."""
         why: list[str] = []

@@ -12,19 +12,22 @@ import sys
 import time
 from collections.abc import Callable
 
+import snr_sim
+import snr_sim.devices.mcu
+import snr_sim.devices.pca9685
+import snr_sim.devices.pwm_loop
+import snr_sim.devices.sysfs_pwm
+import snr_sim.role_run
+from snr_sim.devices.mirror import MirrorPwm
+from snr_sim.prelude.device import PwmOut
+from snr_sim.testing.pwm_contract import check_pwm_out
+
 PHYSICS = ("mujoco", "pymunk", "gymnasium", "rerun", "pygame")
 NOT_ON_IMPORT = ("numpy", "serial", "smbus2")
 
 
 def imports_without_the_heavy_ones() -> str:
     """`import snr_sim`, and all that wires need, bring neither physics nor arrays."""
-    import snr_sim
-    import snr_sim.devices.loops
-    import snr_sim.devices.mirror
-    import snr_sim.devices.pwm_loop
-    import snr_sim.devices.wire.serial_port
-    import snr_sim.role_run
-
     found = [name for name in (*PHYSICS, *NOT_ON_IMPORT) if name in sys.modules]
     assert not found, f"importing snr_sim and its devices brought {found}"
     return f"snr_sim {snr_sim.__version__}"
@@ -83,12 +86,46 @@ def the_vehicle_is_wired_without_physics() -> str:
     return f"{len(config.get('urov'))} components at the vehicle, {len(thrusts)} thrusters"
 
 
+class MirrorBench:
+    """Outputs that show what they are told, on a clock of their own."""
+
+    can_unplug = False
+
+    def __init__(self) -> None:
+        self.time_s = 0.0
+
+    def open(self) -> PwmOut:
+        return MirrorPwm(self.now_s, 8)
+
+    def now_s(self) -> float:
+        return self.time_s
+
+    def advance(self, seconds: float) -> None:
+        self.time_s += seconds
+
+    def pins_us(self) -> None:
+        return None
+
+    def unplug(self) -> None:
+        pass
+
+    def plug_in(self) -> None:
+        pass
+
+
+def the_mirror_keeps_the_promise_of_outputs() -> str:
+    """The conformance suite, on the backend that tutorials use."""
+    check_pwm_out(MirrorBench())
+    return "all of it"
+
+
 CHECKS: tuple[Callable[[], str], ...] = (
     imports_without_the_heavy_ones,
     has_what_wires_need,
     helps,
     doctor_says_what_is_missing,
     the_vehicle_is_wired_without_physics,
+    the_mirror_keeps_the_promise_of_outputs,
 )
 
 if __name__ == "__main__":
