@@ -63,32 +63,18 @@ static void be_silent(avr_t *avr, const int level, const char *format, va_list r
     (void)avr, (void)level, (void)format, (void)rest;
 }
 
-static void on_reset(avr_t *avr)
-{
-    for (int i = 0; i < 64; i++)
-        if (resetting[i] && resetting[i]->avr == avr) {
-            resetting[i]->was_reset = 1;
-            resetting[i]->resets++;
-            resetting[i]->reset(avr);
-        }
-}
-
 static void sleep_no_longer_than_simulated(avr_t *avr, avr_cycle_count_t cycles)
 {
     (void)avr, (void)cycles;
 }
 
-static void on_pin(struct avr_irq_t *irq, uint32_t value, void *param)
+static void set_level(board_t *board, int channel, int level)
 {
-    struct hook *hook = param;
-    board_t *board = hook->board;
-    pin_t *pin = &board->pin[hook->channel];
-    int level = value & 1;
+    pin_t *pin = &board->pin[channel];
     uint64_t now = board->avr->cycle;
-    (void)irq;
-    if (level == board->level[hook->channel])
+    if (level == board->level[channel])
         return;
-    board->level[hook->channel] = level;
+    board->level[channel] = level;
     if (level) {
         pin->rise = now;
         return;
@@ -97,7 +83,28 @@ static void on_pin(struct avr_irq_t *irq, uint32_t value, void *param)
     pin->count++;
     if (board->log_head - board->log_tail == LOG)
         board->log_tail++;
-    board->log[board->log_head++ % LOG] = (pulse_t){pin->rise, pin->width, hook->channel};
+    board->log[board->log_head++ % LOG] = (pulse_t){pin->rise, pin->width, channel};
+}
+
+static void on_pin(struct avr_irq_t *irq, uint32_t value, void *param)
+{
+    struct hook *hook = param;
+    (void)irq;
+    set_level(hook->board, hook->channel, value & 1);
+}
+
+/* A reset lets go of all pins, and what hangs there pulls them low: it cuts a pulse off. (simavr says nothing of it.) */
+static void on_reset(avr_t *avr)
+{
+    for (int i = 0; i < 64; i++)
+        if (resetting[i] && resetting[i]->avr == avr) {
+            board_t *board = resetting[i];
+            board->was_reset = 1;
+            board->resets++;
+            for (int channel = 0; channel < board->pins; channel++)
+                set_level(board, channel, 0);
+            board->reset(avr);
+        }
 }
 
 static void on_byte_out(struct avr_irq_t *irq, uint32_t value, void *param)

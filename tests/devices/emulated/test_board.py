@@ -93,6 +93,22 @@ def test_two_boards_do_not_know_of_each_other(board: Board) -> None:
         assert other.pins()[0].pulses == 3
 
 
+def test_a_reset_cuts_a_pulse_off(board: Board) -> None:
+    while not board.pins()[0].pulses:
+        board.run_us(100)
+    board.pulses()
+    while board.pins()[0].rise_us + 1500 < board.now_us:
+        board.run_us(100)
+    rise_us, reset_us = board.pins()[0].rise_us, board.now_us
+    board.reset()
+    board.run_us(20_000)
+    cut, *whole = [pulse for pulse in board.pulses() if pulse.channel == 0]
+    assert cut.rise_us == rise_us
+    assert cut.width_us == pytest.approx(reset_us - rise_us, abs=1.0)
+    assert cut.width_us < 200
+    assert all(pulse.width_us == pytest.approx(1500.0, abs=0.5) for pulse in whole)
+
+
 def test_many_boards_one_after_the_other_leave_room(emulators: None) -> None:
     elf = firmware_elf(FIRMWARE, MCU)
     for _ in range(100):
