@@ -19,12 +19,13 @@ def new(
     what: Annotated[str, typer.Argument(help="robot or scenario.")],
     name: Annotated[str, typer.Argument(help="Its name: small letters, digits and _.")],
     source: Annotated[str, typer.Option("--from", help="Which one to copy.")] = "",
+    robot: Annotated[str, typer.Option(help="Of a scenario: which robot it is for, else the one it was for.")] = "",
 ) -> None:
     """Begin a robot or scenario of your own.
 
     Makes a copy of one there is, under the current folder.
     """
-    from snr_sim.library import find
+    from snr_sim.library import find, robot_of_scenario
     from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
 
     if what not in _SOURCES:
@@ -33,24 +34,31 @@ def new(
         raise ParameterError(f"'{name}' is no name for a {what}.", fix="small letters, digits and _, a letter first.")
     kind, default = _SOURCES[what]
     found = find(kind, source or default)
+    if robot:
+        if kind == "robots":
+            raise ParameterError("A robot is for no robot.", fix="--robot is for snr new scenario.")
+        find("robots", robot)
     target = Path(kind) / (name if kind == "robots" else f"{name}.py")
     if target.exists():
         raise ParameterError(f"{target} is there already.", fix="choose another name; nothing was changed.")
     target.parent.mkdir(exist_ok=True)
     if kind == "robots":
         shutil.copytree(found.path, target, ignore=shutil.ignore_patterns("__pycache__"))
-        _rename(target, found.name, name)
+        for path in target.rglob("*.py"):
+            _rename(path, found.name, name)
         print(f"{target}/ is a copy of {found.name}; begin with {target}/robot.py.")
-        print(f'A scenario names its robot: snr new scenario {name}_first, then set ROBOT = "{name}" in it.')
+        print(f"A scenario for it: snr new scenario {name}_first --robot {name}")
     else:
         shutil.copyfile(found.path, target)
+        if robot:
+            _rename(target, robot_of_scenario(found), robot)
         print(f"{target} is a copy of {found.name}; run it: snr run {name}")
 
 
-def _rename(folder: Path, old: str, new_name: str) -> None:
-    """Lets the copy import its own modules, not those of the one it was copied from."""
-    for path in folder.rglob("*.py"):
-        text = path.read_text()
-        renamed = text.replace(f"snr_sim_robot_{old}", f"snr_sim_robot_{new_name}")
-        if renamed != text:
-            path.write_text(renamed)
+def _rename(path: Path, old: str, robot: str) -> None:
+    """Lets a copied file import the modules of this robot and name it, instead of the one it was copied from."""
+    text = path.read_text()
+    renamed = text.replace(f"snr_sim_robot_{old}", f"snr_sim_robot_{robot}")
+    renamed = re.sub(rf'^ROBOT = "{old}"$', f'ROBOT = "{robot}"', renamed, flags=re.MULTILINE)
+    if renamed != text:
+        path.write_text(renamed)

@@ -369,9 +369,8 @@ def test_the_list_names_what_there_is_and_where(snr: Snr, here: Path) -> None:
 
 def test_a_new_robot_and_a_new_scenario_are_copies_that_run(snr: Snr, here: Path) -> None:
     assert snr("new", "robot", "moth").status == 0
-    assert snr("new", "scenario", "moth_first", "--from", "lander_pad").status == 0
-    scenario = here / "scenarios" / "moth_first.py"
-    scenario.write_text(scenario.read_text().replace('ROBOT = "lander"', 'ROBOT = "moth"'))
+    assert snr("new", "scenario", "moth_first", "--from", "lander_pad", "--robot", "moth").status == 0
+    assert "snr_sim_robot_lander" not in (here / "scenarios" / "moth_first.py").read_text()
     fields = snr("run", "moth_first", "--json", "--no-rrd").json
     assert fields["scenario"] == "moth_first"
     header = read_trace(Path(fields["run_dir"]) / FILE_NAME).header
@@ -389,6 +388,8 @@ def test_a_new_robot_and_a_new_scenario_are_copies_that_run(snr: Snr, here: Path
         (("robot", "My Robot"), "no name for a robot"),
         (("robot", "../x"), "no name for a robot"),
         (("robot", "x", "--from", "landr"), "did you mean 'lander'?"),
+        (("robot", "x", "--robot", "lander"), "A robot is for no robot"),
+        (("scenario", "x", "--robot", "landr"), "did you mean 'lander'?"),
         (("scenario", "x", "--from", "lander_verticl"), "did you mean 'lander_vertical'?"),
     ],
 )
