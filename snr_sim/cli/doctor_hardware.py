@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from snr_sim.cli.finding import Finding
-from snr_sim.cli.io_bench import Bench, bench_of
+from snr_sim.cli.io_bench import Bench, bench_of, devices_of
 from snr_sim.devices.mcu_board import McuBoard
 from snr_sim.devices.pwm_backend import STOP_US
 from snr_sim.devices.wire.mcu_messages import BAUD, Fault, Ident, ResetCause, Telemetry
@@ -115,9 +115,7 @@ def _state(ident: Ident, telemetry: Telemetry) -> Iterator[Finding]:
 
 
 def _devices(io: Io) -> Iterator[Finding]:
-    from snr_sim.simulation import Request, prepare
-
-    with bench_of(prepare(Request("urov_depth_hold", io=str(io)))) as bench:
+    with bench_of(devices_of("urov_depth_hold", str(io))) as bench:
         bench.settle()
         yield from _of_bench(bench)
 

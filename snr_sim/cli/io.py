@@ -37,10 +37,9 @@ def io(
 
     Exit status: 0 all devices answer, 1 one does not, 2 the request was wrong.
     """
-    from snr_sim.cli.io_bench import bench_of
+    from snr_sim.cli.io_bench import bench_of, devices_of
     from snr_sim.cli.keys import Keys
     from snr_sim.prelude.errors import ParameterError
-    from snr_sim.simulation import Request, prepare
 
     if as_json and not once:
         raise ParameterError("--json prints one object.", fix="snr io --once --json.")
@@ -49,8 +48,7 @@ def io(
             "--move asks before it moves anything, so it needs a terminal, and time.",
             fix="call it from a terminal, without --once.",
         )
-    simulation = prepare(Request(scenario, io=io))
-    with bench_of(simulation) as bench:
+    with bench_of(devices_of(scenario, io)) as bench:
         if move:
             _confirm(bench, move, io)
         if once:
@@ -88,7 +86,8 @@ def _confirm(bench: Bench, name: str, io: str) -> None:
 
 def _print_once(bench: Bench, io: str, scenario: str, as_json: bool) -> None:
     if not as_json:
-        console = _console()  # takes a while to import: the readings are looked at after it
+        console = _console()
+        shown(bench)  # the first time takes a while, to import: readings are looked at after it
         bench.tick()
         console.print(shown(bench))
         return

@@ -13,6 +13,7 @@ from typing import Any
 
 import msgspec
 
+from snr_sim import library
 from snr_sim.core.clocks import WallClock
 from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
 from snr_sim.devices.nudge import channel_of, nudge_us
@@ -21,8 +22,9 @@ from snr_sim.plants.stepping import Stepper
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.device import Device, Health, PwmOut, Stale
 from snr_sim.prelude.errors import ConfigError, DeviceError, SnrError
-from snr_sim.prelude.signals import AppliedPulses
-from snr_sim.simulation import Simulation
+from snr_sim.prelude.io import parse_io
+from snr_sim.prelude.signals import LOST, AppliedPulses
+from snr_sim.simulation import Request, Simulation, prepare
 
 TICK_S = 0.05
 FIRST_S = 2.0  # how long first readings may take
@@ -192,6 +194,19 @@ class Bench:
             )
 
 
+def devices_of(scenario: str, io: str) -> Simulation:
+    """Returns a scenario, prepared for its robot's devices. With `--io pi` that is the first role: the robot itself.
+
+    Raises:
+        UnknownName, ConfigError: as `prepare` does.
+    """
+    role = None
+    if parse_io(io).kind == "pi":
+        robot = library.robot_of_scenario(library.find("scenarios", scenario))
+        role = library.load_robot(library.find("robots", robot)).ROLES[0]
+    return prepare(Request(scenario, io=io, role=role))
+
+
 def bench_of(simulation: Simulation, clock: Clock | None = None) -> Bench:
     """Returns the bench of a scenario's robot: the devices of the role that drives something.
 
@@ -263,7 +278,7 @@ def fields_of(one: Opened, now_s: float) -> dict[str, Any]:
             "limits_us": list(out.limits_us),
             "resolution_us": out.resolution_us,
             "fails_safe_alone": out.fails_safe_alone,
-            "pulses_us": None if applied is None else applied.pulses_us,
+            "pulses_us": None if applied is None or LOST in applied.why else applied.pulses_us,
             "reasons": [] if applied is None else applied.why,
         }
     reading = None if one.reading is None else msgspec.to_builtins(one.reading)

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim.cli.io_bench import ARMING_S, TICK_S, Bench, fields_of
+from snr_sim.cli.io_bench import ARMING_S, TICK_S, Bench, bench_of, devices_of, fields_of
 from snr_sim.devices.mirror import MirrorPwm
 from snr_sim.devices.nudge import WHOLE_S, nudge_us, top_us
 from snr_sim.prelude.device import Stale
@@ -199,6 +199,22 @@ def test_all_devices_of_a_robot_are_told_as_one_object(snr: Snr, io: str) -> Non
     assert (pwm["state"], pwm["channels"], pwm["pulses_us"]) == ("inactive", 8, [1500.0] * 8)
     assert {one["key"] for one in answer.json["sensors"]} == {"depth", "altitude", "power", "leak", "imu"}
     assert all(one["reading"] and one["age_s"] is not None for one in answer.json["sensors"])
+
+
+def test_with_io_pi_the_devices_are_those_of_the_robots_first_role() -> None:
+    simulation = devices_of("urov_depth_hold", "pi")
+    assert simulation.roles == ["urov"]
+    bench = bench_of(simulation)  # not entered: nothing of this computer's is opened
+    assert not bench.sensors
+
+
+def test_of_outputs_whose_wire_is_gone_no_pulse_is_told(world: World) -> None:
+    world.run(0.1)
+    assert fields_of(world.bench.outputs[0], world.time_s)["pulses_us"] == STILL
+    world.out.fail("/dev/ttyUSB0 is gone.")
+    world.run(0.1)
+    fields = fields_of(world.bench.outputs[0], world.time_s)
+    assert (fields["state"], fields["pulses_us"], fields["reasons"]) == ("error", None, ["lost"])
 
 
 def test_requests_that_make_no_sense_are_refused(snr: Snr) -> None:
