@@ -12,6 +12,9 @@ from dataclasses import dataclass, field
 from numbers import Real
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from snr_sim.prelude.errors import ParameterError
 
 GRAMS = {"grams": 1e-3}
@@ -179,6 +182,30 @@ def check_members(what: str, value: Any, kind: type) -> None:
     odd = value if not isinstance(value, tuple | list) else next((x for x in value if not isinstance(x, kind)), None)
     if odd is not None or value is None:
         raise ParameterError(f"{what} has {shown(odd)} where a {name} is due.", fix=f"give a tuple of {name}(...).")
+
+
+def checked_matrix(what: str, rows: Any, axes: Sequence[str]) -> NDArray[np.float64]:
+    """Returns a symmetric matrix that has a row and a column of finite numbers for each axis.
+
+    Raises:
+        ParameterError: it is none; the message says where.
+    """
+    if isinstance(rows, np.ndarray):
+        rows = rows.tolist()
+    n = len(axes)
+    if not isinstance(rows, list | tuple) or len(rows) != n:
+        raise ParameterError(f"{what} is {shown(rows)}.", fix=f"it is a matrix of {n} x {n}: {', '.join(axes)}.")
+    for axis, row in zip(axes, rows, strict=True):
+        check_vector(f"{what} (row of {axis})", row, axes=axes)
+    matrix = np.array(rows, dtype=float)
+    askew = np.argwhere(~np.isclose(matrix, matrix.T, rtol=1e-9, atol=0.0))
+    if len(askew):
+        i, j = askew[0].tolist()
+        raise ParameterError(
+            f"{what} has {matrix[i, j]:g} at {axes[i]}, {axes[j]}, but {matrix[j, i]:g} at {axes[j]}, {axes[i]}.",
+            fix="it is symmetric.",
+        )
+    return matrix
 
 
 def is_number(value: Any) -> bool:

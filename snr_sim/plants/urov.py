@@ -16,26 +16,23 @@ begin, and the position moves by the new velocity, as MuJoCo's contacts want it.
 
 from __future__ import annotations
 
-import bisect
 import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import numpy as np
-
 from snr_sim.plants.attitude import rotation_of, turned
-from snr_sim.plants.dive import Dive, Leak
+from snr_sim.plants.dive import Dive
 from snr_sim.plants.flotation import Flotation
 from snr_sim.plants.given_world import check_mass, check_world
 from snr_sim.plants.hydrodynamics import AT_REST, Hydrodynamics, in_words
 from snr_sim.plants.mujoco_body import MujocoBody
 from snr_sim.plants.mujoco_engine import MujocoWorld
-from snr_sim.plants.plausible import is_number, shown
+from snr_sim.plants.plausible import shown
 from snr_sim.plants.pool import BODY, Pool
 from snr_sim.plants.surface import Surface
 from snr_sim.plants.tether import TetherPull
-from snr_sim.plants.urov_measured import UrovMeasured
-from snr_sim.plants.urov_start import check_room, check_start
+from snr_sim.plants.urov_forces import STOP_US, UrovForces
+from snr_sim.plants.urov_start import check_parts, check_room, check_start
 from snr_sim.plants.urov_state import Body, State, Thrusters, WrenchCommand
 from snr_sim.plants.vehicle import Six, Vector, Vehicle
 from snr_sim.prelude.angles import quaternion_of
@@ -46,11 +43,9 @@ from snr_sim.prelude.wrench import AXES
 STEP_S = 0.005  # the table in robots/urov/PHYSICS.md says what 2 and 10 ms would change
 EXPLODED = 1e9  # m/s2 and rad/s2: infinite as far as a vehicle goes, and still before MuJoCo writes it into a log file
 SLIDES = 0.002  # m/s, rad/s: what touches and is slower sticks, as far as contacts go
-STOP_US = 1500.0
-WATER_STEP_L = 0.01  # leaked water is weighed anew when it has become so much more
 
 
-class Urov(UrovMeasured):
+class Urov(UrovForces):
     """The underwater vehicle. Keeps the promise of Plant.
 
     Args:
@@ -81,21 +76,7 @@ class Urov(UrovMeasured):
         step_s: float = STEP_S,
         mjcf: str | None = None,
     ) -> None:
-        for what, given, is_right, wanted in (
-            ("vehicle", vehicle, isinstance(vehicle, Vehicle), "a Vehicle; read_vehicle makes one of a file"),
-            ("pool", pool, isinstance(pool, Pool), "a Pool"),
-            ("start", start_of, callable(start_of), "a function that takes a seed and returns a Dive"),
-            ("propulsion", thrusters, thrusters is None or hasattr(thrusters, "count"), "a Propulsion, or None"),
-        ):
-            if not is_right:
-                raise ParameterError(f"The {what} is {shown(given)}.", fix=f"give {wanted}.")
-        if not is_number(step_s) or not 0.0 < step_s <= 0.05:
-            raise ParameterError(f"A vehicle under water in steps of {step_s} s.", fix=f"{STEP_S} s is a good step.")
-        if thrusters is not None and thrusters.count != len(vehicle.thrusters):
-            raise ParameterError(
-                f"'{vehicle.name}' has {len(vehicle.thrusters)} thrusters, its propulsion {thrusters.count}.",
-                fix="give both the same number.",
-            )
+        check_parts(vehicle, pool, start_of, thrusters, step_s)
         self.vehicle = vehicle = vehicle.trimmed(pool.density_kgm3, pool.gravity_mps2)
         self.pool, self.start_of, self.thrusters = pool, start_of, thrusters
         self.step_s: float = step_s
@@ -210,7 +191,7 @@ class Urov(UrovMeasured):
         self._pulses_until_s = snapshot.pulses_until_s
         self._water_l = snapshot.water_l
         self._moments_s = dive.times_s()
-        self._slam: Sequence[float] | None = None
+        self._slam = None
         self._tether = (
             None
             if dive.tether is None
@@ -219,38 +200,6 @@ class Urov(UrovMeasured):
         self._contact_n, self._tether_n = snapshot.contact_n, snapshot.tether_n
         self._wet = snapshot.wet
         self._take_up(self._moments_s[snapshot.happened - 1] if snapshot.happened else -math.inf)
-
-    # -- what happens by the clock -------------------------------------------------------------------------------------
-
-    def _happen(self) -> None:
-        """Lets happen what the dive has until now."""
-        now_s = self.time_s + 1e-9
-        before, self._happened = self._happened, bisect.bisect_right(self._moments_s, now_s)
-        if self._happened > before:
-            moments = set(self._moments_s[before : self._happened])
-            for fault in self.dive.faults:
-                if fault.at_s in moments and self.thrusters is not None:
-                    self.thrusters.fail(fault.number_in(self._names), fault.fault, fault.share)
-            self._take_up(self._moments_s[self._happened - 1])
-
-    def _take_up(self, time_s: float) -> None:
-        """Sets current and loads to what they are from a moment on."""
-        self._current = self.dive.current_at(time_s)
-        self._loads = self.dive.loads_at(time_s)
-        following = self._moments_s[self._happened :]
-        self._next_s = following[0] - 1e-9 if following else math.inf
-        self._weigh()
-
-    def _weigh(self) -> None:
-        """Weighs vehicle, loads and leaked water."""
-        leak = self.dive.leak
-        self._flotation.load(self._loads, self._water_l, (0.0, 0.0, 0.0) if leak is None else leak.place_m)
-        self._set_wet(self._wet)
-
-    def _set_wet(self, share: float) -> None:
-        """Sets the mass to what it is with this share of the volume in the water."""
-        self._hydro.set_mass(self._flotation.mass, share)
-        self._more = self._hydro.mass - self._body.rigid  # what MuJoCo does not know of
 
     # -- moving -------------------------------------------------------------------------------------------------------
 
@@ -407,75 +356,3 @@ class Urov(UrovMeasured):
             f"velocities through the water were {in_words(nu)}.",
             fix="look at the last commands and at what was added to the vehicle; or try a shorter step.",
         )
-
-    def _leak(self, leak: Leak) -> None:
-        """Lets water in."""
-        water_l = leak.water_l(self.time_s)
-        if water_l >= self._water_l + WATER_STEP_L or (water_l > self._water_l and water_l == leak.most_l):
-            self._water_l = water_l
-            self._weigh()
-
-    # -- forces -------------------------------------------------------------------------------------------------------
-
-    def _thrust(self) -> Sequence[float]:
-        """Returns the wrench of the thrusters, less what draws air, or the one that was asked for."""
-        if self.thrusters is None:
-            return self._wrench
-        if self._steps * self.step_s >= self._pulses_until_s:
-            self._pulses, self._pulses_until_s = [STOP_US] * len(self._pulses), math.inf  # nobody has renewed them
-        self.thrusters.step(self.step_s, self._pulses)
-        if self._place[2] <= -self._surface.reach_m:
-            return self.thrusters.mixed(self._matrix)
-        forces = np.array(self.thrusters.mean_forces_n) * self._surface.drawing(self._place[2], self._rotation[6:])
-        wrench: list[float] = self._matrix.dot(forces).tolist()  # `@` takes twice as long for so few
-        return wrench
-
-    def _around(self, push: Sequence[float], nu: Six, dt_s: float) -> Sequence[float]:
-        """Adds the tether's share to a wrench, sets what is wet, and the momentum that water takes which gets wet.
-
-        Both depend on where the vehicle is, and are taken where it will be in the middle of the step.
-        """
-        half = 0.5 * dt_s
-        x, y, z = self._place
-        vx, vy, vz = self._velocity
-        self._slam = None
-        if z > -self._surface.reach_m:
-            kx, ky, kz = self._rotation[6:]
-            p, q, r = self._rate
-            up = (kx + half * (ky * r - kz * q), ky + half * (kz * p - kx * r), kz + half * (kx * q - ky * p))
-            before = self._wet
-            self._float(z + half * vz, up)
-            if self._wet > before and dt_s > 0.0:
-                # Water that gets wet by the body must be brought to its speed; what it leaves keeps it. So neither
-                # coming up nor going down makes energy. Source: von Karman, NACA TN 321 (1929).
-                self._slam = ((self._wet - before) * (self.vehicle.added_mass @ nu)).tolist()
-        elif self._wet != 1.0:
-            self._wet = 1.0
-            self._flotation.submerge()
-            self._set_wet(1.0)
-        if self._tether is not None:
-            push = self._pulled(push, self._tether, (x + half * vx, y + half * vy, z + half * vz))
-        return push
-
-    def _float(self, z_m: float, up: Vector) -> None:
-        """Sets what is wet at a height and an attitude."""
-        share, centre = self._surface.wetted(z_m, up)
-        self._flotation.wet(share, centre)
-        if share != self._wet:
-            self._wet = share
-            self._set_wet(share)
-
-    def _pulled(self, push: Sequence[float], tether: TetherPull, place: Vector) -> Sequence[float]:
-        """Adds the tether's pull to a wrench."""
-        bx, by, bz = tether.tether.place_m
-        p, q, r = self._rate
-        arm = self._in_world(bx, by, bz)
-        turning = self._in_world(q * bz - r * by, r * bx - p * bz, p * by - q * bx)
-        end = (place[0] + arm[0], place[1] + arm[1], place[2] + arm[2])
-        vx, vy, vz = self._velocity
-        fx, fy, fz = tether.force(end, (vx + turning[0], vy + turning[1], vz + turning[2]), self._current)
-        r11, r12, r13, r21, r22, r23, r31, r32, r33 = self._rotation
-        a, b, c = r11 * fx + r21 * fy + r31 * fz, r12 * fx + r22 * fy + r32 * fz, r13 * fx + r23 * fy + r33 * fz
-        x, y, z, k, m, n = push
-        self._tether_n = (fx, fy, fz)
-        return x + a, y + b, z + c, k + by * c - bz * b, m + bz * a - bx * c, n + bx * b - by * a

@@ -1,4 +1,5 @@
-"""Whether a dive can begin: in the pool and in nothing solid, within the tether's reach, with thrusters that are there.
+"""Whether a plant can be made and a dive can begin: in the pool and in nothing solid, within the tether's reach, with
+thrusters that are there.
 
 What is wrong with the numbers themselves is told where they are made (`dive.py`, `tether.py`, `pool.py`); here they
 meet the vehicle and the pool: at the start, not when a thruster is due to fail an hour into the dive.
@@ -13,7 +14,7 @@ import numpy as np
 
 from snr_sim.plants.attitude import rotation_of
 from snr_sim.plants.dive import Dive
-from snr_sim.plants.plausible import shown
+from snr_sim.plants.plausible import is_number, shown
 from snr_sim.plants.pool import Pool
 from snr_sim.plants.tether import Tether
 from snr_sim.plants.vehicle import Vehicle
@@ -22,6 +23,29 @@ from snr_sim.prelude.errors import ParameterError
 
 GIVES_M = 0.01  # so deep a dive may begin in the floor: contacts give way a little, and then push the vehicle out
 TAUT = 1.001  # share of its length that a tether may be stretched to at the start
+
+
+def check_parts(vehicle: Any, pool: Any, start_of: Any, thrusters: Any, step_s: Any) -> None:
+    """Checks what an underwater vehicle is to be made of.
+
+    Raises:
+        ParameterError: a part is of another kind, or vehicle and propulsion have not as many thrusters.
+    """
+    for what, given, is_right, wanted in (
+        ("vehicle", vehicle, isinstance(vehicle, Vehicle), "a Vehicle; read_vehicle makes one of a file"),
+        ("pool", pool, isinstance(pool, Pool), "a Pool"),
+        ("start", start_of, callable(start_of), "a function that takes a seed and returns a Dive"),
+        ("propulsion", thrusters, thrusters is None or hasattr(thrusters, "count"), "a Propulsion, or None"),
+    ):
+        if not is_right:
+            raise ParameterError(f"The {what} is {shown(given)}.", fix=f"give {wanted}.")
+    if not is_number(step_s) or not 0.0 < step_s <= 0.05:
+        raise ParameterError(f"A vehicle under water in steps of {step_s} s.", fix="0.005 s is a good step.")
+    if thrusters is not None and thrusters.count != len(vehicle.thrusters):
+        raise ParameterError(
+            f"'{vehicle.name}' has {len(vehicle.thrusters)} thrusters, its propulsion {thrusters.count}.",
+            fix="give both the same number.",
+        )
 
 
 def check_start(dive: Any, seed: int, vehicle: Vehicle, pool: Pool, has_thrusters: bool, step_s: float) -> None:

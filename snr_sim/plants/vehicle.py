@@ -25,6 +25,7 @@ from snr_sim.plants.plausible import (
     check_members,
     check_number,
     check_vector,
+    checked_matrix,
     shown,
 )
 from snr_sim.prelude.errors import ParameterError, nearest
@@ -175,17 +176,7 @@ class Vehicle:
             )
 
     def _checked_matrix(self, name: str, axes: Sequence[str]) -> Matrix:
-        """Returns a matrix that has a row and a column of finite numbers for each axis, and is symmetric."""
-        rows = getattr(self, name)
-        if isinstance(rows, np.ndarray):
-            rows = rows.tolist()
-        what, n = self._what(name), len(axes)
-        if not isinstance(rows, list | tuple) or len(rows) != n:
-            raise ParameterError(f"{what} is {shown(rows)}.", fix=f"it is a matrix of {n} x {n}: {', '.join(axes)}.")
-        for axis, row in zip(axes, rows, strict=True):
-            check_vector(f"{what} (row of {axis})", row, axes=axes)
-        matrix: Matrix = np.array(rows, dtype=float)
-        check_symmetric(what, matrix, axes)
+        matrix: Matrix = checked_matrix(self._what(name), getattr(self, name), axes)
         object.__setattr__(self, name, matrix)
         return matrix
 
@@ -248,18 +239,3 @@ class Vehicle:
                 f"The {len(self.thrusters)} thrusters of '{self.name}' have no authority in {', '.join(lacking)}.",
                 fix="ask only for the other axes, or take a frame with thrusters that push there, such as benzon2022.",
             )
-
-
-def check_symmetric(what: str, matrix: Matrix, axes: Sequence[str]) -> None:
-    """Checks that a matrix is its own mirror image.
-
-    Raises:
-        ParameterError: it is not; the message names two numbers that differ.
-    """
-    askew = np.argwhere(~np.isclose(matrix, matrix.T, rtol=1e-9, atol=0.0))
-    if len(askew):
-        i, j = askew[0].tolist()
-        raise ParameterError(
-            f"{what} has {matrix[i, j]:g} at {axes[i]}, {axes[j]}, but {matrix[j, i]:g} at {axes[j]}, {axes[i]}.",
-            fix="it is symmetric.",
-        )

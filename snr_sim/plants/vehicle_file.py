@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.plants.plausible import check_number, check_vector, shown
-from snr_sim.plants.vehicle import Matrix, Six, Thruster, Vector, Vehicle, check_symmetric
+from snr_sim.plants.plausible import check_number, check_vector, checked_matrix, shown
+from snr_sim.plants.vehicle import Matrix, Six, Thruster, Vector, Vehicle
 from snr_sim.prelude.errors import ParameterError, nearest
 from snr_sim.prelude.wrench import AXES, lacking_axes
 
@@ -166,12 +166,7 @@ def _checked(name: str, value: Any, shape: tuple[tuple[str, ...], ...]) -> Any:
     elif len(shape) == 1:
         check_vector(name, value, axes=shape[0])
     elif isinstance(value, list) and any(isinstance(row, list) for row in value):
-        if len(value) != len(shape[0]):
-            n = len(shape[0])
-            raise ParameterError(f"{name} has {len(value)} rows, not {n}.", fix=f"give {n} rows of {n} numbers.")
-        for axis, row in zip(shape[0], value, strict=True):
-            check_vector(f"{name} (row of {axis})", row, axes=shape[1])
-        check_symmetric(name, np.array(value, dtype=float), shape[0])  # here, as the file has it, not turned to FLU
+        checked_matrix(name, value, shape[0])  # here, as the file has it, not turned to FLU
     else:
         check_vector(name, value, axes=shape[0])
     return value

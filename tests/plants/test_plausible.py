@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from snr_sim.plants.plausible import LIMITS, check_members, check_number, check_vector, is_number
+from snr_sim.plants.plausible import LIMITS, check_members, check_number, check_vector, checked_matrix, is_number
 from snr_sim.prelude.errors import ParameterError
 
 
@@ -36,6 +36,22 @@ def test_one_thing_where_a_row_of_them_is_due_is_told_with_the_comma() -> None:
         with pytest.raises(ParameterError, match="where a float is due"):
             check_members("It", odd, float)
     check_members("It", [1.0, 2.0], float)
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        (3.0, r"It is 3\.0"),
+        ([[1.0, 0.0]], r"It is \[\[1\.0, 0\.0\]\]"),
+        ([[1.0, 0.0], [0.0]], r"It \(row of y\) is \[0\.0\]: 1 numbers, not 2"),
+        ([[1.0, 0.0], [math.nan, 1.0]], r"It \(row of y\) of x is nan"),
+        ([[1.0, 0.2], [0.1, 1.0]], r"It has 0\.2 at x, y, but 0\.1 at y, x"),
+    ],
+)
+def test_a_matrix_that_is_none_is_told_where(rows: object, message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        checked_matrix("It", rows, ("x", "y"))
+    assert checked_matrix("It", [[1, 2], [2, 3]], ("x", "y")).tolist() == [[1.0, 2.0], [2.0, 3.0]]
 
 
 def test_every_limit_has_its_reason_and_room() -> None:

@@ -72,7 +72,7 @@ def test_vectors_and_matrices_are_turned_from_frd(tmp_path: Path) -> None:
         (ADDED, "6.4", r"added_mass is 6\.4, which is no row of numbers"),
         (ADDED, "{ surge = 6.4 }", "added_mass is {'surge': 6.4}, which is no row of numbers"),
         (ADDED, "[6.4, 'x', 18.7, 0.2, 0.1, 0.2]", "added_mass of sway is 'x', which is no number"),
-        (ADDED, "[[1, 2], [3, 4]]", "added_mass has 2 rows, not 6"),
+        (ADDED, "[[1, 2], [3, 4]]", r"added_mass is \[\[1, 2\], \[3, 4\]\]"),
         (ADDED, str([[1.0] * 6] * 5 + [[1.0]]), r"added_mass \(row of yaw\) is \[1\.0\]: 1 numbers, not 6"),
         (ADDED, ASKEW, "added_mass has 0 at surge, yaw, but 0.2 at yaw, surge"),
         ("-0.01]", "-10]", r"centre_of_buoyancy_m of z is 10\.0: millimetres"),
