@@ -1,0 +1,82 @@
+"""Runs inside the emulated Pi: looks at its wires, starts the student's robot, and kills it when it gets hot.
+
+Each line that begins with 'PI:' is read by `run`, which says when by warming up the thermometer.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import smbus2
+
+PORT = Path("/dev/ttyUSB0")
+THERMOMETER, EEPROM, BAROMETER, COMPASS = 0x48, 0x50, 0x77, 0x1E
+HOT_C = 60.0
+PATIENCE_S = 900.0
+
+
+def say(what: object) -> None:
+    """Prints a line for `run`."""
+    print(f"PI: {what}", flush=True)
+
+
+def warmth_c(bus: smbus2.SMBus) -> float:
+    """Returns the temperature, by the data sheet of the TMP105: sixteenths of a degree in the upper twelve bits."""
+    high, low = bus.read_i2c_block_data(THERMOMETER, 0, 2)
+    return int.from_bytes(bytes([high, low]), signed=True) / 256.0
+
+
+def wait_for(what: str, is_so: Callable[[], bool]) -> None:
+    """Waits until something is so."""
+    until_s = time.monotonic() + PATIENCE_S
+    while not is_so():
+        if time.monotonic() > until_s:
+            say(f"FAILED: {what} did not come")
+            sys.exit(1)
+        time.sleep(0.05)
+
+
+def pass_on(lines: Iterable[str]) -> None:
+    """Says what the robot says."""
+    for line in lines:
+        say(line.strip())
+
+
+def main() -> None:
+    """Does all of it."""
+    model = Path("/proc/device-tree/model").read_text().strip("\0")
+    say(f"Python {platform.python_version()} on {platform.machine()}, {model}")
+    bus = smbus2.SMBus(1)
+    found = []
+    for address in (COMPASS, THERMOMETER, EEPROM, BAROMETER):
+        bus.read_byte(address)  # raises if nobody acknowledges
+        found.append(f"0x{address:02x}")
+    compass = bytes(bus.read_i2c_block_data(COMPASS, 0x0A, 3)).decode()
+    say(f"I2C {' '.join(found)}; the compass calls itself {compass}; {warmth_c(bus):.2f} degrees")
+    bus.write_i2c_block_data(EEPROM, 0x10, [0x5A])
+    time.sleep(0.02)
+    bus.write_byte(EEPROM, 0x10)
+    assert bus.read_byte(EEPROM) == 0x5A
+    wait_for(str(PORT), PORT.exists)
+    say(f"{PORT} is there")
+    robot = subprocess.Popen([sys.executable, "/pi/compass.py", f"mcu:{PORT}"], stderr=subprocess.PIPE, text=True)
+    threading.Thread(target=pass_on, args=[robot.stderr], daemon=True).start()
+    wait_for("the heat", lambda: warmth_c(bus) > HOT_C or robot.poll() is not None)
+    if robot.poll() is not None:
+        say(f"FAILED: the robot ended with {robot.returncode}")
+        return
+    os.kill(robot.pid, signal.SIGKILL)
+    robot.wait()
+    say("killed")
+
+
+if __name__ == "__main__":
+    main()
