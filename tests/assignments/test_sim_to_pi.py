@@ -148,6 +148,17 @@ def test_the_reference_stops_within_a_third_of_a_second_of_the_last_controls_and
     assert 3.0 < pushed_at(tmp_path, lambda t: ARMED, depth_until_s=3.0)[-1] < 3.33
 
 
+def test_the_reference_holds_where_it_was_armed_if_nobody_asks_for_a_depth(tmp_path: Path) -> None:
+    def controls_at(t: float) -> Any:
+        if t < 2.0:
+            return ARMED if t < 1.0 else DISARMED  # asks for 3 m, and is disarmed: that is forgotten
+        return {**ARMED, "depth_m": None}
+
+    times = pushed_at(tmp_path, controls_at)
+    assert times
+    assert max(times) < 1.05  # the depth is as it was: nothing is to be done
+
+
 def test_a_stop_of_the_reference_stays_until_it_is_cleared_disarmed(tmp_path: Path) -> None:
     def controls_at(t: float) -> Any:
         if 2.0 <= t < 2.1:

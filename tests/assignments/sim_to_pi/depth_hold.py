@@ -31,12 +31,12 @@ class DepthHold(Endpoint):
     def __init__(self, factory, parent, name):
         super().__init__(factory, parent, name)
         self.is_stopped = False
-        self.wanted_m = None
         self.let_go()
         self.task_handlers = {(TaskType.process_data, "imu"): self.on_tick}
 
     def let_go(self):
-        """Forgets what was held: what comes next begins anew."""
+        """Forgets what was held: what comes next begins anew, where the vehicle then is."""
+        self.wanted_m = None
         self.held_m = None
         self.seen = None
         self.sink_mps = 0.0
