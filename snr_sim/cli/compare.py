@@ -59,7 +59,7 @@ def compare(
     if png:
         _draw(comparison, traces[0], png, signal)
     if rrd:
-        _write_rrd(traces, rrd)
+        _write_rrd(traces, rrd, shift_s)
     if as_json:
         from snr_sim.recording.folder import as_json as json_of
 
@@ -96,10 +96,15 @@ def _draw(comparison: Comparison, trace: Trace, png: str, names: list[str]) -> N
         raise TraceError(f"The picture {png} cannot be written: {error.strerror}.", fix="name another file.") from error
 
 
-def _write_rrd(traces: list[Trace], rrd: str) -> None:
+def _write_rrd(traces: list[Trace], rrd: str, shift_s: float) -> None:
+    """Writes both runs, the second one moved in time, under /first and /second."""
+    from msgspec.structs import replace
+
     from snr_sim.recording.view import write_comparison
 
-    write_comparison(traces[0].header, traces[0].records, traces[1].records, [], rrd, ("first", "second"))
+    first, second = traces
+    moved = [replace(record, t=record.t - shift_s) for record in second.records] if shift_s else second.records
+    write_comparison(first.header, first.records, moved, [], rrd, ("first", "second"), second.header)
 
 
 def _fields(comparison: Comparison) -> dict[str, Any]:

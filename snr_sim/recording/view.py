@@ -53,16 +53,18 @@ def write_comparison(
     divergences: Divergences,
     path: str | Path,
     roots: tuple[str, str] = ("recorded", "replayed"),
+    other_header: Header | None = None,
 ) -> None:
     """Writes two runs on one timeline, each under a root of its own, with their differences marked.
 
     Args:
-        recorded_header: header of the recorded run; the replayed one has the same nodes and the same scene.
+        recorded_header: header of the recorded run.
         recorded_records: records of the run as it was.
         replayed_records: records of the run with other code.
         divergences: seq, time [s] and a sentence for each difference.
         path: of the file to write.
         roots: what each run lies under.
+        other_header: of the replayed run, if its nodes and its scene are not the same.
 
     Raises:
         MissingExtra: rerun is not installed.
@@ -72,7 +74,7 @@ def write_comparison(
         layout = Layout(title_of(recorded_header), roots=[f"/{root}" for root in roots])
         recorded = Writer(rr, stream, recorded_header, roots[:1], layout)
         recorded.send_all(recorded_records)
-        replayed = Writer(rr, stream, recorded_header, roots[1:], layout)
+        replayed = Writer(rr, stream, other_header or recorded_header, roots[1:], layout)
         replayed.send_all(replayed_records)
         if divergences:
             recorded.send_divergences(divergences)

@@ -313,6 +313,15 @@ def test_a_comparison_has_both_runs_and_marks_where_they_differ(tmp_path: Path) 
     assert "/recorded/world/ground" in entities(path)
 
 
+def test_two_runs_may_have_roots_and_scenes_of_their_own(tmp_path: Path) -> None:
+    path = tmp_path / "compare.rrd"
+    bare = msgspec.structs.replace(header(), scene={})
+    view.write_comparison(header(), fall(3), fall(3), [], path, ("first", "second"), bare)
+    found = entities(path)
+    assert {"/first/world/ground", "/second/truth/altitude_m"} <= found
+    assert "/second/world/ground" not in found
+
+
 def test_two_runs_that_agree_have_no_marks(tmp_path: Path) -> None:
     path = tmp_path / "compare.rrd"
     view.write_comparison(header(), fall(3), fall(3), [], path)
