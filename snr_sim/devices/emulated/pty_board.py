@@ -25,6 +25,7 @@ from snr_sim.devices.emulated.toolchain import firmware_elf
 
 STEP_S = 0.001
 _MOST_BEHIND_S = 0.02
+_START_US = 10_000.0  # so that the firmware listens when the port is there
 _WAITING_BYTES = 256  # on the line; more stay with the sender, as in a real port
 
 
@@ -57,13 +58,15 @@ class PtyBoard:
         start_s = time.monotonic() - self.board.now_us * 1e-6
         self._note("start", f"{start_s:.6f}")
         while goes_on():
-            self._take(STEP_S)
+            is_ready = self._wait()
             behind_s = time.monotonic() - start_s - self.board.now_us * 1e-6
             if behind_s > _MOST_BEHIND_S:
                 start_s += behind_s - STEP_S
                 self._note("behind", f"{behind_s * 1e3:.1f}")
                 self._note("start", f"{start_s:.6f}")
             self.board.run_until_us((time.monotonic() - start_s) * 1e6)
+            if is_ready:  # and not before: the bytes come now, however late the board is
+                self._take()
             self._give()
             self._note_pulses()
 
@@ -75,13 +78,15 @@ class PtyBoard:
         os.close(self._end)
         os.close(self._far_end)
 
-    def _take(self, timeout_s: float) -> None:
-        room = _WAITING_BYTES - self.board.waiting
-        ready, _, _ = select.select([self._end] if room > 0 else [], [], [], timeout_s)
-        if ready:
-            data = os.read(self._end, room)
-            self.board.uart_in(data)
-            self._note("rx", str(len(data)))
+    def _wait(self) -> bool:
+        """Waits for bytes, not longer than a step; returns whether there are some, and room for them."""
+        has_room = self.board.waiting < _WAITING_BYTES
+        return bool(select.select([self._end] if has_room else [], [], [], STEP_S)[0])
+
+    def _take(self) -> None:
+        data = os.read(self._end, max(1, _WAITING_BYTES - self.board.waiting))
+        self.board.uart_in(data)
+        self._note("rx", str(len(data)))
 
     def _give(self) -> None:
         data = self.board.uart_out()
@@ -110,6 +115,7 @@ def main() -> None:
     parser.add_argument("--log", type=argparse.FileType("w"), help="file for what is seen at the pins")
     options = parser.parse_args()
     board = Board(firmware_elf(options.firmware, options.mcu), options.mcu)
+    board.run_us(_START_US)
     served = PtyBoard(board, options.link, options.log)
     parent, is_ended = os.getppid(), False
 
