@@ -73,7 +73,11 @@ class SupervisedPwm(PwmBackend):
         self._let_go()
         self._line, self._frames = self._open_line(), LeaseFrames()
         self._asked_of.clear()
-        self._order(Open(self._opener, [*self._args, self._has_held]), OPEN_S)
+        try:
+            self._order(Open(self._opener, [*self._args, self._has_held]), OPEN_S)
+        except BaseException:
+            self._let_go()
+            raise
         self._has_held = True
 
     def on_activate(self) -> None:

@@ -306,7 +306,9 @@ def test_h9_a_supervisor_that_is_killed_is_told_and_the_next_one_takes_over_at_n
     assert pins_us() == [0.0, 0.0] if kind == "open_tree" else is_neutral(pins_us())
 
 
-def test_what_a_supervisor_cannot_open_is_told_in_its_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_a_supervisor_cannot_open_is_told_in_its_words_and_it_is_gone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.syspath_prepend(str(HERE))
     tree = PwmTree(tmp_path)
     tree.write(tmp_path / "pwmchip0/export", "0")
@@ -314,4 +316,6 @@ def test_what_a_supervisor_cannot_open_is_told_in_its_words(tmp_path: Path, monk
     with pytest.raises(DeviceError, match="pwm0 is in use: another program has exported it") as e:
         out.configure()
     assert "unexport" in e.value.fix
+    assert out._line is None
+    assert capfd.readouterr().err == ""  # of outputs that were never held nobody says that they are neutral
     out.close()
