@@ -56,7 +56,7 @@ class McuBoard:
         self.ident: Ident | None = None
         self.telemetry: Telemetry | None = None
         self.measured_s: float | None = None
-        self.fault = "not opened yet"
+        self.fault = "The microcontroller's port has not been opened."
         self.name = "the microcontroller"
         self._heard_s = 0.0
         self._port: BytePort | None = None
@@ -98,7 +98,7 @@ class McuBoard:
         with self._lock:
             self._users.discard(id(user))
             if not self._users:
-                self.lose("closed")
+                self.lose(f"{self.name} was closed.")
 
     def send(self, message: ToMcu) -> None:
         """Sends a message.
@@ -190,7 +190,7 @@ class McuBoard:
 
     def _opened(self) -> BytePort:
         if self._port is None:
-            raise DeviceError(f"{self.name} is not open: {self.fault}", fix="configure() opens it again.")
+            raise DeviceError(self.fault)
         return self._port
 
 

@@ -97,10 +97,8 @@ class Rig:
     recorded: Callable[[str], Sequence[Page]] | None = None
 
     def share(self, name: str, make: Callable[[], Any]) -> Any:
-        """Returns what several devices of this run share: made when it is asked for first."""
-        if name not in self.shared:
-            self.shared[name] = make()
-        return self.shared[name]
+        """Returns what several devices of this run share: made when it is asked for first. For several threads."""
+        return self.shared[name] if name in self.shared else self.shared.setdefault(name, make())
 
     def now_s(self) -> float:
         """Returns the time of the run, which devices stamp by."""

@@ -1,5 +1,7 @@
 """The microcontroller's board at a port: who has it, and a plug that is pulled in the middle of a run."""
 
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -7,8 +9,9 @@ import pytest
 
 pytest.importorskip("serial", reason="the extra 'hardware' is not installed")
 
-from snr_sim import Config, Node, SimClock, TimeoutLoopFactory
-from snr_sim.devices.mcu import McuPwm
+from snr_sim import Config, Node, SimClock, TimeoutLoopFactory, WallClock, tasks
+from snr_sim.devices.loops import SensorLoopFactory
+from snr_sim.devices.mcu import McuPower, McuPwm
 from snr_sim.devices.mcu_board import McuBoard
 from snr_sim.devices.pwm_loop import PwmLoopFactory
 from snr_sim.devices.wire.mcu_messages import BAUD
@@ -17,6 +20,7 @@ from snr_sim.prelude.errors import DeviceError
 from snr_sim.testing.parts import TickerFactory
 from snr_sim.testing.pwm_contract import check_pwm_out
 
+FIRMWARE = Path(__file__).parents[2] / "robots" / "urov" / "firmware"
 STILL, AHEAD = [1500.0] * 8, [1700.0] * 8
 
 
@@ -88,6 +92,41 @@ def test_a_plug_that_is_pulled_in_the_middle_of_a_run_and_put_back(pty_bench: An
     assert out.health().counts["reopened"] >= 1
 
 
+def test_two_loops_on_threads_share_one_board_in_real_time(emulators: None, tmp_path: Path) -> None:
+    """As on the vehicle: the wall clock, a thread for each device, and a board in a process of its own."""
+    link = tmp_path / "ttyUSB0"
+    words = ["-m", "snr_sim.devices.emulated.pty_board", str(FIRMWARE), "--link", str(link)]
+    with subprocess.Popen([sys.executable, *words], stdout=subprocess.PIPE, text=True) as far:
+        assert far.stdout is not None
+        assert far.stdout.readline() == f"atmega328p at {link}\n"
+        clock = WallClock()
+        board = McuBoard(lambda: SerialPort(str(link), BAUD), clock.now_s, patience_s=60.0)
+        state: dict[str, str] = {}
+
+        def says(loop: Any) -> None:
+            applied, power = loop.parent.get_page("pwm_applied"), loop.parent.get_page("power")
+            state["pwm"] = "" if applied is None else applied.data["state"]
+            is_ahead = state["pwm"] == "active"
+            loop.store_data("pwm", {"pulses_us": AHEAD if is_ahead else STILL})
+            if is_ahead and applied.data["pulses_us"] == AHEAD and power is not None:
+                state["power"] = power.data["voltage_v"]
+                loop.stop()
+                loop.parent.enter(tasks.terminate("done"), "test")
+
+        parts = [
+            SensorLoopFactory("power", lambda: McuPower(board), 5.0),
+            TickerFactory(says, "pilot", 50.0),
+            PwmLoopFactory("pwm", lambda: McuPwm(board, clock.now_s, 8), 50.0),
+        ]
+        config = Config(factories={"r": [*parts, TimeoutLoopFactory(seconds=60.0)]})
+        node = Node("r", config, clock=clock)
+        node.loop()
+        far.terminate()
+    assert node.exit_reason == "done", (state, node.notes)
+    assert state == {"pwm": "active", "power": 0.0}, "nothing is at its ADC"
+    assert not board.is_open
+
+
 def test_a_session_is_another_one_each_time() -> None:
     boards = [McuBoard(lambda: SerialPort("/dev/null", BAUD), lambda: 0.0) for _ in range(20)]
     assert len({board.session for board in boards}) > 1
@@ -97,7 +136,7 @@ def test_a_session_is_another_one_each_time() -> None:
 def test_nothing_is_opened_before_a_device_needs_it(tmp_path: Path) -> None:
     board = McuBoard(lambda: SerialPort(str(tmp_path / "none"), BAUD), lambda: 0.0)
     assert not board.is_open
-    with pytest.raises(DeviceError, match="is not open: not opened yet"):
+    with pytest.raises(DeviceError, match="port has not been opened"):
         board.poll()
     board.leave(object())
     board.lose("again")
