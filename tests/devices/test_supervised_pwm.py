@@ -14,7 +14,9 @@ from typing import Any
 
 import pytest
 
+from snr_sim import Config, Node, SimClock, TimeoutLoopFactory
 from snr_sim.devices.pca9685 import Pca9685Pwm
+from snr_sim.devices.pwm_loop import PwmLoopFactory
 from snr_sim.devices.pwm_supervisor import Supervisor
 from snr_sim.devices.supervised_pwm import SupervisedPwm
 from snr_sim.devices.wire.i2c_bus import I2cBus
@@ -22,6 +24,7 @@ from snr_sim.devices.wire.lease_messages import LeaseFrames, Open, encode
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import LOST, NOT_ACTIVE
 from snr_sim.testing.i2c_parts import FakeBus, Pca9685Part
+from snr_sim.testing.parts import TickerFactory
 from snr_sim.testing.pwm_contract import check_pwm_out
 from snr_sim.testing.pwm_tree import PwmTree
 
@@ -37,14 +40,16 @@ class Line:
     def __init__(self, now_s: Callable[[], float]) -> None:
         self.supervisor = Supervisor(now_s)
         self._frames, self._answers = LeaseFrames(), b""
-        self.is_deaf = False
+        self.is_deaf = self.is_dead = False
 
     def write(self, data: bytes) -> None:
+        self._check()
         for order in self._frames.feed(data):
             if not self.is_deaf:
                 self._answers += encode(self.supervisor.obey(order))
 
     def read(self) -> bytes:
+        self._check()
         answers, self._answers = self._answers, b""
         return answers
 
@@ -52,7 +57,12 @@ class Line:
         return bool(self._answers)
 
     def close(self) -> None:
-        self.supervisor.end(lambda seconds: None)
+        if not self.is_dead:
+            self.supervisor.end(lambda seconds: None)
+
+    def _check(self) -> None:
+        if self.is_dead:
+            raise DeviceError("The process 7 was killed by SIGKILL.")
 
 
 class Bench:
@@ -170,6 +180,40 @@ def test_a_supervisor_that_hangs_is_told(bench: Bench) -> None:
         bench.advance(0.02)
         out.write_us([1500.0] * 8, bench.time_s)
     assert "has not answered for 1 s" in out.health().why
+
+
+def test_a_robot_whose_supervisor_dies_is_neutral_until_it_has_commanded_neutral_for_a_while(bench: Bench) -> None:
+    """In lock step: 1700 us from 1.5 s on, the supervisor dies at 2 s, neutral from 3 to 5.5 s, then 1700 us again."""
+    seen: list[tuple[float, bool]] = []
+    bench.time_s = 0.0
+
+    def fly(loop: Any) -> None:
+        bench.time_s = now_s = loop.get_time_s()
+        bench.line.supervisor.look()
+        if 2.0 <= now_s < 2.02:
+            bench.line.is_dead = True
+        seen.append((now_s, bench.pins_us()[0] > 1600.0))
+        pushes = 1.5 <= now_s < 3.0 or now_s >= 5.5
+        loop.store_data("pwm", {"pulses_us": [1700.0 if pushes else 1500.0] * 8})
+
+    factories = [
+        TickerFactory(fly, "pilot", 50.0),
+        PwmLoopFactory("pwm", bench.open, 50.0),
+        TimeoutLoopFactory(seconds=6.0),
+    ]
+    node = Node("r", Config(factories={"r": factories}), clock=SimClock())
+    node.loop()
+
+    def moved(from_s: float, to_s: float) -> set[bool]:
+        return {moves for at_s, moves in seen if from_s <= at_s < to_s}
+
+    assert moved(0.0, 1.5) == {False}
+    assert moved(1.6, 2.0) == {True}
+    assert moved(2.1, 5.5) == {False}  # the next supervisor has it at neutral, and nobody armed it
+    assert moved(5.6, 6.0) == {True}
+    (told,) = [note for note in node.notes if "error" in note]
+    assert "The process 7 was killed by SIGKILL." in told
+    assert "armed again only after neutral" in told
 
 
 @pytest.mark.parametrize(
