@@ -2,6 +2,7 @@
 
 import math
 
+import adafruit_icm20x
 import pytest
 
 from snr_sim.devices.icm20948 import Icm20948
@@ -9,6 +10,7 @@ from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError, ParameterError
 from snr_sim.prelude.signals import ImuReading
+from snr_sim.testing.busio_bus import BusioBus
 from snr_sim.testing.contracts import check_sensor
 from snr_sim.testing.i2c_parts import FakeBus
 from snr_sim.testing.icm20948_part import Ak09916Part, Icm20948Part
@@ -59,6 +61,20 @@ def test_what_it_feels_is_told_in_si_units_and_microtesla() -> None:
     assert reading.specific_force_mps2 == pytest.approx([1.0, -2.0, 9.0], abs=9.81 / 8192)
     assert reading.field_ut == pytest.approx([15.0, -6.0, -42.0], abs=0.08)
     assert reading.stamp_s == bench.time_s
+
+
+def test_an_independent_driver_reads_the_same_of_the_same_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rates and forces, in other scales than ours; it reads the magnetometer on a way that the part here has not."""
+    monkeypatch.setattr(adafruit_icm20x, "sleep", lambda seconds: None)
+    monkeypatch.setattr(adafruit_icm20x.ICM20948, "_magnetometer_init", lambda self: True)
+    bench = Bench()
+    bench.part.rate_radps = (0.5, -1.0, 2.0)
+    bench.part.force_mps2 = (1.0, -2.0, 9.0)
+    theirs = adafruit_icm20x.ICM20948(BusioBus({0x69: bench.part}))
+    forces, rates = theirs.acceleration, theirs.gyro
+    ours = bench.reading(bench.started())
+    assert ours.specific_force_mps2 == pytest.approx(forces, abs=9.81 / 4096)
+    assert ours.rate_radps == pytest.approx(rates, abs=math.radians(1 / 65.5))
 
 
 def test_at_rest_and_level_it_tells_the_heading_by_the_field() -> None:

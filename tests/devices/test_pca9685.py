@@ -9,7 +9,8 @@ from snr_sim.devices.pca9685 import PRE_SCALE, Pca9685Pwm
 from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.prelude.errors import DeviceError, ParameterError
 from snr_sim.prelude.signals import LOST
-from snr_sim.testing.i2c_parts import FakeBus, Part, Pca9685Part
+from snr_sim.testing.busio_bus import BusioBus
+from snr_sim.testing.i2c_parts import FakeBus, Pca9685Part
 from snr_sim.testing.pwm_contract import check_pwm_out
 
 
@@ -44,38 +45,6 @@ class Bench:
         self.raw.is_there = True
 
 
-class Controller:
-    """The calls of `busio.I2C`, as the independent driver makes them."""
-
-    def __init__(self, part: Part) -> None:
-        self.part = part
-        self.register = 0
-
-    def try_lock(self) -> bool:
-        return True
-
-    def unlock(self) -> None:
-        pass
-
-    def writeto(self, address: int, buffer: bytes, *, start: int = 0, end: int | None = None) -> None:
-        data = list(buffer[start:end])
-        if data:
-            self.register = data[0]
-            if data[1:]:
-                self.part.write(data[0], data[1:])
-
-    def readfrom_into(self, address: int, buffer: bytearray, *, start: int = 0, end: int | None = None) -> None:
-        length = len(buffer[start:end])
-        buffer[start : start + length] = bytes(self.part.read(self.register, length))
-
-    def writeto_then_readfrom(
-        self, address: int, out: bytes, into: bytearray, *, out_start: int = 0, out_end: int | None = None,
-        in_start: int = 0, in_end: int | None = None,
-    ) -> None:  # fmt: skip
-        self.writeto(address, out, start=out_start, end=out_end)
-        self.readfrom_into(address, into, start=in_start, end=in_end)
-
-
 @pytest.mark.parametrize("channels", [1, 8, 9, 16])
 def test_it_keeps_the_promise_of_outputs(channels: int) -> None:
     check_pwm_out(Bench(channels))
@@ -95,7 +64,7 @@ def test_an_independent_driver_sets_the_same_registers_for_the_same_pulse(pulse_
     out.write_us([1500.0] * 8, 0.0)
     made_us = out.write_us([pulse_us] * 8, 0.0).pulses_us[0]
     part = Pca9685Part()
-    theirs = PCA9685(Controller(part))  # type: ignore[arg-type]
+    theirs = PCA9685(BusioBus({0x40: part}))  # type: ignore[arg-type]
     theirs.frequency = 50
     for channel in range(8):
         theirs.channels[channel].duty_cycle = out.count_of(pulse_us) << 4

@@ -1,0 +1,64 @@
+"""Parts of `i2c_parts` behind the calls of CircuitPython's `busio.I2C`: so that drivers for that run against them, too.
+
+PCA9685(BusioBus({0x40: Pca9685Part()}))        # adafruit_pca9685, which is not ours
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Mapping
+
+from snr_sim.testing.i2c_parts import Part
+
+
+class BusioBus:
+    """A bus as CircuitPython sees it: raw bytes, the first of a write being the register.
+
+    Args:
+        parts: by address.
+    """
+
+    def __init__(self, parts: Mapping[int, Part]) -> None:
+        self._parts = parts
+        self._registers: dict[int, int] = {}
+
+    def try_lock(self) -> bool:
+        """Returns that it is ours."""
+        return True
+
+    def unlock(self) -> None:
+        """Lets others have it; there are none."""
+
+    def writeto(self, address: int, buffer: bytes, *, start: int = 0, end: int | None = None) -> None:
+        """Writes."""
+        part, data = self._part(address), list(buffer[start:end])
+        if data:
+            self._registers[address] = data[0]
+        if len(data) > 1:
+            part.write(data[0], data[1:])
+
+    def readfrom_into(self, address: int, buffer: bytearray, *, start: int = 0, end: int | None = None) -> None:
+        """Reads from the register that was written last."""
+        length = len(buffer[start:end])
+        buffer[start : start + length] = bytes(self._part(address).read(self._registers.get(address, 0), length))
+
+    def writeto_then_readfrom(
+        self,
+        address: int,
+        out_buffer: bytes,
+        in_buffer: bytearray,
+        *,
+        out_start: int = 0,
+        out_end: int | None = None,
+        in_start: int = 0,
+        in_end: int | None = None,
+    ) -> None:
+        """Writes, then reads."""
+        self.writeto(address, out_buffer, start=out_start, end=out_end)
+        self.readfrom_into(address, in_buffer, start=in_start, end=in_end)
+
+    def _part(self, address: int) -> Part:
+        if address not in self._parts:
+            raise OSError(errno.EREMOTEIO, os.strerror(errno.EREMOTEIO))
+        return self._parts[address]
