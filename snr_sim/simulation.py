@@ -20,9 +20,10 @@ from snr_sim.core.config import AnyFactory, Config, Mode
 from snr_sim.core.endpoint import EndpointFactory
 from snr_sim.core.loop import LoopFactory
 from snr_sim.devices.loops import ActuatorLoopFactory
+from snr_sim.devices.wire.serial_port import check_port
 from snr_sim.options import check_options
 from snr_sim.prelude.errors import ConfigError, MissingExtra, SnrError, TraceError, UnknownName, nearest
-from snr_sim.prelude.io import BENCH, parse_io
+from snr_sim.prelude.io import BENCH, ON_SERIAL_PORTS, parse_io
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import Rig, Robot
@@ -102,6 +103,16 @@ class Simulation:
     def has_wires(self) -> bool:
         """Whether any of the devices is real, so that the run takes as long as it says."""
         return parse_io(self.request.io).kind in (*BENCH, "pi")
+
+    def check_wires(self) -> None:
+        """Looks whether the port that `--io` names is there, so that a wrong one is told before there is a run.
+
+        Raises:
+            DeviceError: it is not, or may not be opened.
+        """
+        io = parse_io(self.request.io)
+        if io.kind in ON_SERIAL_PORTS:
+            check_port(io.where)
 
     def config(self, plant: Plant | None, clock_s: Callable[[], float] | None = None) -> Config:
         """Returns the robot's wiring.

@@ -111,6 +111,7 @@ def record_run(
     with guarded(is_quiet), ExitStack() as stack:
         simulation = prepare(request)
         pace = _pace_with_wires(simulation, pace)
+        simulation.check_wires()
         world = World(simulation) if simulation.is_apart else None
         if world is not None and pace not in (None, 1.0):
             from snr_sim.prelude.errors import ParameterError

@@ -37,6 +37,7 @@ REFUSED = {
     ),
 }
 BENCH = ("mcu", "maestro", "pca9685", "sysfs")  # real outputs, and the rest simulated: in real time
+ON_SERIAL_PORTS = ("mcu", "maestro")
 _EXAMPLES = {
     "PORT": "/dev/ttyUSB0",
     "BUS:ADDR": "1:0x40",

@@ -469,3 +469,26 @@ def test_metrics_that_are_no_numbers_are_null_in_json_and_words_for_a_person(snr
     assert said == {**dict.fromkeys(("settling_s", "error_m", "worst_m"), "not reached"), "depth_m": "1.500"}
     fields = json.loads((run_folder(here) / RESULT_NAME).read_text(), parse_constant=pytest.fail)
     assert [fields[name] for name in said] == [None, None, None, 1.5]
+
+
+@pytest.mark.parametrize(
+    ("io", "said"),
+    [
+        ("mcu:/dev/ttyNowhere", "no serial port /dev/ttyNowhere"),
+        ("mcu", "mcu:PORT"),
+        ("replay:nowhere", "There is no run at"),
+        ("sin", "did you mean 'sim'"),
+    ],
+)
+def test_devices_that_are_not_there_are_told_before_there_is_a_run(snr: Snr, here: Path, io: str, said: str) -> None:
+    answer = snr(*RUN, "--io", io)
+    assert answer.status == 2
+    assert said in answer.err
+    assert_nothing_written(here)
+
+
+def test_real_devices_have_no_speed_but_that_of_time(snr: Snr, here: Path) -> None:
+    answer = snr(*RUN, "--io", "mcu:/dev/ttyNowhere", "--speed", "4")
+    assert answer.status == 2
+    assert "devices are real, and so is time" in answer.err
+    assert_nothing_written(here)

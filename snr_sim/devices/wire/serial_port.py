@@ -5,6 +5,7 @@ A port is opened for this program alone (an exclusive lock), and nothing here wa
 
 from __future__ import annotations
 
+import difflib
 import errno
 import grp
 import importlib
@@ -12,6 +13,7 @@ import os
 import select
 import time
 from contextlib import suppress
+from pathlib import Path
 from typing import Any, Protocol
 
 from snr_sim.prelude.errors import DeviceError, MissingExtra
@@ -131,6 +133,18 @@ def ask(port: BytePort, request: bytes, length: int, timeout_s: float = ANSWER_S
     return answer
 
 
+def check_port(path: str) -> None:
+    """Looks whether a port is there and may be opened, without opening it, which would reset an Arduino.
+
+    Raises:
+        DeviceError: it is not, with those that are; or which group may.
+    """
+    if not os.path.exists(path):
+        raise _why_not(path, 0, FileNotFoundError(errno.ENOENT, "not there"))
+    if not os.access(path, os.R_OK | os.W_OK):
+        raise _why_not(path, 0, PermissionError(errno.EACCES, "not allowed"))
+
+
 def ports() -> list[str]:
     """Returns the serial ports there are, each with what is behind it, if that is known."""
     _pyserial()
@@ -155,21 +169,40 @@ def _why_not(path: str, baud: int, error: Exception) -> DeviceError:
         listed = ", ".join(map(str, _BAUDS))
         return DeviceError(f"{path} at {baud!r} baud: {error}.", fix=f"the rate of the device; usual ones: {listed}.")
     if number == errno.ENOENT:
-        there = ", ".join(ports())
+        there = ports()
+        near = difflib.get_close_matches(path, [port.partition(" ")[0] for port in there], n=1)
+        meant = f"did you mean {near[0]}? " if near else ""
         fix = (
-            f"there are: {there}." if there else "there is none at all: plug it in, and `dmesg | tail` tells its name."
+            f"{meant}{'T' if meant else 't'}here are: {', '.join(there)}."
+            if there
+            else "there is none at all: plug it in, and `dmesg | tail` tells its name."
         )
         return DeviceError(f"There is no serial port {path}.", fix=fix)
     if number in (errno.EACCES, errno.EPERM):
         return DeviceError(f"{path} may not be opened by this user: it belongs to {_group_of(path)}.", fix=_join(path))
     if number in (errno.EBUSY, errno.EAGAIN):
         return DeviceError(
-            f"{path} is busy: another program has it.",
-            fix=f"`fuser -v {path}` names it: another node, a serial monitor, ModemManager.",
+            f"{path} is busy: {_holder(path)} has it.",
+            fix=f"end that first; `fuser -v {path}` names it: another node, a serial monitor, ModemManager.",
         )
     return DeviceError(
         f"{path} cannot be opened as a serial port: {error}.", fix="a port such as /dev/ttyUSB0 or /dev/ttyACM0."
     )
+
+
+def _holder(path: str) -> str:
+    """Returns who has a port open, as far as we may know: root sees all, others see their own."""
+    wanted, processes, found = os.path.realpath(path), Path("/proc"), "another program"
+    for process in sorted(processes.glob("[0-9]*")):
+        try:
+            if any(os.path.realpath(held) == wanted for held in (process / "fd").iterdir()):
+                name = (process / "comm").read_text(errors="replace").strip()
+                if process.name != str(os.getpid()):
+                    return f"process {process.name} ({name})"
+                found = "this program itself"
+        except OSError:
+            continue  # somebody else's, or it has ended meanwhile
+    return found
 
 
 def _group_of(path: str) -> str:

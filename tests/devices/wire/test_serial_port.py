@@ -3,13 +3,15 @@
 import errno
 import os
 import pty
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import suppress
 
 import pytest
 
 from snr_sim.devices.wire import serial_port
-from snr_sim.devices.wire.serial_port import SerialPort, ask
+from snr_sim.devices.wire.serial_port import SerialPort, ask, check_port
 from snr_sim.prelude.errors import DeviceError, MissingExtra
 
 
@@ -58,6 +60,9 @@ def test_a_port_that_is_not_there_is_told_with_those_that_are(monkeypatch: pytes
     monkeypatch.setattr(serial_port, "ports", lambda: ["/dev/ttyACM0 (Arduino Uno)"])
     with pytest.raises(DeviceError, match="no serial port /dev/ttyUSB9") as caught:
         SerialPort("/dev/ttyUSB9")
+    assert caught.value.fix == "did you mean /dev/ttyACM0? There are: /dev/ttyACM0 (Arduino Uno)."
+    with pytest.raises(DeviceError) as caught:
+        check_port("/dev/serial0")
     assert caught.value.fix == "there are: /dev/ttyACM0 (Arduino Uno)."
     monkeypatch.setattr(serial_port, "ports", list)
     with pytest.raises(DeviceError, match="there is none at all: plug it in"):
@@ -66,11 +71,36 @@ def test_a_port_that_is_not_there_is_told_with_those_that_are(monkeypatch: pytes
 
 def test_of_two_nodes_on_one_port_the_second_is_told(cable: Cable) -> None:
     port = SerialPort(cable.path)
-    with pytest.raises(DeviceError, match="is busy: another program has it") as caught:
+    with pytest.raises(DeviceError, match="is busy: this program itself has it") as caught:
         SerialPort(cable.path)
     assert f"fuser -v {cable.path}" in caught.value.fix
     port.close()
     SerialPort(cable.path).close()
+
+
+def test_a_program_that_has_the_port_is_named(cable: Cable) -> None:
+    hold = (
+        "import sys; from snr_sim.devices.wire.serial_port import SerialPort; port = SerialPort(sys.argv[1]); "
+        "print('open', flush=True); sys.stdin.read()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", hold, cable.path], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "open\n"
+        with pytest.raises(DeviceError, match=rf"is busy: process {other.pid} \(python"):
+            SerialPort(cable.path)
+        other.communicate(timeout=60)
+    SerialPort(cable.path).close()
+
+
+def test_a_port_is_looked_at_without_being_opened(cable: Cable, monkeypatch: pytest.MonkeyPatch) -> None:
+    port = SerialPort(cable.path)
+    check_port(cable.path)  # and it is ours meanwhile
+    port.close()
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    with pytest.raises(DeviceError, match=r"may not be opened by this user(.|\n)*sudo usermod -aG"):
+        check_port(cable.path)
 
 
 def test_without_permission_the_group_to_join_is_named(cable: Cable, monkeypatch: pytest.MonkeyPatch) -> None:
