@@ -84,11 +84,6 @@ class Hydrodynamics:
         du, dv, dw, dp, dq, dr = self._acceleration(x, y, z, k, m, n)
         return u - du, v - dv, w - dw, p - dp, q - dq, r - dr
 
-    def kinetic_energy_j(self, nu: Sequence[float]) -> float:
-        """Returns the energy of body and water."""
-        column = np.array(nu)
-        return float(0.5 * column @ self.mass @ column)
-
     def advance(
         self, nu: Sequence[float], up: Three, push: Sequence[float], net_n: float, arm: Three, guess: Six, dt_s: float
     ) -> tuple[Six, Six]:

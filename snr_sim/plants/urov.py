@@ -132,6 +132,7 @@ class Urov(UrovForces):
         self._happen()
         if self._place[2] > -self._surface.reach_m:
             self._float(self._place[2], self._rotation[6:])
+            self._taken = self._wet
         # Sensors may ask before the first step: the acceleration that it begins with.
         nu = self.through_water
         _, change = self._hydro.advance(
@@ -162,6 +163,7 @@ class Urov(UrovForces):
             guess=self._guess,
             gained=self._gained,
             wet=self._wet,
+            taken=self._taken,
             water_l=self._water_l,
             wrench=self._wrench,
             pulses=tuple(self._pulses),
@@ -198,7 +200,7 @@ class Urov(UrovForces):
             else TetherPull(dive.tether, self.pool.density_kgm3, self.vehicle.mass_kg + self.vehicle.added_mass[0, 0])
         )
         self._contact_n, self._tether_n = snapshot.contact_n, snapshot.tether_n
-        self._wet = snapshot.wet
+        self._wet, self._taken = snapshot.wet, snapshot.taken
         self._take_up(self._moments_s[snapshot.happened - 1] if snapshot.happened else -math.inf)
 
     # -- moving -------------------------------------------------------------------------------------------------------
@@ -290,7 +292,11 @@ class Urov(UrovForces):
         # The next step's, if it changes as much again.
         self._guess = (au + au - bu, av + av - bv, aw + aw - bw, ap + ap - bp, aq + aq - bq, ar + ar - br)
         self._acceleration = change
-        u, v, w = u + step_s * au, v + step_s * av, w + step_s * aw
+        u, v, w, p, q, r = (
+            u + step_s * au, v + step_s * av, w + step_s * aw, p + step_s * ap, q + step_s * aq, r + step_s * ar,
+        )  # fmt: skip
+        if self._taken > self._wet:
+            u, v, w, p, q, r = self._slowed((u, v, w, p, q, r))
         vx, vy, vz = self._velocity
         cx, cy, cz = self._current
         wx = s11 * u + s12 * v + s13 * w + cx
@@ -302,7 +308,7 @@ class Urov(UrovForces):
             self._mujoco.move(self._more, (*gained, ap, aq, ar))
         self._contact_n = None
         self._velocity = (wx, wy, wz)
-        self._rate = (p + step_s * ap, q + step_s * aq, r + step_s * ar)
+        self._rate = (p, q, r)
         # By the mean velocity, turned by the mean of both rotations: so the work of the weight is its energy.
         half = 0.5 * step_s
         x, y, z = self._place
@@ -314,6 +320,7 @@ class Urov(UrovForces):
 
     def _move_touching(self, nu: Six, push: Sequence[float]) -> None:
         """Lets MuJoCo move on, with the water's forces at the step's begin: contacts may stop what would have moved."""
+        self._taken = self._wet
         if self._slam is not None:
             push = [a - b / self.step_s for a, b in zip(push, self._slam, strict=True)]
         _, change = self._hydro.advance(

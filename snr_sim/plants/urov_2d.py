@@ -27,9 +27,10 @@ from snr_sim.plants.impulses_2d import stopped
 from snr_sim.plants.pool import FRICTION, Pool
 from snr_sim.plants.pool_2d import Pool2D
 from snr_sim.plants.urov import STEP_S, Urov
+from snr_sim.plants.urov_forces import SLOWING_ROUNDS
 from snr_sim.plants.urov_state import State, Thrusters
 from snr_sim.plants.vehicle import Vector, Vehicle
-from snr_sim.plants.water_2d import Water2D
+from snr_sim.plants.water_2d import Three, Water2D
 
 
 class Urov2D(Urov):
@@ -94,10 +95,25 @@ class Urov2D(Urov):
             mobility = water.mobility(self._pitch + 0.5 * step_s * pitch_rate)
             motion, (along_x, along_z) = stopped(motion, touches, mobility, FRICTION, step_s)
             self._contact_n = (along_x / step_s, 0.0, along_z / step_s)
+            self._taken = self._wet
         plane.move_at(motion)
         plane.drift(0.5 * step_s)
+        if self._taken > self._wet:
+            x, z, rate = self._slowed_in_plane((motion[0] - cx, motion[1] - cz, motion[2]), plane.where()[2])
+            motion = x + cx, z + cz, rate
+            plane.move_at(motion)
         self._steps += 1
         self._take_over(motion)
+
+    def _slowed_in_plane(self, through: Three, pitch: float) -> Three:
+        """Returns the velocity at a step's end, as `_slowed` does in space."""
+        more = (self._taken - self._wet) * self.vehicle.added_mass
+        cos, sin = math.cos(pitch), math.sin(pitch)
+        x, z, rate = through
+        for _ in range(SLOWING_ROUNDS):
+            slam = (more @ (cos * x - sin * z, 0.0, sin * x + cos * z, 0.0, rate, 0.0)).tolist()
+            x, z, rate = self._water.less(through, pitch, (slam[0], slam[2], slam[4]))
+        return x, z, rate
 
     def _take_over(self, motion: tuple[float, float, float]) -> None:
         """Takes over where the step led to."""

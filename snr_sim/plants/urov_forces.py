@@ -20,6 +20,7 @@ from snr_sim.plants.urov_measured import UrovMeasured
 from snr_sim.plants.vehicle import Matrix, Six, Vector
 
 STOP_US = 1500.0
+SLOWING_ROUNDS = 3  # with one, an error of first order in the step is left
 WATER_STEP_L = 0.01  # leaked water is weighed anew when it has become so much more
 
 
@@ -38,8 +39,7 @@ class UrovForces(UrovMeasured):
     _next_s: float
     _happened: int
     _loads: list[Load]
-    _wet: float
-    _slam: Sequence[float] | None  # momentum for the water that gets wet in this step
+    _slam: Sequence[float] | None  # momentum for the water that gets wet up to the middle of this step
     _more: Matrix
     _wrench: Six
     _pulses: list[float | None]
@@ -112,19 +112,30 @@ class UrovForces(UrovMeasured):
             kx, ky, kz = self._rotation[6:]
             p, q, r = self._rate
             up = (kx + half * (ky * r - kz * q), ky + half * (kz * p - kx * r), kz + half * (kx * q - ky * p))
-            before = self._wet
+            before, taken = self._wet, self._taken
             self._float(z + half * vz, up)
-            if self._wet > before and dt_s > 0.0:
+            wet = self._wet
+            if wet > taken and dt_s > 0.0:
                 # Water that gets wet by the body must be brought to its speed; what it leaves keeps it. So neither
                 # coming up nor going down makes energy. Source: von Karman, NACA TN 321 (1929).
-                self._slam = ((self._wet - before) * (self.vehicle.added_mass @ nu)).tolist()
+                self._slam = ((wet - taken) * (self.vehicle.added_mass @ nu)).tolist()
+            # From the middle of the step to its end as much again gets wet as in half a step before.
+            self._taken = min(1.0, wet + 0.5 * (wet - before)) if wet > before and dt_s > 0.0 else wet
         elif self._wet != 1.0:
-            self._wet = 1.0
+            self._wet = self._taken = 1.0
             self._flotation.submerge()
             self._set_wet(1.0)
         if self._tether is not None:
             push = self._pulled(push, self._tether, (x + half * vx, y + half * vy, z + half * vz))
         return push
+
+    def _slowed(self, nu: Six) -> Six:
+        """Returns the velocity at a step's end: less what the water took that got wet after its middle."""
+        more = (self._taken - self._wet) * self.vehicle.added_mass
+        slowed = nu
+        for _ in range(SLOWING_ROUNDS):  # the water takes as much as brings it to the speed that is left
+            slowed = self._hydro.less(nu, (more @ slowed).tolist())
+        return slowed
 
     def _float(self, z_m: float, up: Vector) -> None:
         """Sets what is wet at a height and an attitude."""

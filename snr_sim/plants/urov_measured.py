@@ -9,6 +9,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from snr_sim.plants.attitude import Quaternion, Rotation
 from snr_sim.plants.dive import Dive
 from snr_sim.plants.hydrodynamics import Hydrodynamics
@@ -55,6 +57,8 @@ class UrovMeasured:
     _place: Vector
     _attitude: Quaternion
     _rotation: Rotation
+    _wet: float  # share of the volume in the water, in the middle of the last step
+    _taken: float  # the share whose water has been brought to the vehicle's speed
     _velocity: Vector
     _rate: Vector
     _gained: Vector
@@ -98,12 +102,13 @@ class UrovMeasured:
     @property
     def mass_matrix(self) -> Matrix:
         """6 x 6: vehicle, what hangs at it, and the water that moves with it, body frame."""
-        return self._hydro.mass
+        return self._hydro.mass + (self._taken - self._wet) * self.vehicle.added_mass
 
     @property
     def kinetic_energy_j(self) -> float:
         """Of vehicle and water, seen from water that moves with the current."""
-        return self._hydro.kinetic_energy_j(self.through_water)
+        nu = np.array(self.through_water)
+        return float(0.5 * nu @ self.mass_matrix @ nu)
 
     @property
     def contact_n(self) -> Vector | None:

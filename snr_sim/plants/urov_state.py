@@ -124,7 +124,8 @@ class State(NamedTuple):
     acceleration: Six = AT_REST  # of the velocity through the water, body frame, without contacts
     guess: Six = AT_REST  # what it will be in the next step
     gained: Vector = (0.0, 0.0, 0.0)  # acceleration of the last step, world frame
-    wet: float = 1.0  # share of the volume at the last step
+    wet: float = 1.0  # share of the volume in the middle of the last step
+    taken: float = 1.0  # the share whose water has been brought to the vehicle's speed
     water_l: float = 0.0  # leaked and weighed
     wrench: Six = AT_REST
     pulses: tuple[float | None, ...] = ()
