@@ -24,7 +24,7 @@
 #define MOST_SILENCE_MS 60 /* without pulses; then the watchdog is not fed any more */
 #define ANSWERS_ROOM 80    /* bytes on the way out that telemetry leaves to answers */
 
-enum { HELLO = 0x01, SET_WIDTHS, ARM, DISARM, EMERGENCY_STOP, CLEAR_STOP, HANG = 0x7f, IDENT = 0x81, TELEMETRY, ANSWER };
+enum { HELLO = 0x01, SET_WIDTHS, ARM, DISARM, EMERGENCY_STOP, CLEAR_STOP, HANG = 127, IDENT = 0x81, TELEMETRY, ANSWER };
 enum { STARTING, DISARMED, ARMED, STOPPED };
 enum { DONE, IS_STARTING, NO_COMMAND, NOT_NEUTRAL, IS_STOPPED, OTHER_SESSION, OTHER_PROTOCOL };
 enum {
@@ -183,8 +183,7 @@ static void hello(uint16_t new_session, uint8_t protocol) {
         if (state == ARMED)
             leave_armed(DISARMED, 0);
         session = new_session;
-        has_command = is_in_force = bytes_lost = 0;
-        seq = 0;
+        has_command = is_in_force = bytes_lost = seq = 0;
         faults &= ~(F_OF_SESSION | F_OF_COMMAND);
     }
     send_ident();
@@ -253,9 +252,11 @@ static void handle(const uint8_t *body, uint8_t length) {
         return;
     }
 #ifdef HANG_TEST /* for tests of the watchdog only */
-    while (type == HANG)
+    while (type == HANG && body[1] < 2) /* 0: with interrupts, 1: without, 2: no pulses any more */
         if (body[1])
             cli();
+    if (type == HANG)
+        TIMSK1 = TCCR1B = 0;
 #endif
     if (type < HELLO || type > CLEAR_STOP) {
         faults |= F_UNKNOWN_TYPE;

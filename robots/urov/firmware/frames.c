@@ -59,10 +59,9 @@ static void append(uint8_t byte) {
 }
 
 static uint8_t finish(void) { /* at the zero: the length of the body, or 0 */
-    uint8_t is_empty = !length && !run && !has_zero;
-    uint8_t is_good = !run && !is_bad && length > 2 && crc == 0; /* over a body and its CRC, the CRC is 0 */
-    uint8_t found = is_good ? length - 2 : 0;
-    if (!is_good && !is_empty && crc_errors != UINT16_MAX)
+    uint8_t is_empty = !length && !run && !has_zero; /* two zeros, one after the other */
+    uint8_t found = !run && !is_bad && length > 2 && crc == 0 ? length - 2 : 0; /* over a body and its CRC, it is 0 */
+    if (!found && !is_empty && crc_errors != UINT16_MAX)
         crc_errors++;
     length = run = has_zero = is_bad = 0;
     crc = 0;
@@ -85,7 +84,7 @@ uint8_t frames_read(const uint8_t **found) {
             if (has_zero)
                 append(0);
             run = byte - 1;
-            has_zero = byte != 255;
+            has_zero = 1; /* also after 255, with which no zero goes: but such a frame is too long for us anyway */
         }
     }
     return 0;

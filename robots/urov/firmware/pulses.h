@@ -9,8 +9,8 @@
 #define NEUTRAL (1500 * TICKS_PER_US)
 #define HIGHEST (1900 * TICKS_PER_US)
 
-/* How often each channel has a pulse. 8 ms are as quick as eight channels of an ATmega328P can be; a Basic ESC takes up to
-   400 a second. For servos that want 50: make PERIOD_MS=20. */
+/* How often each channel has a pulse. 8 ms are as quick as eight channels of an ATmega328P can be; a Basic ESC takes
+   up to 400 a second. For servos that want 50: make PERIOD_MS=20. */
 #ifndef PERIOD_MS
 #define PERIOD_MS 8
 #endif

@@ -1,5 +1,5 @@
-/* ATmega2560: three 16-bit timers with three compare outputs each make every edge by themselves (mode 14, fast PWM up to
-   ICRn). All channels rise together. Channel 0 to 7: pins D2, D3, D5, D6, D7, D8, D11, D12. */
+/* ATmega2560: three 16-bit timers with three compare outputs each make every edge by themselves (mode 14, fast PWM up
+   to ICRn). All channels rise together. Channel 0 to 7: pins D2, D3, D5, D6, D7, D8, D11, D12. */
 #include "pulses.h"
 
 #include <avr/interrupt.h>

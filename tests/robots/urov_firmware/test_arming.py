@@ -178,6 +178,6 @@ def test_h10_only_clearing_ends_an_emergency_stop_and_then_it_is_disarmed(bench:
     assert bench.ask(Arm(SESSION)) is Result.STOPPED
     assert bench.ask(ClearStop(SESSION)) is Result.DONE
     bench.drive(AHEAD, 50)
-    assert (bench.told.state, bench.told.widths_us) == (State.DISARMED, NEUTRAL)
+    assert (bench.told.state, bench.told.widths_us, bench.told.faults) == (State.DISARMED, NEUTRAL, Fault(0))
     bench.drive(NEUTRAL)
     assert bench.ask(Arm(SESSION)) is Result.DONE

@@ -2,6 +2,7 @@
 
 import hashlib
 import random
+from binascii import crc_hqx
 
 import pytest
 
@@ -85,9 +86,20 @@ def test_a_run_without_a_zero_is_left_behind(bench: Bench) -> None:
     assert bench.told.crc_errors == 1
 
 
-def test_a_frame_of_an_unknown_type_is_told_and_does_nothing(bench: Bench) -> None:
-    from binascii import crc_hqx
+def test_a_frame_that_is_too_long_is_not_read_as_far_as_it_fits(bench: Bench) -> None:
+    bench.armed()
+    body = b"\x05" + b"\x11" * 93  # an emergency stop may be of any length
+    long = body + crc_hqx(body, 0).to_bytes(2, "big") + b"\x22"
+    bench.board.uart_in(cobs(long) + b"\0")
+    bench.drive(AHEAD, 50)
+    assert bench.told.state is State.ARMED
+    assert bench.told.crc_errors == 1
+    bench.board.uart_in(cobs(long[:-1]) + b"\0")
+    bench.drive(AHEAD, 50)
+    assert bench.told.state is State.STOPPED
 
+
+def test_a_frame_of_an_unknown_type_is_told_and_does_nothing(bench: Bench) -> None:
     bench.armed()
     bench.board.uart_in(cobs(b"\x44\x01" + crc_hqx(b"\x44\x01", 0).to_bytes(2, "big")) + b"\0")
     bench.drive(AHEAD, 100)
@@ -122,16 +134,14 @@ def test_voltages_at_the_pins_are_told_to_two_steps_of_the_converter(bench: Benc
     assert bench.told.current_pin_mv == pytest.approx(4995 - millivolts, abs=10)
 
 
-@pytest.mark.parametrize("with_interrupts_off", [0, 1])
+@pytest.mark.parametrize("kind", [0, 1, 2], ids=["with-interrupts", "without-interrupts", "pulses-stop"])
 def test_h2_when_the_firmware_hangs_the_watchdog_makes_all_neutral_within_200_ms(
-    make_bench, mcu: str, with_interrupts_off: int
+    make_bench, mcu: str, kind: int
 ) -> None:
-    from binascii import crc_hqx
-
     bench: Bench = make_bench(mcu, HANG=1)
     bench.armed()
     bench.drive(AHEAD, 150)
-    order = bytes([0x7F, with_interrupts_off])
+    order = bytes([0x7F, kind])
     bench.board.uart_in(cobs(order + crc_hqx(order, 0).to_bytes(2, "big")) + b"\0")
     begin_us = bench.board.now_us
     bench.pulses.clear()

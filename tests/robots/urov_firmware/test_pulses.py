@@ -126,6 +126,20 @@ def test_h7_from_ahead_to_astern_it_rests_in_the_dead_band(bench: Bench, first_u
         assert mine[-1].width_us == pytest.approx(then_us, abs=EXACT_US)
 
 
+def test_h7_the_second_and_the_third_crossing_rest_as_long_as_the_first(bench: Bench) -> None:
+    bench.armed()
+    bench.drive(all_at(1700.0), 150)
+    rests_ms = []
+    for width_us in (1300.0, 1700.0, 1300.0):
+        bench.pulses.clear()
+        bench.drive(all_at(width_us), 300)
+        mine = [pulse for pulse in bench.pulses if pulse.channel == 0]
+        inside = [pulse.rise_us for pulse in mine if DEAD_US[0] <= pulse.width_us <= DEAD_US[1]]
+        rests_ms.append((inside[-1] - inside[0]) / 1000)
+        assert mine[-1].width_us == pytest.approx(width_us, abs=EXACT_US)
+    assert max(rests_ms) - min(rests_ms) <= 8.0
+
+
 def test_a_stop_in_the_middle_does_not_let_it_go_astern_without_a_rest(bench: Bench) -> None:
     bench.armed()
     bench.drive(all_at(1900.0), 150)
