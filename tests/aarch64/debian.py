@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+from collections.abc import Iterable
 from pathlib import Path
 
 KEYRING = Path("/usr/share/keyrings/debian-archive-keyring.gpg")
@@ -91,7 +92,7 @@ class Debian:
 
 
 def mirror() -> str:
-    """Returns the address of the mirror that this machine's apt takes Debian's packages from."""
+    """Returns the address of the mirror that this machine's apt takes packages from; empty if it knows none."""
     if MIRROR in os.environ:
         return os.environ[MIRROR]
     listing = ["apt-get", "indextargets", "--format", "$(REPO_URI) $(ORIGIN) $(COMPONENT)", "Created-By: Packages"]
@@ -99,10 +100,17 @@ def mirror() -> str:
         uri, _, rest = line.partition(" ")
         if rest == "Debian main" and "security" not in uri:
             return uri
-    raise SystemExit(f"This machine's apt knows no mirror of Debian: apt-get update, or set {MIRROR}.")
+    return ""
 
 
-def lacking() -> list[str]:
-    """Returns the packages to install before anything here works."""
+def what_to_do_first(packages: Iterable[str]) -> str:
+    """Returns the command that installs what is missing here, or finds a mirror; empty if nothing is missing.
+
+    Args:
+        packages: that are missing for other reasons than this module's.
+    """
     needs = {"apt": shutil.which("apt-get"), "dpkg": shutil.which("dpkg-deb"), KEYRING.stem: KEYRING.exists()}
-    return [package for package, found in needs.items() if not found]
+    missing = [package for package, found in needs.items() if not found] + list(packages)
+    if missing:
+        return f"apt-get install --no-install-recommends {' '.join(missing)}"
+    return "" if mirror() else f"apt-get update, or set {MIRROR}: apt here knows no mirror of Debian"
