@@ -86,6 +86,17 @@ def the_vehicle_is_wired_without_physics() -> str:
     return f"{len(config.get('urov'))} components at the vehicle, {len(thrusts)} thrusters"
 
 
+def the_vehicle_looks_for_its_real_devices() -> str:
+    """`snr run ... --io pi` asks for no physics; it finds no I2C bus here, and says what to do about it."""
+    command = ["snr", "run", "urov_teleop", "--role", "urov", "--io", "pi", "--option", "port=0"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr, done.stderr
+    assert "There is no I2C bus /dev/i2c-1" in done.stderr, done.stderr
+    assert "raspi-config" in done.stderr, done.stderr
+    return "There is no I2C bus /dev/i2c-1, and what to do"
+
+
 class MirrorBench:
     """Outputs that show what they are told, on a clock of their own."""
 
@@ -125,6 +136,7 @@ CHECKS: tuple[Callable[[], str], ...] = (
     helps,
     doctor_says_what_is_missing,
     the_vehicle_is_wired_without_physics,
+    the_vehicle_looks_for_its_real_devices,
     the_mirror_keeps_the_promise_of_outputs,
 )
 
