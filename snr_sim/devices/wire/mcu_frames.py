@@ -8,12 +8,9 @@ Owns no port: messages in, bytes out; bytes in, messages out.
 from __future__ import annotations
 
 import struct
-from binascii import crc_hqx
 from math import isfinite
 
-from snr_sim.devices.wire.cobs import CobsError
-from snr_sim.devices.wire.cobs import decode as cobs_decode
-from snr_sim.devices.wire.cobs import encode as cobs_encode
+from snr_sim.devices.wire.framing import FrameReader, framed
 from snr_sim.devices.wire.mcu_messages import (
     TYPE_OF,
     Answer,
@@ -67,8 +64,7 @@ def encode(message: ToMcu | FromMcu) -> bytes:
         raise CommandError(
             f"This does not fit into a frame: {message}.", fix="numbers as docs/formats.md says."
         ) from error
-    crc = crc_hqx(body, 0)
-    return cobs_encode(body + crc.to_bytes(2, "big")) + b"\0"
+    return framed(body)
 
 
 def _packed(message: ToMcu | FromMcu) -> bytes:
@@ -123,10 +119,19 @@ class McuFrames:
     """
 
     def __init__(self) -> None:
-        self.crc_errors = self.not_ours = self.overlong = self.gaps = self.frames = 0
-        self._rest = bytearray()
-        self._skips = False  # inside something overlong
+        self.not_ours = self.gaps = self.frames = 0
+        self._reader = FrameReader(MAX_FRAME_BYTES)
         self._next_nth: int | None = None
+
+    @property
+    def crc_errors(self) -> int:
+        """See above."""
+        return self._reader.crc_errors
+
+    @property
+    def overlong(self) -> int:
+        """See above."""
+        return self._reader.overlong
 
     def feed(self, data: bytes) -> list[ToMcu | FromMcu]:
         """Takes bytes as they come; returns the messages that are complete.
@@ -138,42 +143,16 @@ class McuFrames:
         1
         """
         messages: list[ToMcu | FromMcu] = []
-        pieces = data.split(b"\0")
-        last = len(pieces) - 1
-        for i, piece in enumerate(pieces):
-            if not self._skips:
-                self._rest += piece[: MAX_FRAME_BYTES + 1]
-                if len(self._rest) > MAX_FRAME_BYTES:
-                    self._rest.clear()
-                    self._skips = True
-                    self.overlong += 1
-            if i == last:
-                break
-            if self._rest:
-                message = self._message(bytes(self._rest))
-                self._rest.clear()
-                if message is not None:
-                    messages.append(message)
-            self._skips = False
+        for body in self._reader.feed(data):
+            message = _unpacked(body)
+            if message is None:
+                self.not_ours += 1
+                continue
+            self.frames += 1
+            if isinstance(message, (Telemetry, Answer, Ident)):
+                self._count(message.nth)
+            messages.append(message)
         return messages
-
-    def _message(self, encoded: bytes) -> ToMcu | FromMcu | None:
-        try:
-            checked = cobs_decode(encoded)
-        except CobsError:
-            self.crc_errors += 1
-            return None
-        if len(checked) < 3 or crc_hqx(checked, 0) != 0:  # with its check sum behind it, a frame's check sum is zero
-            self.crc_errors += 1
-            return None
-        message = _unpacked(checked[:-2])
-        if message is None:
-            self.not_ours += 1
-            return None
-        self.frames += 1
-        if isinstance(message, (Telemetry, Answer, Ident)):
-            self._count(message.nth)
-        return message
 
     def _count(self, nth: int) -> None:
         if self._next_nth is not None:
