@@ -21,7 +21,7 @@
 #define SLEW_PER_MS (SLEW_US_PER_100MS * TICKS_PER_US / 100)
 #define DWELL_MS 50
 #define HEARTBEAT_MS 50
-#define MOST_SILENCE_MS 60 /* without pulses; then the watchdog is not fed any more */
+#define MOST_SILENCE_MS 40 /* without pulses; then the watchdog is not fed any more */
 #define ANSWERS_ROOM 80    /* bytes on the way out that telemetry leaves to answers */
 
 enum { HELLO = 0x01, SET_WIDTHS, ARM, DISARM, EMERGENCY_STOP, CLEAR_STOP, HANG = 127, IDENT = 0x81, TELEMETRY, ANSWER };
