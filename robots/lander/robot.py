@@ -30,7 +30,6 @@ from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
 from snr_sim.devices.mcu import McuPwm
 from snr_sim.devices.mcu_board import McuBoard
 from snr_sim.devices.mirror import MirrorPwm
-from snr_sim.devices.opening import open_pwm
 from snr_sim.devices.replayed import ReplayedSensor
 from snr_sim.devices.sim_pwm import BenchPwm
 from snr_sim.devices.simulated import SimActuator, SimSensor
@@ -90,6 +89,8 @@ def mcu_servos(rig: Rig) -> BenchPwm:
 
 def bench_servos(rig: Rig) -> BenchPwm:
     """Opens real outputs; the simulated module is driven by what they do."""
+    from snr_sim.devices.opening import open_pwm  # only a bench needs it, and it takes 60 ms
+
     assert rig.plant is not None
     out = open_pwm(f"{rig.io}:{rig.where}", rig.now_s, CHANNELS)
     return BenchPwm(out, rig.plant, "engine", servos(rig).command)

@@ -31,7 +31,6 @@ from snr_sim.devices.loops import SensorLoopFactory
 from snr_sim.devices.mcu import McuPower, McuPwm
 from snr_sim.devices.mcu_board import McuBoard
 from snr_sim.devices.mirror import MirrorPwm
-from snr_sim.devices.opening import check_table, open_pwm, open_sensor
 from snr_sim.devices.pad import PadLoopFactory
 from snr_sim.devices.pwm_backend import PwmBackend
 from snr_sim.devices.pwm_loop import PwmLoopFactory
@@ -156,6 +155,8 @@ def mcu_power(rig: Rig) -> Any:
 
 def bench_pwm(rig: Rig) -> BenchPwm:
     """Opens real outputs; the simulated vehicle is driven by what they do."""
+    from snr_sim.devices.opening import open_pwm  # only real wires need it, and it takes 60 ms
+
     assert rig.plant is not None
     out = open_pwm(f"{rig.io}:{rig.where}", rig.now_s, thruster_count(rig), (LEAST_US, MOST_US))
     return BenchPwm(out, rig.plant)
@@ -163,6 +164,8 @@ def bench_pwm(rig: Rig) -> BenchPwm:
 
 def pi_pwm(rig: Rig) -> PwmOut:
     """Opens the outputs that the table of ports names."""
+    from snr_sim.devices.opening import check_table, open_pwm
+
     check_table({name: text for name, text in PI.items() if text != "mcu"})
     if PI["pwm"].startswith("mcu:"):
         return McuPwm(mcu_board(rig), rig.now_s, thruster_count(rig))
@@ -171,6 +174,8 @@ def pi_pwm(rig: Rig) -> PwmOut:
 
 def pi_sensor(rig: Rig, name: str) -> Any:
     """Opens a sensor that the table of ports names."""
+    from snr_sim.devices.opening import open_sensor
+
     if PI[name] == "mcu":
         return McuPower(mcu_board(rig))
     return open_sensor(PI[name], rig.now_s, getattr(rig.robot.parameters.sensors, name))
