@@ -15,6 +15,7 @@ from snr_sim.devices.emulated.board import Board
 from snr_sim.devices.emulated.port import EmulatedPort
 from snr_sim.devices.mcu import PowerScale
 from snr_sim.devices.mcu_board import McuBoard
+from snr_sim.devices.pwm_backend import STOP_US
 from snr_sim.prelude.errors import PlantError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import PwmCommand
@@ -118,15 +119,16 @@ class PlantOnBoard:
                 self.board.set_millivolts(pin, millivolts)
 
     def _obey(self) -> None:
-        pins = self.board.pins()[: self._channels]
         oldest_us = self.board.now_us - MISSED_US
-        pulses_us = (
-            [pin.width_us for pin in pins] if all(pin.pulses and pin.rise_us > oldest_us for pin in pins) else []
-        )
+        pulses_us = []
+        for rise_us, width_us, pulses in self.board.pins()[: self._channels]:
+            if not pulses or rise_us < oldest_us:
+                pulses_us = [STOP_US] * self._channels  # no pulses stop a speed controller, as neutral does
+                break
+            pulses_us.append(width_us)
         if pulses_us != self._pulses_us:
             self._pulses_us = pulses_us
-            # No pulses stop a speed controller, as neutral does.
-            self.plant.write(self._input, self._command_of(pulses_us or [1500.0] * self._channels))
+            self.plant.write(self._input, self._command_of(pulses_us))
 
     def write(self, name: str, command: Any) -> None:
         """Sets another input than the one that the pins drive.
