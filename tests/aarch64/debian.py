@@ -67,6 +67,8 @@ class Debian:
         folder.mkdir(parents=True)
         for deb in sorted(self._debs.glob("*.deb")):
             subprocess.run(["dpkg-deb", "-x", deb, folder], check=True)
+        if not (folder / "lib").exists() and (folder / "usr/lib").exists():
+            (folder / "lib").symlink_to("usr/lib")  # from trixie on; programs ask for their loader there
         whole.write_text(" ".join(packages))
 
     def update(self) -> None:
