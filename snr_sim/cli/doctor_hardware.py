@@ -8,6 +8,8 @@ from typing import Any
 from snr_sim.cli.finding import Finding
 from snr_sim.cli.io_bench import Bench, bench_of, devices_of
 from snr_sim.devices.mcu_board import McuBoard
+from snr_sim.devices.mcu_greeting import FLASH
+from snr_sim.devices.mcu_identity import CHANNELS, misfits
 from snr_sim.devices.pwm_backend import STOP_US
 from snr_sim.devices.wire.mcu_messages import BAUD, Fault, Ident, ResetCause, Telemetry
 from snr_sim.devices.wire.serial_port import BytePort, SerialPort
@@ -75,9 +77,8 @@ def _microcontroller(open_port: Callable[[], BytePort]) -> Iterator[Finding]:
     finally:
         board.leave(board)
     yield Finding(True, _who(ident))
-    if ident.neutral_us != STOP_US:
-        fix = "flash the firmware that belongs to this kit: robots/urov/firmware/README.md."
-        yield Finding(False, f"its neutral is {ident.neutral_us:g} us, not {STOP_US:g}: thrusters would turn", fix)
+    for wrong in misfits(ident, CHANNELS):
+        yield Finding(False, f"it must not drive thrusters: {wrong}", FLASH)
     if telemetry is None:
         yield Finding(False, "it sends no telemetry", "snr io shows what comes; the cable may be loose.")
     else:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from snr_sim.devices.mcu_board import SILENT_S, McuBoard
+from snr_sim.devices.mcu_identity import check_identity
 from snr_sim.devices.pwm_backend import STOP_US, PwmBackend
 from snr_sim.devices.wire.mcu_messages import (
     TYPE_OF,
@@ -162,16 +163,12 @@ class McuPwm(PwmBackend):
         """Opens the board and asks who it is.
 
         Raises:
-            DeviceError: see `McuBoard.open`; or it has fewer channels than are needed, or an emergency stop is set.
+            DeviceError: see `McuBoard.open` and `check_identity`; or an emergency stop is set.
         """
         ident = self.board.open(self)
         self.board.poll()
         self.title = f"The microcontroller at {self.board.name}"
-        if ident.channels < self.channels:
-            raise DeviceError(
-                f"{self.board.name}: the firmware there has {ident.channels} channels, {self.channels} are needed.",
-                fix="a firmware with more channels, or a second board.",
-            )
+        check_identity(self.board.name, ident, self.channels)
         self.limits_us = (ident.lowest_us, ident.highest_us)
         self.resolution_us = ident.resolution_ns / 1000.0
         self._widths_us, self._is_disarming = self.still_us, False

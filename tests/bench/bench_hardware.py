@@ -53,7 +53,9 @@ LEAST_SPEED = 20.0
 MOST_LATENCY_MS = 12.0
 LATENCY_HZ = 100.0
 LOWEST_US, WIDTHS, SETTLED = 1550.0, 20, 4  # commands go up by 1 us each; the first of each row are not counted
-IDENT = Ident(0, 1, 1, (1, 0), 8, 1100.0, 1500.0, 1900.0, 25.0, 500, 8000, 200, 1500, 400, 50, "atmega328p", "bench")
+IDENT = Ident(
+    0, 1, 1, (1, 0), 8, 1100.0, 1500.0, 1900.0, 25.0, 500, 8000, 200, 1500, 400, 50, "atmega328p", "snr_sim esc"
+)
 
 
 def measure(is_quick: bool) -> Iterator[Row]:

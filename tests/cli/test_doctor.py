@@ -76,7 +76,10 @@ def test_the_microcontroller_is_told_with_version_identity_and_widths() -> None:
 @pytest.mark.parametrize(
     ("ident", "telemetry", "tag", "said"),
     [
-        ({"neutral_us": 1520.0}, {"widths_us": (1520.0,) * 8}, "MISS", "its neutral is 1520 us, not 1500"),
+        ({"neutral_us": 1520.0}, {"widths_us": (1520.0,) * 8}, "MISS", "neutral 1520 us (wanted: 1500)"),
+        ({"channels": 6}, {"widths_us": (1500.0,) * 6}, "MISS", "6 channels (wanted: 8 at least)"),
+        ({"most_lease_ms": 60000}, {}, "MISS", "a lease of 60000 ms at most (wanted: 1 to 250)"),
+        ({"name": "blinky"}, {}, "MISS", "its name is 'blinky' (wanted: 'snr_sim esc', our firmware's)"),
         ({}, {"widths_us": (1500.0,) * 6 + (1600.0, 1500.0)}, "MISS", "channels 6 are not at neutral"),
         ({}, {"state": State.STOPPED, "faults": Fault.STOPPED}, "MISS", "its emergency stop is on"),
         ({}, {"reset_cause": ResetCause.WATCHDOG}, "note", "its firmware had hung"),
