@@ -23,7 +23,7 @@ from snr_sim.devices.loops import ActuatorLoopFactory
 from snr_sim.devices.wire.serial_port import check_port
 from snr_sim.options import check_options
 from snr_sim.prelude.errors import ConfigError, MissingExtra, SnrError, TraceError, UnknownName, nearest
-from snr_sim.prelude.io import BENCH, ON_SERIAL_PORTS, parse_io
+from snr_sim.prelude.io import ON_SERIAL_PORTS, parse_io
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import Rig, Robot
@@ -102,7 +102,7 @@ class Simulation:
     @property
     def has_wires(self) -> bool:
         """Whether any of the devices is real, so that the run takes as long as it says."""
-        return parse_io(self.request.io).kind in (*BENCH, "pi")
+        return parse_io(self.request.io).has_wires
 
     def check_wires(self) -> None:
         """Looks whether the port that `--io` names is there, so that a wrong one is told before there is a run.

@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from snr_sim.simulation import Request
 
 
 def resim(
     run: Annotated[Path, typer.Argument(help="A run folder, or its trace.")],
     with_file: Annotated[str, typer.Option("--with", help="Another controller: a name, or a file.")] = "",
+    io: Annotated[
+        str, typer.Option(help="Where devices are: sim, emulated, ...; as recorded if not given and nothing real.")
+    ] = "",
     out: Annotated[Path, typer.Option(help="Folder that run folders go into.")] = Path("runs"),
     no_rrd: Annotated[bool, typer.Option("--no-rrd", help="Leave out view.rrd.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Simulate a run again, plant and all.
 
-    Same scenario and seed, the code as it is now, into a new run folder.
+    Same scenario and seed, the code as it is now, into a new run folder. A run with real outputs moves nothing again
+    unless you say --io.
 
     Exit status: as of `snr run`.
     """
@@ -30,7 +38,7 @@ def resim(
     trace = read_trace(trace_path(run))
     for remark in remarks(trace):
         print(f"note: {remark}", file=sys.stderr)
-    request = request_of(trace.opening, trace.header, with_file)
+    request = with_devices(request_of(trace.opening, trace.header, with_file), io)
     fields, status = record_run(request, out, None, is_viewed=not no_rrd, is_live=False, is_quiet=as_json)
     fields["resim_of"] = str(trace.path.parent)
     fields["identical"] = fields["trace_digest"] == trace.digest
@@ -42,3 +50,24 @@ def resim(
         same = "the same digest as" if fields["identical"] else "another digest than"
         print(f"  {same} {trace.path.parent}")
     sys.exit(status)
+
+
+def with_devices(request: Request, io: str) -> Request:
+    """Returns a recorded request with the devices that were asked for, or those it had, if none of them is real.
+
+    Raises:
+        ParameterError: nobody has asked for any, and it had real ones: they would move by themselves.
+    """
+    from snr_sim.prelude.errors import ParameterError
+    from snr_sim.prelude.io import parse_io
+
+    if io:
+        is_whole = parse_io(request.io).kind == "pi" and parse_io(io).kind != "pi"
+        # With --io pi each role ran by itself because it had to; in simulation it needs the others.
+        return replace(request, io=io, role=None if is_whole else request.role)
+    if parse_io(request.io).has_wires:
+        raise ParameterError(
+            f"This run was recorded with --io {request.io}: real outputs, which would move again.",
+            fix=f"simulate it with --io sim; if they shall move: --io {request.io}.",
+        )
+    return request

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 
 def run(
+    context: typer.Context,
     scenario: Annotated[str, typer.Argument(help="A scenario's name, or its file; `snr list scenarios`.")],
     seed: Annotated[int, typer.Option(help="Of all chance in the run. Every seed is another start.")] = 0,
     engine: Annotated[str, typer.Option(help="Physics engine; the scenario's first if not given.")] = "",
@@ -60,6 +61,7 @@ def run(
         from snr_sim.prelude.errors import ParameterError
 
         raise ParameterError("A fast run is over before a file is saved.", fix="--watch with --speed real.")
+    _say_whence(context, io)
     is_live = show and pace is not None  # a fast run is over before a window is open
     fields, status = record_run(
         request,
@@ -78,6 +80,15 @@ def run(
     if show and not is_live:
         _show(Path(fields["run_dir"]))
     sys.exit(status)
+
+
+def _say_whence(context: typer.Context, io: str) -> None:
+    """Says that real outputs will move, if nobody has just typed so: a variable may have been set days ago."""
+    from snr_sim.prelude.io import ENVIRONMENT, parse_io
+
+    source = context.get_parameter_source("io")
+    if source is not None and source.name == "ENVIRONMENT" and parse_io(io).has_wires:
+        print(f"real outputs: {io}, from {ENVIRONMENT}", file=sys.stderr, flush=True)
 
 
 def record_run(

@@ -60,6 +60,11 @@ class Io:
     def __str__(self) -> str:
         return f"{self.kind}:{self.where}" if self.where else self.kind
 
+    @property
+    def has_wires(self) -> bool:
+        """Whether any of the devices is real: outputs then move something, and time is real."""
+        return self.kind in (*BENCH, "pi")
+
 
 def parse_io(text: str) -> Io:
     """Returns the choice that a string names.

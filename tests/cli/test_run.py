@@ -492,3 +492,14 @@ def test_real_devices_have_no_speed_but_that_of_time(snr: Snr, here: Path) -> No
     assert answer.status == 2
     assert "devices are real, and so is time" in answer.err
     assert_nothing_written(here)
+
+
+@pytest.mark.parametrize("io", ["mcu:/dev/ttyNowhere", "pi"])
+def test_real_outputs_that_nobody_has_typed_are_told_first(snr: Snr, monkeypatch: pytest.MonkeyPatch, io: str) -> None:
+    told = f"real outputs: {io}, from SNR_SIM_IO"
+    assert told not in snr(*RUN, "--io", io).err
+    monkeypatch.setenv("SNR_SIM_IO", io)
+    assert snr(*RUN).err.splitlines()[0] == told
+    assert told not in snr(*RUN, "--io", io).err
+    monkeypatch.setenv("SNR_SIM_IO", "mirror")
+    assert "real outputs" not in snr(*RUN).err

@@ -10,10 +10,12 @@ from typing import Any
 
 import pytest
 
+from snr_sim.cli.resim import with_devices
 from snr_sim.recording.folder import RESULT_NAME
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.records import TaskRecord
 from snr_sim.recording.trace import FILE_NAME
+from snr_sim.simulation import Request
 
 Snr = Callable[..., Any]
 Mine = Callable[..., Path]
@@ -310,6 +312,29 @@ def test_a_resim_of_unchanged_code_has_the_same_digest(snr: Snr, flown: Path) ->
     assert f"the same digest as {flown}" in words.out
     changed = snr("resim", flown, "--no-rrd", "--json", "--with", "coast").json
     assert (changed["identical"], changed["outcome"]) == (False, "crashed")
+
+
+@pytest.mark.parametrize("io", ["mcu:/dev/ttyUSB0", "maestro:/dev/ttyACM0", "pca9685:1:0x40", "sysfs", "pi"])
+def test_a_run_with_real_outputs_is_not_simulated_anew_with_them_unless_it_is_said(
+    snr: Snr, flown: Path, here: Path, io: str
+) -> None:
+    trace = flown / FILE_NAME
+    trace.write_text(trace.read_text().replace('"io":"sim"', f'"io":"{io}"', 1))
+    before = sorted((here / "runs").iterdir())
+    answer = snr("resim", flown, "--no-rrd")
+    assert answer.status == 2
+    assert f"recorded with --io {io}" in answer.err
+    assert "simulate it with --io sim" in answer.err
+    assert sorted((here / "runs").iterdir()) == before
+    assert snr("resim", flown, "--no-rrd", "--json", "--io", "sim").json["outcome"] == "landed"
+
+
+def test_a_vehicle_whose_roles_ran_apart_on_real_parts_is_simulated_whole() -> None:
+    asked = Request("urov_depth_hold", role="urov", io="pi")
+    assert with_devices(asked, "sim") == Request("urov_depth_hold", io="sim")
+    assert with_devices(asked, "pi") == asked
+    apart = Request("urov_depth_hold", role="urov", io="sim")
+    assert with_devices(apart, "") == with_devices(apart, "sim") == apart
 
 
 # trace
