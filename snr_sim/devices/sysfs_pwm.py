@@ -23,6 +23,7 @@ from pathlib import Path
 
 from snr_sim.devices.plain_pwm import ESC_START_S, PlainPwm
 from snr_sim.devices.pwm_backend import LIMITS_US, STOP_US
+from snr_sim.devices.wire.permission import how_to_use
 from snr_sim.prelude.errors import DeviceError
 
 ROOT = Path("/sys/class/pwm")
@@ -176,7 +177,7 @@ def _why_not(path: Path, text: str, error: OSError) -> DeviceError:
     if error.errno in (errno.EACCES, errno.EPERM):
         return DeviceError(
             f"{path} may not be written by this user: it belongs to group '{_group_of(path)}'.",
-            fix="sudo usermod -aG gpio $USER, then log out and in again; without such a group: sudo.",
+            fix=how_to_use(path, "gpio"),
         )
     if error.errno == errno.EBUSY:
         return DeviceError(f"{path}: the kernel says that it is in use.", fix="a dtoverlay or a driver has this pin.")

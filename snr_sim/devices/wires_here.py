@@ -6,7 +6,6 @@ Documentation/driver-api/pwm.rst; /dev/serial/by-id is made by systemd's udev ru
 
 from __future__ import annotations
 
-import grp
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from pathlib import Path
 
 from snr_sim.devices.sysfs_pwm import CHIPS, OVERLAYS
 from snr_sim.devices.wire import serial_port
+from snr_sim.devices.wire.permission import Owner, how_to_use, owner_of
 from snr_sim.prelude.errors import MissingExtra
 
 
@@ -39,15 +39,6 @@ def may_use(path: Path) -> bool:
     return os.access(path, os.R_OK | os.W_OK)
 
 
-def group_of(path: Path) -> str:
-    """Returns the group that a file belongs to."""
-    gid = path.stat().st_gid
-    try:
-        return grp.getgrgid(gid).gr_name
-    except KeyError:
-        return str(gid)
-
-
 @dataclass(frozen=True)
 class Machine:
     """A computer, or in a test a folder that looks like one.
@@ -55,13 +46,13 @@ class Machine:
     Args:
         root: of its files.
         ports: its serial ports, each perhaps with what is behind it in brackets.
-        may_use, group_of: of a file.
+        may_use, owner_of: of a file.
     """
 
     root: Path = Path("/")
     ports: Callable[[], list[str]] = serial_port.ports
     may_use: Callable[[Path], bool] = may_use
-    group_of: Callable[[Path], str] = group_of
+    owner_of: Callable[[Path], Owner] = owner_of
 
     @property
     def model(self) -> str:
@@ -96,7 +87,7 @@ class Machine:
             link = lasting.get(os.path.basename(name))
             told = [what.removesuffix(")")] if what else []
             told += [f"always /dev/serial/by-id/{link.name}"] if link is not None else []
-            yield Wire("serial", name, ", ".join(told), self._not_allowed(self.root / name.lstrip("/")))
+            yield Wire("serial", name, ", ".join(told), self._not_allowed(self.root / name.lstrip("/"), "dialout"))
 
     def _i2c(self) -> Iterator[Wire]:
         for path in sorted((self.root / "dev").glob("i2c-*")):
@@ -104,7 +95,7 @@ class Machine:
                 about = (self.root / "sys/class/i2c-dev" / path.name / "name").read_text().strip()
             except OSError:
                 about = ""
-            yield Wire("i2c", path.name.removeprefix("i2c-"), about, self._not_allowed(path))
+            yield Wire("i2c", path.name.removeprefix("i2c-"), about, self._not_allowed(path, "i2c"))
 
     def _pwm(self) -> Iterator[Wire]:
         for chip in sorted((self.root / "sys/class/pwm").glob("pwmchip*")):
@@ -115,16 +106,13 @@ class Machine:
             except OSError:
                 channels = "?"
             about = f"{chip.name}, {channels} channels, {f'the one of a {known}' if known else 'not a Pi header'}"
-            yield Wire("pwm", device, about, self._not_allowed(chip / "export") if known else "")
+            yield Wire("pwm", device, about, self._not_allowed(chip / "export", "gpio") if known else "")
 
-    def _not_allowed(self, path: Path) -> str:
+    def _not_allowed(self, path: Path, usual: str) -> str:
         try:
-            if self.may_use(path):
-                return ""
-            group = self.group_of(path)
+            return "" if self.may_use(path) else how_to_use(path, usual, self.owner_of(path))
         except OSError as error:
             return f"{path}: {error.strerror}"
-        return f"sudo usermod -aG {group} $USER, then log out and in again."
 
     def missing(self, kind: str) -> str:
         """Returns how a Raspberry Pi, or any computer, comes to have what it lacks."""

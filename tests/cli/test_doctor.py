@@ -12,6 +12,7 @@ from snr_sim.cli.doctor import landing, packages
 from snr_sim.cli.doctor_hardware import answers, wires
 from snr_sim.devices.wire.mcu_frames import McuFrames, encode
 from snr_sim.devices.wire.mcu_messages import Fault, Hello, Ident, ResetCause, State, Telemetry
+from snr_sim.devices.wire.permission import Owner
 from snr_sim.devices.wires_here import Machine
 from snr_sim.prelude.errors import MissingExtra
 from snr_sim.prelude.io import parse_io
@@ -108,7 +109,7 @@ def machine(tmp_path: Path, ports: list[str], may: bool = True, model: str = "")
     if model:
         (tmp_path / "proc/device-tree").mkdir(parents=True)
         (tmp_path / "proc/device-tree/model").write_text(model)
-    return Machine(tmp_path, lambda: ports, lambda path: may, lambda path: "dialout")
+    return Machine(tmp_path, lambda: ports, lambda path: may, lambda path: Owner("dialout", True))
 
 
 def test_a_laptop_without_ports_misses_nothing(tmp_path: Path) -> None:

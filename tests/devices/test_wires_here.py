@@ -1,10 +1,12 @@
 """What is found of ports, buses and chips, on computers that are folders."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from snr_sim.devices.wire.permission import Owner
 from snr_sim.devices.wires_here import Machine, Wire
 from snr_sim.prelude.errors import MissingExtra
 
@@ -36,7 +38,7 @@ def machine(root: Path, forbidden: str = "nothing", ports: Callable[[], list[str
         root,
         ports or (lambda: ["/dev/ttyUSB0 (FT232R USB UART)"]),
         may_use=lambda path: path.exists() and forbidden not in str(path),
-        group_of=lambda path: {"ttyUSB0": "dialout", "i2c-1": "i2c"}.get(path.name, "gpio"),
+        owner_of=lambda path: Owner({"ttyUSB0": "dialout", "i2c-1": "i2c"}.get(path.name, "gpio"), True),
     )
 
 
@@ -60,6 +62,15 @@ def test_what_this_user_may_not_use_is_told_with_the_group_to_join(
     assert fixes == {kind: f"sudo usermod -aG {group} $USER, then log out and in again."}
 
 
+@pytest.mark.parametrize(("forbidden", "usual"), [("ttyUSB0", "dialout"), ("i2c-1", "i2c"), ("pwm", "gpio")])
+def test_nobody_is_told_to_join_root(pi: Path, forbidden: str, usual: str) -> None:
+    roots = replace(machine(pi, forbidden), owner_of=lambda path: Owner("root", False))
+    (fix,) = [wire.fix for wire in roots.wires() if wire.fix]
+    assert "-aG root" not in fix
+    assert "udev rule" in fix
+    assert fix.endswith(f"sudo usermod -aG {usual} $USER, then log out and in again.")
+
+
 def test_without_pyserial_ports_are_found_by_name_and_it_is_told_what_to_install(pi: Path) -> None:
     def missing() -> list[str]:
         raise MissingExtra("pyserial", "hardware")
@@ -75,8 +86,8 @@ def test_a_computer_without_any_of_it_has_nothing_to_tell(tmp_path: Path) -> Non
 
 
 def test_a_port_that_is_listed_but_gone_is_told_with_the_reason(tmp_path: Path) -> None:
-    def gone(path: Path) -> str:
+    def gone(path: Path) -> Owner:
         raise FileNotFoundError(2, "No such file or directory")
 
-    left = Machine(tmp_path, lambda: ["/dev/ttyUSB3"], may_use=lambda path: False, group_of=gone)
+    left = Machine(tmp_path, lambda: ["/dev/ttyUSB3"], may_use=lambda path: False, owner_of=gone)
     assert next(left.wires()).fix == f"{tmp_path}/dev/ttyUSB3: No such file or directory"

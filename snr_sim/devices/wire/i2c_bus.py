@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol
 
+from snr_sim.devices.wire.permission import how_to_use
 from snr_sim.prelude.errors import DeviceError, MissingExtra
 
 MOST_BYTES = 32  # of one SMBus block
@@ -64,7 +65,7 @@ class I2cBus:
         except PermissionError as error:
             raise DeviceError(
                 f"{self.name} may not be opened by this user.",
-                fix="sudo usermod -aG i2c $USER, then log out and in again.",
+                fix=how_to_use(Path(self.name), "i2c"),
             ) from error
         except OSError as error:
             raise DeviceError(f"{self.name} cannot be opened: {error}.", fix=_enable()) from error

@@ -16,6 +16,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Protocol
 
+from snr_sim.devices.wire.permission import how_to_use
 from snr_sim.prelude.errors import DeviceError, MissingExtra
 
 ANSWER_S = 0.5  # how long `ask` waits for an answer
@@ -179,7 +180,10 @@ def _why_not(path: str, baud: int, error: Exception) -> DeviceError:
         )
         return DeviceError(f"There is no serial port {path}.", fix=fix)
     if number in (errno.EACCES, errno.EPERM):
-        return DeviceError(f"{path} may not be opened by this user: it belongs to {_group_of(path)}.", fix=_join(path))
+        return DeviceError(
+            f"{path} may not be opened by this user: it belongs to {_group_of(path)}.",
+            fix=how_to_use(Path(path), "dialout"),
+        )
     if number in (errno.EBUSY, errno.EAGAIN):
         return DeviceError(
             f"{path} is busy: {_holder(path)} has it.",
@@ -210,8 +214,3 @@ def _group_of(path: str) -> str:
         return f"group '{grp.getgrgid(os.stat(path).st_gid).gr_name}'"
     except (OSError, KeyError):
         return "a group of its own"
-
-
-def _join(path: str) -> str:
-    group = _group_of(path).partition("'")[2].rstrip("'") or "dialout"
-    return f"sudo usermod -aG {group} $USER, then log out and in again."

@@ -1,0 +1,80 @@
+"""How a user comes to be allowed a port, a bus or a PWM pin: by joining its group, or by a rule that gives it one.
+
+Joining a group helps only if that group may read and write the file, and nobody should join 'root'. Fresh systems leave
+some ports to root alone: then udev has to be told. Source of the rules' words: man 7 udev.
+"""
+
+from __future__ import annotations
+
+import grp
+import stat
+from dataclasses import dataclass
+from pathlib import Path
+
+RULES = "/etc/udev/rules.d/90-snr.rules"
+_ON_BOARD = ("ttyS", "ttyAMA", "ttyTHS")  # which a system may use for its console
+
+
+@dataclass(frozen=True)
+class Owner:
+    """Whose a file is.
+
+    Args:
+        group: its group's name, or number if it has none.
+        helps: whether members of that group may read and write it.
+    """
+
+    group: str
+    helps: bool
+
+
+def owner_of(path: Path) -> Owner:
+    """Returns whose a file is.
+
+    Raises:
+        OSError: it is not there.
+    """
+    about = path.stat()
+    wanted = stat.S_IWGRP if path.name == "export" else stat.S_IRGRP | stat.S_IWGRP  # which nobody may read
+    try:
+        name = grp.getgrgid(about.st_gid).gr_name
+    except KeyError:
+        return Owner(str(about.st_gid), False)  # nobody can join what has no name
+    return Owner(name, about.st_gid != 0 and about.st_mode & wanted == wanted)
+
+
+def how_to_use(path: Path, usual: str, owner: Owner | None = None) -> str:
+    """Returns what to do to be allowed a file.
+
+    Args:
+        path: a port, a bus, or a file of a PWM chip.
+        usual: the group that such files belong to where all is well: 'dialout', 'i2c', 'gpio'.
+        owner: whose it is; looked up if not given, and as usual if it is not there.
+
+    >>> how_to_use(Path("/dev/ttyUSB0"), "dialout", Owner("dialout", True))
+    'sudo usermod -aG dialout $USER, then log out and in again.'
+    """
+    if owner is None:
+        try:
+            owner = owner_of(path)
+        except OSError:
+            owner = Owner(usual, True)
+    if owner.helps:
+        return _join(owner.group)
+    rule = f'KERNEL=="{path.name}", GROUP="{usual}", MODE="0660"'
+    if usual == "gpio":
+        rule = 'SUBSYSTEM=="pwm", RUN+="/bin/sh -c \'chgrp -R gpio /sys%p; chmod -R g+rwX /sys%p\'"'
+    console = ""
+    if path.name.startswith(_ON_BOARD):
+        console = (
+            f"`sudo fuser -v {path}` tells if the system's console has it (on a Raspberry Pi: raspi-config, Serial "
+            "Port, no login shell). If not: "
+        )
+    return (
+        f"{console}its group '{owner.group}' may not use it or is not to be joined, so a udev rule must give it to "
+        f"'{usual}'. Write into {RULES} the line  {rule}  and restart; then {_join(usual)}"
+    )
+
+
+def _join(group: str) -> str:
+    return f"sudo usermod -aG {group} $USER, then log out and in again."
