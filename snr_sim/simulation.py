@@ -23,7 +23,7 @@ from snr_sim.devices.loops import ActuatorLoopFactory
 from snr_sim.devices.wire.serial_port import check_port
 from snr_sim.options import check_options
 from snr_sim.prelude.errors import ConfigError, MissingExtra, SnrError, TraceError, UnknownName, nearest
-from snr_sim.prelude.io import ON_SERIAL_PORTS, parse_io
+from snr_sim.prelude.io import BENCH, ON_SERIAL_PORTS, parse_io
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import Rig, Robot
@@ -109,10 +109,15 @@ class Simulation:
 
         Raises:
             DeviceError: it is not, or may not be opened.
+            UnknownName, ParameterError: what stands after it makes no sense.
         """
         io = parse_io(self.request.io)
-        if io.kind in ON_SERIAL_PORTS:
-            check_port(io.where)
+        if io.kind in BENCH:
+            from snr_sim.devices.opening import OUTPUTS, split  # it takes 60 ms, which no simulation need pay
+
+            _, place, _ = split(str(io), OUTPUTS)
+            if io.kind in ON_SERIAL_PORTS:
+                check_port(place)
 
     def config(self, plant: Plant | None, clock_s: Callable[[], float] | None = None) -> Config:
         """Returns the robot's wiring.

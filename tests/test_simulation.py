@@ -12,7 +12,7 @@ import pytest
 from snr_sim.cli.run import record_run
 from snr_sim.flight import Flight, Result
 from snr_sim.library import find
-from snr_sim.prelude.errors import ConfigError, MissingExtra, TraceError, UnknownName
+from snr_sim.prelude.errors import ConfigError, DeviceError, MissingExtra, TraceError, UnknownName
 from snr_sim.recording.folder import RESULT_NAME, as_json, new_run_folder, read_result, write_result
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
@@ -299,3 +299,11 @@ def test_without_numpy_a_run_says_what_to_install_where_it_is_to_run(
     with pytest.raises(MissingExtra) as refused:
         prepare(Request("urov_teleop", role="urov", io=io))
     assert f"snr_sim[{extra}]" in refused.value.fix
+
+
+def test_a_port_is_looked_for_without_the_settings_that_follow_it(tmp_path: Path) -> None:
+    port = tmp_path / "ttyACM0"
+    port.touch()
+    prepare(Request("lander_pad", io=f"maestro:{port},crc")).check_wires()
+    with pytest.raises(DeviceError, match=rf"no serial port {port}1\."):
+        prepare(Request("lander_pad", io=f"maestro:{port}1,crc")).check_wires()

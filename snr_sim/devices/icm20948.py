@@ -211,6 +211,14 @@ class Icm20948(LifeCycle):
         return self._bus
 
 
+def is_right_handed(axes: Sequence[str]) -> bool:
+    """Returns whether these are three axes, as a right hand has them."""
+    try:
+        return bool(_right_handed(axes))
+    except ParameterError:
+        return False
+
+
 def _right_handed(axes: Sequence[str]) -> list[tuple[int, float]]:
     """Returns for each axis of the body which of the chip's it is, and its sign.
 

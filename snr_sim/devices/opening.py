@@ -15,12 +15,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from snr_sim.devices.gps import BAUD as GPS_BAUD
 from snr_sim.devices.gps import Gps
-from snr_sim.devices.icm20948 import Icm20948
+from snr_sim.devices.icm20948 import Icm20948, is_right_handed
 from snr_sim.devices.maestro import MaestroPwm
 from snr_sim.devices.mcu import McuPwm
 from snr_sim.devices.mcu_board import McuBoard
@@ -34,18 +35,41 @@ from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.devices.wire.mcu_messages import BAUD
 from snr_sim.devices.wire.serial_port import SerialPort
 from snr_sim.prelude.device import PwmOut, Sensor
-from snr_sim.prelude.errors import UnknownName, nearest
+from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
 from snr_sim.prelude.io import bus_and_address
 
 HELD = ("pca9685", "sysfs")  # they keep their last pulse
-SETTINGS: dict[str, tuple[str, ...]] = {
-    "mcu": (),
-    "maestro": ("crc",),
-    "pca9685": ("oscillator_hz", "clock_hz"),
-    "sysfs": (),
-    "ms5837": (),
-    "icm20948": ("axes",),
-    "gps": ("baud",),
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What may follow a place.
+
+    Args:
+        read: makes the value of its text.
+        wanted: in words.
+        fits: whether a value makes sense.
+    """
+
+    read: Callable[[str], Any]
+    wanted: str
+    fits: Callable[[Any], bool] = lambda value: True
+
+
+# Of the oscillator inside and of a clock outside: NXP, PCA9685 data sheet, tables 13 and 14.
+SETTINGS: dict[str, dict[str, Setting]] = {
+    "mcu": {},
+    "maestro": {"crc": Setting({"": True, "yes": True, "no": False}.__getitem__, "crc, crc=yes or crc=no")},
+    "pca9685": {
+        "oscillator_hz": Setting(float, "23e6 to 27e6 Hz, as measured", lambda hz: 23e6 <= hz <= 27e6),
+        "clock_hz": Setting(float, "1e6 to 50e6 Hz, as at its EXTCLK pin", lambda hz: 1e6 <= hz <= 50e6),
+    },
+    "sysfs": {},
+    "ms5837": {},
+    "icm20948": {
+        "axes": Setting(lambda text: text.split("/"), "three axes such as y/-x/z, right-handed", is_right_handed)
+    },
+    "gps": {"baud": Setting(int, "a whole number, 1200 to 921600, mostly 9600", lambda baud: 1200 <= baud <= 921600)},
 }
 OUTPUTS = ("mcu", "maestro", *HELD)
 SENSORS = tuple(kind for kind in SETTINGS if kind not in OUTPUTS)
@@ -57,13 +81,13 @@ def open_pwm(
     """Opens outputs of servo pulses.
 
     Raises:
-        UnknownName: there are none of that kind, or the text does not say where.
+        UnknownName, ParameterError: see `split`.
     """
     kind, where, settings = split(text, OUTPUTS)
     if kind == "mcu":
         return McuPwm(McuBoard(lambda: SerialPort(where, BAUD), now_s), now_s, channels)
     if kind == "maestro":
-        return MaestroPwm(lambda: SerialPort(where), now_s, channels, limits_us, has_crc="crc" in settings)
+        return MaestroPwm(lambda: SerialPort(where), now_s, channels, limits_us, has_crc=settings.get("crc", False))
     args = [text, channels, *limits_us]
     return SupervisedPwm(open_held(text, channels, *limits_us), now_s, f"{__name__}:{open_held.__name__}", args)
 
@@ -84,7 +108,7 @@ def open_held(text: str, channels: int, low_us: float, high_us: float, takes_ove
         channels,
         limits_us,
         is_supervised=True,
-        oscillator_hz=_number(text, clock_hz or settings.get("oscillator_hz", str(OSCILLATOR_HZ))),
+        oscillator_hz=clock_hz or settings.get("oscillator_hz", OSCILLATOR_HZ),
         has_external_clock=clock_hz is not None,
     )
 
@@ -98,23 +122,23 @@ def open_sensor(text: str, now_s: Callable[[], float], about: Any = None) -> Sen
         about: how it is used, if that can be said: `Ms5837` of an ms5837.
 
     Raises:
-        UnknownName: there is none of that kind, or the text does not say where.
+        UnknownName, ParameterError: see `split`.
     """
     kind, where, settings = split(text, SENSORS)
     if kind == "gps":
-        baud = int(_number(text, settings.get("baud", str(GPS_BAUD))))
-        return Gps(lambda: SerialPort(where, baud), now_s)
+        return Gps(lambda: SerialPort(where, settings.get("baud", GPS_BAUD)), now_s)
     bus, address = bus_and_address(where)
     if kind == "ms5837":
         return Ms5837I2c(lambda: I2cBus(bus), now_s, about, address)
-    return Icm20948(lambda: I2cBus(bus), now_s, address, settings.get("axes", "x/y/z").split("/"))
+    return Icm20948(lambda: I2cBus(bus), now_s, address, settings.get("axes", ("x", "y", "z")))
 
 
-def split(text: str, kinds: tuple[str, ...]) -> tuple[str, str, dict[str, str]]:
+def split(text: str, kinds: tuple[str, ...]) -> tuple[str, str, dict[str, Any]]:
     """Returns kind, place and settings of a device's text.
 
     Raises:
         UnknownName: a kind or a setting that is not known, or no place where one is needed.
+        ParameterError: a setting's value makes no sense.
     """
     kind, _, rest = text.partition(":")
     if kind not in kinds:
@@ -122,18 +146,36 @@ def split(text: str, kinds: tuple[str, ...]) -> tuple[str, str, dict[str, str]]:
     where, *given = rest.split(",")
     if not where and kind != "sysfs":
         raise UnknownName(f"'{text}' does not say where.", fix="such as gps:/dev/ttyS0 or ms5837:1:0x76.")
-    settings = {name: value for name, _, value in (one.partition("=") for one in given)}
-    for name in settings:
+    settings: dict[str, Any] = {}
+    for one in given:
+        name, _, value = one.partition("=")
         if name not in SETTINGS[kind]:
-            raise UnknownName(f"'{text}': a {kind} has no setting '{name}'.", fix=nearest(name, SETTINGS[kind]))
+            known = SETTINGS[kind]
+            fix = nearest(name, known) if known else f"{kind}:{where}, without anything after it."
+            raise UnknownName(f"'{text}': a {kind} has no setting '{name}'.", fix=fix)
+        if settings:
+            raise ParameterError(
+                f"'{text}' has two settings, of which only one can hold.", fix="leave one of them out."
+            )
+        settings[name] = _value(text, one, value, SETTINGS[kind][name])
     return kind, where, settings
+
+
+def _value(text: str, given: str, value: str, setting: Setting) -> Any:
+    try:
+        made = setting.read(value)
+    except (ValueError, KeyError):
+        made = None
+    if made is None or not setting.fits(made):
+        raise ParameterError(f"'{text}': '{given}' makes no sense.", fix=f"{setting.wanted}.") from None
+    return made
 
 
 def check_table(table: Mapping[str, str]) -> None:
     """Sees whether two devices of a robot's table of ports are said to be at one place.
 
     Raises:
-        UnknownName: they are, or a text is none of a device.
+        UnknownName, ParameterError: they are, or a text is none of a device.
     """
     seen: dict[tuple[str, ...], str] = {}
     for name, text in table.items():
@@ -147,10 +189,3 @@ def check_table(table: Mapping[str, str]) -> None:
                 fix="`snr doctor` lists what is where; I2C parts have solder bridges for other addresses.",
             )
         seen[place] = name
-
-
-def _number(text: str, given: str) -> float:
-    try:
-        return float(given)
-    except ValueError:
-        raise UnknownName(f"'{text}': '{given}' is no number.", fix="such as 26.2e6.") from None

@@ -476,6 +476,8 @@ def test_metrics_that_are_no_numbers_are_null_in_json_and_words_for_a_person(snr
     [
         ("mcu:/dev/ttyNowhere", "no serial port /dev/ttyNowhere"),
         ("mcu", "mcu:PORT"),
+        ("maestro:/dev/null,crc=perhaps", "crc=yes or crc=no"),
+        ("pca9685:1:0x40,oscillator_hz=nan", "23e6 to 27e6 Hz"),
         ("replay:nowhere", "There is no run at"),
         ("sin", "did you mean 'sim'"),
     ],

@@ -16,7 +16,7 @@ from snr_sim.devices.opening import check_table, open_held, open_pwm, open_senso
 from snr_sim.devices.pca9685 import Pca9685Pwm
 from snr_sim.devices.supervised_pwm import SupervisedPwm
 from snr_sim.devices.wire.i2c_bus import I2cBus
-from snr_sim.prelude.errors import DeviceError, SnrError, UnknownName
+from snr_sim.prelude.errors import DeviceError, ParameterError, SnrError, UnknownName
 from snr_sim.prelude.scenario import Rig, Robot
 from snr_sim.prelude.signals import DepthReading, ImuReading
 from snr_sim.testing.i2c_parts import FakeBus
@@ -74,14 +74,57 @@ def test_a_measured_oscillator_and_a_clock_outside_are_settings() -> None:
         ("maestro:", "does not say where"),
         ("maestro:/dev/ttyACM0,crv", "a maestro has no setting 'crv'"),
         ("pca9685:1:0x99", "'1:0x99' is no I2C bus and address"),
-        ("pca9685:1:0x40,oscillator_hz=fast", "'fast' is no number"),
+        ("maestro:/dev/ttyACM0,crc=perhaps", "'crc=perhaps' makes no sense.\n  Try: crc, crc=yes or crc=no"),
+        ("maestro:/dev/ttyACM0,crc,crc=no", "two settings, of which only one can hold"),
+        ("mcu:/dev/ttyUSB0,baud=9600", "mcu has no setting 'baud'.\n  Try: mcu:/dev/ttyUSB0, without"),
+        *[
+            (f"pca9685:1:0x40,oscillator_hz={one}", f"'oscillator_hz={one}' makes no sense.\n  Try: 23e6 to 27e6 Hz")
+            for one in ("fast", "nan", "inf", "-25e6", "0", "25", "", "1e400")
+        ],
+        *[
+            (f"pca9685:1:0x40,clock_hz={one}", f"'clock_hz={one}' makes no sense.\n  Try: 1e6 to 50e6 Hz")
+            for one in ("nan", "inf", "0", "51e6", "")
+        ],
+        ("pca9685:1:0x40,clock_hz=25e6,oscillator_hz=25e6", "two settings, of which only one can hold"),
         ("ms5837:1:0x76", "no device of the kind 'ms5837' here"),
     ],
 )
 def test_a_text_of_no_outputs_is_refused_with_what_to_type(text: str, said: str) -> None:
-    with pytest.raises(UnknownName) as caught:
+    with pytest.raises((UnknownName, ParameterError)) as caught:
         open_pwm(text, now_s, 2)
     assert said in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        *[
+            (f"gps:/dev/ttyS0,baud={one}", f"'baud={one}' makes no sense.\n  Try: a whole number, 1200 to 921600")
+            for one in ("nan", "0", "-9600", "9600.5", "fast", "", "1e9", "99999999999999999999")
+        ],
+        *[
+            (f"icm20948:1:0x69,axes={one}", f"'axes={one}' makes no sense.\n  Try: three axes such as y/-x/z")
+            for one in ("", "x", "x/y", "x/y/w", "y/x/z", "x/x/x", "--x/y/z")
+        ],
+        ("gps:/dev/ttyS0,boud=9600", "did you mean 'baud'"),
+        ("ms5837:1:0x76,baud=9600", "ms5837 has no setting 'baud'"),
+    ],
+)
+def test_a_text_of_no_sensor_is_refused_with_what_to_type(text: str, said: str) -> None:
+    with pytest.raises((UnknownName, ParameterError)) as caught:
+        open_sensor(text, now_s)
+    assert said in str(caught.value)
+    with pytest.raises((UnknownName, ParameterError)):
+        check_table({"it": text})
+
+
+def test_a_check_sum_is_switched_on_by_yes_and_off_by_no(monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[bool] = []
+    monkeypatch.setattr(opening, "MaestroPwm", lambda *_, has_crc: given.append(has_crc))
+    for text in ("crc", "crc=yes", "crc=no"):
+        open_pwm(f"maestro:/dev/ttyACM0,{text}", now_s, 2)
+    open_pwm("maestro:/dev/ttyACM0", now_s, 2)
+    assert given == [True, True, False, False]
 
 
 def test_two_devices_at_one_place_are_told_by_their_names() -> None:
