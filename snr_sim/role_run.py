@@ -53,7 +53,7 @@ class World:
         plant = simulation.plant() if simulation.has_plant else None
         self._paced = None if plant is None else RealTimePlant(plant, self.clock)
         reached: Any = self._paced  # of a plant, devices read and write only
-        self.config: Config = simulation.config(reached, lambda: self.clock.now_s())
+        self.config: Config = simulation.config(reached, lambda: self.clock.now_s(), self.role)
         factories = self.config.factories
         with_devices = [
             role

@@ -119,18 +119,19 @@ class Simulation:
             if io.kind in ON_SERIAL_PORTS:
                 check_port(place)
 
-    def config(self, plant: Plant | None, clock_s: Callable[[], float] | None = None) -> Config:
+    def config(self, plant: Plant | None, clock_s: Callable[[], float] | None = None, role_apart: str = "") -> Config:
         """Returns the robot's wiring.
 
         Args:
             plant: what the simulated devices reach; None for a replay, where no device is opened.
             clock_s: the clock of the run, if it is not the plant's.
+            role_apart: the role that runs by itself, its links reaching other processes.
 
         Raises:
             ConfigError: the controller or the robot gives something else than factories.
         """
         controller = self._factories()
-        rig = self.rig(plant, clock_s)
+        rig = self.rig(plant, clock_s, role_apart)
         roles = call_student(self.robot_file.roles, "roles(rig, controller)", rig, controller)
         given = roles if isinstance(roles, dict) else {}
         missing = [role for role in self.roles if not isinstance(given.get(role), (list, tuple))]
@@ -147,11 +148,13 @@ class Simulation:
         """What says how a run ended: the scenario; where sensors read what was recorded, that it is over."""
         return self._recorded or self.scenario
 
-    def rig(self, plant: Plant | None, clock_s: Callable[[], float] | None = None) -> Rig:
+    def rig(self, plant: Plant | None, clock_s: Callable[[], float] | None = None, role_apart: str = "") -> Rig:
         """Returns what the robot's file needs to open its devices; arguments as for `config`."""
         io = parse_io(self.request.io)
         recorded = None if self._recorded is None else self._recorded.pages
-        return Rig(self._robot, io.kind, self.request.seed, plant, io.where, clock_s, recorded=recorded)
+        return Rig(
+            self._robot, io.kind, self.request.seed, plant, io.where, clock_s, recorded=recorded, role_apart=role_apart
+        )
 
     def with_seed(self, seed: int) -> Simulation:
         """Returns the same with another seed; nothing is looked for and loaded again."""

@@ -16,7 +16,7 @@ Its numbers are in parameters.py and vehicles/, its physics in snr_sim/plants, a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -43,12 +43,12 @@ from snr_sim.devices.wire.serial_port import SerialPort
 from snr_sim.plants.t200 import LEAST_US, MOST_US
 from snr_sim.prelude.component import Factory
 from snr_sim.prelude.device import LEASE_S, PwmOut
-from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
+from snr_sim.prelude.errors import UnknownName
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Rig
 from snr_sim.prelude.signals import DepthReading, EchoReading, ImuReading, LeakReading, PowerReading
-from snr_sim.std_mods.comms.sockets import SocketsPair
 
+from .choices import check_choices, tether_of
 from .deadman import Deadman
 from .display import DisplayFactory
 from .keyboard import Hands
@@ -60,13 +60,14 @@ from .seeing_pilot import SeeingPilotFactory
 from .sight import EYES, Place
 
 ROLES = ("urov", "topside")
-PILOTS = ("scripted", "hands")
 OPTIONS = {
     "pilot": "who flies: scripted, or hands (game controller, keyboard)",
     "deadman": "yes: a game controller's sticks count only while its right trigger is held",
     "camera": "ahead or down: gives the vehicle a camera",
     "host": "where the vehicle listens, when roles run by themselves: 127.0.0.1",
     "port": "and its port there, the same at both ends: 9120",
+    "secret": "file with a text that both ends have, so that nobody else steers (or the variable SNR_SECRET holds it)",
+    "allow": "addresses of surface computers that the vehicle takes without a secret, with commas between",
     "power": "board: with --io mcu:PORT, measures the battery at the microcontroller's pins A0 and A1",
 }
 
@@ -92,8 +93,6 @@ READINGS: dict[str, type[msgspec.Struct]] = {
     "place": Place,
 }
 ANSWERED = ("leak", "power", "imu")  # of these each reading sets off work; the others are looked up when needed
-# After so much silence either end counts as gone, also one that is there and stands still: told within a second.
-KEEP_ALIVE_S, GONE_S = 0.2, 0.6
 TO_TOPSIDE = ("vehicle", "depth", "altitude", "power", "leak")
 
 
@@ -254,25 +253,14 @@ DEVICES: dict[str, dict[str, Callable[[Rig], Any]]] = {
 IO = tuple(DEVICES)
 
 
-def address(options: Mapping[str, str], port: int) -> tuple[str, int]:
-    """Returns where the vehicle listens: `--option host=...` and `--option port=...`, the same for both roles."""
-    given = options.get("port", str(port))
-    if not given.isdecimal():
-        raise ParameterError(f"--option port={given} is no port.", fix="a number, the same at both ends: port=9120.")
-    return options.get("host", "127.0.0.1"), int(given)
-
-
 def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
     """Returns the components of each role. At the vehicle sensors come first and thrusters last."""
     parameters: UrovParameters = rig.robot.parameters
     devices = DEVICES[rig.io]
-    tether = SocketsPair(
-        address(rig.robot.options, parameters.port),
-        name="tether",
-        faults=parameters.tether,
-        keep_alive_s=KEEP_ALIVE_S,
-        timeout_s=GONE_S,
-    )
+    check_choices(rig)
+    tether = tether_of(rig, parameters.port, parameters.tether)
+    # The surface does not listen, so what keeps strangers from the vehicle is not for it to have.
+    below = [] if rig.role_apart == "topside" else [tether.server(TO_TOPSIDE, accept=["controls"])]
     sensors = [
         SensorLoopFactory(name, partial(devices[name], rig), parameters.sensors.rates_hz[name], name in ANSWERED)
         for name in SENSORS
@@ -284,7 +272,7 @@ def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
         sensors.insert(0, CameraLoopFactory("camera", open_camera, 1.0 / camera.period_s, process=False))
     pwm = PwmLoopFactory("pwm", partial(devices["pwm"], rig), parameters.pwm_hz, timeout_s=LEASE_S)
     return {
-        "urov": [tether.server(TO_TOPSIDE, accept=["controls"]), *sensors, *controller, pwm],
+        "urov": [*below, *sensors, *controller, pwm],
         "topside": [tether.client("controls", accept=TO_TOPSIDE), *_pilot(rig, parameters)],
     }
 
@@ -294,13 +282,7 @@ def _pilot(rig: Rig, parameters: UrovParameters) -> list[Factory]:
 
     Else somebody who sees, if there is a route, or somebody who does as it is written.
     """
-    pilot = rig.robot.options.get("pilot", PILOTS[0])
-    if pilot not in PILOTS:
-        raise UnknownName(f"--option pilot={pilot}: there is no such pilot.", fix=nearest(pilot, PILOTS))
-    deadman = rig.robot.options.get("deadman", "no")
-    if deadman not in ("yes", "no"):
-        raise UnknownName(f"--option deadman={deadman}: it is yes or no.", fix="--option deadman=yes")
-    if pilot == "hands":
+    if rig.robot.options.get("pilot") == "hands":
         hands = PadLoopFactory("pad", partial(DEVICES[rig.io]["hands"], rig), parameters.command_hz)
         return [hands, PadPilotFactory(), DisplayFactory(has_pad=True), LookoutFactory("link_tether")]
     if parameters.route:

@@ -356,13 +356,17 @@ def pace_of(speed: str) -> float | None:
 def _options(pairs: list[str]) -> dict[str, str]:
     from snr_sim.prelude.errors import ParameterError
 
-    options = {}
+    options: dict[str, str] = {}
     for pair in pairs:
         key, equals, value = pair.partition("=")
         if not (key and equals):
             raise ParameterError(
                 f"--option {pair} is not KEY=VALUE.",
                 fix="--option pilot=hands, for a robot that has it: snr list robots.",
+            )
+        if key in options:
+            raise ParameterError(
+                f"--option {key}={options[key]} and {key}={value}: it was given twice.", fix="leave one of them out."
             )
         options[key] = value
     return options

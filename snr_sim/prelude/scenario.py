@@ -85,6 +85,7 @@ class Rig:
         clock_s: the clock of the run, which devices stamp by; the plant's time if not given.
         shared: what several devices share, such as the board that they are on; see `share`.
         recorded: gives the pages that a sensor stored in the run that `where` names, for `--io replay:RUN`.
+        role_apart: the role that runs by itself, its links reaching other processes; empty if all meet in this one.
     """
 
     robot: Robot
@@ -95,6 +96,7 @@ class Rig:
     clock_s: Callable[[], float] | None = None
     shared: dict[str, Any] = field(default_factory=dict)
     recorded: Callable[[str], Sequence[Page]] | None = None
+    role_apart: str = ""
 
     def share(self, name: str, make: Callable[[], Any]) -> Any:
         """Returns what several devices of this run share: made when it is asked for first. For several threads."""

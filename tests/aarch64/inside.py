@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import platform
+import socket
 import subprocess
 import sys
 import time
@@ -88,7 +89,9 @@ def the_vehicle_is_wired_without_physics() -> str:
 
 def the_vehicle_looks_for_its_real_devices() -> str:
     """`snr run ... --io pi` asks for no physics; it finds no I2C bus here, and says what to do about it."""
-    command = ["snr", "run", "urov_teleop", "--role", "urov", "--io", "pi", "--option", "port=0"]
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    command = ["snr", "run", "urov_teleop", "--role", "urov", "--io", "pi", "--option", f"port={port}"]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 1, done.stdout + done.stderr
     assert "Traceback" not in done.stderr, done.stderr

@@ -16,7 +16,8 @@ from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import PageRecord
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME
-from snr_sim.simulation import prepare, request_of
+from snr_sim.role_run import World
+from snr_sim.simulation import Request, prepare, request_of
 
 PATIENCE_S = 60.0
 
@@ -75,8 +76,9 @@ def start(here: Path) -> Iterator[Start]:
         port = free.getsockname()[1]
     running: list[subprocess.Popen[str]] = []
 
-    def start(role: str) -> subprocess.Popen[str]:
+    def start(role: str, *more: str) -> subprocess.Popen[str]:
         words = ["run", "./dash.py", "--role", role, "--option", f"port={port}", "--no-rrd", "--json", "--out", role]
+        words += more
         command = [sys.executable, "-m", "snr_sim", *words]
         running.append(subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True))
         return running[-1]
@@ -159,6 +161,72 @@ def test_the_surface_shows_what_it_hears_and_ends_when_the_vehicles_role_has_fin
     assert "note: ended: the vehicle's role has finished: 'urov_node' left: node 'urov_node' ended: SIGINT." in said
     assert "vehicle heard" in said
     assert "state disarmed, manual, obeys: idle; depth 1.0" in said
+
+
+def with_secret(here: Path, name: str, secret: str) -> tuple[str, str]:
+    (here / name).write_text(secret + "\n")
+    return "--option", f"secret={name}"
+
+
+def test_two_ends_with_one_secret_meet_and_the_run_replays_without_it(here: Path, start: Start) -> None:
+    urov = start("urov", *with_secret(here, "below.txt", "known to both of these ends"))
+    topside = start("topside", *with_secret(here, "above.txt", "known to both of these ends"))
+    wait_for_page(here / "urov", "vehicle", '"rules":"pilot"', urov)
+    topside.send_signal(signal.SIGINT)
+    out, complaints = urov.communicate(timeout=PATIENCE_S)
+    assert json.loads(out)["outcome"] in ("still", "ended"), complaints
+    (here / "below.txt").unlink()
+    trace = trace_in(here / "urov")
+    replayed = replay_node(trace, "urov", prepare(request_of(trace.opening, trace.header)).config(None))
+    assert replayed.is_identical
+
+
+def test_two_ends_with_different_secrets_both_say_so_and_what_to_type(here: Path, start: Start) -> None:
+    urov = start("urov", *with_secret(here, "below.txt", "known to the vehicle alone"))
+    topside = start("topside", *with_secret(here, "above.txt", "known to the surface alone"))
+    for role, process in (("urov", urov), ("topside", topside)):
+        wait_for_page(here / role, "link_tether", "secrets of the two ends differ", process)
+    for process in (urov, topside):
+        process.send_signal(signal.SIGINT)
+        complaints = process.communicate(timeout=PATIENCE_S)[1]
+        assert "the secrets of the two ends differ. Try: --option secret=FILE at both ends" in complaints
+
+
+@pytest.mark.parametrize(
+    ("option", "says", "fix"),
+    [
+        ("host=192.168.2.2", "could be steered by anybody", "add --option secret=secret.txt at both ends"),
+        ("host=127.0.0.1:9120", "has an option of its own", "--option host=127.0.0.1 --option port=9120"),
+        ("host=the boat", "no name of a computer", "host=192.168.2.2"),
+        ("port=0", "no port at which two ends can meet", "from 1 to 65535"),
+        ("port=\u0669\u0661\u0662\u0660", "no port", "port=9120"),
+        ("secret=nowhere.txt", "nowhere.txt", "one line of text that both ends have"),
+        ("allow=somebody", "allow=somebody", "allow=192.168.2.1"),
+        ("power=bord", "power=bord", "did you mean 'board'?"),
+        ("power=board", "--io mcu:PORT", "leave it out"),
+        ("deadman=yes", "who holds no trigger", "--option pilot=hands"),
+    ],
+)
+def test_an_option_that_cannot_be_meant_is_told_with_what_to_type(
+    snr: Any, here: Path, option: str, says: str, fix: str
+) -> None:
+    answer = snr("run", "urov_teleop", "--role", "urov", "--option", option)
+    assert answer.status == 2
+    assert says in answer.err
+    assert fix in answer.err
+    assert list(here.iterdir()) == []
+
+
+def test_the_surface_may_call_a_vehicle_elsewhere_without_a_secret(here: Path) -> None:
+    simulation = prepare(Request("urov_teleop", role="topside", options={"host": "192.0.2.2"}))
+    World(simulation)  # that the vehicle takes it, is for the vehicle to say: allow=
+
+
+def test_an_option_that_is_given_twice_is_told_with_both_values(snr: Any, here: Path) -> None:
+    answer = snr("run", "urov_teleop", "--option", "port=9120", "--option", "port=9121")
+    assert answer.status == 2
+    assert "port=9120 and port=9121" in answer.err
+    assert list(here.iterdir()) == []
 
 
 def test_a_role_by_itself_runs_at_no_other_speed_than_the_clocks(snr: Any) -> None:

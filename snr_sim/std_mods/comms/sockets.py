@@ -46,6 +46,7 @@ class SocketsPair:
         faults: what is to go wrong on the way, in both directions.
         keep_alive_s: how often each end asks whether the other is there.
         timeout_s: after how much silence it counts as gone.
+        secret_is: what people know the secret as, and how it is given; for messages.
 
     Raises:
         ConfigError: the address, the secret, the certificates or a network are none.
@@ -66,9 +67,11 @@ class SocketsPair:
         faults: Faults | None = None,
         keep_alive_s: float = 0.5,
         timeout_s: float = 3.0,
+        secret_is: tuple[str, str] = Terms.secret_is,
     ) -> None:
         self.address = _as_address(server_tuple, more)
         self.secret = as_secret(secret)
+        self.secret_is = secret_is
         if tls is not None and not isinstance(tls, Tls):
             raise ConfigError(f"A link with tls={tls!r}.", fix="Tls(certificate=..., key=..., authority=...), or None.")
         self.tls = tls
@@ -135,6 +138,7 @@ class SocketsPair:
             keep_alive_s=options.keep_alive_s,
             timeout_s=options.timeout_s,
             greeting_s=max(options.timeout_s, GREETING_S),
+            secret_is=self.secret_is,
         )
 
 

@@ -206,6 +206,7 @@ class StreamLink(PeerLink):
             self.reason = stream.session.reason
             self.log.info("%s: %s", stream.where, self.reason)
             self._tend_s = 0.0
+        if stream.due_s == float("inf"):  # else why it is over is still on its way, where faults delay it
             stream.end_writing()
         if stream.failure or self.get_time_s() >= stream.leaves_s:
             self.streams.remove(stream)

@@ -11,6 +11,7 @@ import pytest
 
 from snr_sim import CommandReceiverFactory, SocketsPair, Tls, secret_from_env, secret_from_file
 from snr_sim.prelude.errors import ConfigError
+from snr_sim.std_mods.comms.faults import Faults
 from snr_sim.std_mods.comms.messages import Refused
 from snr_sim.std_mods.comms.security import as_networks, is_allowed, is_loopback
 
@@ -108,6 +109,17 @@ def test_a_wrong_secret_is_told_to_both_ends_and_the_right_one_connects(start: S
     honest.until_link("t")
     honest.store("x", "good")
     assert robot.until_stored("x") == ["good"]
+
+
+def test_a_wrong_secret_is_told_also_through_a_line_that_delays(start: Start) -> None:
+    late = Faults(latency_s=0.02)
+    pair = SocketsPair((HERE, 0), name="t", secret="the right secret of this robot", faults=late)
+    robot = start("robot", [pair.server()])
+    robot.until_link("t", up=False)
+    wrong = SocketsPair((HERE, pair.port), name="t", secret="the wrong secret of this robot", faults=late)
+    intruder = start("intruder", [wrong.client("x")])
+    intruder.until_link("t", up=False)
+    intruder.until(lambda: "secrets of the two ends differ" in intruder.stored["link_t"][-1]["reason"], "refused")
 
 
 def test_a_page_that_waits_at_a_server_with_a_secret_goes_to_the_first_who_proves_it(start: Start) -> None:
