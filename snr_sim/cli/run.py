@@ -314,7 +314,8 @@ def _say(fields: dict[str, Any], result: Result, is_quiet: bool) -> None:
         f"{fields['scenario']}, seed {fields['seed']}, controller {Path(str(fields['controller'])).name}: "
         f"{fields['outcome']} after {result.sim_time_s:.1f} s ({speed:.0f} x real time)"
     )
-    for name, value in result.metrics.items():
+    is_measured = not (result.error and result.sim_time_s == 0.0)  # else nothing was: it had not begun
+    for name, value in result.metrics.items() if is_measured else ():
         print(f"  {name:<16} {_in_words(value)}")
     print(f"run folder: {fields['run_dir']}")
     if result.error:

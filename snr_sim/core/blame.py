@@ -10,7 +10,7 @@ from pathlib import Path
 from types import CodeType, TracebackType
 from typing import NamedTuple
 
-from snr_sim.prelude.errors import SnrError
+from snr_sim.prelude.errors import DeviceError, SnrError
 
 _KIT = Path(__file__).resolve().parents[1]
 _SHIPPED = _KIT / "shipped"  # robots and scenarios in the wheel: content, not kit
@@ -85,7 +85,7 @@ def without_addresses(text: str) -> str:
 
 
 def describe_error(error: BaseException, while_doing: str, otherwise: Place | None = None) -> str:
-    """Returns what happened with the student's line first.
+    """Returns what happened with the student's line first; a device's own trouble before the line that opened it.
 
     Args:
         error: what was raised.
@@ -101,7 +101,9 @@ def describe_error(error: BaseException, while_doing: str, otherwise: Place | No
     if isinstance(error, SystemExit):
         fix = "a component ends the run with tasks.terminate('why'), so that everything is halted and recorded."
     is_said = place is None or what.startswith(str(place))
-    lines = [*([] if is_said else [str(place)]), what, while_doing, *([f"Try: {fix}"] if fix else [])]
+    where = [] if is_said else [str(place)]
+    said = [what, while_doing, *where] if isinstance(error, DeviceError) else [*where, what, while_doing]
+    lines = [*said, *([f"Try: {fix}"] if fix else [])]
     return "\n  ".join(lines)
 
 

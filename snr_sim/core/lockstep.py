@@ -122,6 +122,7 @@ class LockStep:
 def _end_all(nodes: Sequence[Node], why: str | BaseException) -> None:
     """Ends every node; raises the first failure to do so, unless another one is already on its way."""
     failure: Exception | None = None
+    error = why if isinstance(why, Exception) else None
     if isinstance(why, str):
         reason = why
     else:
@@ -130,8 +131,8 @@ def _end_all(nodes: Sequence[Node], why: str | BaseException) -> None:
         try:
             if isinstance(why, ComponentFailed):
                 node.record_failure(why)
-            node.end(reason)
-        except Exception as error:
-            failure = failure or error
+            node.end(reason, error)
+        except Exception as another:
+            failure = failure or another
     if failure is not None and isinstance(why, str):
         raise failure

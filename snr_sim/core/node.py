@@ -98,6 +98,7 @@ class Node:
         self._thread_id = threading.get_ident()
         self._begun: list[Component] = []
         self._is_over = False
+        self.never_ran = False  # an error ended it at its start: what it waited for could not come
         self._is_halting = False
         self._failures: list[ComponentFailed] = []  # those that stand in the trace
         self._places: dict[str, int] = {}
@@ -268,11 +269,12 @@ class Node:
                 raise cause from None  # an interrupt, not a failure
             raise self._handler_failure(failed, cause) from cause
 
-    def end(self, reason: str | None = None) -> None:
+    def end(self, reason: str | None = None, error: Exception | None = None) -> None:
         """Finishes what is queued, then halts and terminates each component, whatever any of them raises.
 
         Args:
             reason: why, if no terminate task said so.
+            error: that ended it, if one has, here or in another node.
 
         Raises:
             ComponentFailed: a component could not be halted or terminated; all others have been.
@@ -280,6 +282,8 @@ class Node:
         if self._is_over:
             return
         self._is_over = True
+        is_of_start = isinstance(error, ComponentFailed) and error.step in ("begin", "setup")
+        self.never_ran = is_of_start or (error is not None and not self.datastore.stored)
         failures: list[ComponentFailed] = []
         if self.exit_reason is not None:
             self._drain(failures)
@@ -295,7 +299,8 @@ class Node:
         if isinstance(self.door.failure, ComponentFailed):  # a loop's thread failed, perhaps only now, in its halt
             failures.append(self.door.failure)
         self._note_overload()
-        self.notes.extend(loose_ends(self.components, self.machine.lookup.seen(), self.datastore))
+        if not self.never_ran:
+            self.notes.extend(loose_ends(self.components, self.machine.lookup.seen(), self.datastore))
         for failure in failures:
             self.record_failure(failure)
         if self._recorder is not None:
@@ -520,7 +525,7 @@ class Node:
         if isinstance(error, ComponentFailed):
             return error
         where = f"in {step}() of component '{component.name}' at t = {self.clock.now_s():.3f} s"
-        return ComponentFailed(describe_error(error, where), self.name, component.name)
+        return ComponentFailed(describe_error(error, where), self.name, component.name, step)
 
     def _handler_failure(self, failed: HandlerFailed, error: BaseException) -> ComponentFailed:
         task = failed.task

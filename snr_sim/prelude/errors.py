@@ -45,12 +45,14 @@ class ComponentFailed(SnrError):
         message: with the student's line first.
         node: name of the node.
         component: name of the component.
+        step: what it failed in, if not in a handler: 'begin', 'setup', 'loop', 'halt', 'terminate'.
     """
 
-    def __init__(self, message: str, node: str = "", component: str = "") -> None:
+    def __init__(self, message: str, node: str = "", component: str = "", step: str = "") -> None:
         super().__init__(message)
         self.node = node
         self.component = component
+        self.step = step
 
 
 class ClockError(SnrError):

@@ -505,3 +505,13 @@ def test_real_outputs_that_nobody_has_typed_are_told_first(snr: Snr, monkeypatch
     assert told not in snr(*RUN, "--io", io).err
     monkeypatch.setenv("SNR_SIM_IO", "mirror")
     assert "real outputs" not in snr(*RUN).err
+
+
+def test_a_device_that_cannot_be_opened_is_told_first_and_nothing_of_what_did_not_come(snr: Snr) -> None:
+    answer = snr("run", "urov_depth_hold", "--no-rrd", "--io", "mcu:/dev/null")
+    assert answer.status == 1
+    assert answer.err.splitlines()[0].startswith("/dev/null cannot be opened as a serial port")
+    assert "in setup() of component 'pwm_actuator' at t = 0.000 s" in answer.err
+    assert "waits for" not in answer.err
+    assert "not reached" not in answer.out, "nothing was measured"
+    assert "error after 0.0 s" in answer.out

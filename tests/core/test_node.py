@@ -330,6 +330,25 @@ def test_a_page_waited_for_that_nobody_stores_is_reported_with_the_nearest_name(
     )
 
 
+def notes_of_failed(*factories: Any) -> list[str]:
+    node = node_of(*factories, ender(0.1))
+    with pytest.raises(ComponentFailed):
+        node.loop()
+    return node.notes
+
+
+def test_a_run_that_a_failed_setup_ends_does_not_tell_what_could_not_come() -> None:
+    def fail(loop: Any) -> None:
+        raise ValueError("no such wire")
+
+    waits = {(TaskType.process_data, "motor_sped"): lambda t, i: None}
+    stores = PartFactory(waits, begin=lambda part: part.store_data("motor_speed", 1))
+    assert notes_of_failed(stores, TickerFactory(setup=fail, name="wire")) == []
+    assert notes_of_failed(PartFactory(waits), TickerFactory(loop=fail, name="wire")) == []
+    (note,) = notes_of_failed(stores, TickerFactory(loop=fail, name="wire"))
+    assert "motor_sped" in note, "it ran, and so this may be the reason"
+
+
 class Idle(Endpoint):
     pass
 

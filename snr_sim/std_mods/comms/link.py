@@ -120,8 +120,8 @@ class Link(Loop):
 
     def terminate(self) -> None:
         """Tells at the end of the run which keys came to nothing: perhaps they are misspelt."""
-        if not self.parent.is_over:
-            return  # only taken out: what was not stored yet may still be
+        if not self.parent.is_over or self.parent.never_ran:
+            return  # only taken out: what was not stored yet may still be; or nothing could be
         stored = self.parent.datastore.pages
         for key in self.options.keys:
             if key not in stored:
