@@ -24,7 +24,10 @@ def io(
         str, typer.Option(help="Where devices are: sim, emulated, mcu:PORT, pi, ...", envvar="SNR_SIM_IO")
     ] = "sim",
     move: Annotated[
-        str, typer.Option(metavar="CHANNEL", help="Move one channel by 5 %, for 2 s, after you have confirmed it.")
+        str,
+        typer.Option(
+            metavar="CHANNEL", help="Move one channel, such as pwm4 or 4, by 5 %, for 2 s, after you have confirmed it."
+        ),
     ] = "",
     once: Annotated[bool, typer.Option("--once", help="Print it once.")] = False,
     seconds: Annotated[float, typer.Option(help="End by itself after so long.")] = 0.0,
@@ -50,7 +53,8 @@ def io(
         )
     with bench_of(devices_of(scenario, io)) as bench:
         if move:
-            _confirm(bench, move, io)
+            move = bench.name_of(move)
+            _confirm(move, io)
         if once:
             bench.settle()
             _print_once(bench, io, scenario, as_json)
@@ -61,17 +65,15 @@ def io(
     sys.exit(0 if is_well else 1)
 
 
-def _confirm(bench: Bench, name: str, io: str) -> None:
+def _confirm(name: str, io: str) -> None:
     """Asks for what nobody types by accident.
 
     Raises:
-        UnknownName: there is no such channel.
         ParameterError: something else was typed.
     """
-    from snr_sim.devices.nudge import WHOLE_S, channel_of, top_us
+    from snr_sim.devices.nudge import WHOLE_S, top_us
     from snr_sim.prelude.errors import ParameterError
 
-    channel_of(name, bench.names())
     wanted = f"{name} props off"
     print(
         f"'{name}' of {io} will be armed and moved to {top_us():g} us for {WHOLE_S:g} s. Take the propellers off, hold "
@@ -146,13 +148,15 @@ def _shower(stack: Any) -> Any:
 def _console() -> Any:
     from rich.console import Console
 
-    return Console(highlight=False, width=None if sys.stdout.isatty() else 120)
+    # Without markup: it would take [us], and [hardware] in advice what to install, for colours, and leave them out.
+    return Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 120)
 
 
 def lines(bench: Bench) -> list[str]:
     """Returns one line for each device, for pipes."""
     now_s = bench.now_s()
-    return [f"{now_s:.2f} s  {one.key}: {', '.join(filter(None, _told(one, now_s)))}" for one in _all(bench)]
+    told = {one.key: "; ".join(filter(None, _told(one, now_s))) for one in _all(bench)}
+    return [f"{now_s:.2f} s  {key}: {' '.join(words.split())}" for key, words in told.items()]
 
 
 def shown(bench: Bench) -> RenderableType:
@@ -167,7 +171,7 @@ def shown(bench: Bench) -> RenderableType:
         state, values, age, why, counts = _told(one, now_s)
         style = "" if one.is_well else "red"
         table.add_row(
-            one.key, state, values, age.removesuffix(" ms old"), "; ".join(filter(None, (why, counts))), style=style
+            one.key, state, values, age.removesuffix(" ms old"), "\n".join(filter(None, (why, counts))), style=style
         )
     return table
 
@@ -181,14 +185,13 @@ def _told(one: Opened, now_s: float) -> tuple[str, str, str, str, str]:
     from snr_sim.cli.io_bench import fields_of
 
     fields = fields_of(one, now_s)
-    counts = " ".join(f"{name} {count}" for name, count in fields["counts"].items())
+    counted = fields["counts"] if any(fields["counts"].values()) else {}
+    counts = ", ".join(f"{name} {count}" for name, count in counted.items())
     if "pulses_us" in fields:
         pulses = fields["pulses_us"] or []
-        values = " ".join(
-            f"{name[len(one.key) :]}:{pulse:g}" for name, pulse in zip(one.channels, pulses, strict=False)
-        )
-        why = "; ".join(filter(None, [fields["why"], ", ".join(fields["reasons"])]))
-        return fields["state"], values, "", why, counts
+        values = " ".join(f"{name}:{pulse:g}" for name, pulse in zip(one.channels, pulses, strict=False))
+        reasons = [] if one.trouble or fields["state"] == "error" else fields["reasons"]  # the error says more
+        return fields["state"], values, "", "; ".join(filter(None, [fields["why"], ", ".join(reasons)])), counts
     reading = fields.get("reading")
     values = (
         ""

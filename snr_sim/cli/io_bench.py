@@ -21,7 +21,7 @@ from snr_sim.devices.pwm_backend import STOP_US
 from snr_sim.plants.stepping import Stepper
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.device import Device, Health, PwmOut, Stale
-from snr_sim.prelude.errors import ConfigError, DeviceError, SnrError
+from snr_sim.prelude.errors import ConfigError, DeviceError, SnrError, UnknownName
 from snr_sim.prelude.io import parse_io
 from snr_sim.prelude.signals import LOST, AppliedPulses
 from snr_sim.simulation import Request, Simulation, prepare
@@ -134,6 +134,17 @@ class Bench:
     def names(self) -> list[str]:
         """Returns the names of all channels."""
         return [name for one in self.outputs for name in one.channels]
+
+    def name_of(self, given: str) -> str:
+        """Returns the name of the channel that is meant: its name, or its number if no other output has that, too.
+
+        Raises:
+            UnknownName: none is, or more than one.
+        """
+        meant = [f"{one.key}{given}" for one in self.outputs if f"{one.key}{given}" in one.channels]
+        if len(meant) > 1:
+            raise UnknownName(f"Channel {given} may be {' or '.join(meant)}.", fix=f"--move {meant[0]}")
+        return meant[0] if meant else self.names()[channel_of(given, self.names())]
 
     def arm(self, name: str) -> None:
         """Begins to arm the outputs that a channel belongs to; it is moved as soon as they follow.

@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 
+from snr_sim.cli.io import lines
 from snr_sim.cli.io_bench import ARMING_S, TICK_S, Bench, bench_of, devices_of, fields_of
 from snr_sim.devices.mirror import MirrorPwm
 from snr_sim.devices.nudge import WHOLE_S, nudge_us, top_us
@@ -131,6 +132,39 @@ def test_an_unknown_channel_is_told_with_the_nearest(world: World) -> None:
     with pytest.raises(UnknownName, match=r"no channel 'pmw2'[\s\S]*pwm2"):
         world.bench.arm("pmw2")
     assert world.out.state == "inactive"
+
+
+def test_a_channel_is_meant_by_its_name_or_its_number_if_that_is_one(world: World) -> None:
+    assert [world.bench.name_of(given) for given in ("pwm3", "3")] == ["pwm3", "pwm3"]
+    for given in ("4", "-1", "03", ""):
+        with pytest.raises(UnknownName, match=rf"no channel '{given}'[\s\S]*pwm0"):
+            world.bench.name_of(given)
+    two = {"pwm": lambda: MirrorPwm(lambda: 0.0, 4), "jets": lambda: MirrorPwm(lambda: 0.0, 2)}
+    with Bench({}, two, lambda: 0.0) as bench:
+        assert (bench.name_of("3"), bench.name_of("jets1")) == ("pwm3", "jets1")
+        with pytest.raises(UnknownName, match=r"Channel 1 may be pwm1 or jets1\.\n  Try: --move pwm1"):
+            bench.name_of("1")
+
+
+def test_channels_are_shown_by_the_names_that_move_takes(world: World) -> None:
+    world.run(0.1)
+    assert "pwm0:1500 pwm1:1500 pwm2:1500 pwm3:1500" in lines(world.bench)[0]
+
+
+def test_what_stands_in_brackets_is_shown(snr: Snr) -> None:
+    told = snr("io", "--io", "mirror", "--once").out
+    assert "reading, or pulses [us]" in told
+    assert "age [ms]" in told
+
+
+def test_a_device_that_cannot_be_opened_has_its_message_its_advice_and_nothing_after_it() -> None:
+    def absent() -> Any:
+        raise DeviceError("There is no serial port /dev/ttyUSB9.", fix="there are: /dev/ttyS0.")
+
+    with Bench({"power": absent}, {"pwm": absent}, lambda: 0.0) as bench:
+        bench.tick()
+        for line, key in zip(lines(bench), ("pwm", "power"), strict=True):
+            assert line.endswith(f"{key}: error; There is no serial port /dev/ttyUSB9. Try: there are: /dev/ttyS0.")
 
 
 def test_at_its_end_outputs_are_neutral_and_closed_whatever_happened() -> None:
@@ -372,6 +406,6 @@ def test_in_a_pipe_it_prints_lines(made: Path, here: Path) -> None:
     command = [sys.executable, "-m", "snr_sim", "io", "bench", "--io", "pi", "--seconds", "0.1"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
-    assert "pwm: inactive, 0:1500 1:1500, not active" in done.stdout
+    assert "pwm: inactive; pwm0:1500 pwm1:1500; not active" in done.stdout
     once = subprocess.run([*command[:-2], "--once", "--json"], capture_output=True, text=True, timeout=120)
     assert json.loads(once.stdout)["outputs"][0]["channels"] == 2
