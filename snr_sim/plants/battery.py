@@ -5,12 +5,12 @@ voltage = open-circuit voltage (charge) - current * resistance
 
 from __future__ import annotations
 
-import math
 from bisect import bisect_right
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Protocol
 
+from snr_sim.plants.plausible import LIMITS, check_fields, check_number, check_whole, is_number, shown
 from snr_sim.prelude.errors import ParameterError
 
 # Open-circuit voltage of a cell over its charge: a Samsung INR21700-40T, measured at C/20 and room temperature, at the
@@ -22,6 +22,7 @@ OPEN_CIRCUIT = (
     (0.0, 2.5), (0.0050, 2.8080), (0.0352, 3.1179), (0.0854, 3.3182), (0.1357, 3.4193),
     (0.2915, 3.5826), (0.4523, 3.6941), (0.8392, 4.0664), (0.9548, 4.1121), (1.0, 4.2),
 )  # fmt: skip
+PACK_NUMBERS = ("capacity_ah", "resistance_ohm", "cutoff_cell_v", "cutoff_s")
 _CHARGES = [charge for charge, _ in OPEN_CIRCUIT]
 # From which charge on, the voltage there, and volts per charge above it.
 _LINES = [(low, low_v, (high_v - low_v) / (high - low)) for (low, low_v), (high, high_v) in pairwise(OPEN_CIRCUIT)]
@@ -62,7 +63,7 @@ class Pack:
         cutoff_s: that delay.
 
     Raises:
-        ParameterError: a number makes no sense.
+        ParameterError: a number makes no sense; the message names it and says what is usual.
     """
 
     cells: int = 4
@@ -72,20 +73,9 @@ class Pack:
     cutoff_s: float = 0.1
 
     def __post_init__(self) -> None:
-        if not self.cells >= 1:
-            raise ParameterError(f"A battery of {self.cells!r} cells.", fix="4, as the vehicle has.")
-        if not (math.isfinite(self.capacity_ah) and self.capacity_ah > 0.0):
-            raise ParameterError(f"A battery with capacity_ah={self.capacity_ah!r}.", fix="18.0.")
-        if not (math.isfinite(self.resistance_ohm) and self.resistance_ohm >= 0.0):
-            raise ParameterError(f"A battery with resistance_ohm={self.resistance_ohm!r}.", fix="0.03.")
-        full_v = OPEN_CIRCUIT[-1][1]
-        if self.cutoff_cell_v is not None and not 0.0 <= self.cutoff_cell_v < full_v:
-            raise ParameterError(
-                f"A battery with cutoff_cell_v={self.cutoff_cell_v!r}.",
-                fix=f"volts of one cell, below {full_v:g} V: 2.5, or None.",
-            )
-        if not (math.isfinite(self.cutoff_s) and self.cutoff_s >= 0.0):
-            raise ParameterError(f"A battery with cutoff_s={self.cutoff_s!r}.", fix="0.1.")
+        check_whole("The battery's cells", self.cells, LIMITS["cells"])
+        names = [one for one in PACK_NUMBERS if one != "cutoff_cell_v" or self.cutoff_cell_v is not None]
+        check_fields(self, "The battery's ", {name: name for name in names}, {})
 
 
 _ROUNDING_S = 1e-9  # a tenth of a second is one, however many steps it is made of
@@ -130,11 +120,16 @@ class BenchSupply:
 
     Args:
         volts: that it holds.
+
+    Raises:
+        ParameterError: they are no number.
     """
 
     charge = 1.0
 
     def __init__(self, volts: float) -> None:
+        if not is_number(volts):
+            raise ParameterError(f"A supply of {shown(volts)} V.", fix="BenchSupply(16.0)")
         self.volts = volts
         self.energy_j = 0.0
 
@@ -174,8 +169,9 @@ class Battery:
     """
 
     def __init__(self, pack: Pack | None = None, charge: float = 1.0) -> None:
-        if not 0.0 <= charge <= 1.0:
-            raise ParameterError(f"A battery with charge={charge!r}.", fix="0.0 (empty) to 1.0 (full).")
+        if pack is not None and not isinstance(pack, Pack):
+            raise ParameterError(f"The battery's pack is {shown(pack)}.", fix="Battery(Pack(cells=4), charge=0.8).")
+        check_number("The battery's charge", charge, LIMITS["share"])
         self.pack = pack = pack or Pack()
         self._first_charge = charge
         self._share_per_as = 1.0 / (3600.0 * pack.capacity_ah)

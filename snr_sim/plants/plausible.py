@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from numbers import Real
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,8 @@ GRAMS = {"grams": 1e-3}
 MILLIMETRES = {"millimetres": 1e-3, "centimetres": 1e-2}
 LITRES = {"litres": 1e-3, "cubic centimetres": 1e-6}
 DEGREES = {"degrees": math.pi / 180.0}
+LEAD_KGM3 = 11340.0
+OUTRIGGER_M = 0.1  # how far a propeller may sit outside the frame
 IS_ABOVE = True  # the least number itself cannot be
 
 
@@ -76,6 +78,18 @@ LIMITS = {
                             "small vehicles end at 50"),
     "quadratic_damping": Limit(0.0, 5000.0, "per (m/s)^2 or (rad/s)^2", "it stands here without its minus, and a plate "
                                "of a square metre, moved against its face, has about 600"),
+    # a battery and thrusters
+    "cells": Limit(1, 14, "", "the vehicle has 4 in series, and no small vehicle's pack has more than 14"),
+    "capacity_ah": Limit(0.1, 500.0, "Ah", "the vehicle has 18, and 500 weigh more than the vehicle",
+                         {"milliampere hours": 1e-3}),
+    "resistance_ohm": Limit(0.0, 1.0, "ohm", "0.02 to 0.05 is usual, and at 1 ohm nothing would be left for a thruster",
+                            {"milliohms": 1e-3}),
+    "cutoff_cell_v": Limit(0.0, 4.0, "V", "it is of one cell: 2.5 to 3.0 is usual, and a full one has 4.2",
+                           {"of four cells": 0.25}),
+    "cutoff_s": Limit(0.0, 10.0, "s", "0.1 is usual, and cells are spoilt in minutes", {"milliseconds": 1e-3}),
+    "electronics_a": Limit(0.0, 50.0, "A", "computer, camera and sensors take about 1", {"milliamperes": 1e-3}),
+    "thruster_count": Limit(1, 100, "", "the vehicle has 8"),
+    "thruster_lag_s": Limit(0.0, 5.0, "s", "a T200 has 0.029, as measured", {"milliseconds": 1e-3}, IS_ABOVE),
     # a dive
     "time_s": Limit(0.0, 1e6, "s", "a dive begins at 0 s, and nobody waits for ten days", {"milliseconds": 1e-3}),
     "speed_mps": Limit(-10.0, 10.0, "m/s", "the strongest tidal streams run at about that",
@@ -150,6 +164,17 @@ def check_number(what: str, value: Any, limit: Limit = FINITE, axis: str = "") -
     slip = f": {unit}?" if unit and math.isfinite(value) else "."
     why = f": {limit.why}" if limit.why else ""
     raise ParameterError(f"{name} is {value}{slip}", fix=f"give {limit.wanted()}{why}.")
+
+
+def check_whole(what: str, value: Any, limit: Limit) -> None:
+    """Checks that a value is a whole number that can be.
+
+    Raises:
+        ParameterError: it is none; the message says what was found and what is wanted.
+    """
+    check_number(what, value, limit)
+    if not isinstance(value, Integral):
+        raise ParameterError(f"{what} is {shown(value)}, which is no whole number.", fix=f"give {limit.wanted()}.")
 
 
 def check_vector(what: str, value: Any, limit: Limit = FINITE, axes: Sequence[str] = ("x", "y", "z")) -> None:

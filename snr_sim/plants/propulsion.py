@@ -26,6 +26,7 @@ from typing import Any, NamedTuple, TypeAlias, cast
 
 from snr_sim.plants.battery import Battery, Supply
 from snr_sim.plants.esc import Esc, EscState
+from snr_sim.plants.plausible import LIMITS, check_number, check_whole, shown
 from snr_sim.plants.t200 import LEAST_US, LEAST_V, MOST_US, MOST_V, STOP_US, curve
 from snr_sim.plants.vehicle import Matrix
 from snr_sim.prelude.errors import ParameterError, PlantError, UnknownName, nearest
@@ -104,7 +105,7 @@ class Propulsion:
         electronics_a: current that everything else draws.
 
     Raises:
-        ParameterError: a number makes no sense, such as a supply of 0 V.
+        ParameterError: a number makes no sense, such as a supply of 0 V; the message says what is usual.
 
     Attributes:
         escs: their speed controllers.
@@ -120,10 +121,13 @@ class Propulsion:
         lag_s: float = LAG_S,
         electronics_a: float = ELECTRONICS_A,
     ) -> None:
-        if count < 1:
-            raise ParameterError(f"A vehicle with {count!r} thrusters.", fix="1 or more.")
-        if not (math.isfinite(lag_s) and lag_s > 0.0):
-            raise ParameterError(f"Thrusters with lag_s={lag_s!r}.", fix=f"{LAG_S:.3f}, as measured.")
+        check_whole("The number of thrusters", count, LIMITS["thruster_count"])
+        check_number("The thrusters' lag_s", lag_s, LIMITS["thruster_lag_s"])
+        check_number("The vehicle's electronics_a", electronics_a, LIMITS["electronics_a"])
+        if supply is not None and not hasattr(supply, "voltage_v"):
+            raise ParameterError(
+                f"The supply of the thrusters is {shown(supply)}.", fix="Battery(charge=0.8), or BenchSupply(16.0)."
+            )
         self.count = count
         self.supply: Supply = Battery() if supply is None else supply
         self.lag_s = lag_s
@@ -214,8 +218,7 @@ class Propulsion:
             raise ParameterError(f"There is no thruster {thruster!r}.", fix=f"0 to {self.count - 1}.")
         if fault not in FAULTS:
             raise UnknownName(f"A thruster cannot be '{fault}'.", fix=nearest(fault, FAULTS))
-        if not 0.0 <= share <= 1.0:
-            raise ParameterError(f"A thruster with a share of {share!r} of its force.", fix="0 to 1.")
+        check_number("The thruster's share of its force", share, LIMITS["share"])
         self._stuck[thruster] = fault == "stuck"
         self._shares[thruster] = {"off": (0.0, 0.0), "weak": (share, 1.0)}.get(fault, _SOUND)
         self._forget()

@@ -18,8 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snr_sim.plants.plausible import (
+    LEAD_KGM3,
     LIMITS,
     MILLIMETRES,
+    OUTRIGGER_M,
     Limit,
     check_fields,
     check_members,
@@ -123,9 +125,9 @@ class Vehicle:
             for axis, value, size in zip("xyz", getattr(self, name), self.size_m, strict=True):
                 inside = Limit(0.0, 0.5 * size, "m", "it is inside the frame, as size_m says", MILLIMETRES)
                 check_number(self._what(f"{name}, off the middle in {axis},"), abs(value), inside)
+        check_number(self._what("mass by volume"), self.mass_kg / self.volume_m3, LIMITS["density_kgm3"])
         self._check_inertia()
         self._check_added_mass()
-        check_number(self._what("mass by volume"), self.mass_kg / self.volume_m3, LIMITS["density_kgm3"])
         self._check_thrusters()
 
     def _what(self, name: str) -> str:
@@ -143,6 +145,13 @@ class Vehicle:
             raise ParameterError(
                 f"{self._what('inertia_kgm2')} is {inertia.tolist()}: one is more than the two others together.",
                 fix="no body is like that: look at the largest.",
+            )
+        least = self.mass_kg**2 / (2.0 * math.pi * LEAD_KGM3 * max(self.size_m))
+        if principal[0] < least:
+            raise ParameterError(
+                f"{self._what('inertia_kgm2')} has {principal[0]:.3g} kg m2 about one axis.",
+                fix=f"at least {least:.2g}: {self.mass_kg:g} kg have that as a rod of lead as long as the frame, about "
+                "that length; look at the unit, and at mass_kg and size_m, too.",
             )
         low, high = sorted(self.size_m)[1:]
         corners = 0.25 * self.mass_kg * (low * low + high * high)
@@ -183,12 +192,20 @@ class Vehicle:
     def _check_thrusters(self) -> None:
         check_members(self._what("thrusters"), self.thrusters, Thruster)
         object.__setattr__(self, "thrusters", tuple(self.thrusters))
-        names = [thruster.name for thruster in self.thrusters]
+        names = ["".join(thruster.name.split()) for thruster in self.thrusters]  # blanks make no other name
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ParameterError(
-                f"Vehicle '{self.name}' has more than one thruster named '{twice[0]}'.", fix="give each its own name."
+                f"Vehicle '{self.name}' has more than one thruster named '{twice[0]}'.",
+                fix="give each its own name, by more than blanks.",
             )
+        for thruster in self.thrusters:
+            for axis, value, size in zip("xyz", thruster.position_m, self.size_m, strict=True):
+                most = 0.5 * size + OUTRIGGER_M
+                limit = Limit(
+                    0.0, most, "m", f"it is fixed to the frame, as size_m says, {OUTRIGGER_M:g} m outside at most"
+                )
+                check_number(f"Thruster '{thruster.name}': position_m, off the middle in {axis},", abs(value), limit)
 
     def trimmed(self, density_kgm3: float, gravity_mps2: float) -> Vehicle:
         """Returns the vehicle with the ballast that gives it `net_buoyancy_n` in this water.

@@ -35,6 +35,7 @@ _NUMBERS: dict[str, tuple[tuple[str, ...], ...]] = {
     "centre_of_buoyancy_m": (PLACE,),
     "size_m": (("length", "width", "height"),),
 }
+MOST_LINEAR = 2.0  # drag at 1 m/s along the axes, linear by quadratic: those in robots/urov/vehicles have 0.1 and 0.2
 _OPTIONAL = {"net_buoyancy_n"}
 _KNOWN = ("about", "frame", "sources", "thruster", "thrusters_source", "lacks", *_NUMBERS)
 _NUMBER = ("value", "source")
@@ -61,6 +62,7 @@ def read_vehicle(path: Path | str) -> Vehicle:
         # What cannot be trimmed is told where it stands, not when it is put into water.
         vehicle.trimmed(1000.0, 9.81)
         _check_upright(vehicle)
+        _check_drag(vehicle)
         _check_lacks(vehicle, _lacks(data))
     except ParameterError as error:
         raise ParameterError(f"{path.name}: {error.message}", fix=error.fix) from error
@@ -232,6 +234,27 @@ def _check_upright(vehicle: Vehicle) -> None:
         raise ParameterError(
             f"Vehicle '{vehicle.name}' has its buoyancy {-above:g} m below its mass: it would turn over.",
             fix="in FRD z points down, so a centre above another has the smaller z.",
+        )
+
+
+def _check_drag(vehicle: Vehicle) -> None:
+    """Checks that water resists every motion, and more than in proportion: a file is of a vehicle that swims.
+
+    A `Vehicle` made in Python may do without drag, to be compared with closed forms.
+    """
+    linear, quadratic = vehicle.linear_damping, vehicle.quadratic_damping
+    without = [axis for axis, one, two in zip(AXES, linear, quadratic, strict=True) if one == two == 0.0]
+    if without:
+        raise ParameterError(
+            f"linear_damping and quadratic_damping of {', '.join(without)} are 0: nothing would slow it down there.",
+            fix="one of the two has a number for each axis; without a measurement take that of benzon2022.toml.",
+        )
+    slow, fast = sum(linear[:3]), sum(quadratic[:3])
+    if 0.0 < MOST_LINEAR * fast < slow:
+        raise ParameterError(
+            f"linear_damping of surge, sway and heave adds up to {slow:g}, quadratic_damping to {fast:g}: at 1 m/s "
+            "drag would be in proportion to speed.",
+            fix="are the two swapped? From some centimetres a second on, drag goes with the square of speed.",
         )
 
 

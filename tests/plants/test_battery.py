@@ -1,8 +1,9 @@
 import math
+from typing import Any
 
 import pytest
 
-from snr_sim.plants.battery import Battery, Pack, cell_v
+from snr_sim.plants.battery import Battery, BenchSupply, Pack, cell_v
 from snr_sim.prelude.errors import ParameterError
 
 
@@ -100,24 +101,39 @@ def test_reset_charges_it_as_it_was() -> None:
 
 
 @pytest.mark.parametrize(
-    "numbers",
+    ("numbers", "message"),
     [
-        {"cells": 0},
-        {"capacity_ah": 0.0},
-        {"capacity_ah": math.nan},
-        {"resistance_ohm": -0.1},
-        {"cutoff_cell_v": 4.3},
-        {"cutoff_cell_v": math.nan},
-        {"cutoff_s": -1.0},
+        ({"cells": 0}, "cells is 0"),
+        ({"cells": 4.5}, "cells is 4.5, which is no whole number"),
+        ({"cells": "4"}, "cells is '4', which is no number"),
+        ({"cells": True}, "cells is True"),
+        ({"capacity_ah": 0.0}, "capacity_ah is 0.0"),
+        ({"capacity_ah": math.nan}, "capacity_ah is nan"),
+        ({"capacity_ah": 18000}, r"capacity_ah is 18000: milliampere hours\?"),
+        ({"resistance_ohm": -0.1}, "resistance_ohm is -0.1"),
+        ({"resistance_ohm": 30}, r"resistance_ohm is 30: milliohms\?"),
+        ({"cutoff_cell_v": 4.3}, "cutoff_cell_v is 4.3"),
+        ({"cutoff_cell_v": 10.0}, r"cutoff_cell_v is 10.0: of four cells\?"),
+        ({"cutoff_cell_v": math.nan}, "cutoff_cell_v is nan"),
+        ({"cutoff_s": -1.0}, "cutoff_s is -1.0"),
+        ({"cutoff_s": 100}, r"cutoff_s is 100: milliseconds\?"),
+        ({"cutoff_s": None}, "cutoff_s is None"),
     ],
 )
-def test_packs_that_make_no_sense_are_refused(numbers: dict[str, float]) -> None:
-    (name,) = numbers
-    with pytest.raises(ParameterError, match=name.partition("_")[0]):
-        Pack(**numbers)  # type: ignore[arg-type]
+def test_packs_that_make_no_sense_are_refused_with_what_is_usual(numbers: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=f"The battery's {message}") as caught:
+        Pack(**numbers)
+    assert caught.value.fix
 
 
-@pytest.mark.parametrize("charge", [-0.1, 1.1, math.nan])
-def test_a_charge_that_is_none_is_refused(charge: float) -> None:
+@pytest.mark.parametrize("charge", [-0.1, 1.1, math.nan, True, "full", 80])
+def test_a_charge_that_is_none_is_refused(charge: Any) -> None:
     with pytest.raises(ParameterError, match="charge"):
         Battery(charge=charge)
+
+
+def test_what_is_no_pack_and_what_are_no_volts_is_told() -> None:
+    with pytest.raises(ParameterError, match="pack is 4"):
+        Battery(4)  # type: ignore[arg-type]
+    with pytest.raises(ParameterError, match="'16'"):
+        BenchSupply("16")  # type: ignore[arg-type]

@@ -83,6 +83,7 @@ def test_trim_that_would_hide_a_wrong_mass_is_refused() -> None:
         ({"added_mass": "heavy"}, "added_mass is 'heavy'"),
         ({"added_mass": 1e3 * np.diag([6.4, 7.1, 18.7, 0.2, 0.1, 0.2])}, r"added_mass of surge is 6400\.0: grams\?"),
         ({"inertia_kgm2": np.diag([5.25, 7.94, 6.91])}, r"inertia_kgm2 has 7\.94 kg m2, 4\.4 times the most"),
+        ({"inertia_kgm2": 1e-6 * np.diag([0.26, 0.23, 0.37])}, r"inertia_kgm2 has 2\.3e-07 kg m2 about one axis"),
         ({"mass_kg": 13500.0}, r"mass_kg is 13500\.0: grams\?"),
         ({"mass_kg": math.inf}, "mass_kg is inf"),
         ({"mass_kg": True}, "mass_kg is True, which is no number"),
@@ -111,6 +112,10 @@ def test_a_thruster_named_twice_or_pointing_nowhere_is_refused() -> None:
     first = HEAVY.thrusters[0]
     with pytest.raises(ParameterError, match="more than one thruster named 'T1'"):
         replace(HEAVY, thrusters=(first, first))
+    with pytest.raises(ParameterError, match=r"more than one thruster named 'T1'.*\n.*more than blanks"):
+        replace(HEAVY, thrusters=(first, replace(first, name="T 1 ")))
+    with pytest.raises(ParameterError, match=r"Thruster 'T1': position_m, off the middle in x, is 0\.9(.|\n)*outside"):
+        replace(HEAVY, thrusters=(replace(first, position_m=(0.9, 0.0, 0.0)),))
     with pytest.raises(ParameterError, match=r"Thruster 'T1'.* is 0\.5 long"):
         Thruster("T1", (0.0, 0.0, 0.0), (0.5, 0.0, 0.0))
     with pytest.raises(ParameterError, match="Thruster 'T1': position_m of y is nan"):

@@ -161,3 +161,28 @@ def test_a_file_as_notepad_saves_it_is_read(tmp_path: Path) -> None:
     path = tmp_path / "benzon2022.toml"
     path.write_bytes(b"\xef\xbb\xbf" + TEXT.replace("\n", "\r\n").encode())
     assert read_vehicle(path).linear_damping == read_vehicle(VEHICLES / "benzon2022.toml").linear_damping
+
+
+LINEAR, QUADRATIC = "[13.7, 0.0, 33.0, 0.0, 0.8, 0.0]", "[141.0, 217.0, 190.0, 1.192, 0.470, 1.5]"
+
+
+@pytest.mark.parametrize(
+    ("linear", "quadratic", "message"),
+    [
+        (QUADRATIC, LINEAR, r"adds up to 548, .*(.|\n)*are the two swapped"),
+        (
+            "[0.0, 0.0, 0.0, 0.0, 0.0, 0.0]",
+            "[0.0, 0.0, 0.0, 0.0, 0.0, 0.0]",
+            "of surge, sway, heave, roll, pitch, yaw are 0",
+        ),
+        (LINEAR, "[141.0, 0.0, 190.0, 0.0, 0.470, 0.0]", "of sway, roll, yaw are 0: nothing would slow it down"),
+    ],
+)
+def test_a_file_whose_water_resists_wrongly_or_not_at_all_is_told(
+    tmp_path: Path, linear: str, quadratic: str, message: str
+) -> None:
+    path = tmp_path / "mine.toml"
+    text = TEXT.replace(QUADRATIC, "QUADRATIC").replace(LINEAR, linear).replace("QUADRATIC", quadratic)
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ParameterError, match=rf"mine\.toml: .*{message}"):
+        read_vehicle(path)
