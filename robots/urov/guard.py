@@ -13,9 +13,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from snr_sim.plants.plausible import IS_ABOVE, Limit, check_number, shown
+from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.signals import PowerReading
 
 from .controls import Controls
+
+MILLISECONDS = {"milliseconds": 1e-3}
+# fmt: off
+LIMITS = {
+    "stale_s": Limit(0.0, 5.0, "s", "0.25 is usual, and until then the vehicle goes on as it was told", MILLISECONDS,
+                     IS_ABOVE),
+    "lost_s": Limit(0.0, 60.0, "s", "2 is usual, and until then nothing holds the vehicle", MILLISECONDS, IS_ABOVE),
+    "hold_s": Limit(0.0, 3600.0, "s", "10 is usual, and a battery lasts an hour or two", MILLISECONDS),
+    "low_v": Limit(0.0, 60.0, "V", "13 is usual with 4 cells", {"millivolts": 1e-3}),
+    "low_s": Limit(0.0, 600.0, "s", "10 is usual, and a low battery does not last long", MILLISECONDS),
+    "sag_ohm": Limit(0.0, 1.0, "ohm", "0.03 is usual", {"milliohms": 1e-3}),
+}
+# fmt: on
 
 
 @dataclass(frozen=True)
@@ -33,6 +48,9 @@ class GuardLimits:
         sag_ohm: makes the voltage at rest out of that under load. What this does not know of (a pack that is old or
             cold) a burst of thrust would take for a low battery, and that is what `low_s` is for.
         surfaces_on_low: whether a low battery sends it up; else it is only told.
+
+    Raises:
+        ParameterError: a number cannot be; the message names it and says what is usual.
     """
 
     stale_s: float = 0.25
@@ -43,6 +61,18 @@ class GuardLimits:
     low_s: float = 10.0
     sag_ohm: float = 0.03
     surfaces_on_low: bool = True
+
+    def __post_init__(self) -> None:
+        for name, limit in LIMITS.items():
+            check_number(f"The guard's {name}", getattr(self, name), limit)
+        for name in ("surfaces_on_leak", "surfaces_on_low"):
+            if not isinstance(getattr(self, name), bool):
+                raise ParameterError(f"The guard's {name} is {shown(getattr(self, name))}.", fix="True or False.")
+        if self.lost_s < self.stale_s:
+            raise ParameterError(
+                f"The guard's lost_s is {self.lost_s:g}, less than its stale_s, {self.stale_s:g}.",
+                fix="a link counts as lost some time after nothing pushes any more: 2 s after 0.25 s, as they were.",
+            )
 
 
 class Guard:

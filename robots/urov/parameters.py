@@ -15,8 +15,12 @@ from snr_sim.devices.echo_sounder import EchoSounder
 from snr_sim.devices.hull_watch import LeakProbe, PowerModule
 from snr_sim.devices.imu import InertialUnit
 from snr_sim.devices.ms5837 import Ms5837
+from snr_sim.plants.plausible import DEGREES, IS_ABOVE, Limit, check_number, check_vector, check_whole, shown
+from snr_sim.plants.t200 import LEAST_V, MOST_V
 from snr_sim.plants.vehicle import Vehicle
 from snr_sim.plants.vehicle_file import read_vehicle
+from snr_sim.prelude.errors import ParameterError, nearest
+from snr_sim.prelude.wrench import AXES
 from snr_sim.std_mods.comms.faults import Faults
 
 from .guard import GuardLimits
@@ -24,17 +28,44 @@ from .pilot import Cue
 from .seeing_pilot import Waypoint
 from .tether_link import tether_faults
 
+PARTS = {"depth": Ms5837, "imu": InertialUnit, "altitude": EchoSounder, "power": PowerModule, "leak": LeakProbe}
+# fmt: off
+GAIN = Limit(0.0, 1e5, "", "it stands here without a minus, and a vehicle of this size has some tens")
+PUSH = Limit(0.0, 1e3, "", "eight of its thrusters give some 200 N")
+MOST = Limit(0.0, 1e3, "", "eight of its thrusters give some 200 N", {}, IS_ABOVE)
+RATE = Limit(0.0, 1000.0, "Hz", "10 to 50 is usual", {}, IS_ABOVE)
+VOLTS = Limit(LEAST_V, MOST_V, "V", "14.8 is usual, with 4 cells", {"millivolts": 1e-3})
+SLEW = Limit(0.0, 1e5, "N/s", "250 is usual", {}, IS_ABOVE)
+PORT = Limit(1, 65535, "", "9120 is usual, and both ends of a link must know it")
+HOLDS = {
+    "yaw_nm": Limit(0.0, 1e3, "N m", "6 is usual"),
+    "sink_mps": Limit(0.0, 5.0, "m/s", "0.35 is usual", {"centimetres a second": 1e-2}, IS_ABOVE),
+    "brake_mps2": Limit(0.0, 10.0, "m/s2", "0.1 is usual", {}, IS_ABOVE),
+    "lead_m": Limit(0.0, 20.0, "m", "1 is usual", {"centimetres": 1e-2}, IS_ABOVE),
+    "turn_radps": Limit(0.0, 10.0, "rad/s", "0.7 is usual", DEGREES, IS_ABOVE),
+    "brake_radps2": Limit(0.0, 10.0, "rad/s2", "0.4 is usual", DEGREES, IS_ABOVE),
+}
+# fmt: on
 VEHICLES = Path(__file__).parent / "vehicles"
 
 
 @dataclass(frozen=True)
 class Gains:
-    """Of a PID controller; its output is a force [N] or a moment [N m]."""
+    """Of a PID controller; its output is a force [N] or a moment [N m].
+
+    Raises:
+        ParameterError: one cannot be; the message names it.
+    """
 
     kp: float
     ki: float
     kd: float
     most: float
+
+    def __post_init__(self) -> None:
+        for name in ("kp", "ki", "kd"):
+            check_number(f"The gain {name}", getattr(self, name), GAIN)
+        check_number("The most that a controller asks for", self.most, MOST)
 
 
 @dataclass(frozen=True)
@@ -50,6 +81,9 @@ class HoldNumbers:
         brake_mps2: how it slows down before it arrives.
         lead_m: how far from where the vehicle is a stick moves it at most; more than it takes to slow down.
         turn_radps, brake_radps2: the same of a held heading.
+
+    Raises:
+        ParameterError: a number cannot be; the message names it and says what is usual.
     """
 
     depth: Gains = Gains(kp=120.0, ki=40.0, kd=70.0, most=70.0)
@@ -63,10 +97,24 @@ class HoldNumbers:
     turn_radps: float = 0.7
     brake_radps2: float = 0.4
 
+    def __post_init__(self) -> None:
+        for name in ("depth", "heading", "level"):
+            if not isinstance(getattr(self, name), Gains):
+                raise ParameterError(
+                    f"The hold's {name} is {shown(getattr(self, name))}.", fix="Gains(kp=8.0, ki=1.5, kd=4.0, most=8.0)"
+                )
+        check_vector("The hold's sticks_n", self.sticks_n, PUSH, ("surge", "sway", "heave"))
+        for name, limit in HOLDS.items():
+            check_number(f"The hold's {name}", getattr(self, name), limit)
+
 
 @dataclass(frozen=True)
 class Sensors:
-    """The parts, and how often each is read. No camera unless one is given: it takes longer than all others."""
+    """The parts, and how often each is read. No camera unless one is given: it takes longer than all others.
+
+    Raises:
+        ParameterError: a part is none, or it is read at no rate; the message names it.
+    """
 
     depth: Ms5837 = field(default_factory=Ms5837)
     imu: InertialUnit = field(default_factory=InertialUnit)
@@ -77,6 +125,26 @@ class Sensors:
     rates_hz: dict[str, float] = field(
         default_factory=lambda: {"depth": 20.0, "imu": 50.0, "altitude": 10.0, "power": 5.0, "leak": 2.0}
     )
+
+    def __post_init__(self) -> None:
+        for name, kind in PARTS.items():
+            if not isinstance(getattr(self, name), kind):
+                raise ParameterError(f"The sensor '{name}' is {shown(getattr(self, name))}.", fix=f"{kind.__name__}()")
+        if self.camera is not None and not isinstance(self.camera, Camera):
+            raise ParameterError(f"The camera is {shown(self.camera)}.", fix='Camera("down"), or None.')
+        if not isinstance(self.rates_hz, dict):
+            raise ParameterError(f"The sensors' rates_hz is {shown(self.rates_hz)}.", fix='{"depth": 20.0, ...}')
+        for name in self.rates_hz:
+            if name not in PARTS:
+                raise ParameterError(
+                    f"rates_hz has {shown(name)}, which is no sensor of this vehicle.", fix=nearest(str(name), PARTS)
+                )
+        for name in PARTS:
+            if name not in self.rates_hz:
+                raise ParameterError(
+                    f"rates_hz says nothing of '{name}'.", fix=f'all of them are read: {{..., "{name}": 10.0}}.'
+                )
+            check_number(f"rates_hz of '{name}'", self.rates_hz[name], RATE)
 
 
 @dataclass(frozen=True)
@@ -95,6 +163,9 @@ class UrovParameters:
         pwm_hz: how often pulses are written.
         tether: what is wrong with the link through it.
         port: of the link, when it is a real one.
+
+    Raises:
+        ParameterError: a number cannot be; the message names it and says what is usual.
     """
 
     vehicle: Vehicle
@@ -110,6 +181,16 @@ class UrovParameters:
     pwm_hz: float = 50.0
     tether: Faults = field(default_factory=lambda: tether_faults(35.0))
     port: int = 9120
+
+    def __post_init__(self) -> None:
+        check_number("nominal_v", self.nominal_v, VOLTS)
+        check_number("slew_nps", self.slew_nps, SLEW)
+        check_number("command_hz", self.command_hz, RATE)
+        check_number("pwm_hz", self.pwm_hz, RATE)
+        check_whole("port", self.port, PORT)
+        for axis in (self.first,) if isinstance(self.first, str) else self.first:
+            if axis not in AXES:
+                raise ParameterError(f"first has {shown(axis)}, which is no axis.", fix=nearest(str(axis), AXES))
 
 
 def vehicle(name: str = "benzon2022") -> Vehicle:

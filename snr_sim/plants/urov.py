@@ -29,6 +29,7 @@ from snr_sim.plants.mujoco_body import MujocoBody
 from snr_sim.plants.mujoco_engine import MujocoWorld
 from snr_sim.plants.plausible import shown
 from snr_sim.plants.pool import BODY, Pool
+from snr_sim.plants.propulsion import ODD_PULSES_US
 from snr_sim.plants.surface import Surface
 from snr_sim.plants.tether import TetherPull
 from snr_sim.plants.urov_forces import STOP_US, UrovForces
@@ -211,7 +212,13 @@ class Urov(UrovForces):
             raise UnknownName(f"This plant has no input '{name}'.", fix=nearest(name, self.inputs))
         try:
             if name == "pwm":
-                self._pulses, self._pulses_until_s = self._checked_pulses(command), command.until_s
+                pulses, until_s = self._checked_pulses(command), command.until_s
+                if math.isnan(until_s):
+                    raise CommandError(
+                        f"At {self.time_s:g} s the vehicle was sent pulses until nan s.",
+                        fix="until_s is a time of the plant's; leave it out, and they hold until there are others.",
+                    )
+                self._pulses, self._pulses_until_s = pulses, until_s
             else:
                 self._wrench = self._checked_wrench(command)
         except (AttributeError, TypeError) as error:  # of another kind, or made of something else than numbers
@@ -222,8 +229,11 @@ class Urov(UrovForces):
 
     def _checked_wrench(self, command: WrenchCommand) -> Six:
         values = [*command.force_n, *command.moment_nm]
-        if len(values) != 6 or not math.isfinite(sum(values)):
-            raise CommandError(f"At {self.time_s:g} s the vehicle was told {command}.", fix="send six finite numbers.")
+        if len(command.force_n) != 3 or len(command.moment_nm) != 3 or not math.isfinite(sum(values)):
+            raise CommandError(
+                f"At {self.time_s:g} s the vehicle was told {command}.",
+                fix="send six finite numbers: x, y and z of force_n, and x, y and z of moment_nm.",
+            )
         x, y, z, k, m, n = values
         return x, y, z, k, m, n
 
@@ -237,6 +247,13 @@ class Urov(UrovForces):
                 f"At {self.time_s:g} s {count} thrusters were sent the pulses {command.pulses_us}.",
                 fix=f"send {count} finite numbers, 1500 to stop; or is_on=False for no pulses.",
             )
+        least, most = ODD_PULSES_US
+        for thruster, pulse in zip(self.vehicle.thrusters, pulses, strict=True):
+            if not least <= pulse <= most:
+                raise CommandError(
+                    f"At {self.time_s:g} s thruster '{thruster.name}' was sent a pulse of {pulse!r} us.",
+                    fix="1100 to 1900 us, 1500 to stop; or is_on=False for no pulses.",
+                )
         return list(pulses)
 
     def step(self, dt_s: float) -> None:

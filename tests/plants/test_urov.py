@@ -116,6 +116,8 @@ def test_what_cannot_be_is_refused_in_words() -> None:
         plant.read("power")
     with pytest.raises(CommandError, match="six finite numbers"):
         plant.write("wrench", WrenchCommand([math.nan, 0.0, 0.0]))
+    with pytest.raises(CommandError, match="x, y and z of force_n"):
+        plant.write("wrench", WrenchCommand([0.0] * 2, [0.0] * 4))
     with pytest.raises(CommandError, match=r"was told \{'force_n': 3\}"):
         plant.write("wrench", {"force_n": 3})
     with pytest.raises(ParameterError, match="not nan s"):
@@ -488,9 +490,12 @@ def test_pulses_that_are_none_are_refused() -> None:
         with pytest.raises(CommandError, match="At 0 s the vehicle was told") as caught:
             plant.write("pwm", command)
         assert caught.value.fix == "send a PwmCommand of numbers."
-    plant.write("pwm", PwmCommand([0.5] * 8))
-    with pytest.raises(PlantError, match=r"sent a pulse of 0\.5 us"):
-        plant.step(plant.step_s)
+    plant.step(plant.step_s)
+    for pulse in (0.5, 2500.0):
+        with pytest.raises(CommandError, match=rf"At 0\.005 s thruster 'T2' was sent a pulse of {pulse} us"):
+            plant.write("pwm", PwmCommand([1500.0, pulse] + [1500.0] * 6))
+    with pytest.raises(CommandError, match="until nan s"):
+        plant.write("pwm", PwmCommand([1500.0] * 8, until_s=math.nan))
 
 
 def test_drag_as_hard_as_no_vehicle_meets_is_still_answered() -> None:

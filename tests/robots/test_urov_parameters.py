@@ -1,0 +1,65 @@
+"""The numbers of the underwater vehicle's software: what cannot be is told by name, where it is written."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from snr_sim import library
+from snr_sim.prelude.errors import ParameterError
+
+library.load_robot(library.find("robots", "urov"))
+
+from snr_sim_robot_urov.guard import GuardLimits  # noqa: E402
+from snr_sim_robot_urov.parameters import Gains, HoldNumbers, Sensors, UrovParameters, vehicle  # noqa: E402
+
+RATES_HZ = Sensors().rates_hz
+GAINS = {"kp": 8.0, "ki": 1.5, "kd": 4.0, "most": 8.0}
+
+
+def parameters(**numbers: Any) -> UrovParameters:
+    return UrovParameters(vehicle(), **numbers)
+
+
+@pytest.mark.parametrize(
+    ("make", "numbers", "message"),
+    [
+        (GuardLimits, {"stale_s": math.nan}, "guard's stale_s is nan"),
+        (GuardLimits, {"stale_s": 250}, r"guard's stale_s is 250: milliseconds\?"),
+        (GuardLimits, {"lost_s": -2.0}, "guard's lost_s is -2.0"),
+        (GuardLimits, {"lost_s": 0.1}, "guard's lost_s is 0.1, less than its stale_s, 0.25"),
+        (GuardLimits, {"hold_s": None}, "guard's hold_s is None"),
+        (GuardLimits, {"low_v": "13"}, "guard's low_v is '13'"),
+        (GuardLimits, {"low_v": math.inf}, "guard's low_v is inf"),
+        (GuardLimits, {"sag_ohm": 30}, r"guard's sag_ohm is 30: milliohms\?"),
+        (GuardLimits, {"surfaces_on_leak": "no"}, "guard's surfaces_on_leak is 'no'"),
+        (Gains, {**GAINS, "kp": math.nan}, "gain kp is nan"),
+        (Gains, {**GAINS, "kd": -4.0}, "gain kd is -4.0"),
+        (Gains, {**GAINS, "most": 0.0}, "The most that a controller asks for is 0.0"),
+        (HoldNumbers, {"depth": 120.0}, "hold's depth is 120.0"),
+        (HoldNumbers, {"sticks_n": (60.0, 60.0)}, "hold's sticks_n is"),
+        (HoldNumbers, {"sticks_n": (60.0, math.nan, 60.0)}, "hold's sticks_n of sway is nan"),
+        (HoldNumbers, {"turn_radps": 40.0}, r"hold's turn_radps is 40.0: degrees\?"),
+        (HoldNumbers, {"sink_mps": 0.0}, "hold's sink_mps is 0.0"),
+        (Sensors, {"depth": 2.0}, "sensor 'depth' is 2.0"),
+        (Sensors, {"camera": "down"}, "camera is 'down'"),
+        (Sensors, {"rates_hz": {**RATES_HZ, "imu": 0.0}}, "rates_hz of 'imu' is 0.0"),
+        (Sensors, {"rates_hz": {**RATES_HZ, "gyro": 50.0}}, "rates_hz has 'gyro'"),
+        (Sensors, {"rates_hz": {"imu": 50.0}}, "rates_hz says nothing of 'depth'"),
+        (parameters, {"nominal_v": 148.0}, "nominal_v is 148.0"),
+        (parameters, {"slew_nps": math.nan}, "slew_nps is nan"),
+        (parameters, {"command_hz": 0}, "command_hz is 0"),
+        (parameters, {"pwm_hz": -50.0}, "pwm_hz is -50.0"),
+        (parameters, {"first": ("heve",)}, "first has 'heve', which is no axis"),
+        (parameters, {"port": 91.5}, "port is 91.5, which is no whole number"),
+    ],
+)
+def test_a_number_that_cannot_be_is_told_by_name_where_it_is_written(
+    make: Callable[..., Any], numbers: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(ParameterError, match=message) as caught:
+        make(**numbers)
+    assert caught.value.fix
