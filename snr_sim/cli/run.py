@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
+    from snr_sim.core.config import Config
     from snr_sim.flight import Result
     from snr_sim.recording.records import Header
     from snr_sim.recording.trace import TraceWriter
@@ -133,6 +134,7 @@ def record_run(
         if world is None:
             plant = simulation.plant()
             config = simulation.config(plant)
+            pace = _pace_with_hands(config, simulation.roles, pace)
             header = simulation.header(plant, config)
         else:
             config = world.config
@@ -197,6 +199,17 @@ def _pace_with_wires(simulation: Simulation, pace: float | None) -> float | None
     from snr_sim.prelude.errors import ParameterError
 
     raise ParameterError(f"With --io {simulation.request.io} devices are real, and so is time.", fix="--speed real.")
+
+
+def _pace_with_hands(config: Config, roles: list[str], pace: float | None) -> float | None:
+    """Returns the pace: if a person steers and asked for none, that of the wall clock, and that is said."""
+    from snr_sim.devices.pad import PadLoopFactory
+
+    has_hands = any(isinstance(factory, PadLoopFactory) for role in roles for factory in config.get(role))
+    if pace is not None or not has_hands:
+        return pace
+    print("A person steers, so this run takes as long as it says, as with --speed real.", file=sys.stderr)
+    return 1.0
 
 
 def _keep_result(folder: Path, fields: dict[str, Any], result: Result) -> None:

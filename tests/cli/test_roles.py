@@ -229,6 +229,19 @@ def test_an_option_that_is_given_twice_is_told_with_both_values(snr: Any, here: 
     assert list(here.iterdir()) == []
 
 
+def test_a_person_flies_in_real_time_also_without_asking_for_it(snr: Any, here: Path) -> None:
+    ends = DASH.replace(
+        "is_over = plant.pushed_s is not None and plant.time_s > plant.pushed_s + 0.6", "is_over = plant.time_s > 0.5"
+    )
+    (here / "dash.py").write_text(ends)
+    answer = snr("run", "./dash.py", "--option", "pilot=hands", "--no-rrd", "--json")
+    assert "A person steers, so this run takes as long as it says" in answer.err
+    assert answer.json["outcome"] == "still"
+    assert answer.json["wall_time_s"] > 0.4
+    answer = snr("run", "./dash.py", "--no-rrd", "--json")
+    assert "A person steers" not in answer.err
+
+
 def test_a_role_by_itself_runs_at_no_other_speed_than_the_clocks(snr: Any) -> None:
     answer = snr("run", "urov_teleop", "--role", "topside", "--speed", "4")
     assert answer.status == 2
