@@ -82,6 +82,7 @@ class MujocoBody:
             mujoco.mj_step1, mujoco.mj_factorM, mujoco.mj_mulM, mujoco.mj_step2,
         )  # fmt: skip
         self._model, self._data = model, data
+        self._own_s = float(model.opt.timestep)
         self.has_others = model.nv > 6
         self._kind = mujoco.mjtState.mjSTATE_INTEGRATION
         self._size = int(mujoco.mj_stateSize(model, self._kind))
@@ -135,12 +136,13 @@ class MujocoBody:
         self._step1(self._model, self._data)
         return bool(self._data.nefc)
 
-    def move(self, more: Matrix, acceleration: Sequence[float]) -> None:
+    def move(self, more: Matrix, acceleration: Sequence[float], step_s: float) -> None:
         """Ends the step that `look` began.
 
         Args:
             more: 6 x 6 mass that MuJoCo does not know of, in the body's axes.
             acceleration: that the body has if nothing touches, in MuJoCo's frames.
+            step_s: how far to move on; the world's own step is what contacts count with.
         """
         model, data = self._model, self._data
         self._turn[:] = self._inverse_pose
@@ -152,7 +154,13 @@ class MujocoBody:
         self._wanted_here[:] = acceleration
         self._multiply(model, data, self._force, self._wanted)
         np.add(self._force_here, self._bias, out=self._applied)
+        own_s = self._own_s
+        if step_s == own_s:
+            self._step2(model, data)
+            return
+        model.opt.timestep = step_s
         self._step2(model, data)
+        model.opt.timestep = own_s
 
     def limit_grip(self, pressed_n: float) -> None:
         """Has contacts of a body that slides ask for about as much friction as they can have, between look and move.

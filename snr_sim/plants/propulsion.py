@@ -24,6 +24,8 @@ from functools import lru_cache
 from operator import mul
 from typing import Any, NamedTuple, TypeAlias, cast
 
+import numpy as np
+
 from snr_sim.plants.battery import Battery, Supply
 from snr_sim.plants.esc import Esc, EscState
 from snr_sim.plants.plausible import LIMITS, check_number, check_whole, shown
@@ -229,6 +231,9 @@ class Propulsion:
         Of the same matrix it is quick: only the lines are multiplied, and they seldom change.
         """
         mix = self._mix
+        if mix is not None and mix.matrix is not matrix and np.array_equal(mix.matrix, matrix):
+            # Another vehicle's of the same make, whose state this is: multiplied anew, the last bit would be another.
+            self._mix = mix = mix._replace(matrix=matrix)
         if mix is None or mix.matrix is not matrix:
             rows, n = matrix.tolist(), self.count
             self._mix = mix = Mix(matrix, rows, *(_products(rows, one[:n]) for one in self._lines[2:5]))

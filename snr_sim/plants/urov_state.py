@@ -131,4 +131,5 @@ class State(NamedTuple):
     pulses: tuple[float | None, ...] = ()
     pulses_until_s: float = math.inf
     contact_n: Vector | None = None  # None: nothing touched
+    pressed_n: float = 0.0  # what contacts pushed in the last part of the last step
     tether_n: Vector = (0.0, 0.0, 0.0)

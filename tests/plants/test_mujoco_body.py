@@ -30,7 +30,7 @@ def test_added_mass_acts_along_the_axes_of_the_body_at_any_attitude() -> None:
     one.put([0.0, 0.0, 0.0, *turn], [0.0] * 6)
     one.look()
     wanted = [0.3, -0.2, 0.1, 0.05, 0.04, -0.03]
-    one.move(more, wanted)
+    one.move(more, wanted, 0.001)
     assert one.velocity() == pytest.approx([0.001 * value for value in wanted], abs=1e-15)
     rotation = one._inverse_pose.T.copy()
     push = one._applied.copy()

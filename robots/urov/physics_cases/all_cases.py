@@ -7,6 +7,7 @@ from .case import Case
 from .contact import contact
 from .entering import entries
 from .flow import current
+from .meeting import meeting
 from .pulled import tether
 from .pulses import pushed
 from .sliding import friction
@@ -14,7 +15,7 @@ from .together import together
 from .turning import conserved, munk
 from .weight import righting
 
-GROUPS = (steps, pushed, righting, entries, conserved, current, munk, together, contact, friction, tether)
+GROUPS = (steps, pushed, righting, entries, conserved, current, munk, together, contact, meeting, friction, tether)
 
 
 def cases() -> list[Case]:
