@@ -109,15 +109,10 @@ class Simulation:
 
         Raises:
             DeviceError: it is not, or may not be opened.
-            UnknownName, ParameterError: what stands after it makes no sense.
         """
         io = parse_io(self.request.io)
-        if io.kind in BENCH:
-            from snr_sim.devices.opening import OUTPUTS, split  # it takes 60 ms, which no simulation need pay
-
-            _, place, _ = split(str(io), OUTPUTS)
-            if io.kind in ON_SERIAL_PORTS:
-                check_port(place)
+        if io.kind in ON_SERIAL_PORTS:
+            check_port(io.where.partition(",")[0])  # after it come settings
 
     def config(self, plant: Plant | None, clock_s: Callable[[], float] | None = None, role_apart: str = "") -> Config:
         """Returns the robot's wiring.
@@ -258,6 +253,7 @@ def prepare(request: Request) -> Simulation:
 
     Raises:
         UnknownName: scenario, robot, controller, engine, io or an option is not known.
+        ParameterError: a setting of io makes no sense.
         ConfigError: one of the files is not what it should be.
     """
     _check_numpy(request)
@@ -271,7 +267,12 @@ def prepare(request: Request) -> Simulation:
             f"Scenario '{scenario_found.name}' does not run on engine '{engine}'.",
             fix=nearest(engine, scenario.ENGINES),
         )
-    if parse_io(request.io).kind not in robot.IO:
+    io = parse_io(request.io)
+    if io.kind in BENCH:
+        from snr_sim.devices.opening import check_io  # it takes 60 ms, which no simulation need pay
+
+        check_io(io)
+    if io.kind not in robot.IO:
         raise UnknownName(
             f"Robot '{robot_found.name}' has no devices for --io {request.io}.", fix=nearest(request.io, robot.IO)
         )

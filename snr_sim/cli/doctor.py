@@ -37,11 +37,15 @@ def doctor(
     Python, packages and folders; serial ports, buses and PWM chips, if there are any; and lands a module to see that
     all works together.
 
-    Exit status: 0 all is well, 1 something is missing.
+    Exit status: 0 all is well, 1 something is missing, 2 the request was wrong.
     """
+    from snr_sim.devices.opening import check_io
     from snr_sim.prelude.io import parse_io
 
-    findings = list(_look(parse_io(io) if io else None))
+    meant = parse_io(io) if io else None
+    if meant is not None:
+        check_io(meant)
+    findings = list(_look(meant))
     if as_json:
         import json
 

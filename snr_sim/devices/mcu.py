@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from snr_sim.devices.mcu_board import SILENT_S, McuBoard
+from snr_sim.devices.mcu_greeting import FLASH
 from snr_sim.devices.mcu_identity import check_identity
 from snr_sim.devices.pwm_backend import STOP_US, PwmBackend
 from snr_sim.devices.wire.mcu_messages import (
@@ -123,6 +124,11 @@ class McuPwm(PwmBackend):
     def _hear_telemetry(self, telemetry: Telemetry, why: list[str]) -> None:
         if telemetry.session != self.board.session:
             raise DeviceError(self._forgotten(telemetry), fix="it is greeted again, and armed after neutral.")
+        told = len(telemetry.widths_us)
+        if told < self.channels:
+            raise DeviceError(
+                f"{self.board.name}: its telemetry tells of {told} outputs; {self.channels} are used.", fix=FLASH
+            )
         self._widths_us = list(telemetry.widths_us[: self.channels])
         if self.state != "active" or telemetry.state == State.ARMED:
             return

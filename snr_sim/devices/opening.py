@@ -36,7 +36,7 @@ from snr_sim.devices.wire.mcu_messages import BAUD
 from snr_sim.devices.wire.serial_port import SerialPort
 from snr_sim.prelude.device import PwmOut, Sensor
 from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
-from snr_sim.prelude.io import bus_and_address
+from snr_sim.prelude.io import Io, bus_and_address
 
 HELD = ("pca9685", "sysfs")  # they keep their last pulse
 
@@ -72,6 +72,14 @@ SETTINGS: dict[str, dict[str, Setting]] = {
     "gps": {"baud": Setting(int, "a whole number, 1200 to 921600, mostly 9600", lambda baud: 1200 <= baud <= 921600)},
 }
 OUTPUTS = ("mcu", "maestro", *HELD)
+_EXAMPLES = {
+    "mcu": "mcu:/dev/ttyUSB0",
+    "maestro": "maestro:/dev/ttyACM0",
+    "pca9685": "pca9685:1:0x40",
+    "ms5837": "ms5837:1:0x76",
+    "icm20948": "icm20948:1:0x69",
+    "gps": "gps:/dev/ttyS0",
+}
 SENSORS = tuple(kind for kind in SETTINGS if kind not in OUTPUTS)
 
 
@@ -145,7 +153,7 @@ def split(text: str, kinds: tuple[str, ...]) -> tuple[str, str, dict[str, Any]]:
         raise UnknownName(f"'{text}': there is no device of the kind '{kind}' here.", fix=nearest(kind, kinds))
     where, *given = rest.split(",")
     if not where and kind != "sysfs":
-        raise UnknownName(f"'{text}' does not say where.", fix="such as gps:/dev/ttyS0 or ms5837:1:0x76.")
+        raise UnknownName(f"'{text}' does not say where.", fix=f"such as {_EXAMPLES[kind]}.")
     settings: dict[str, Any] = {}
     for one in given:
         name, _, value = one.partition("=")
@@ -169,6 +177,16 @@ def _value(text: str, given: str, value: str, setting: Setting) -> Any:
     if made is None or not setting.fits(made):
         raise ParameterError(f"'{text}': '{given}' makes no sense.", fix=f"{setting.wanted}.") from None
     return made
+
+
+def check_io(io: Io) -> None:
+    """Sees whether what follows a place in `--io` makes sense, before anything is opened.
+
+    Raises:
+        UnknownName, ParameterError: see `split`.
+    """
+    if io.kind in OUTPUTS:
+        split(str(io), OUTPUTS)
 
 
 def check_table(table: Mapping[str, str]) -> None:

@@ -198,6 +198,12 @@ def test_outputs_and_sensors_of_any_choice_are_opened_and_told(snr: Snr) -> None
 
 
 def test_an_io_that_is_none_is_refused(snr: Snr) -> None:
-    answer = snr("doctor", "--io", "muc:/dev/ttyUSB0")
-    assert answer.status == 2
-    assert "did you mean 'mcu'" in answer.err
+    for io, said in (
+        ("muc:/dev/ttyUSB0", "did you mean 'mcu'"),
+        ("mcu:/dev/ttyUSB0,baud=1", "has no setting 'baud'"),
+        ("pca9685:1:0x40,oscillator_hz=nan", "23e6 to 27e6 Hz"),
+        ("maestro:,crc", "such as maestro:/dev/ttyACM0"),
+    ):
+        for verb in ("doctor", "io"):
+            answer = snr(verb, "--io", io)
+            assert (answer.status, said in answer.err) == (2, True), (verb, io)

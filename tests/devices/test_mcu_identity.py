@@ -41,6 +41,7 @@ class FarEnd:
 
     def __init__(self, ident: Ident) -> None:
         self.heard: list[ToMcu] = []
+        self.telemetry = TELEMETRY
         self._ident, self._frames, self._waiting = ident, McuFrames(), b""
 
     def write(self, data: bytes) -> None:
@@ -48,7 +49,7 @@ class FarEnd:
             self.heard.append(message)  # type: ignore[arg-type]
             if isinstance(message, Hello):
                 self._waiting += encode(msgspec.structs.replace(self._ident, session=message.session))
-                self._waiting += encode(msgspec.structs.replace(TELEMETRY, session=message.session))
+                self._waiting += encode(msgspec.structs.replace(self.telemetry, session=message.session))
 
     def read(self) -> bytes:
         data, self._waiting = self._waiting, b""
@@ -92,3 +93,14 @@ def test_all_that_is_wrong_is_told_at_once_and_spare_channels_are_not_wrong() ->
     with pytest.raises(DeviceError, match=r"neutral 1400 us .*; a rest of 0 ms"):
         check_identity("/dev/ttyUSB0", strange, 2)
     assert misfits(OURS, 2) == []
+
+
+def test_telemetry_of_fewer_outputs_than_it_said_is_an_error_and_no_index_is_beyond() -> None:
+    port = FarEnd(OURS)
+    port.telemetry = msgspec.structs.replace(TELEMETRY, widths_us=(1500.0,) * 3)
+    out = McuPwm(McuBoard(lambda: port, lambda: 0.0, line_s=lambda: 0.0), lambda: 0.0, 8)
+    out.configure()
+    out.activate()
+    applied = out.write_us([1500.0] * 8, 0.0)
+    assert len(applied.pulses_us) == 8
+    assert "telemetry tells of 3 outputs; 8 are used" in out.health().why

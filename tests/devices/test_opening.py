@@ -71,7 +71,7 @@ def test_a_measured_oscillator_and_a_clock_outside_are_settings() -> None:
     ("text", "said"),
     [
         ("maestor:/dev/ttyACM0", "did you mean 'maestro'"),
-        ("maestro:", "does not say where"),
+        ("maestro:", "does not say where.\n  Try: such as maestro:/dev/ttyACM0"),
         ("maestro:/dev/ttyACM0,crv", "a maestro has no setting 'crv'"),
         ("pca9685:1:0x99", "'1:0x99' is no I2C bus and address"),
         ("maestro:/dev/ttyACM0,crc=perhaps", "'crc=perhaps' makes no sense.\n  Try: crc, crc=yes or crc=no"),
