@@ -73,6 +73,7 @@ class Autopilot(Endpoint):
         self.share = 1.0
         self.refused = ""
         self.is_blind = False
+        self.were_active = False  # the outputs, since they were armed
         self.told_s = -math.inf
         self.task_handlers = {
             (TaskType.process_data, "controls"): self.on_controls,
@@ -121,6 +122,7 @@ class Autopilot(Endpoint):
             return None
         now_s = self.get_time_s()
         depth, imu = DepthReading(**depth_data), ImuReading(**self.get_data("imu"))
+        self._watch_outputs()
         rules = self.guard.rules(now_s)
         dt_s = now_s - self.before_s if self.before_s is not None else 0.0
         self.before_s = now_s
@@ -128,11 +130,25 @@ class Autopilot(Endpoint):
         self._see(self.get_age_s("depth"))
         thrusts = self.slewed(self.thrusts(rules, depth, imu, dt_s), dt_s) if dt_s > 0.0 else self.still
         pulses = [self.thruster.pulse_us(thrust) for thrust in thrusts]
-        answer = [self.store_data_task("pwm", {"pulses_us": pulses}, process=False)]
+        command = {"pulses_us": pulses, "is_armed": rules != "idle", "is_stop": self.guard.is_stopped}
+        answer = [self.store_data_task("pwm", command, process=False)]
         if changed or now_s - self.told_s >= TOLD_EVERY_S - 1e-9:
             self.told_s = now_s
             answer.append(self.store_data_task("vehicle", self.told(now_s, imu)))
         return answer
+
+    def _watch_outputs(self) -> None:
+        """Notices outputs that have let go while they should push: nobody arms them again but who disarms first."""
+        page = self.parent.datastore.get("pwm_applied")
+        if page is None:
+            return
+        state = page.data["state"]
+        if state == "active" and self.rules != "idle":
+            self.were_active = True
+        elif self.rules == "idle":
+            self.were_active = False
+        elif self.were_active and state in ("inactive", "error"):
+            self.guard.let_go = page.data["fault"] or "the outputs have disarmed by themselves"
 
     def _see(self, age_s: float) -> None:
         """Notices that depth is no longer measured, and that it is again."""
@@ -173,7 +189,8 @@ class Autopilot(Endpoint):
         return {
             "rules": self.rules,
             "mode": guard.controls.mode,
-            "is_armed": guard.controls.is_armed and not guard.is_stopped,
+            "is_armed": guard.controls.is_armed and not (guard.is_stopped or guard.let_go),
+            "let_go": guard.let_go,
             "is_stopped": guard.is_stopped,
             "number": guard.controls.number,
             "age_s": guard.age_s(now_s),

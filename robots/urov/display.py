@@ -96,7 +96,7 @@ class Display(Loop):
 
 
 KEYS = ("vehicle", "depth", "altitude", "power", "leak")
-NEWS = ("hands", "vehicle", "state", "refused", "low", "leak")  # rows that are told as soon as they change
+NEWS = ("hands", "vehicle", "state", "outputs", "refused", "low", "leak")  # rows that are told as soon as they change
 
 
 def rows(pages: dict[str, Any], heard_s: float) -> list[tuple[str, str]]:
@@ -117,6 +117,9 @@ def rows(pages: dict[str, Any], heard_s: float) -> list[tuple[str, str]]:
     shown.append(("vehicle", f"[red]silent for {heard_s:.1f} s[/red]" if is_silent else f"heard {heard_s:.2f} s ago"))
     state = "[red]EMERGENCY STOP[/red]" if vehicle["is_stopped"] else "armed" if vehicle["is_armed"] else "disarmed"
     shown.append(("state", f"{state}, {vehicle['mode']}, obeys: {vehicle['rules']}"))
+    if vehicle.get("let_go"):
+        why = vehicle["let_go"].splitlines()[0]
+        shown.append(("outputs", f"[red]have let go: {why} Disarm, then arm again.[/red]"))
     if vehicle["refused"]:
         shown.append(("refused", f"[red]{vehicle['refused']}[/red]"))
     if pages["depth"] is not None:

@@ -1,6 +1,7 @@
 """The guard decides whose word counts: the pilot's, nobody's, or the vehicle's own.
 
-    idle      nothing pushes: disarmed, or an emergency stop that nobody has cleared
+    idle      nothing pushes: disarmed, an emergency stop that nobody has cleared, or outputs that have let go of the
+              thrusters by themselves: then somebody must disarm before arming again
     pilot     as the controls say
     neutral   nothing pushes: the newest controls are older than a quarter of a second
     hold      the link has been lost for two seconds: stays at the depth and heading it had when they were
@@ -87,6 +88,7 @@ class Guard:
         self.controls = Controls()
         self.heard_s: float | None = None
         self.is_stopped = False
+        self.let_go = ""  # why the outputs have let go by themselves; until somebody disarms
         self.is_wet = False
         self.is_low = False
         self._low_since_s: float | None = None
@@ -102,6 +104,8 @@ class Guard:
         if is_overtaken and made_s - (self.heard_s or 0.0) <= self.limits.stale_s:
             return
         self.controls, self.heard_s = controls, made_s
+        if not controls.is_armed:
+            self.let_go = ""
         if controls.clears_stop and not (controls.is_stop or controls.is_armed):
             self.is_stopped = False
 
@@ -123,7 +127,7 @@ class Guard:
         """Returns whose word counts now, by the names above."""
         age_s = self.age_s(now_s)
         limits = self.limits
-        if age_s is None or self.is_stopped or not self.controls.is_armed:
+        if age_s is None or self.is_stopped or self.let_go or not self.controls.is_armed:
             return "idle"
         if (self.is_wet and limits.surfaces_on_leak) or (self.is_low and limits.surfaces_on_low):
             return "surface"

@@ -42,7 +42,7 @@ from snr_sim.devices.wire.mcu_messages import BAUD
 from snr_sim.devices.wire.serial_port import SerialPort
 from snr_sim.plants.t200 import LEAST_US, MOST_US
 from snr_sim.prelude.component import Factory
-from snr_sim.prelude.device import LEASE_S, PwmOut
+from snr_sim.prelude.device import PwmOut
 from snr_sim.prelude.errors import UnknownName
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Rig
@@ -270,7 +270,7 @@ def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
     if camera is not None:
         open_camera = partial(devices["camera"], rig)
         sensors.insert(0, CameraLoopFactory("camera", open_camera, 1.0 / camera.period_s, process=False))
-    pwm = PwmLoopFactory("pwm", partial(devices["pwm"], rig), parameters.pwm_hz, timeout_s=LEASE_S)
+    pwm = PwmLoopFactory("pwm", partial(devices["pwm"], rig), parameters.pwm_hz)
     return {
         "urov": [*below, *sensors, *controller, pwm],
         "topside": [tether.client("controls", accept=TO_TOPSIDE), *_pilot(rig, parameters)],

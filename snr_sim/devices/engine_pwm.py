@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from snr_sim.core.node import Node
 from snr_sim.devices.commands import command_of
 from snr_sim.devices.pwm_backend import STOP_US
-from snr_sim.devices.pwm_loop import PwmLoop, PwmLoopFactory
+from snr_sim.devices.pwm_loop import TIMEOUT_S, PwmLoop, PwmLoopFactory
 from snr_sim.prelude.device import LEASE_S, PwmOut
 from snr_sim.prelude.errors import CommandError, ParameterError
 from snr_sim.prelude.page import Page
@@ -72,7 +72,7 @@ class EnginePwmLoopFactory(PwmLoopFactory):
         servos: EngineServos,
         open_device: Callable[[], PwmOut],
         rate_hz: float,
-        timeout_s: float = LEASE_S,
+        timeout_s: float = TIMEOUT_S,
         lease_s: float = LEASE_S,
     ) -> None:
         super().__init__(key, open_device, rate_hz, timeout_s, lease_s)
@@ -84,9 +84,10 @@ class EnginePwmLoopFactory(PwmLoopFactory):
 
 
 class EnginePwmLoop(PwmLoop):
-    """Writes engine commands as pulses."""
+    """Writes engine commands as pulses. A lander has nobody who could arm it: it arms itself as it begins."""
 
     factory: EnginePwmLoopFactory
+    arms_by_itself = True
 
     def read_command(self, page: Page) -> PwmCommand:
         """Returns the pulses for a page, clamped to what the engine can do.

@@ -22,11 +22,11 @@ from snr_sim.prelude.page import Page
 STALE_NOTES = 5  # a loose plug is not told of for ever
 
 
-def started(device: Any, what: str) -> Any:
-    """Returns a device that has just been opened, configured and active.
+def configured(device: Any, what: str) -> Any:
+    """Returns a device that has just been opened, configured.
 
     Raises:
-        DeviceError: it is none; or what its `configure` and `activate` say.
+        DeviceError: it is none; or what its `configure` says.
     """
     if not isinstance(device, Device):
         raise DeviceError(
@@ -35,6 +35,16 @@ def started(device: Any, what: str) -> Any:
             fix="derive its class from snr_sim.LifeCycle, which has them.",
         )
     device.configure()
+    return device
+
+
+def started(device: Any, what: str) -> Any:
+    """Returns a device that has just been opened, configured and active.
+
+    Raises:
+        DeviceError: it is none; or what its `configure` and `activate` say.
+    """
+    device = configured(device, what)
     device.activate()
     return device
 

@@ -71,7 +71,7 @@ class McuPwm(PwmBackend):
                 return self.still_us
             if lease_s > 0.0:
                 self._command(pulses_us, stamp_s, lease_s)
-            if self.state == "activating":
+            if self.state == "activating" and self.asks_neutral:
                 self._ask_to_arm()
         except DeviceError as error:
             self._lose(error)
@@ -195,7 +195,7 @@ class McuPwm(PwmBackend):
         if telemetry is not None and telemetry.state == State.STOPPED:
             raise DeviceError(
                 f"{self.board.name}: its emergency stop is set.",
-                fix="make it safe; then clear_stop(), or power it off.",
+                fix="make it safe; then clear the stop, or switch it off and on.",
             )
 
     def on_deactivate(self, reason: str) -> None:
@@ -213,13 +213,13 @@ class McuPwm(PwmBackend):
         """Returns what the board has counted."""
         return self.board.counts()
 
-    def stop(self) -> None:
-        """Emergency stop: neutral, and nothing moves until `clear_stop` or a power cycle."""
+    def on_stop(self) -> None:
+        """Has the microcontroller keep the stop, also if this program dies: until it is cleared, or off and on."""
         self.board.open(self)
         self._say(EmergencyStop(self.board.session))
 
-    def clear_stop(self) -> None:
-        """Ends the emergency. Outputs are disarmed then."""
+    def on_clear_stop(self) -> None:
+        """Has the microcontroller end it."""
         self.board.open(self)
         self._say(ClearStop(self.board.session))
 

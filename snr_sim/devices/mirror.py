@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from snr_sim.devices.pwm_backend import PwmBackend
+from snr_sim.devices.pwm_backend import PlainlyArmed
 
 
-class MirrorPwm(PwmBackend):
+class MirrorPwm(PlainlyArmed):
     """Makes just the pulses that it is told; its answer is all that shows them."""
 
     fails_safe_alone = True

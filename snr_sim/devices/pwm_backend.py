@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 
 from snr_sim.prelude.device import LEASE_S
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.life_cycle import LifeCycle
-from snr_sim.prelude.signals import CLAMPED, LOST, NO_PULSE, NOT_ACTIVE, TOO_OLD, WRONG_COUNT, AppliedPulses
+from snr_sim.prelude.signals import CLAMPED, LOST, NO_PULSE, NOT_ACTIVE, STOPPED, TOO_OLD, WRONG_COUNT, AppliedPulses
 
 STOP_US = 1500.0
+FUTURE_S = 0.02  # a stamp may be ahead of the clock by so much, as clocks are read one after the other
 LIMITS_US = (1100.0, 1900.0)  # of the speed controllers in this kit
 
 
@@ -25,6 +26,7 @@ class PwmBackend(LifeCycle):
 
     Attributes:
         asks_neutral: whether the newest command was a whole one, not too old, and neutral: only then may be armed.
+        is_stopped: an emergency stop holds.
     """
 
     fails_safe_alone = False
@@ -43,6 +45,7 @@ class PwmBackend(LifeCycle):
         self.still_us = [STOP_US] * channels
         self.applied = AppliedPulses(self.still_us, 0.0, [NOT_ACTIVE])
         self.asks_neutral = False
+        self.is_stopped = False
 
     def __del__(self) -> None:
         """Goes to neutral if whoever had it has dropped it: nobody is left who could."""
@@ -51,11 +54,11 @@ class PwmBackend(LifeCycle):
 
     def write_us(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float = LEASE_S) -> AppliedPulses:
         """Asks for pulses; returns what is made of them. Never raises."""
-        why: list[str] = []
+        why: list[str] = [STOPPED] if self.is_stopped else []
         wanted = self._pulses_of(pulses_us, why)
-        left_s = stamp_s + lease_s - self.now_s()
-        if not 0.0 < left_s < math.inf:  # also of a stamp that is no time
-            wanted, left_s = self.still_us, 0.0
+        left_s = self._left_of(stamp_s, lease_s)
+        if left_s <= 0.0:
+            wanted = self.still_us
             why.append(TOO_OLD)
         self.asks_neutral = not why and all(abs(one - STOP_US) <= self.resolution_us / 2 for one in wanted)
         if self.state == "activating":
@@ -65,7 +68,7 @@ class PwmBackend(LifeCycle):
             self.applied = AppliedPulses(self.still_us, stamp_s, why)
             return self.applied
         try:
-            made = self.put(wanted, stamp_s, min(left_s, lease_s), why)
+            made = self.put(wanted, stamp_s, left_s, why)
         except DeviceError as error:
             self.fail(str(error))
             made = self.still_us
@@ -75,11 +78,57 @@ class PwmBackend(LifeCycle):
         self.applied = AppliedPulses(made, stamp_s, why)
         return self.applied
 
+    def _left_of(self, stamp_s: float, lease_s: float) -> float:
+        """Returns what is left of a lease, 0 if nothing: also of one that begins in times to come, or at no time."""
+        try:
+            now_s = self.now_s()
+            lease_s = min(float(lease_s), LEASE_S)
+            left_s = float(stamp_s) + lease_s - now_s
+        except (TypeError, ValueError, OverflowError):
+            return 0.0
+        return min(left_s, lease_s) if 0.0 < left_s <= lease_s + FUTURE_S else 0.0
+
+    def stop(self) -> None:
+        """Emergency stop: neutral, and nothing arms these outputs until `clear_stop`. Never raises."""
+        self.is_stopped = True
+        self.deactivate("emergency stop")
+        self._try(self.on_stop)
+
+    def clear_stop(self) -> None:
+        """Ends an emergency stop; outputs stay neutral until they are activated. Never raises."""
+        self.is_stopped = False
+        self._try(self.on_clear_stop)
+
+    def _try(self, step: Callable[[], None]) -> None:
+        try:
+            step()
+        except DeviceError as error:
+            self.fail(str(error))
+
+    def activate(self) -> None:
+        """Arms; see `PwmOut`.
+
+        Raises:
+            DeviceError: an emergency stop holds, it is not configured, or what `on_activate` says.
+        """
+        if self.is_stopped:
+            raise DeviceError(f"{self.title} has its emergency stop set.", fix="make it safe, then clear the stop.")
+        super().activate()
+
+    def on_stop(self) -> None:
+        """Has outputs that can keep an emergency stop by themselves do so."""
+
+    def on_clear_stop(self) -> None:
+        """Has them end it."""
+
     def _pulses_of(self, pulses_us: Sequence[float], why: list[str]) -> list[float]:
         """Returns the pulses as they may be sent, neutral if they are none."""
         low, high = self.limits_us
         try:
-            if len(pulses_us) != self.channels or isinstance(pulses_us, (str, bytes)):
+            if isinstance(pulses_us, (str, bytes, Mapping, Set)):  # these have no order of channels
+                why.append(NO_PULSE)
+                return self.still_us
+            if len(pulses_us) != self.channels:
                 why.append(WRONG_COUNT)
                 return self.still_us
             pulses = [float(one) for one in pulses_us if not isinstance(one, (str, bytes, bool))]
@@ -107,3 +156,18 @@ class PwmBackend(LifeCycle):
             DeviceError: the wire is gone.
         """
         raise NotImplementedError(f"{type(self).__name__} needs a method put(self, pulses_us, stamp_s, lease_s, why)")
+
+
+class PlainlyArmed(PwmBackend):
+    """Outputs that are armed in the moment in which they are asked for neutral."""
+
+    def on_activate(self) -> None:
+        """Waits for a neutral command."""
+        self.state, self.why = "activating", "armed by a command for neutral"
+
+    def write_us(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float = LEASE_S) -> AppliedPulses:
+        """Asks for pulses; the first for neutral arms."""
+        applied = super().write_us(pulses_us, stamp_s, lease_s)
+        if self.state == "activating" and self.asks_neutral:
+            self.state, self.why = "active", ""
+        return applied

@@ -1,8 +1,14 @@
 """The loop between pages of pulses and outputs of servo pulses, the same for simulated, emulated and real ones.
 
 It writes once in each tick, with the moment at which the command was made: so outputs that watch for themselves hear
-whether anybody still thinks. Outputs that were lost, or that let go by themselves, are armed again only after the
-robot has commanded neutral for a while.
+whether anybody still thinks. Who arms them:
+
+    the robot's command says `is_armed`, and said before that it was not: neutral is shown until they are armed
+    it never said otherwise: the robot itself must command neutral first
+    they were lost, let go by themselves, or the robot fell silent: the robot must say that it is disarmed and then
+    armed; or, if it never says so, command neutral for half a second
+
+No neutral that this loop writes of itself, because there is no fresh command, ever arms anything.
 """
 
 from __future__ import annotations
@@ -15,15 +21,18 @@ import msgspec
 from snr_sim.core.ages import age_s
 from snr_sim.core.node import Node
 from snr_sim.devices.commands import command_of
-from snr_sim.devices.loops import ActuatorLoop, ActuatorLoopFactory, started
+from snr_sim.devices.loops import ActuatorLoop, ActuatorLoopFactory, configured
 from snr_sim.devices.pwm_backend import STOP_US
 from snr_sim.prelude.device import LEASE_S, PwmOut
 from snr_sim.prelude.errors import CommandError, DeviceError
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.signals import CLAMPED, AppliedPulses, PwmCommand
 
+TIMEOUT_S = 0.75 * LEASE_S  # neutral of now is sent before a lease runs out behind a robot that hesitates
+SILENT_S = 1.0  # a robot that hesitates for so long has stopped thinking: outputs are disarmed
 REARM_AFTER_S = 0.5  # of commands that are all neutral
 RETRY_EVERY_S = 1.0
+ARMED = ("active", "activating")
 TOLD_EVERY_S = 0.5
 
 
@@ -44,7 +53,7 @@ class PwmLoopFactory(ActuatorLoopFactory):
         key: str,
         open_device: Callable[[], PwmOut],
         rate_hz: float,
-        timeout_s: float = 0.5,
+        timeout_s: float = TIMEOUT_S,
         lease_s: float = LEASE_S,
     ) -> None:
         super().__init__(key, open_device, rate_hz, timeout_s)
@@ -56,44 +65,111 @@ class PwmLoopFactory(ActuatorLoopFactory):
 
 
 class PwmLoop(ActuatorLoop):
-    """Writes pulses; a page that holds none leaves the outputs at neutral and stops the run."""
+    """Writes pulses. A page that holds none is neutral; in lock step it stops the run, with the line that stored it."""
 
     factory: PwmLoopFactory
+    arms_by_itself = False  # for a robot that nobody arms
 
     def setup(self) -> None:
-        """Opens the outputs and arms them: neutral, until a command comes."""
-        self.out: PwmOut = started(self.factory.open_device(), f"the outputs '{self.factory.key}'")
+        """Opens the outputs: neutral, and not armed."""
+        self.out: PwmOut = configured(self.factory.open_device(), f"the outputs '{self.factory.key}'")
         self._clamped: set[str] = set()
         self._state = ""
         self._why: list[str] = []
+        self._refused = ""
         self._told_s = self._tried_s = -math.inf
         self._neutral_since_s: float | None = None
+        self._was_armed: bool | None = None  # by the robot's own word; None: it has not said anything yet
+        self._is_arming = self.arms_by_itself  # neutral is shown until outputs are armed
+        self._was_lost = self._is_stopped = self._is_told = False
 
     def loop(self) -> None:
         """Writes the newest command, with its age; neutral if it is too old."""
         now_s = self.get_time_s()
         page = self.parent.get_page(self.factory.key)  # asks aloud: a command nobody ever stores is reported
-        pulses_us, stamp_s = [STOP_US] * self.out.channels, now_s
+        still_us = [STOP_US] * self.out.channels
+        pulses_us, stamp_s, age, command = still_us, now_s, math.inf, None
         if page is not None:
-            age = age_s(self.parent, page)
-            command = self._command_of(page)
-            if age <= self.factory.timeout_s and command.is_on:
-                pulses_us, stamp_s = command.pulses_us or pulses_us, now_s - age
-        self._mend(now_s, all(pulse == STOP_US for pulse in pulses_us))
+            age, command = age_s(self.parent, page), self._command_of(page)
+        if command is not None and age <= self.factory.timeout_s:
+            if command.is_on and command.is_armed and not command.is_stop:
+                pulses_us, stamp_s = command.pulses_us or still_us, now_s - age
+            self._hear(now_s, command, pulses_us)
+        else:
+            self._neutral_since_s = None
+            if page is not None and age > SILENT_S and self.out.health().state in ARMED:
+                self.out.deactivate(f"the robot has commanded nothing for {SILENT_S:g} s")
+        self._arm(now_s)
+        if self._is_arming:
+            pulses_us = still_us
         applied = self.out.write_us(pulses_us, stamp_s, self.factory.lease_s)
-        if page is not None and CLAMPED in applied.why:
+        if CLAMPED in applied.why:
             low, high = self.out.limits_us
             clamped = [min(high, max(low, pulse)) for pulse in pulses_us]  # the answer may still be on its way there
             self._say_clamped(PwmCommand(list(pulses_us)), PwmCommand(clamped), {"pulses_us": (low, high)})
         self._tell(now_s, applied)
 
-    def _command_of(self, page: Page) -> PwmCommand:
-        """Returns what a page commands. One that commands nothing is a mistake of who stored it: they hear of it."""
+    def _hear(self, now_s: float, command: PwmCommand, pulses_us: list[float]) -> None:
+        """Takes in what a fresh command says of stopping and arming."""
+        if command.is_stop != self._is_stopped:
+            self._is_stopped = command.is_stop
+            if command.is_stop:
+                self.out.stop()
+            else:
+                self.out.clear_stop()
+        says = command.is_armed and not command.is_stop
+        if says and self._was_armed is False:
+            self._is_arming, self._was_lost = True, False
+        elif not says:
+            self._is_arming = self._was_lost = False
+            if self.out.health().state in ARMED:
+                self.out.deactivate("disarmed by the robot")
+        self._was_armed = says
+        if not says or any(pulse != STOP_US for pulse in pulses_us):
+            self._neutral_since_s = None
+        elif self._neutral_since_s is None:
+            self._neutral_since_s = now_s
+
+    def _arm(self, now_s: float) -> None:
+        """Opens outputs that were lost, once a second; arms them if they may be."""
+        state = self.out.health().state
+        if state in ARMED:
+            self._was_lost = True  # if they are not armed the next time, unless the robot has disarmed them
+            if state == "active":
+                self._is_arming = False
+            return
+        needed_s = REARM_AFTER_S if self._was_lost else 0.0
+        is_neutral = self._neutral_since_s is not None and now_s >= self._neutral_since_s + needed_s
+        may_arm = (self._is_arming or is_neutral) and not self._is_stopped
+        if state == "error":
+            if now_s < self._tried_s + RETRY_EVERY_S:
+                return
+            self._tried_s = now_s
+        elif not may_arm:
+            return
+        try:
+            self.out.configure()
+            if may_arm:
+                self.out.activate()
+        except DeviceError as error:
+            self.log.debug("%s", error)  # told as the fault already, and tried again
+
+    def _command_of(self, page: Page) -> PwmCommand | None:
+        """Returns what a page commands. One that commands nothing is a mistake of who stored it: they hear of it.
+
+        In lock step that ends the run. On the wall clock, where a vehicle may be in the water, all are neutral instead.
+        """
         try:
             return self.read_command(page)
         except CommandError as error:
-            self.out.deactivate(error.message)
-            raise self._blamed(page, error) from error
+            blamed = self._blamed(page, error)
+            if self.parent.is_in_lock_step:
+                self.out.deactivate(error.message)
+                raise blamed from error
+            if self._refused != error.message:
+                self._refused = error.message
+                self.parent.note(f"{blamed}\n  All outputs are neutral meanwhile.")
+            return None
 
     def read_command(self, page: Page) -> PwmCommand:
         """Returns the pulses that a page asks for.
@@ -119,31 +195,15 @@ class PwmLoop(ActuatorLoop):
                 f"it has {len(command.pulses_us)} pulses for {self.out.channels} channels.", fix="one for each channel."
             )
 
-    def _mend(self, now_s: float, is_neutral: bool) -> None:
-        """Opens lost outputs again, and arms them once nothing has been commanded for a while."""
-        if not is_neutral:
-            self._neutral_since_s = None
-        elif self._neutral_since_s is None:
-            self._neutral_since_s = now_s
-        state = self.out.health().state
-        if state in ("active", "activating") or now_s < self._tried_s + RETRY_EVERY_S:
-            return
-        self._tried_s = now_s
-        try:
-            self.out.configure()
-            if self._neutral_since_s is not None and now_s >= self._neutral_since_s + REARM_AFTER_S:
-                self.out.activate()
-        except DeviceError as error:
-            self.log.debug("%s", error)  # told as the fault already, and tried again
-
     def _tell(self, now_s: float, applied: AppliedPulses) -> None:
         """Says what becomes of the commands: now and then, and at once when it changes."""
         health = self.out.health()
         if health.state != self._state:
-            if self._state:
-                again = "" if health.state in ("active", "activating") else "; armed again only after neutral"
+            is_lost = health.state == "error" or (self._state in ARMED and self._was_armed is not False)
+            if self._state and (is_lost if health.state not in ARMED else health.state == "active" and self._is_told):
+                self._is_told = health.state not in ARMED
                 why = f" {health.why}" if health.why else ""
-                self.parent.note(f"Outputs of '{self.factory.key}', t = {now_s:.2f} s: {health.state}{again}.{why}")
+                self.parent.note(f"Outputs of '{self.factory.key}', t = {now_s:.2f} s: {health.state}.{why}")
             self._state = health.state
         elif applied.why == self._why and now_s < self._told_s + TOLD_EVERY_S - 1e-9:
             return

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from snr_sim.devices.pwm_backend import LIMITS_US, STOP_US, PwmBackend
+from snr_sim.devices.pwm_backend import LIMITS_US, STOP_US, PlainlyArmed
 from snr_sim.prelude.device import LEASE_S, Health, PwmOut
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import AppliedPulses, PwmCommand
 
 
-class SimPwm(PwmBackend):
+class SimPwm(PlainlyArmed):
     """Drives an input of a plant, which takes `PwmCommand`s. Its pulses are exact.
 
     Args:
@@ -39,6 +39,10 @@ class SimPwm(PwmBackend):
         """Has the plant make them, for as long as the lease lasts."""
         self._plant.write(self._input, PwmCommand(pulses_us, until_s=self._plant.time_s + lease_s))
         return pulses_us
+
+    def on_configure(self) -> None:
+        """Makes neutral pulses, so that speed controllers start."""
+        self._plant.write(self._input, PwmCommand())
 
     def on_deactivate(self, reason: str) -> None:
         """Stops."""
@@ -102,6 +106,15 @@ class BenchPwm:
         """Stops both."""
         self._out.deactivate(reason)
         self._drive([STOP_US] * self._out.channels)
+
+    def stop(self) -> None:
+        """Stops both until `clear_stop`."""
+        self._out.stop()
+        self._drive([STOP_US] * self._out.channels)
+
+    def clear_stop(self) -> None:
+        """Ends an emergency stop of the outputs."""
+        self._out.clear_stop()
 
     def health(self) -> Health:
         """Returns how the outputs are."""

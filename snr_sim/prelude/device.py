@@ -161,14 +161,24 @@ class PwmOut(Device, Protocol):
     def write_us(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float = LEASE_S) -> AppliedPulses:
         """Asks for pulses; returns those that are made, as far as is known here, and why they differ.
 
+        After `activate` none are followed until a command for neutral has come.
+
         What is no pulse (NaN, infinity, None, text, too few or too many) makes all neutral; it never raises, for the
         loop that writes must go on.
 
         Args:
             pulses_us: one per channel: 1500 stops, 1900 is full ahead, 1100 full astern.
             stamp_s: when the command was computed, by the node's clock. The lease counts from then.
-            lease_s: how long it counts; after that outputs are neutral unless a newer one has come.
+            lease_s: how long it counts, `LEASE_S` at most; after that outputs are neutral unless a newer one has come.
         """
+        ...
+
+    def stop(self) -> None:
+        """Emergency stop: neutral, and `activate` is refused until `clear_stop`. Never raises."""
+        ...
+
+    def clear_stop(self) -> None:
+        """Ends an emergency stop; outputs stay neutral until `activate`. Never raises."""
         ...
 
 

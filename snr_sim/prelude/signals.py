@@ -68,11 +68,15 @@ class PwmCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         pulses_us: high time of each thruster's pulse [microseconds]: 1500 stops, 1900 is full ahead, 1100 full astern.
             An empty list is 1500 for all.
         is_on: whether pulses are sent at all. Without them the speed controllers stop, and soon disarm.
+        is_armed: whether outputs may follow. False disarms them, at neutral.
+        is_stop: emergency stop: neutral, and nothing arms them until a command without it comes.
         until_s: when outputs go to neutral by themselves, by the plant's time, unless a newer command has come.
     """
 
     pulses_us: list[float] = []
     is_on: bool = True
+    is_armed: bool = True
+    is_stop: bool = False
     until_s: float = math.inf
 
 

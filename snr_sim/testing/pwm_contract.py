@@ -14,7 +14,7 @@ from typing import Any, Protocol
 
 from snr_sim.prelude.device import LEASE_S, PwmOut
 from snr_sim.prelude.errors import DeviceError
-from snr_sim.prelude.signals import CLAMPED, LOST, NO_PULSE, NOT_ACTIVE, TOO_OLD, WRONG_COUNT, AppliedPulses
+from snr_sim.prelude.signals import CLAMPED, LOST, NO_PULSE, NOT_ACTIVE, STOPPED, TOO_OLD, WRONG_COUNT, AppliedPulses
 
 STOP_US = 1500.0
 TICK_S = 0.02
@@ -186,8 +186,8 @@ def _lease(bench: PwmBench, out: PwmOut) -> None:
     pilot.ready()
     fast = [STOP_US + 200.0] * out.channels
     pilot.until(fast, lambda applied: not applied.why, "it follows commands")
-    for stamp_s in (bench.now_s() - 2.0 * LEASE_S, math.nan, -math.inf):
-        applied = out.write_us(fast, stamp_s)
+    for stamp_s in (bench.now_s() - 2.0 * LEASE_S, math.nan, -math.inf, math.inf, 1e300, None, "now"):
+        applied = out.write_us(fast, stamp_s)  # type: ignore[arg-type]
         _promise(TOO_OLD in applied.why, f"a command of {stamp_s} at {bench.now_s()} s is too old, but: {applied.why}")
     still = [STOP_US] * out.channels
     pilot.until(still, lambda applied: out.health().state != "active" or not applied.why, "neutral is taken")
@@ -208,6 +208,26 @@ def _rearm(bench: PwmBench, out: PwmOut) -> None:
     applied = pilot.hold(fast, 0.5)
     _is_still(out, applied, "0.5 s after deactivate(), told to push,")
     pilot.check_pins([STOP_US] * out.channels, "0.5 s after deactivate(), told to push,")
+    out.activate()
+    applied = pilot.hold(fast, 0.5)
+    _is_still(out, applied, "activated while told to push, and never told neutral,")
+    pilot.check_pins([STOP_US] * out.channels, "activated while told to push, and never told neutral,")
+    pilot.ready()
+    pilot.until(fast, lambda applied: not applied.why, "it follows commands")
+    out.stop()
+    applied = pilot.hold(fast, 0.5)
+    _is_still(out, applied, "0.5 s after an emergency stop, told to push,")
+    pilot.check_pins([STOP_US] * out.channels, "0.5 s after an emergency stop, told to push,")
+    _promise(STOPPED in applied.why, f"after an emergency stop the answer says why: {applied.why}")
+    try:
+        out.activate()
+    except DeviceError:
+        pass
+    else:
+        raise AssertionError("Promise broken: activate() during an emergency stop is refused with a DeviceError.")
+    out.clear_stop()
+    applied = pilot.hold(fast, 0.5)
+    _is_still(out, applied, "after clear_stop(), told to push,")
     pilot.ready()
     pilot.until(fast, lambda applied: not applied.why, "it follows commands after activate()")
 

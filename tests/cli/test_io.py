@@ -17,8 +17,8 @@ import pytest
 
 from snr_sim.cli.io import lines
 from snr_sim.cli.io_bench import ARMING_S, TICK_S, Bench, bench_of, devices_of, fields_of
-from snr_sim.devices.mirror import MirrorPwm
 from snr_sim.devices.nudge import WHOLE_S, nudge_us, top_us
+from snr_sim.devices.pwm_backend import PwmBackend
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError, SensorLost, UnknownName
 from snr_sim.prelude.life_cycle import LifeCycle
@@ -28,8 +28,10 @@ Snr = Callable[..., Any]
 STILL = [1500.0] * 4
 
 
-class Outputs(MirrorPwm):
+class Outputs(PwmBackend):
     """Outputs of four channels that keep what they made, and take a second to arm."""
+
+    fails_safe_alone = True
 
     arms = True
 

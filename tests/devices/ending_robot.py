@@ -20,7 +20,8 @@ from snr_sim.devices.pwm_loop import PwmLoopFactory
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 FAST, STILL = [1900.0, 1900.0], [1500.0, 1500.0]
-PUSHES = 30  # commands before it ends by itself
+PUSHES = 60  # commands before it ends by itself
+ARMS_AFTER = 20  # of them
 HELD_UP_NS: dict[str, int] = {}  # of each thread, also of those that have ended
 
 
@@ -82,7 +83,13 @@ def robot(how: str) -> None:
         outputs[0].now_s = clock.now_s
         return outputs[0]
 
-    pusher = TickerFactory(lambda loop: loop.store_data("pwm", {"pulses_us": FAST}), "pusher", rate_hz=100.0)
+    said = [0]
+
+    def push(loop: Any) -> None:
+        said[0] += 1  # it is armed by saying so after it has said that it is not
+        loop.store_data("pwm", {"pulses_us": FAST, "is_armed": said[0] > ARMS_AFTER})
+
+    pusher = TickerFactory(push, "pusher", rate_hz=100.0)
     handler = PartFactory({(TaskType.process_data, "pwm"): ends(how)})
     config = Config(Mode.TEST, {"robot": [pusher, handler, PwmLoopFactory("pwm", opened, 50.0, timeout_s=0.2)]})
     runner = SynchronousRunner("robot", config)

@@ -11,7 +11,7 @@ import pytest
 from snr_sim import Config, Node, SimClock, TimeoutLoopFactory, WallClock
 from snr_sim.devices.engine_pwm import EnginePwmLoopFactory, EngineServos
 from snr_sim.devices.pwm_backend import PwmBackend
-from snr_sim.devices.pwm_loop import REARM_AFTER_S, PwmLoopFactory
+from snr_sim.devices.pwm_loop import REARM_AFTER_S, TIMEOUT_S, PwmLoopFactory
 from snr_sim.prelude.device import LEASE_S
 from snr_sim.prelude.errors import ComponentFailed, DeviceError
 from snr_sim.prelude.signals import LOST, NOT_ACTIVE, TOO_OLD
@@ -70,13 +70,16 @@ def run(outputs: Outputs, *factories: Any, end_s: float = 1.0, timeout_s: float 
     return node
 
 
-def pilot(says: Callable[[float], Any], rate_hz: float = RATE_HZ) -> TickerFactory:
-    """Stores what somebody says at each moment; None is nothing."""
+def pilot(says: Callable[[float], Any], rate_hz: float = RATE_HZ, arms: bool = True) -> TickerFactory:
+    """Stores what somebody says at each moment; None is nothing. Says first that it is not armed, if it is to arm."""
 
     def say(loop: Any) -> None:
-        data = says(loop.get_time_s())
+        now_s = loop.get_time_s()
+        data = says(now_s)
+        if isinstance(data, list):
+            data = {"pulses_us": data, "is_armed": now_s > 0.0 or not arms}
         if data is not None:
-            loop.store_data("pwm", {"pulses_us": data} if isinstance(data, list) else data)
+            loop.store_data("pwm", data)
 
     return TickerFactory(say, "pilot", rate_hz)
 
@@ -85,27 +88,75 @@ def test_it_writes_once_in_each_tick_with_the_moment_at_which_the_command_was_ma
     outputs = Outputs()
     run(outputs, pilot(lambda t: AHEAD, rate_hz=10.0))
     moments = [t for t, *_ in outputs.told]
-    assert moments == pytest.approx([i / RATE_HZ for i in range(len(moments))])
-    assert len(moments) >= 50
-    for t, pulses, stamp_s, lease_s in outputs.told:
+    assert moments == pytest.approx([(i + 5) / RATE_HZ for i in range(len(moments))])  # from when it was armed
+    assert len(moments) >= 45
+    assert outputs.told[0][1] == STILL, "armed, and neutral is shown"
+    for t, pulses, stamp_s, lease_s in outputs.told[1:]:
         assert pulses == AHEAD
         made_s = math.floor(t * 10.0 + 1e-6) / 10.0
         assert stamp_s == pytest.approx(made_s)
         assert lease_s == pytest.approx(LEASE_S - (t - made_s))
 
 
-def test_without_any_command_it_writes_neutral_of_now() -> None:
+def test_without_any_command_nothing_is_armed() -> None:
     outputs = Outputs()
-    run(outputs, end_s=0.2)
-    assert {tuple(pulses) for _, pulses, _, _ in outputs.told} == {tuple(STILL)}
-    assert all(stamp_s == t for t, _, stamp_s, _ in outputs.told)
+    run(outputs, end_s=3.0)
+    assert outputs.told == []
+    assert [what for _, what in outputs.changes if what == "activated"] == []
+    assert outputs.applied.pulses_us == STILL
+
+
+def test_a_robot_that_never_says_whether_it_is_armed_must_command_neutral_first() -> None:
+    outputs = Outputs()
+    run(outputs, pilot(lambda t: AHEAD if t < 0.5 or t > 0.6 else STILL, arms=False))
+    assert [t for t, what in outputs.changes if what == "activated"] == pytest.approx([0.5])
+    assert {t >= 0.5 for t, *_ in outputs.told} == {True}
+    assert outputs.told[-1][1] == AHEAD
+
+
+def test_a_robot_that_disarms_is_at_neutral_at_once_and_armed_again_when_it_says_so() -> None:
+    outputs = Outputs()
+    node = run(outputs, pilot(lambda t: {"pulses_us": AHEAD, "is_armed": t > 0.0 and not 0.4 <= t < 0.6}))
+    assert [round(t, 2) for t, what in outputs.changes if what == "deactivated: disarmed by the robot"] == [0.4]
+    assert [round(t, 2) for t, what in outputs.changes if what == "activated"] == [0.02, 0.6]
+    assert [pulses for t, pulses, *_ in outputs.told if 0.41 < t < 0.615] == [STILL], "shown while it is armed"
+    assert node.notes == [], "nothing of that is news"
+
+
+def test_an_emergency_stop_of_the_robot_reaches_the_outputs_and_holds_until_it_is_taken_back() -> None:
+    outputs = Outputs()
+
+    def says(t: float) -> Any:
+        return {"pulses_us": AHEAD, "is_stop": 0.4 <= t < 0.6, "is_armed": 0.0 < t < 0.7 or t > 0.8}
+
+    run(outputs, pilot(says))
+    assert "deactivated: emergency stop" in [what for t, what in outputs.changes if 0.39 < t < 0.41]
+    after = [(round(t, 2), pulses) for t, pulses, *_ in outputs.told if t > 0.39]
+    assert not [t for t, _ in after if t < 0.6]
+    assert after[-1][1] == AHEAD
+    stopped = Outputs()
+    stopped.configure()
+    stopped.stop()
+    with pytest.raises(DeviceError, match="has its emergency stop set"):
+        stopped.activate()
+    stopped.clear_stop()
+    stopped.activate()
+
+
+def test_a_robot_that_falls_silent_is_disarmed_and_no_neutral_of_the_loops_own_arms_it_again() -> None:
+    outputs = Outputs()
+    node = run(outputs, pilot(lambda t: None if 1.0 < t < 3.5 else AHEAD), end_s=6.0, timeout_s=TIMEOUT_S)
+    assert [round(t, 1) for t, what in outputs.changes if "commanded nothing for 1 s" in what] == [2.0]
+    assert [what for t, what in outputs.changes if t > 0.1 and what == "activated"] == []
+    assert max(t for t, *_ in outputs.told) < 2.1
+    assert [note for note in node.notes if "inactive. the robot has commanded nothing for 1 s" in note]
 
 
 def test_the_lease_of_a_robot_that_stopped_thinking_runs_out_and_then_neutral_is_written() -> None:
     outputs = Outputs()
     node = run(outputs, pilot(lambda t: AHEAD if t < 0.1 else None), timeout_s=0.5)
     last_s = 0.08
-    for t, pulses, stamp_s, lease_s in outputs.told:
+    for t, pulses, stamp_s, lease_s in outputs.told[1:]:
         if t < last_s + LEASE_S - 1e-6:
             assert (pulses, lease_s) == (AHEAD, pytest.approx(last_s + LEASE_S - max(t, last_s), abs=0.021)), t
         else:
@@ -122,7 +173,8 @@ def test_the_lease_of_a_robot_that_stopped_thinking_runs_out_and_then_neutral_is
 def test_a_page_that_says_off_or_nothing_is_neutral() -> None:
     for data in ({"pulses_us": AHEAD, "is_on": False}, {"pulses_us": []}, {}):
         outputs = Outputs()
-        run(outputs, pilot(lambda t, data=data: data), end_s=0.1)
+        run(outputs, pilot(lambda t, data=data: {**data, "is_armed": t > 0.0}), end_s=0.1)
+        assert outputs.told
         assert {tuple(pulses) for _, pulses, _, _ in outputs.told} == {tuple(STILL)}
 
 
@@ -138,17 +190,23 @@ def test_a_page_that_says_off_or_nothing_is_neutral() -> None:
         (7, "must be a dict"),
     ],
 )
-@pytest.mark.parametrize("clock", [SimClock, WallClock])
-def test_a_page_that_is_no_command_ends_the_run_at_neutral_with_the_line_that_stored_it(
-    bad: Any, said: str, clock: Any
-) -> None:
+def test_a_page_that_is_no_command_ends_a_run_in_lock_step_with_the_line_that_stored_it(bad: Any, said: str) -> None:
     outputs = Outputs()
     with pytest.raises(ComponentFailed, match=rf"(?s)test_pwm_loop.py.*Page 'pwm' is no command.*{said}"):
-        run(outputs, pilot(lambda t: bad if t > 0.05 else AHEAD), end_s=30.0, clock=clock)
+        run(outputs, pilot(lambda t: bad if t > 0.05 else AHEAD), end_s=30.0)
     assert any("deactivated" in what for _, what in outputs.changes)
     assert outputs.health().state == "closed"
-    after = [pulses for t, pulses, *_ in outputs.told if t > 0.2]
-    assert after == []
+    assert [pulses for t, pulses, *_ in outputs.told if t > 0.1] == []
+
+
+def test_h6_on_the_wall_clock_a_page_that_is_no_command_is_neutral_and_told_and_the_loop_goes_on() -> None:
+    outputs = Outputs()
+    bad = {"pulses_us": [math.nan, 1500.0]}
+    node = run(outputs, pilot(lambda t: bad if 0.2 < t < 0.4 else AHEAD), end_s=0.8, clock=WallClock)
+    (note,) = [note for note in node.notes if "is no command" in note]
+    assert "test_pwm_loop.py" in note
+    assert "nan is no finite number" in note
+    assert [pulses for t, pulses, *_ in outputs.told if 0.25 < t < 0.38 and pulses != STILL] == []
 
 
 def test_outputs_that_were_lost_are_opened_again_and_armed_only_after_half_a_second_of_neutral() -> None:
@@ -156,11 +214,11 @@ def test_outputs_that_were_lost_are_opened_again_and_armed_only_after_half_a_sec
 
     def says(t: float) -> list[float]:
         outputs.is_broken = 0.5 <= t < 2.2
-        return STILL if 4.0 <= t < 4.0 + 2 * REARM_AFTER_S + 1.0 else AHEAD
+        return STILL if t < 0.1 or 4.0 <= t < 4.0 + 2 * REARM_AFTER_S + 1.0 else AHEAD
 
-    node = run(outputs, pilot(says), end_s=8.0)
-    configured = [t for t, what in outputs.changes if what == "configured" and t > 0.0]
-    activated = [t for t, what in outputs.changes if what == "activated" and t > 0.0]
+    node = run(outputs, pilot(says, arms=False), end_s=8.0)
+    configured = [t for t, what in outputs.changes if what == "configured" and t > 0.2]
+    activated = [t for t, what in outputs.changes if what == "activated" and t > 0.2]
     assert 2.2 < configured[-1] < 3.6
     assert all(gap > 0.99 for gap in map(lambda a, b: b - a, configured, configured[1:])), "once a second"
     assert len(activated) == 1
@@ -168,8 +226,7 @@ def test_outputs_that_were_lost_are_opened_again_and_armed_only_after_half_a_sec
     silent = [t for t, *_ in outputs.told if 0.51 < t < activated[0]]
     assert silent == [], "nothing was put to outputs that are not armed"
     assert [re.sub(r"t = [\d.]+ s", "t", note) for note in node.notes] == [
-        "Outputs of 'pwm', t: error; armed again only after neutral. The wire of these outputs is cut.\n  Try: solder.",
-        "Outputs of 'pwm', t: inactive; armed again only after neutral.",
+        "Outputs of 'pwm', t: error. The wire of these outputs is cut.\n  Try: solder.",
         "Outputs of 'pwm', t: active.",
     ]
 
@@ -183,7 +240,7 @@ def test_outputs_that_let_go_by_themselves_stay_so_while_the_robot_pushes() -> N
         return AHEAD
 
     run(outputs, pilot(says), end_s=4.0)
-    assert [what for _, what in outputs.changes if what == "activated"] == ["activated"]
+    assert [round(t, 2) for t, what in outputs.changes if what == "activated"] == [0.02]
     assert max(t for t, *_ in outputs.told) < 0.53
 
 
@@ -200,11 +257,11 @@ def test_what_becomes_of_commands_is_told_at_once_when_it_changes_and_twice_a_se
             seen.append(page)
 
     run(outputs, pilot(says), TickerFactory(look, "looker", RATE_HZ), end_s=1.6)
-    assert [page.data["state"] for page in seen][:2] == ["activating", "active"]
-    assert seen[0].data["fault"] == "waiting for speed controllers"
-    assert seen[0].data["why"] == [NOT_ACTIVE]
-    assert seen[0].data["pulses_us"] == STILL
-    assert seen[1].data["pulses_us"] in (STILL, AHEAD)
+    assert [page.data["state"] for page in seen][:3] == ["inactive", "activating", "active"]
+    assert seen[1].data["fault"] == "waiting for speed controllers"
+    assert seen[1].data["why"] == [NOT_ACTIVE]
+    assert seen[1].data["pulses_us"] == STILL
+    assert seen[2].data["pulses_us"] in (STILL, AHEAD)
     gaps = [b.created_at_s - a.created_at_s for a, b in pairwise(seen)]
     assert gaps
     assert all(gap <= 0.5 + 1e-6 for gap in gaps)
@@ -215,7 +272,7 @@ def test_what_becomes_of_commands_is_told_at_once_when_it_changes_and_twice_a_se
 def test_pulses_outside_the_limits_are_clamped_and_that_is_said_once_with_the_limits() -> None:
     outputs = Outputs()
     node = run(outputs, pilot(lambda t: [99.0, 1900.5]), end_s=0.3)
-    assert {tuple(pulses) for _, pulses, _, _ in outputs.told} == {(1100.0, 1900.0)}
+    assert {tuple(pulses) for _, pulses, _, _ in outputs.told} == {tuple(STILL), (1100.0, 1900.0)}
     assert len(node.notes) == 1
     assert "'pwm.pulses_us' = [99, 1900.5] is outside (1100.0, 1900.0) and was clamped to [1100, 1900]" in node.notes[0]
 
@@ -261,14 +318,14 @@ def run_engine(says: Callable[[float], Any], end_s: float = 0.3) -> tuple[Node, 
 
 def test_engine_commands_are_written_as_pulses_with_their_age() -> None:
     node, servos = run_engine(lambda t: {"throttle": 0.5, "attitude": -1.0})
-    assert {tuple(pulses) for _, pulses, _, _ in servos.told} == {(1700.0, 1500.0, 1100.0)}
+    assert [pulses for _, pulses, _, _ in servos.told] == [[1500.0] * 3, *[[1700.0, 1500.0, 1100.0]] * 15]
     assert servos.told[4][2] == pytest.approx(0.0)  # written at 0.08 s, computed at 0
     assert node.notes == []
 
 
 def test_engine_commands_beyond_the_engine_are_clamped_and_told_in_its_own_words() -> None:
     node, servos = run_engine(lambda t: {"throttle": 2.0, "gimbal_rad": -0.2})
-    assert {tuple(pulses) for _, pulses, _, _ in servos.told} == {(1900.0, 1100.0, 1500.0)}
+    assert {tuple(pulses) for _, pulses, _, _ in servos.told[1:]} == {(1900.0, 1100.0, 1500.0)}
     assert [note.split(" (said")[0] for note in node.notes] == [
         "Command 'engine.throttle' = 2 is outside (0.0, 1.0) and was clamped to 1",
         "Command 'engine.gimbal_rad' = -0.2 is outside (-0.1, 0.1) and was clamped to -0.1",

@@ -100,3 +100,49 @@ def test_depth_that_is_no_longer_measured_is_no_longer_held_and_that_is_said_onc
 def test_a_blind_vehicle_still_obeys_the_sticks() -> None:
     _, pulses = blind_from(1.0, Controls(is_armed=True, mode="depth_hold", heave=1.0))
     assert pulses[-1] != [1500.0] * 8
+
+
+def test_outputs_that_let_go_are_armed_again_only_by_who_disarms_first_and_the_surface_is_told() -> None:
+    state, told, commands = {"state": "inactive", "fault": ""}, [], []
+
+    def bring(loop: Any) -> None:
+        now_s = loop.get_time_s()
+        controls = Controls(number=round(now_s * 20) + 1, is_armed=not 2.0 <= now_s < 2.2, mode="manual", surge=1.0)
+        loop.store_data("controls", msgspec.structs.asdict(controls))
+        if now_s >= 0.5 and state["state"] == "inactive" and not state["fault"]:
+            state["state"] = "active"
+        if 1.0 <= now_s < 1.05:
+            state.update(state="inactive", fault="nobody renewed the command")
+        if 2.3 <= now_s < 2.35:
+            state.update(state="active", fault="")
+        loop.store_data("pwm_applied", dict(state), process=False)
+        loop.store_data("depth", msgspec.to_builtins(DepthReading(0.95, 110_000.0, 18.0, now_s)), process=False)
+        level = ImuReading([0.0, 0.0, 0.0], [0.0, 0.0, 9.81], [0.0, 20.0, -40.0], 0.0, 0.0, 0.0, now_s)
+        loop.store_data("imu", msgspec.to_builtins(level))
+
+    def keep(task: Task, task_id: Any) -> None:
+        page = task.val_list[0]
+        (commands if page.key == "pwm" else told).append((page.created_at_s, page.data))
+
+    factories = [
+        TickerFactory(bring, "bringer", 20.0),
+        AutopilotFactory(UrovParameters(vehicle())),
+        PartFactory({(TaskType.store_page, "pwm"): keep, (TaskType.store_page, "vehicle"): keep}),
+    ]
+    SimRunner(Config(factories={"urov": factories}), until_s=3.0, tells_notes=False).run()
+    armed = [(round(t, 2), data["is_armed"]) for t, data in commands]
+    assert {is_armed for t, is_armed in armed if 0.1 < t < 0.95} == {True}
+    assert {is_armed for t, is_armed in armed if 1.1 < t < 2.15} == {False}, "though the surface still says armed"
+    assert {is_armed for t, is_armed in armed if t > 2.3} == {True}
+    (said,) = {data["let_go"] for t, data in told if 1.1 < t < 1.95}
+    assert said == "nobody renewed the command"
+    assert {data["is_armed"] for t, data in told if 1.1 < t < 1.95} == {False}
+    assert {data["let_go"] for t, data in told if t > 2.3} == {""}
+
+
+def test_an_emergency_stop_of_the_surface_is_one_of_the_outputs() -> None:
+    for is_stop in (True, False):
+        autopilot, _ = blind_from(10.0, Controls(is_armed=True, is_stop=is_stop))
+        page = autopilot.parent.get_page("pwm")
+        assert page is not None
+        assert (page.data["is_stop"], page.data["is_armed"]) == (is_stop, not is_stop)

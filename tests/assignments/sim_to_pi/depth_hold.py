@@ -46,7 +46,8 @@ class DepthHold(Endpoint):
         controls = self.get_data("controls")
         depth = self.get_data("depth")
         pulses_us = [STOP_US] * 8
-        if controls is not None and depth is not None and self.may_push(controls):
+        may_push = controls is not None and depth is not None and self.may_push(controls)
+        if may_push:
             if controls["depth_m"] is not None:
                 self.wanted_m = controls["depth_m"]
             up_n = self.up_force_n(depth)
@@ -56,7 +57,9 @@ class DepthHold(Endpoint):
             self.let_go()
         vehicle = told(controls, self.wanted_m, self.is_stopped, self.get_data("imu"))
         return [
-            self.store_data_task("pwm", {"pulses_us": pulses_us}, process=False),
+            self.store_data_task(
+                "pwm", {"pulses_us": pulses_us, "is_armed": may_push, "is_stop": self.is_stopped}, process=False
+            ),
             self.store_data_task("vehicle", vehicle),
         ]
 
