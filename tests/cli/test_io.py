@@ -17,6 +17,7 @@ import pytest
 
 from snr_sim.cli.io import lines
 from snr_sim.cli.io_bench import ARMING_S, TICK_S, Bench, bench_of, devices_of, fields_of
+from snr_sim.devices.mirror import MirrorPwm
 from snr_sim.devices.nudge import WHOLE_S, nudge_us, top_us
 from snr_sim.devices.pwm_backend import PwmBackend
 from snr_sim.prelude.device import Stale
