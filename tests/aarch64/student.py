@@ -38,7 +38,8 @@ class Hold(Endpoint):
         error_m = 3.0 - self.get_data("depth")["depth_m"]
         self.error_sum += error_m / RATE_HZ
         push_us = 160.0 * error_m + 40.0 * self.error_sum
-        return self.store_data_task("pwm", {"pulses_us": [1500.0 - push_us, 1500.0 + push_us]})
+        pulses_us = [1500.0 - push_us, 1500.0 + push_us]
+        return self.store_data_task("pwm", {"pulses_us": pulses_us, "is_armed": self.get_time_s() > 1.0})
 
 
 def dive():
