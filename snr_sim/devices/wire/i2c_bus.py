@@ -74,12 +74,18 @@ class I2cBus:
         """Returns a block.
 
         Raises:
-            DeviceError: nobody acknowledges, or the bus hangs.
+            DeviceError: nobody acknowledges, the bus hangs, or the block is not whole.
         """
         try:
-            return bytes(self._raw.read_i2c_block_data(address, register, length))
+            block = bytes(self._raw.read_i2c_block_data(address, register, length))
         except OSError as error:
             raise self._why_not(address, error) from error
+        if len(block) != length:
+            raise DeviceError(
+                f"0x{address:02x} on {self.name} gave {len(block)} bytes of {length} (register 0x{register:02x}).",
+                fix="shorter wires, or a slower bus: dtparam=i2c_arm_baudrate=100000 in config.txt.",
+            )
+        return block
 
     def write(self, address: int, register: int, data: bytes) -> None:
         """Writes a block."""

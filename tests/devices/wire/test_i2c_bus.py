@@ -52,6 +52,16 @@ def test_a_bus_that_hangs_is_told_so() -> None:
         bus.command(0x40, 0x1E)
 
 
+def test_a_block_that_is_not_whole_is_no_reading() -> None:
+    class Short(FakeBus):
+        def read_i2c_block_data(self, i2c_addr: int, register: int, length: int) -> list[int]:
+            return [0] * (length - 1)
+
+    bus = I2cBus(1, Short({}).opened)
+    with pytest.raises(DeviceError, match=r"0x69 on /dev/i2c-1 gave 5 bytes of 6 \(register 0x2d\)"):
+        bus.read(0x69, 0x2D, 6)
+
+
 def test_an_address_that_the_kernel_has_taken_is_told_so_and_counts_as_answering() -> None:
     class Taken(FakeBus):
         def read_byte(self, i2c_addr: int) -> int:
