@@ -152,6 +152,18 @@ def test_all_motions_at_once_differ_by_the_square_of_the_step(vehicle: Vehicle, 
     assert max(go(both(vehicle, step_s=step_s), 10.0, MIXED)) < limit
 
 
+@pytest.mark.parametrize(("name", "limit_m"), [("benzon2022", 2e-5), ("wu2018", 1e-3)])
+def test_twenty_seconds_to_and_fro_lead_them_less_than_a_millimetre_apart(name: str, limit_m: float) -> None:
+    """`wu2018` turns at the moment of Munk, which makes more of every difference the longer it lasts."""
+    to_and_fro = [
+        (t, [25.0 * math.sin(0.6 * t), 0.0, 12.0 * math.cos(0.9 * t)], [0.0, 0.8 * math.sin(1.3 * t), 0.0])
+        for t in (0.05 * i for i in range(400))
+    ]
+    flow = (Current(0.0, (0.3, 0.0, -0.1)),)
+    plants = both(SETS[name], currents=flow, attitude_rad=(0.0, 0.2, 0.0))
+    assert max(go(plants, 20.0, to_and_fro)[:2]) < limit_m
+
+
 @pytest.mark.parametrize(("z_m", "limit"), [(-50.0, 3e-4), (-0.3, 3e-4), (0.1, 3e-4)], ids=["deep", "under", "over"])
 @pytest.mark.parametrize("seed", range(4))
 def test_lopsided_vehicles_in_any_motion_do_alike(seed: int, z_m: float, limit: float) -> None:
@@ -228,6 +240,19 @@ def test_pressed_on_floor_or_wall_it_presses_as_hard(place: tuple[float, ...], f
         assert plant.velocity_mps == pytest.approx((0.0, 0.0, 0.0), abs=1e-3)
     # MuJoCo's contact gives by 2 mm.
     assert plants[1].position_m == pytest.approx(plants[0].position_m, abs=3e-3)
+
+
+@pytest.mark.parametrize("step_s", [0.002, 0.005, 0.01])
+def test_landing_at_speed_leads_as_far_at_any_step(step_s: float) -> None:
+    """Where contacts in space took the plant's own steps, it hopped, and where to depended on the step."""
+    plants = both(
+        SETS["wu2018"], Pool(40.0, 40.0, 4.0), step_s, position_m=(0.0, 0.0, -3.5), attitude_rad=(0.0, 0.1, 0.0),
+        currents=(Current(0.0, (0.2, 0.0, 0.0)),),
+    )  # fmt: skip
+    go(plants, 6.0, at([25.0, 0.0, -40.0]))
+    space, plane = map(numbers, plants)
+    assert space[0] == pytest.approx(3.676, abs=0.004)  # as at 1 ms
+    assert plane[0] == pytest.approx(space[0], rel=0.02)
 
 
 def test_a_bump_turns_it_as_its_mass_in_each_direction_says() -> None:
