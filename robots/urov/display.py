@@ -112,9 +112,16 @@ def rows(pages: dict[str, Any], heard_s: float) -> list[tuple[str, str]]:
     )
     if page is None:
         return [*shown, ("vehicle", "[red]not heard yet[/red]")]
-    vehicle = page.data
-    is_silent = heard_s > SILENT_S
-    shown.append(("vehicle", f"[red]silent for {heard_s:.1f} s[/red]" if is_silent else f"heard {heard_s:.2f} s ago"))
+    if heard_s <= SILENT_S:
+        return [*shown, ("vehicle", f"heard {heard_s:.2f} s ago"), *_told(page.data, pages)]
+    # What it was is worth knowing, but must not look like what it is.
+    then = [(name, f"[dim]last heard: {text}[/dim]") for name, text in _told(page.data, pages)]
+    return [*shown, ("vehicle", f"[red]silent for {heard_s:.1f} s[/red]"), *then]
+
+
+def _told(vehicle: dict[str, Any], pages: dict[str, Any]) -> list[tuple[str, str]]:
+    """Returns names and texts of what the vehicle has told, as it was then."""
+    shown: list[tuple[str, str]] = []
     state = "[red]EMERGENCY STOP[/red]" if vehicle["is_stopped"] else "armed" if vehicle["is_armed"] else "disarmed"
     shown.append(("state", f"{state}, {vehicle['mode']}, obeys: {vehicle['rules']}"))
     if vehicle.get("let_go"):

@@ -66,6 +66,10 @@ class Urov2D(Urov):
         """Returns the state in the plane, to the bit: our attitude is pitch by another name."""
         return self._plane.snapshot()
 
+    def scene(self) -> dict[str, Any]:
+        """Returns what the vehicle in space shows, and that it stays in its plane."""
+        return {**super().scene(), "is_planar": True}
+
     def restore(self, snapshot: State) -> None:
         """Puts back what `snapshot` returned."""
         super().restore(snapshot)

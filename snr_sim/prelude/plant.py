@@ -81,7 +81,8 @@ class Plant(Protocol):
 
             "tethers": {name: {"anchor_m": [x, y, z], "body": name, "place_m": [x, y, z], "length_m": 35.0}}
 
-        from a fixed place to one in a body's frame; the arrow of the same name is what it pulls with.
+        from a fixed place to one in a body's frame; the arrow of the same name is what it pulls with. And of a plant
+        that moves in the x-z plane alone, "is_planar": true.
         """
         ...
 

@@ -21,7 +21,7 @@ from typing import TypeAlias
 from snr_sim.recording.picture_canvas import Canvas, Rgb
 from snr_sim.recording.picture_dive import draw_dive
 from snr_sim.recording.picture_dive_plots import dive_plots
-from snr_sim.recording.picture_flight import Flight, flight_of, is_in_water
+from snr_sim.recording.picture_flight import Flight, flight_of, is_in_water, is_planar
 from snr_sim.recording.picture_layout import HEIGHT, PLOTS, SCENE, WIDTH
 from snr_sim.recording.picture_moments import moments_of_run
 from snr_sim.recording.picture_plots import BACKGROUND, INK, PALE, Plot, draw_plots
@@ -75,7 +75,7 @@ def draw_run(
         moments = moments_of_run(flight, header.scene["statics"], batch)
         draw_dive(canvas, header, flight, moments)
         times_s = [moment.time_s for moment in moments]
-        draw_plots(canvas, PLOTS, dive_plots(flight, batch), times_s, are_numbered=True)
+        draw_plots(canvas, PLOTS, dive_plots(flight, batch, is_planar(header)), times_s, are_numbered=True)
         told = why or _told_of_dive(measured or {})
     else:
         draw_scene(canvas, header, flight)

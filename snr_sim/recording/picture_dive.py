@@ -13,7 +13,7 @@ import numpy as np
 
 from snr_sim.recording.picture_bodies import JET, draw_flames, draw_shapes, strongest_of
 from snr_sim.recording.picture_canvas import Canvas, Point, Rgb
-from snr_sim.recording.picture_flight import Flight, from_above, wants_map
+from snr_sim.recording.picture_flight import Flight, from_above, is_planar, wants_map
 from snr_sim.recording.picture_layout import SCENE, Area, Camera, Labels, Place, Stage, feet_and_size
 from snr_sim.recording.picture_moments import Moment, broken, is_gate
 from snr_sim.recording.picture_plots import EVENT, PALE, draw_number
@@ -41,15 +41,18 @@ ROW, COLUMNS = 14.0, 3  # of the words below
 
 
 def draw_dive(canvas: Canvas, header: Header, flight: Flight, moments: Sequence[Moment]) -> None:
-    """Draws both views, and the words for what happened."""
+    """Draws both views, or of what stays in its plane the one from the south, and the words for what happened."""
     left, top, right, bottom = SCENE
     bottom -= ROW * math.ceil(len(moments) / COLUMNS)
     poses = next(iter(flight.poses.values()))
     main_is_map = wants_map(poses) or any(map(is_gate, header.scene["statics"].values()))
     high = (MAIN_SHARE if main_is_map else 1.0 - MAIN_SHARE) * (bottom - top - BETWEEN)
-    areas: tuple[Area, Area] = (left, top, right, top + high), (left, top + high + BETWEEN, right, bottom)
-    for area, is_above in zip(areas, (True, False), strict=True):
-        _View(canvas, area, header, flight, is_above).draw(moments, is_main=is_above == main_is_map)
+    if is_planar(header):
+        _View(canvas, (left, top, right, bottom), header, flight, is_above=False).draw(moments, is_main=True)
+    else:
+        areas: tuple[Area, Area] = (left, top, right, top + high), (left, top + high + BETWEEN, right, bottom)
+        for area, is_above in zip(areas, (True, False), strict=True):
+            _View(canvas, area, header, flight, is_above).draw(moments, is_main=is_above == main_is_map)
     for i, moment in enumerate(moments):
         x, y = left + (right - left) * (i % COLUMNS) / COLUMNS, bottom + 26.0 + ROW * (i // COLUMNS)
         draw_number(canvas, (x + 5.0, y), i + 1)

@@ -12,37 +12,37 @@ from snr_sim.recording.view_columns import Batch, Floats, Series
 
 WANTED = ("vehicle", "controls")  # keys of pages that say what is held; the first that does so counts
 GAP_S = 1.0  # for so long a number that is not told does not hold
-DEPTH_M, HEADING_DEG, SPEED_MPS, PLACE_M = 0.5, 10.0, 0.1, 0.5  # spans that noise must not fill
+DEPTH_M, ANGLE_DEG, SPEED_MPS, PLACE_M = 0.5, 10.0, 0.1, 0.5  # spans that noise must not fill
 
 
-def dive_plots(flight: Flight, batch: Batch) -> list[Plot]:
-    """Returns depth, heading, speeds, and what else the dive is about."""
+def dive_plots(flight: Flight, batch: Batch, is_planar: bool = False) -> list[Plot]:
+    """Returns depth, heading, speeds, and what else the dive is about; of one in its plane, pitch and no heading."""
     values, times_s = flight.values, flight.times_s
     truth = {name: np.array([one.get(name, np.nan) for one in values], float) for name in values[0]}
     main = next(iter(flight.poses.values()))
-    heading = np.unwrap(truth.get("yaw_rad", np.zeros(len(times_s))))
     told = [one for node, one in batch.page_values() if not batch.is_copy(node, one.path[0])]
+    ways = ("surge", "heave") if is_planar else ("surge", "sway", "heave")
     plots = [
         Plot("depth [m]", [("depth", times_s, -main[:, 2]), *_wanted(told, "depth_m")], DEPTH_M, is_down=True),
-        Plot(
-            "heading [°]",
-            [
-                ("heading", times_s, np.degrees(heading)),
-                *(
-                    (name, when_s, np.degrees(_beside(wanted, np.interp(when_s, times_s, heading))))
-                    for name, when_s, wanted in _wanted(told, "heading_rad")
-                ),
-            ],
-            HEADING_DEG,
-        ),
-        Plot(
-            "speed [m/s]",
-            [(name, times_s, truth[f"{name}_mps"]) for name in ("surge", "sway", "heave") if f"{name}_mps" in truth],
-            SPEED_MPS,
-        ),
-        _special(flight, truth, main - main[0]),
+        _pitch(truth, times_s) if is_planar else _heading(truth, times_s, told),
+        Plot("speed [m/s]", [(way, times_s, truth[f"{way}_mps"]) for way in ways if f"{way}_mps" in truth], SPEED_MPS),
+        _special(flight, truth, (main - main[0])[:, : 1 if is_planar else 2]),
     ]
     return [plot for plot in plots if plot.lines]
+
+
+def _heading(truth: dict[str, Floats], times_s: Floats, told: list[Series]) -> Plot:
+    heading = np.unwrap(truth.get("yaw_rad", np.zeros(len(times_s))))
+    wanted = [
+        (name, when_s, np.degrees(_beside(angles, np.interp(when_s, times_s, heading))))
+        for name, when_s, angles in _wanted(told, "heading_rad")
+    ]
+    return Plot("heading [°]", [("heading", times_s, np.degrees(heading)), *wanted], ANGLE_DEG)
+
+
+def _pitch(truth: dict[str, Floats], times_s: Floats) -> Plot:
+    lines = [("pitch", times_s, np.degrees(np.unwrap(truth["pitch_rad"])))] if "pitch_rad" in truth else []
+    return Plot("pitch [°]", lines, ANGLE_DEG)
 
 
 def _special(flight: Flight, truth: dict[str, Floats], gone: Floats) -> Plot:
@@ -54,7 +54,8 @@ def _special(flight: Flight, truth: dict[str, Floats], gone: Floats) -> Plot:
     if names:
         pushes = [(f"push of {name}", times_s, _mean_push(flight, [name], True)) for name in names]
         return Plot("push [N]", [*pushes, ("mean of the others", times_s, _mean_push(flight, names, False))], 1.0)
-    return Plot("[m]", [("to the east", times_s, gone[:, 0]), ("to the north", times_s, gone[:, 1])], PLACE_M)
+    ways = zip(("to the east", "to the north"), gone.T, strict=False)
+    return Plot("[m]", [(name, times_s, way) for name, way in ways], PLACE_M)
 
 
 def _mean_push(flight: Flight, names: list[str], are_meant: bool) -> Floats:

@@ -44,6 +44,11 @@ def is_in_water(header: Header) -> bool:
     return "surface" in header.scene.get("statics", {})
 
 
+def is_planar(header: Header) -> bool:
+    """Whether the plant moves in the x-z plane alone: then there is nothing to see from above, and no heading."""
+    return bool(header.scene.get("is_planar"))
+
+
 def wants_map(poses: Rows) -> bool:
     """Whether a way goes much farther to the sides than up and down, or turns and goes farther to the north than so."""
     spread_x, spread_y, spread_z = np.ptp(poses[:, :3], axis=0)

@@ -13,6 +13,7 @@ from snr_sim.recording.picture_water import NEWTONS_PER_MPS
 from snr_sim.recording.view_columns import BROKEN, Batch
 
 STATES = ("rules",)  # a field of such a name says in a word what a robot is doing
+FLAGS = {"is_low": "battery low"}  # and one of such a name, by yes, what has come over it
 MOMENTS_MAX = 6
 SPEED_MPS = 0.02  # by which a current must change to be worth a word
 
@@ -32,8 +33,9 @@ class Moment(NamedTuple):
 def moments_of_run(flight: Flight, statics: Mapping[str, Any], batch: Batch) -> list[Moment]:
     """Returns what happened, in order; the first few, if it was a lot."""
     gates = [shape for shape in statics.values() if is_gate(shape)]
-    found = [*_in_truth(flight), *_of_current(flight), *_through(gates, flight), *_of_links(batch), *_of_states(batch)]
-    return sorted(found)[:MOMENTS_MAX]
+    by_plant = [*_in_truth(flight), *_of_current(flight), *_through(gates, flight)]
+    found = [*by_plant, *_of_links(batch), *_of_flags(batch), *_of_states(batch)]
+    return sorted(found, key=lambda moment: moment.time_s)[:MOMENTS_MAX]  # of what is told at once, the cause first
 
 
 def broken(values: dict[str, float]) -> list[str]:
@@ -100,6 +102,15 @@ def _of_states(batch: Batch) -> Iterator[Moment]:
     for field, times_s, words in batch.page_words(STATES):
         for time_s, _, now in _steps(times_s, words):
             yield Moment(time_s, f"'{now}' {field}")
+
+
+def _of_flags(batch: Batch) -> Iterator[Moment]:
+    for node, series in batch.page_values():
+        key, *path = series.path
+        if path and path[-1] in FLAGS and not batch.is_copy(node, key):
+            for time_s, _, is_so in _steps(series.when.t_s.tolist(), series.values.tolist()):
+                if is_so:
+                    yield Moment(time_s, FLAGS[path[-1]])
 
 
 def _steps(times_s: Sequence[float], values: Sequence[Any]) -> Iterator[tuple[float, Any, Any]]:

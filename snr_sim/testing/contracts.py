@@ -213,7 +213,7 @@ def _check_shown(plant: Plant) -> None:
     scene, truth = plant.scene(), plant.truth()
     for what, value in (("scene()", scene), ("truth()", truth)):
         _promise(decode_value(encode_value(value)) == value and b'"$":' not in encode_value(value), f"{what} is JSON")
-    _promise(set(scene) - {"tethers"} == {"statics", "bodies"}, f"scene() has the keys {sorted(scene)}")
+    _promise(set(scene) - {"tethers", "is_planar"} == {"statics", "bodies"}, f"scene() has the keys {sorted(scene)}")
     for shape in [*scene["statics"].values(), *(shape for body in scene["bodies"].values() for shape in body)]:
         wanted = _SHAPES.get(shape.get("kind"), set())
         _promise(wanted != set() and wanted <= set(shape), f"a shape has {sorted(wanted)}, not {shape!r:.200}")

@@ -110,6 +110,19 @@ def test_a_dive_is_seen_from_above_and_from_the_south_and_larger_where_its_way_s
     assert "current 0.20 m/s" in said or larger == "from above"
 
 
+def test_a_dive_in_its_plane_is_seen_from_the_south_alone_and_has_a_pitch_and_no_heading(
+    tmp_path: Path, said: dict[str, tuple[float, float]]
+) -> None:
+    angles = {"pitch_rad": [0.1] * 21, "yaw_rad": [0.0] * 21, "sway_mps": [0.0] * 21, "surge_mps": [0.5] * 21}
+    image = drawn(tmp_path, dive([4.0, 0.0, -1.0], **angles), header(is_planar=True))
+    assert {"from the south: east is right", "pitch", "surge", "to the east"} <= said.keys()
+    assert not any(text.startswith("from above") for text in said)
+    assert not {"heading", "heading [°]", "sway", "to the north"} & said.keys()
+    assert count(image, picture_dive.PATH) > 100
+    drawn(tmp_path, dive([4.0, 0.0, -1.0], **angles))
+    assert {"heading", "sway", "to the north", "from above: north is up"} <= said.keys()
+
+
 def test_from_the_south_there_is_one_surface_and_water_only_below_it(tmp_path: Path) -> None:
     image = drawn(tmp_path, dive([0.5, 0.0, -2.0]))
     top = int(2 * (picture_layout.SCENE[1] + 0.4 * (picture_layout.SCENE[3] - picture_layout.SCENE[1])))

@@ -71,6 +71,16 @@ def test_what_rules_is_told_by_who_makes_the_page_and_not_by_who_is_sent_it() ->
     assert told(flight([{}] * 3), [*records, *copies]) == ["0.5 'pilot' rules"]
 
 
+def test_a_battery_that_runs_low_is_told_once_and_before_what_follows_from_it() -> None:
+    said = [("pilot", False), ("pilot", False), ("surface", True), ("surface", True)]
+    records: list[Record] = [
+        page(seq, "vehicle", {"rules": rules, "is_low": low}, node)
+        for seq, (rules, low) in enumerate(said)
+        for node in ("urov", "topside")
+    ]
+    assert told(flight([{}] * 4), records) == ["1 battery low", "1 'surface' rules"]
+
+
 def test_no_more_is_told_than_there_is_room_for() -> None:
     values = [{"broken_T1": float(i % 2)} for i in range(40)]
     assert len(told(flight(values))) == MOMENTS_MAX

@@ -262,6 +262,15 @@ def test_the_display_says_what_is_wrong() -> None:
     assert "not heard yet" in dict(rows(nothing, 1.0))["vehicle"]
 
 
+def test_what_a_vehicle_told_that_is_silent_now_is_grey_and_said_to_be_old() -> None:
+    silent = shown(heard_s=1.5)
+    assert silent.pop("vehicle") == "[red]silent for 1.5 s[/red]"
+    assert silent["state"] == "[dim]last heard: armed, depth_hold, obeys: pilot[/dim]"
+    assert {"depth", "attitude", "floor", "battery"} < silent.keys()
+    assert all(text.startswith("[dim]last heard: ") for text in silent.values())
+    assert not any("last heard" in text for text in shown().values())
+
+
 def said(pages: list[tuple[float, Any]], capfd: pytest.CaptureFixture[str], **options: Any) -> list[str]:
     """The lines of a display without a terminal, that hears these pages 'vehicle' at these times, within 20 s."""
     heard = [
