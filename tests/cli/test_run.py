@@ -142,7 +142,7 @@ WRONG = [
     (
         ("run", "urov_teleop", "--option", "pilto=hands"),
         "no such option here",
-        "did you mean 'pilot'? One of: camera, ",
+        "did you mean 'pilot'? One of: allow, camera, ",
     ),
     (("run", "urov_teleop", "--option", "port=9130", "--option", "prot=9"), "--option prot=", "did you mean 'port'?"),
     ((*RUN, "--seed", "seven"), "'--seed'", "--help"),
