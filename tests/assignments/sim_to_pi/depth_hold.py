@@ -32,7 +32,10 @@ class DepthHold(Endpoint):
         super().__init__(factory, parent, name)
         self.is_stopped = False
         self.let_go()
-        self.task_handlers = {(TaskType.process_data, "imu"): self.on_tick}
+        self.task_handlers = {
+            (TaskType.process_data, "imu"): self.on_tick,
+            (TaskType.process_data, "controls"): self.on_controls,
+        }
 
     def let_go(self):
         """Forgets what was held: what comes next begins anew, where the vehicle then is."""
@@ -63,11 +66,15 @@ class DepthHold(Endpoint):
             self.store_data_task("vehicle", vehicle),
         ]
 
-    def may_push(self, controls):
+    def on_controls(self, task, task_id):
+        """Hears every page of the pilot's: a stop in one that is soon overtaken counts, too."""
+        controls = self.get_data("controls")
         if controls["is_stop"]:
             self.is_stopped = True
         elif controls["clears_stop"] and not controls["is_armed"]:
             self.is_stopped = False
+
+    def may_push(self, controls):
         is_fresh = self.get_age_s("controls") <= CONTROLS_S and self.get_age_s("depth") <= DEPTH_S
         return controls["is_armed"] and is_fresh and not self.is_stopped
 
