@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 import time
 from typing import TYPE_CHECKING, Annotated, Any
@@ -40,6 +41,8 @@ def io(
 
     Exit status: 0 all devices answer, 1 one does not, 2 the request was wrong.
     """
+    # Also if it was begun where Ctrl-C is ignored, as by a script in the background: what moves a thruster must stop.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     from snr_sim.cli.io_bench import bench_of, devices_of
     from snr_sim.cli.keys import Keys
     from snr_sim.prelude.errors import ParameterError
