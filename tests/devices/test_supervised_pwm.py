@@ -323,9 +323,10 @@ def test_h9_a_supervisor_that_is_killed_is_told_and_the_next_one_takes_over_at_n
 
     def follow(pulses_us: list[float], is_so: Callable[[], bool]) -> None:
         def write() -> bool:
-            out.write_us(pulses_us, time.monotonic())
             if out.health().state == "inactive":
                 out.activate()  # a busy computer: a lease has run out
+            is_armed = out.health().state == "active"  # and armed it is only while neutral is asked for
+            out.write_us(pulses_us if is_armed else [1500.0] * 2, time.monotonic())
             return is_so()
 
         wait_until(write, f"{out.health()}, {pins_us()}")
