@@ -1,0 +1,1 @@
+"""The grader: what a submission is worth, found out in a way that it cannot change."""

@@ -1,0 +1,132 @@
+"""What grading a submission comes to: the one record from which every report is made.
+
+    lab, submission, secret -> checks, one child per case -> Graded -> Markdown, Gradescope, JUnit, check50, CSV
+
+Nothing in it depends on when or how fast it was graded: the same submission, lab and secret give the same bytes.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, TypeAlias
+
+import msgspec
+
+Status: TypeAlias = Literal["graded", "refused", "fault"]
+Isolation: TypeAlias = Literal["sandbox", "none"]
+
+
+class CaseResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One case of a check.
+
+    Of a hidden case a student sees `fraction` and `hint`, and nothing else: the other texts may hold what the
+    student's program made of its input, or said about it.
+
+    Args:
+        label: what the case is about, such as "from 1 m to 3 m".
+        is_visible: whether `snr check` shows it, too.
+        fraction: how much of the case was right, 0 to 1.
+        hint: what to think about next, in the words of the lab or of the grader; nothing of the student's program.
+        expected: what would have been right.
+        actual: what came.
+        error: what the student's program did wrong, the student's own line first: an exception, a late answer.
+        printed: what the student's program printed, cut to a bounded length.
+        metrics: numbers for the class's table and the leaderboard.
+        run_folder: the recorded run, relative to the folder of the submission's results; empty if none was kept.
+    """
+
+    label: str
+    is_visible: bool
+    fraction: float
+    hint: str = ""
+    expected: str = ""
+    actual: str = ""
+    error: str = ""
+    printed: str = ""
+    metrics: dict[str, float] = {}
+    run_folder: str = ""
+
+    @property
+    def is_passed(self) -> bool:
+        """Whether all of it was right."""
+        return self.fraction >= 1.0
+
+
+class CheckResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One check: what it is called, its points, and its cases in order.
+
+    Args:
+        name: the name of the check's function.
+        title: the first line of its docstring.
+        points: points it was given.
+        of: points it could have.
+        cases: visible ones first; empty if it was skipped.
+        skipped_because: why it was not tried, in words; empty if it was.
+    """
+
+    name: str
+    title: str
+    points: float
+    of: float
+    cases: tuple[CaseResult, ...] = ()
+    skipped_because: str = ""
+
+    @property
+    def is_passed(self) -> bool:
+        """Whether it was tried, and all its points were given."""
+        return not self.skipped_because and self.points >= self.of
+
+
+class Graded(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A submission with its checks.
+
+    Args:
+        submission: the name it goes by in every report.
+        lab: name of the lab's folder.
+        title: what the lab is called.
+        checks: in the lab's order; empty unless `status` is "graded".
+        isolation: "sandbox", or "none" if the student's program was not kept apart.
+        is_hidden_included: whether hidden cases were tried: in grading, not in practice.
+        kit: version of snr_sim.
+        status: "graded"; "refused": there was nothing that can be graded, which is 0 points; "fault": the lab or
+            the grader failed, which is no mark at all.
+        error: why it was refused, for the student, or what the fault was, for the instructor.
+    """
+
+    submission: str
+    lab: str
+    title: str
+    checks: tuple[CheckResult, ...] = ()
+    isolation: Isolation
+    is_hidden_included: bool
+    kit: str
+    status: Status = "graded"
+    error: str = ""
+
+    @property
+    def points(self) -> float | None:
+        """Points of all checks together; None if there is no mark, because the lab or the grader failed."""
+        return None if self.status == "fault" else round(sum(check.points for check in self.checks), 6)
+
+    @property
+    def metrics(self) -> dict[str, float]:
+        """Returns each metric's mean over the cases that have it, by `<check>.<metric>`."""
+        found: dict[str, list[float]] = {}
+        for check in self.checks:
+            for case in check.cases:
+                for name, value in case.metrics.items():
+                    found.setdefault(f"{check.name}.{name}", []).append(value)
+        return {name: sum(values) / len(values) for name, values in found.items()}
+
+
+def encode_graded(graded: Graded) -> bytes:
+    """Returns the record as JSON, in one line with its end; the same record gives the same bytes."""
+    return msgspec.json.encode(graded, order="deterministic") + b"\n"
+
+
+def decode_graded(text: bytes) -> Graded:
+    """Brings a record back.
+
+    Raises:
+        msgspec.ValidationError, msgspec.DecodeError: it is not one.
+    """
+    return msgspec.json.decode(text, type=Graded)

@@ -1,0 +1,56 @@
+"""The record of a graded submission: the same bytes for the same result, and back again."""
+
+import msgspec
+import pytest
+
+from snr_sim.grading.results import CaseResult, CheckResult, Graded, decode_graded, encode_graded
+
+
+def graded(**changes: object) -> Graded:
+    cases = (
+        CaseResult(label="1 m to 3 m", is_visible=True, fraction=1.0, metrics={"fuel_kg": 2.0, "a": 0.5}),
+        CaseResult(label="hidden 1", is_visible=False, fraction=0.0, hint="Too deep.", metrics={"fuel_kg": 4.0}),
+    )
+    checks = (
+        CheckResult(name="loads", title="Loads.", points=0.1, of=0.1),
+        CheckResult(name="settles", title="Settles.", points=0.2, of=0.4, cases=cases),
+    )
+    whole = Graded(
+        submission="ada", lab="02_depth_hold", title="Depth hold", checks=checks,
+        isolation="sandbox", is_hidden_included=True, kit="0.1.0",
+    )  # fmt: skip
+    return msgspec.structs.replace(whole, **changes)
+
+
+def test_a_record_comes_back_as_it_was_and_the_order_of_metrics_changes_no_byte() -> None:
+    one = graded()
+    turned = CaseResult(label="1 m to 3 m", is_visible=True, fraction=1.0, metrics={"a": 0.5, "fuel_kg": 2.0})
+    cases = (turned, one.checks[1].cases[1])
+    other = graded(checks=(one.checks[0], msgspec.structs.replace(one.checks[1], cases=cases)))
+    assert encode_graded(one) == encode_graded(other)
+    assert decode_graded(encode_graded(one)) == one
+
+
+def test_points_are_added_without_the_dust_of_binary_fractions() -> None:
+    assert graded().points == 0.3
+
+
+def test_a_fault_is_no_mark_and_a_refused_submission_is_zero() -> None:
+    assert graded(checks=(), status="fault", error="KeyError in checks.py").points is None
+    assert graded(checks=(), status="refused", error="It is empty.").points == 0.0
+
+
+def test_metrics_are_means_over_the_cases_that_have_them() -> None:
+    assert graded().metrics == {"settles.fuel_kg": 3.0, "settles.a": 0.5}
+
+
+def test_a_skipped_check_is_not_passed_even_if_it_is_worth_nothing() -> None:
+    check = CheckResult(name="style", title="Style.", points=0.0, of=0.0)
+    assert check.is_passed
+    assert not msgspec.structs.replace(check, skipped_because="'loads' failed").is_passed
+
+
+@pytest.mark.parametrize("text", [b"", b"{}", encode_graded(graded())[:-9], b'{"submission": 1}'])
+def test_half_a_record_is_none(text: bytes) -> None:
+    with pytest.raises(msgspec.MsgspecError):
+        decode_graded(text)
