@@ -15,7 +15,8 @@ import importlib.metadata
 import importlib.util
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Sequence, Set
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib.abc import MetaPathFinder
@@ -107,8 +108,8 @@ def load_robot(found: Found) -> ModuleType:
     Raises:
         ConfigError: it cannot be loaded, or lacks what a robot promises (`prelude/scenario.py`).
     """
-    _install_finder()
     name = ROBOT_MODULE + found.name
+    _robots.begin(name)
     for loaded in [module for module in sys.modules if module == name or module.startswith(name + ".")]:
         del sys.modules[loaded]
     robot = _load(name, found.path / "robot.py", f"the robot '{found.name}'", package=found.path)
@@ -179,6 +180,7 @@ def load_controller(robot: Found, name: str) -> ModuleType:
     if name in controllers(robot):
         path = robot.path / "controllers" / f"{name}.py"
         module = _load(f"{ROBOT_MODULE}{robot.name}.controllers.{name}", path, f"the controller '{name}'")
+        _robots.loaded[ROBOT_MODULE + robot.name].add(path)
     else:
         path = Path(name).resolve()
         if not path.is_file():
@@ -229,22 +231,39 @@ def load_program(name: str) -> ModuleType:
     return _load(_PROGRAM_MODULE + path.stem.replace("-", "_"), path, f"the program '{name}'")
 
 
-def hashes(folders: Sequence[tuple[str, Path]]) -> dict[str, str]:
-    """Returns the sha256 of every source file that has been loaded from these folders or files.
+@dataclass(frozen=True)
+class InUse:
+    """The files of a scenario, robot or controller that are in use, by a label and their path below a folder."""
 
-    Args:
-        folders: (label, path); a file in it is called `<label>/<path below it>`. Of a file: itself, and what it has
-            imported from beside it.
+    label: str
+    folder: Path
+    file: Path
+    imported: Set[Path] = frozenset()  # it grows, as long as what imports it is not loaded again
+
+
+def in_use(scenario: Found, robot: Found, controller: ModuleType) -> list[InUse]:
+    """Returns what was loaded for a simulation, the robot and then the controller last of their names.
+
+    What else this process has loaded before or loads afterwards, under another name or for another simulation, is
+    not in it: the same request has the same files in use in every process.
     """
-    found: dict[str, str] = {}
-    loaded = {Path(file).resolve() for module in list(sys.modules.values()) if (file := _file_of(module))}
-    for label, folder in folders:
-        for path in loaded:
-            base = folder if folder.is_dir() else folder.parent
-            if path.is_relative_to(base) and (base == folder or path == folder or path in _neighbours.loaded):
-                below = path.relative_to(base).as_posix()
-                found.setdefault(f"{label}/{below}", hashlib.sha256(path.read_bytes()).hexdigest())
-    return dict(sorted(found.items()))
+    file = Path(str(controller.__file__))
+    beside = _neighbours.loaded if controller.__name__.startswith(_CONTROLLER_MODULE) else frozenset()
+    return [
+        InUse("scenario", scenario.path.parent, scenario.path),
+        InUse("robot", robot.path, robot.path / "robot.py", _robots.loaded[ROBOT_MODULE + robot.name]),
+        InUse("controller", file.parent, file, beside),
+    ]
+
+
+def hashes(used: Sequence[InUse]) -> dict[str, str]:
+    """Returns the sha256 of every file in use, by `<label>/<path below its folder>`."""
+    files = {
+        f"{one.label}/{path.relative_to(one.folder).as_posix()}": path
+        for one in used
+        for path in {one.file, *one.imported}
+    }
+    return {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in sorted(files.items())}
 
 
 def hashes_of_files(files: Sequence[tuple[str, Path]]) -> dict[str, str]:
@@ -347,6 +366,15 @@ class _FreshLoader(SourceFileLoader):
 class _RobotFinder(MetaPathFinder):
     """Finds the modules inside a robot's folder, which needs no `__init__.py` anywhere."""
 
+    def __init__(self) -> None:
+        self.loaded: defaultdict[str, set[Path]] = defaultdict(set)  # by the robot's module, since it was loaded last
+
+    def begin(self, robot: str) -> None:
+        """Forgets which files the robot of this module had: it is loaded anew."""
+        self.loaded[robot] = set()
+        if self not in sys.meta_path:
+            sys.meta_path.insert(0, self)
+
     def find_spec(self, fullname: str, path: Any, target: Any = None) -> ModuleSpec | None:
         """Returns the spec of `snr_sim_robot_<name>.<module>`."""
         if not fullname.startswith(ROBOT_MODULE) or not path:
@@ -354,6 +382,7 @@ class _RobotFinder(MetaPathFinder):
         base = Path(next(iter(path))) / fullname.rpartition(".")[2]
         file = base.with_suffix(".py")
         if file.is_file():
+            self.loaded[fullname.partition(".")[0]].add(file)
             return importlib.util.spec_from_file_location(fullname, file, loader=_FreshLoader(fullname, str(file)))
         if base.is_dir():
             spec = ModuleSpec(fullname, None, is_package=True)
@@ -374,7 +403,7 @@ class _NeighbourFinder(MetaPathFinder):
         for name, module in list(sys.modules.items()):
             if Path(_file_of(module) or "") in self.loaded:
                 del sys.modules[name]
-        self.loaded.clear()
+        self.loaded = set()  # and not cleared: a simulation may still be named by what it had
         self._folder = folder
         if self not in sys.meta_path:
             sys.meta_path.insert(0, self)
@@ -396,9 +425,5 @@ class _NeighbourFinder(MetaPathFinder):
         return None
 
 
+_robots = _RobotFinder()
 _neighbours = _NeighbourFinder()
-
-
-def _install_finder() -> None:
-    if not any(isinstance(finder, _RobotFinder) for finder in sys.meta_path):
-        sys.meta_path.insert(0, _RobotFinder())

@@ -52,7 +52,7 @@ class Simulation:
     Args:
         request: what was asked for, with nothing left open.
         scenario, robot, controller: the loaded files.
-        found: where they are, for the header.
+        used: their files, for the header.
     """
 
     def __init__(
@@ -61,14 +61,14 @@ class Simulation:
         scenario: ModuleType,
         robot: ModuleType,
         controller: ModuleType,
-        found: Sequence[tuple[str, Path]],
+        used: Sequence[library.InUse],
     ) -> None:
         self.request = request
         self.scenario = scenario
         self.robot_file = robot
         self._controller = controller
         self.notes: list[str] = []  # of putting it together, for the run's result
-        self._found = found
+        self._used = used
         self._recorded: RecordedRun | None = None
         self._robot = Robot(
             name=scenario.ROBOT,
@@ -154,7 +154,7 @@ class Simulation:
     def with_seed(self, seed: int) -> Simulation:
         """Returns the same with another seed; nothing is looked for and loaded again."""
         request = replace(self.request, seed=seed)
-        return Simulation(request, self.scenario, self.robot_file, self._controller, self._found)
+        return Simulation(request, self.scenario, self.robot_file, self._controller, self._used)
 
     def _factories(self) -> list[AnyFactory]:
         made = call_student(self._controller.factories, "factories(robot)", self._robot)
@@ -245,7 +245,7 @@ class Simulation:
 
     def sources(self) -> dict[str, str]:
         """Returns the sha256 of every file of scenario, robot and controller that is in use."""
-        return library.hashes(self._found)
+        return library.hashes(self._used)
 
 
 def prepare(request: Request) -> Simulation:
@@ -305,12 +305,8 @@ def prepare(request: Request) -> Simulation:
         io=_whole(request.io),
         options=request.options,
     )
-    found = [
-        ("scenario", scenario_found.path),
-        ("robot", robot_found.path),
-        ("controller", Path(str(controller.__file__)).resolve()),
-    ]
-    return Simulation(whole, scenario, robot, controller, found)
+    used = library.in_use(scenario_found, robot_found, controller)
+    return Simulation(whole, scenario, robot, controller, used)
 
 
 def _check_numpy(request: Request) -> None:

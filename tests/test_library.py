@@ -142,20 +142,38 @@ def test_the_hash_of_every_file_in_use_is_known_and_changes_with_it(here: Path) 
     (here / "gains.py").write_text("KP = 2.0\n")
     (here / "unused.py").write_text("")
 
-    def hashes() -> dict[str, str]:
-        found = library.find("robots", "moth")
-        library.load_robot(found)
-        library.load_controller(found, "mine.py")
-        return library.hashes([("robot", found.path), ("controller", here / "mine.py")])
-
-    before = hashes()
+    before = library.hashes(in_use_by("mine.py"))
     assert set(before) == {
-        "robot/robot.py", "robot/mixer.py", "robot/parts/arm.py", "controller/mine.py", "controller/gains.py",
+        "scenario/moth_hover.py", "robot/robot.py", "robot/mixer.py", "robot/parts/arm.py", "controller/mine.py",
+        "controller/gains.py",
     }  # fmt: skip
     (folder / "mixer.py").write_text("def mix(): return 'other'\n")
     (here / "gains.py").write_text("KP = 3.0\n")
-    after = hashes()
+    after = library.hashes(in_use_by("mine.py"))
     assert {name for name in before if before[name] != after[name]} == {"robot/mixer.py", "controller/gains.py"}
+
+
+def in_use_by(controller: str) -> list[library.InUse]:
+    robot, scenario = library.find("robots", "moth"), library.find("scenarios", "moth_hover")
+    library.load_robot(robot)
+    library.load_scenario(scenario)
+    return library.in_use(scenario, robot, library.load_controller(robot, controller))
+
+
+def test_what_else_this_process_has_loaded_or_loads_is_not_in_use(here: Path) -> None:
+    folder = put_moth(here)
+    (here / "mine.py").write_text("def factories(robot):\n    from gains import KP\n    return [KP]\n")
+    (here / "gains.py").write_text("KP = 2.0\n")
+    (here / "other.py").write_text("import gains\ndef factories(robot): return []\n")
+    (folder / "spare.py").write_text("")
+    alone = library.hashes(in_use_by("idle"))
+    for other in ("other.py", "robots/moth/spare.py"):
+        library.load_program(other)  # in the robot's folder under a name that is not the robot's
+    mine = in_use_by("mine.py")
+    robot = library.find("robots", "moth")
+    library.load_controller(robot, "mine.py").factories(None)
+    assert library.hashes(in_use_by("idle")) == alone
+    assert [name for name in library.hashes(mine) if "controller" in name] == ["controller/mine.py"]
 
 
 @pytest.mark.parametrize(
