@@ -1,0 +1,318 @@
+"""What students hand in: taken whole or refused in their own words, and nothing outside it is ever read or written."""
+
+import os
+import stat
+import struct
+import tracemalloc
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from snr_sim.grading import intake
+from snr_sim.grading.archive import Refused
+from snr_sim.grading.intake import TakenIn, name_submissions, remove, take_in
+from snr_sim.prelude.errors import SnrError
+
+WANTED = ["depth_hold.py"]
+CODE = b"def factories(robot):\n    return []\n"
+
+
+def folder(tmp_path: Path, **files: bytes) -> Path:
+    """A submission; in names __ stands for a dot, ___ for a slash."""
+    given = tmp_path / "ada"
+    for name, text in files.items():
+        path = given / name.replace("___", "/").replace("__", ".")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(text)
+    given.mkdir(exist_ok=True)
+    return given
+
+
+def zipped(tmp_path: Path, *entries: tuple[str | zipfile.ZipInfo, bytes], method: int = zipfile.ZIP_DEFLATED) -> Path:
+    path = tmp_path / "ada.zip"
+    with zipfile.ZipFile(path, "w", method) as archive:
+        for name, text in entries:
+            archive.writestr(name, text)
+    return path
+
+
+def taken(tmp_path: Path, given: Path) -> TakenIn:
+    return take_in(given, WANTED, tmp_path / "private")
+
+
+def files_in(place: TakenIn) -> dict[str, bytes]:
+    return {
+        str(path.relative_to(place.folder)): path.read_bytes() for path in place.folder.rglob("*") if path.is_file()
+    }
+
+
+def test_a_folder_is_copied_and_cannot_be_written(tmp_path: Path) -> None:
+    place = taken(tmp_path, folder(tmp_path, depth_hold__py=CODE, parts___mixer__py=b"x = 1"))
+    assert files_in(place) == {"depth_hold.py": CODE, "parts/mixer.py": b"x = 1"}
+    assert place.notes == ()
+    modes = [stat.S_IMODE(path.stat().st_mode) for path in [place.folder, *place.folder.rglob("*")]]
+    assert all(mode & 0o222 == 0 for mode in modes)
+    remove(place.folder)
+    assert not place.folder.exists()
+
+
+def test_an_archive_gives_the_same_as_its_folder(tmp_path: Path) -> None:
+    one = taken(tmp_path, folder(tmp_path, depth_hold__py=CODE))
+    other = take_in(zipped(tmp_path, ("depth_hold.py", CODE)), WANTED, tmp_path / "other")
+    assert files_in(one) == files_in(other)
+    assert one.digest == other.digest
+
+
+def test_another_byte_or_another_name_is_another_digest(tmp_path: Path) -> None:
+    digests = set()
+    for i, (name, text) in enumerate([("a.py", b"1"), ("a.py", b"2"), ("b.py", b"1")]):
+        given = zipped(tmp_path, ("depth_hold.py", CODE), (name, text))
+        digests.add(take_in(given, WANTED, tmp_path / str(i)).digest)
+    assert len(digests) == 3
+
+
+def test_one_folder_around_everything_is_seen_through(tmp_path: Path) -> None:
+    given = zipped(
+        tmp_path, ("lab2/my work/", b""), ("lab2/my work/depth_hold.py", CODE), ("lab2/my work/notes/a.txt", b"a"),
+        ("__MACOSX/lab2/._depth_hold.py", b"litter"), ("lab2/.DS_Store", b"litter"),
+    )  # fmt: skip
+    assert sorted(files_in(taken(tmp_path, given))) == ["depth_hold.py", "notes/a.txt"]
+
+
+def test_an_archive_alone_in_a_folder_is_the_submission(tmp_path: Path) -> None:
+    given = folder(tmp_path)
+    zipped(given, ("depth_hold.py", CODE))
+    assert files_in(taken(tmp_path, given)) == {"depth_hold.py": CODE}
+
+
+def test_names_with_backslashes_are_paths(tmp_path: Path) -> None:
+    given = zipped(tmp_path, ("lab2\\depth_hold.py", CODE), ("lab2\\more\\a.py", b"a"))
+    assert sorted(files_in(taken(tmp_path, given))) == ["depth_hold.py", "more/a.py"]
+
+
+def test_litter_is_not_part_of_it(tmp_path: Path) -> None:
+    given = folder(
+        tmp_path, depth_hold__py=CODE, __git___config=b"x", depth_hold__pyc=b"x", __venv___a__py=b"x", a__py=b"a"
+    )
+    os.makedirs(given / "__pycache__")
+    (given / "__pycache__" / "a.cpython-311.pyc").write_bytes(b"x")
+    assert sorted(files_in(taken(tmp_path, given))) == ["a.py", "depth_hold.py"]
+
+
+@pytest.mark.parametrize(
+    ("given_name", "says"),
+    [
+        ("depthhold.py", "You gave depthhold.py; the lab wants depth_hold.py. Rename it."),
+        ("Depth_Hold.py", "You gave Depth_Hold.py; the lab wants depth_hold.py"),
+        ("depth_hold (1).py", "You gave depth_hold (1).py; the lab wants"),
+        ("src/depth_hold.py", "yours is in a folder: src/depth_hold.py. Put it at the top"),
+        ("essay.txt", "which is not there. You gave: essay.txt, other.py."),
+    ],
+)
+def test_a_missing_file_is_told_with_the_one_that_may_be_meant(tmp_path: Path, given_name: str, says: str) -> None:
+    given = zipped(tmp_path, (given_name, CODE), ("other.py", b""))
+    with pytest.raises(Refused) as refused:
+        taken(tmp_path, given)
+    assert says in refused.value.message
+    assert refused.value.fix == "hand in depth_hold.py."
+    assert not (tmp_path / "private").exists()
+
+
+def test_with_one_of_two_files_the_rest_is_graded_and_the_missing_one_is_told(tmp_path: Path) -> None:
+    given = folder(tmp_path, depth_hold__py=CODE, test_dept_hold__py=b"")
+    place = take_in(given, ["depth_hold.py", "test_depth_hold.py"], tmp_path / "private")
+    assert place.notes == ("You gave test_dept_hold.py; the lab wants test_depth_hold.py. Rename it.",)
+
+
+def test_nothing_is_refused_as_empty(tmp_path: Path) -> None:
+    with pytest.raises(Refused, match="empty"):
+        taken(tmp_path, folder(tmp_path))
+    with pytest.raises(Refused, match="empty"):
+        taken(tmp_path, zipped(tmp_path, ("a/", b"")))
+
+
+# What points elsewhere
+
+
+def test_a_link_is_left_out_and_told_and_never_followed(tmp_path: Path) -> None:
+    (tmp_path / "secret").write_text("s3cret")
+    given = folder(tmp_path, depth_hold__py=CODE)
+    (given / "data.txt").symlink_to(tmp_path / "secret")
+    (given / "around").symlink_to("/")
+    place = taken(tmp_path, given)
+    assert files_in(place) == {"depth_hold.py": CODE}
+    assert [note for note in place.notes if "symbolic link" in note] == list(place.notes)
+    assert len(place.notes) == 2
+
+
+def test_a_link_in_place_of_what_the_lab_wants_is_refused_with_that_reason(tmp_path: Path) -> None:
+    given = folder(tmp_path, a__py=b"")
+    (given / "depth_hold.py").symlink_to("/etc/passwd")
+    with pytest.raises(Refused, match="is a symbolic link"):
+        taken(tmp_path, given)
+
+
+def link(name: str, kind: int = stat.S_IFLNK) -> zipfile.ZipInfo:
+    info = zipfile.ZipInfo(name)
+    info.create_system = 3
+    info.external_attr = (kind | 0o777) << 16
+    return info
+
+
+@pytest.mark.parametrize("kind", [stat.S_IFLNK, stat.S_IFCHR, stat.S_IFIFO])
+def test_links_and_devices_in_an_archive_are_left_out(tmp_path: Path, kind: int) -> None:
+    place = taken(tmp_path, zipped(tmp_path, ("depth_hold.py", CODE), (link("evil", kind), b"/etc/passwd")))
+    assert files_in(place) == {"depth_hold.py": CODE}
+    assert "'evil' is" in place.notes[0]
+
+
+def test_a_pipe_in_a_folder_is_not_waited_for(tmp_path: Path) -> None:
+    given = folder(tmp_path, depth_hold__py=CODE)
+    os.mkfifo(given / "pipe")
+    assert taken(tmp_path, given).notes == ("'pipe' is not a plain file and was left out.",)
+
+
+@pytest.mark.parametrize(
+    "name", ["../../evil.py", "/tmp/evil.py", "a/../../evil.py", "..\\evil.py", "C:\\evil.py", "c:evil.py", "\\evil.py"]
+)
+def test_an_archive_that_leads_out_of_itself_is_refused_whole(tmp_path: Path, name: str) -> None:
+    with pytest.raises(Refused, match="outside itself"):
+        taken(tmp_path, zipped(tmp_path, ("depth_hold.py", CODE), (name, b"evil")))
+    assert [path.name for path in tmp_path.rglob("*")] == ["ada.zip"]
+
+
+# Too much
+
+
+def test_an_archive_of_zeros_is_a_bomb(tmp_path: Path) -> None:
+    with pytest.raises(Refused, match="hundreds of times"):
+        taken(tmp_path, zipped(tmp_path, ("depth_hold.py", CODE), ("data", b"\0" * 20_000_000)))
+    assert [path.name for path in tmp_path.rglob("*")] == ["ada.zip"]
+
+
+def test_a_claimed_size_is_not_believed(tmp_path: Path) -> None:
+    path = zipped(tmp_path, ("depth_hold.py", CODE), ("data", b"\0" * 20_000_000))
+    data = path.read_bytes().replace(struct.pack("<I", 20_000_000), struct.pack("<I", 20))
+    path.write_bytes(data)
+    with pytest.raises(Refused):
+        taken(tmp_path, path)
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_what_unpacks_without_measure_is_not_unpacked(tmp_path: Path, method: int) -> None:
+    with pytest.raises(Refused, match="unusual way"):
+        taken(tmp_path, zipped(tmp_path, ("depth_hold.py", CODE), method=method))
+
+
+def test_a_million_names_are_refused_before_they_are_read(tmp_path: Path) -> None:
+    given = zipped(tmp_path, *((f"empty_file_number_{i}", b"") for i in range(8000)))
+    with pytest.raises(Refused, match="too many files"):
+        taken(tmp_path, given)
+
+
+def test_too_many_files_and_too_many_bytes_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(Refused, match="more than 500 files"):
+        taken(tmp_path, zipped(tmp_path, ("depth_hold.py", CODE), *((f"{i}.py", b"") for i in range(500))))
+    monkeypatch.setattr(intake, "MAX_BYTES", 2**20)
+    with pytest.raises(Refused, match="larger than 1 MB"):
+        taken(tmp_path, folder(tmp_path, depth_hold__py=CODE, data__txt=os.urandom(2**20)))
+    assert not (tmp_path / "private").exists()
+
+
+def test_a_file_that_lies_too_deep_is_left_out(tmp_path: Path) -> None:
+    place = taken(tmp_path, folder(tmp_path, depth_hold__py=CODE, **{"___".join("abcdefghijkl"): b""}))
+    assert files_in(place) == {"depth_hold.py": CODE}
+
+
+# What is no archive, and names that are no text
+
+
+@pytest.mark.parametrize("data", [b"", b"PK\x03\x04", b"%PDF-1.7", os.urandom(3000)])
+def test_what_is_no_archive_is_refused(tmp_path: Path, data: bytes) -> None:
+    path = tmp_path / "ada.zip"
+    path.write_bytes(data)
+    with pytest.raises(Refused, match="not a zip archive"):
+        taken(tmp_path, path)
+
+
+def test_an_archive_damaged_anywhere_is_refused_or_gives_what_was_in_it(tmp_path: Path) -> None:
+    whole = zipped(tmp_path, ("depth_hold.py", CODE * 20), ("a.py", b"a = 1")).read_bytes()
+    path = tmp_path / "damaged.zip"
+    for place in range(len(whole)):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 0xFF]) + whole[place + 1 :])
+        try:
+            found = files_in(take_in(path, WANTED, tmp_path / "private"))
+        except Refused:
+            assert not (tmp_path / "private").exists()
+            continue
+        remove(tmp_path / "private")
+        assert found["depth_hold.py"] == CODE * 20
+
+
+def test_the_same_name_twice_is_refused(tmp_path: Path) -> None:
+    with pytest.warns(UserWarning, match="Duplicate"):
+        given = zipped(tmp_path, ("depth_hold.py", CODE), ("depth_hold.py", b"other"))
+    with pytest.raises(Refused, match="twice"):
+        taken(tmp_path, given)
+
+
+def test_a_password_is_told(tmp_path: Path) -> None:
+    path = zipped(tmp_path, ("depth_hold.py", CODE))
+    data = bytearray(path.read_bytes())
+    data[6] |= 1
+    data[data.index(b"PK\x01\x02") + 8] |= 1
+    path.write_bytes(data)
+    with pytest.raises(Refused, match="password"):
+        taken(tmp_path, path)
+
+
+def test_names_that_are_not_text_are_left_out_and_shown_as_escapes(tmp_path: Path) -> None:
+    given = folder(tmp_path, depth_hold__py=CODE)
+    (given / os.fsdecode(b"\xff\xfe.py")).write_bytes(b"")
+    (given / "clear\x1b[2J.py").write_bytes(b"")
+    place = taken(tmp_path, given)
+    assert files_in(place) == {"depth_hold.py": CODE}
+    assert all(note.isprintable() for note in place.notes)
+    assert len(place.notes) == 2
+
+
+# Names of submissions
+
+
+def test_each_submission_has_a_name_of_its_own_that_is_safe(tmp_path: Path) -> None:
+    for name in ("1/ada", "2/Ada", "3/..", "4/a b;c$(d)", "5/=SUM(A1)", "6/" + "long" * 50):
+        (tmp_path / name).mkdir(parents=True, exist_ok=True)
+    given = [tmp_path / "1/ada", tmp_path / "2/Ada", tmp_path / "4/a b;c$(d)", tmp_path / "5/=SUM(A1)"]
+    names = [one.id for one in name_submissions([*given, tmp_path / "6" / ("long" * 50), given[0]])]
+    assert names[:4] == ["ada", "Ada-2", "a_b_c_d", "SUM_A1"]
+    assert len(names) == 5
+    assert len(names[4]) == 60
+
+
+def test_a_name_stays_when_submissions_are_added(tmp_path: Path) -> None:
+    first, late = tmp_path / "a" / "ada", tmp_path / "b" / "ada"
+    first.mkdir(parents=True)
+    late.mkdir(parents=True)
+    known = name_submissions([first])
+    assert [one.id for one in name_submissions([late, first], known)] == ["ada-2", "ada"]
+
+
+def test_a_folder_of_submissions_is_not_one(tmp_path: Path) -> None:
+    for name in ("ada", "bob"):
+        (tmp_path / "class" / name).mkdir(parents=True)
+    with pytest.raises(SnrError, match="holds 2: ada, bob") as error:
+        name_submissions([tmp_path / "class"])
+    assert error.value.fix == f"give what is in it: {tmp_path}/class/*."
+    with pytest.raises(SnrError, match="There is no submission"):
+        name_submissions([tmp_path / "nobody"])
+
+
+def test_an_archive_is_read_a_little_at_a_time(tmp_path: Path) -> None:
+    """Its largest read is bounded, so what it unpacks to never stands in memory."""
+    given = zipped(tmp_path, ("depth_hold.py", CODE), ("data", os.urandom(8_000_000)))
+    tracemalloc.start()
+    taken(tmp_path, given)
+    peak_bytes = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak_bytes < 2_000_000
