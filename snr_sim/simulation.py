@@ -80,6 +80,11 @@ class Simulation:
         )
 
     @property
+    def robot(self) -> Robot:
+        """What a controller may know."""
+        return self._robot
+
+    @property
     def scenario_name(self) -> str:
         """The scenario's name, also if it was given as a path."""
         return Path(self.request.scenario).stem

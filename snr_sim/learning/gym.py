@@ -24,12 +24,14 @@ if TYPE_CHECKING:
 
 __all__ = ["Env", "box", "make_known", "spaces"]
 
-LANDERS = "snr_sim.learning.lander_envs"
+LANDERS, UROVS = "snr_sim.learning.lander_envs", "snr_sim.learning.urov_envs"
 ENVIRONMENTS: dict[str, tuple[str, dict[str, Any]]] = {
     "snr_sim/LanderVertical-v0": (f"{LANDERS}:LanderVertical", {}),
     "snr_sim/LanderVerticalContinuous-v0": (f"{LANDERS}:LanderVertical", {"is_continuous": True}),
     "snr_sim/LanderPad-v0": (f"{LANDERS}:LanderPad", {}),
     "snr_sim/LanderPadContinuous-v0": (f"{LANDERS}:LanderPad", {"is_continuous": True}),
+    "snr_sim/UrovDepthHold-v0": (f"{UROVS}:UrovDepthHold", {}),
+    "snr_sim/UrovStation-v0": (f"{UROVS}:UrovStation", {}),
 }
 
 

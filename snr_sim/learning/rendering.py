@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from snr_sim.recording.picture_bodies import FLAME, JET, draw_flames, draw_shapes, strongest_of
 from snr_sim.recording.picture_canvas import PIXELS_PER_POINT, Canvas, Point, Rgb, mixed
 from snr_sim.recording.picture_layout import Place, feet_and_size
+from snr_sim.recording.picture_water import SURFACE, WATER
 from snr_sim.recording.picture_world import cut_by_plane
-from snr_sim.recording.view_scene import rgb_of, turned
+from snr_sim.recording.view_scene import points_of, rgb_of, turned
 
 WIDTH_PX, HEIGHT_PX = 320, 240
 SKY: Rgb = (24, 27, 38)
-WATER: Rgb = (18, 58, 84)
 LEAST_SHOWN_M = 8.0  # of height; a body is drawn at least so large that it can be seen
 LEAST_BODY = 0.12  # share of the frame's height
 
@@ -31,26 +31,34 @@ class Frame:
         self._bodies = scene["bodies"]
         statics = scene["statics"].values()
         self._cuts = [(rgb_of(shape), cut_by_plane(shape)) for shape in statics if shape.get("kind") == "mesh"]
-        self._has_water = any("water" in name for name in scene["statics"])
+        surface = scene["statics"].get("surface")
+        self._surface_m = (
+            None if surface is None else float(points_of(surface)[:, 2].max())
+        )  # of water, if there is any
         self._feet_m, self._size_m = feet_and_size(self._bodies)
         self._strongest_n = 1e-9  # of what has pushed so far: flames are drawn beside it
 
     def draw(self, truth: dict[str, Any]) -> NDArray[np.uint8]:
         """Returns the frame of a true state, shape (240, 320, 3)."""
         width, height = WIDTH_PX // PIXELS_PER_POINT, HEIGHT_PX // PIXELS_PER_POINT
-        canvas = Canvas(width, height, WATER if self._has_water else SKY)
+        canvas = Canvas(width, height, SKY)
         poses = truth["poses"]
         main = next(iter(poses.values()))
         feet = turned(main, [0.0, 0.0, self._feet_m])
         low_m = min(
             [feet[2], *(z for _, cut in self._cuts for ends in cut for x, z in ends if abs(x - feet[0]) < 50.0)]
         )
-        shown_m = max(LEAST_SHOWN_M, 1.35 * (feet[2] + self._size_m - low_m), 2.5 * self._size_m)
+        highest_m = max(feet[2] + self._size_m, self._surface_m if self._surface_m is not None else feet[2])
+        shown_m = max(LEAST_SHOWN_M, 1.35 * (highest_m - low_m), 2.5 * self._size_m)
         scale = height / shown_m
 
         def at(x: float, z: float) -> Point:
             return width / 2 + (x - feet[0]) * scale, height - (z - low_m + 0.12 * shown_m) * scale
 
+        if self._surface_m is not None:
+            _, y0 = at(0.0, self._surface_m)
+            canvas.rectangle(0, y0, width, height, fill=WATER)
+            canvas.line([(0, y0), (width, y0)], SURFACE, 1.0)
         for i, (rgb, cut) in enumerate(sorted(self._cuts, key=lambda one: -len(one[1]))):
             color: Rgb = (rgb[0], rgb[1], rgb[2])
             for start, end in sorted(cut):
@@ -62,7 +70,7 @@ class Frame:
         place = Place(at(feet[0], feet[2]), feet, body_scale)
         self._strongest_n = max(self._strongest_n, strongest_of([truth["arrows"]]))
         points_per_newton = 0.8 * self._size_m * body_scale / self._strongest_n
-        draw_flames(canvas, place, truth["arrows"], points_per_newton, JET if self._has_water else FLAME)
+        draw_flames(canvas, place, truth["arrows"], points_per_newton, FLAME if self._surface_m is None else JET)
         draw_shapes(canvas, place, [(shape, poses[body]) for body in poses for shape in self._bodies[body]])
         pixels: NDArray[np.uint8] = canvas.pixels()
         return pixels

@@ -36,7 +36,8 @@ class ScenarioEnv(Env[NDArray[np.float32], Any]):
     `reset(options={"start": n})` begins at the start that `snr run --seed n` has. `info` holds `start` and `time_s`;
     at the end also `outcome`, `success` and `why`, as the scenario judges.
 
-    An episode is terminated when the scenario has its verdict, and truncated at the scenario's time limit.
+    An episode is terminated when the scenario has its verdict, and truncated at the scenario's time limit; or, if the
+    verdict is given when the time is over (`ends_by_clock`), truncated then.
     """
 
     metadata = {  # noqa: RUF012 - as gymnasium declares it
@@ -44,6 +45,8 @@ class ScenarioEnv(Env[NDArray[np.float32], Any]):
         "render_fps": 10,
     }
     rate_hz: float  # of steps: the rate at which the robot reads its sensors
+    begins_s = 0.0  # moment of the scenario at which an episode begins
+    ends_by_clock = False  # whether the scenario gives its verdict when its time is over, so that it truncates
 
     def __init__(self, scenario: str, engine: str | None = None, render_mode: str | None = None) -> None:
         if render_mode not in (None, *self.metadata["render_modes"]):
@@ -79,7 +82,8 @@ class ScenarioEnv(Env[NDArray[np.float32], Any]):
         self._stepper = Stepper(self.plant)
         self._steps, self.verdict = 0, None
         self.begin()
-        return self._observed(), {"start": start, "time_s": 0.0}
+        self._stepper.advance_to(self.begins_s)
+        return self._observed(), {"start": start, "time_s": self._time_s}
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Acts, lets one period go by, and observes.
@@ -95,17 +99,17 @@ class ScenarioEnv(Env[NDArray[np.float32], Any]):
             )
         self.act(action)
         self._steps += 1
-        time_s = self._steps / self.rate_hz
-        self._stepper.advance_to(time_s)
+        self._stepper.advance_to(self._time_s)
         observation = self._observed()
         self.verdict = call_student(self._simulation.scenario.verdict, "verdict(plant)", self.plant)
-        is_over = self.verdict is None and self._is_over()
-        info: dict[str, Any] = {"start": self.run.request.seed, "time_s": time_s}
+        is_over = self._is_over() if self.verdict is None else self.ends_by_clock
+        info: dict[str, Any] = {"start": self.run.request.seed, "time_s": self._time_s}
         if self.verdict is not None:
             info |= {"outcome": self.verdict.outcome, "success": self.verdict.success, "why": self.verdict.why}
         elif is_over:
             info |= {"outcome": "timeout", "success": False, "why": f"longer than {self._limit_s:g} s"}
-        return observation, float(self.reward(self.verdict)), self.verdict is not None, is_over, info
+        is_ended = self.verdict is not None and not self.ends_by_clock
+        return observation, float(self.reward(self.verdict)), is_ended, is_over, info
 
     def render(self) -> Any:
         """Returns the scene as it is, shape (height, width, 3), dtype uint8; needs no screen and no GPU."""
@@ -165,5 +169,9 @@ class ScenarioEnv(Env[NDArray[np.float32], Any]):
         space: Any = self.observation_space
         return np.clip(np.array(self.observe(), np.float32), space.low, space.high)
 
+    @property
+    def _time_s(self) -> float:
+        return self.begins_s + self._steps / self.rate_hz
+
     def _is_over(self) -> bool:
-        return self._steps / self.rate_hz >= self._limit_s - 1e-9
+        return self._time_s >= self._limit_s - 1e-9
