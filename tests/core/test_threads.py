@@ -2,14 +2,15 @@
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
+from statistics import median
 from typing import Any
 
 import pytest
 
 from snr_sim import Config, Node, SomeTasks, Task, TaskType, TimeoutLoopFactory, WallClock, tasks
-from snr_sim.core.backing import JOIN_TIMEOUT_S
+from snr_sim.core.backing import JOIN_TIMEOUT_S, ThreadBacking
 from snr_sim.core.door import Door
 from snr_sim.prelude.errors import ComponentFailed, ParameterError
 from snr_sim.testing.parts import PartFactory, TickerFactory
@@ -30,100 +31,183 @@ def holds_once(attempt: Callable[[], bool]) -> bool:
     return any(attempt() for _ in range(4))
 
 
+# Idle. By the CPU time of its own threads: what else runs in this process and on this computer is not in it. A node
+# that spins takes all of a core that it can get, and on a computer with ten others still a tenth.
+
+
+def cost_of(node: Node) -> tuple[float, float]:
+    """Returns the CPU time of the node's thread and what it took, in seconds."""
+    before_s = time.thread_time()
+    took_s = run_s(node)
+    return time.thread_time() - before_s, took_s
+
+
 def test_weakness_5_an_idle_node_costs_nothing() -> None:
     def is_cheap() -> bool:
+        to_begin_and_end_s, _ = cost_of(node_of(TimeoutLoopFactory(seconds=0.0)))
         node = node_of(PartFactory({TaskType.event: lambda task, task_id: None}))
         threading.Timer(0.4, lambda: node.schedule(tasks.terminate("enough"))).start()
-        before_s = time.process_time()
-        took_s = run_s(node)
+        cost_s, took_s = cost_of(node)
         assert node.exit_reason == "enough"
-        return time.process_time() - before_s < 0.01 * took_s
+        return cost_s - to_begin_and_end_s < 0.01 * took_s
 
     assert holds_once(is_cheap)
 
 
 def test_a_node_whose_loops_wait_costs_nothing_either() -> None:
     def is_cheap() -> bool:
-        node = node_of(TimeoutLoopFactory(seconds=0.4), TickerFactory(rate_hz=5))
-        before_s = time.process_time()
-        took_s = run_s(node)
+        ticks: list[tuple[float, float]] = []
+        look = TickerFactory(lambda loop: ticks.append((time.thread_time(), time.monotonic())), rate_hz=5)
+        to_begin_and_end_s, _ = cost_of(node_of(TimeoutLoopFactory(seconds=0.0)))
+        node = node_of(TimeoutLoopFactory(seconds=0.5), look)
+        cost_s, took_s = cost_of(node)
         assert node.exit_reason == "timeout"
-        return time.process_time() - before_s < 0.01 * took_s
+        (before_s, from_s), (after_s, to_s) = ticks[0], ticks[-1]
+        return cost_s - to_begin_and_end_s < 0.01 * took_s and after_s - before_s < 0.01 * (to_s - from_s)
 
     assert holds_once(is_cheap)
 
 
-def test_a_node_that_sleeps_is_woken_at_once() -> None:
+def test_a_node_that_sleeps_is_woken_as_soon_as_a_bare_thread() -> None:
+    """A node that looked every 10 ms would take half of that; a thread that waits for another takes 0.05 ms, and on a
+    busy computer both take longer."""
+
+    def took_s(wait_for: Callable[[], Any], wake: Callable[[], Any]) -> float:
+        went_s: list[float] = []
+
+        def wakes() -> None:
+            went_s.append(time.monotonic())
+            wake()
+
+        threading.Timer(0.005, wakes).start()
+        wait_for()
+        return time.monotonic() - went_s[0]
+
     def is_prompt() -> bool:
-        node = node_of(PartFactory())
-        threading.Timer(0.05, lambda: node.schedule(tasks.terminate("enough"))).start()
-        return run_s(node) < 0.08
+        of_node, of_peer = [], []
+        for _ in range(11):
+            node, peer = node_of(), threading.Event()
+            of_node.append(took_s(node.loop, lambda node=node: node.schedule(tasks.terminate("enough"))))
+            of_peer.append(took_s(peer.wait, peer.set))
+        return median(of_node) < 3.0 * median(of_peer) + 0.003  # and an end takes something
 
     assert holds_once(is_prompt)
 
 
+# Rates. On a clock that moves only when somebody works or waits, the deadlines are seen as they are.
+
+LATE_S = 0.0001  # how long after its time a thread that waits is woken
+
+
+class WorkClock(WallClock):
+    time_s = 0.0
+
+    def now_s(self) -> float:
+        return self.time_s
+
+
+class Waits(threading.Event):
+    def __init__(self, clock: WorkClock) -> None:
+        super().__init__()
+        self.clock = clock
+
+    def wait(self, timeout: float | None = None) -> bool:
+        assert timeout is not None
+        self.clock.time_s += timeout + (LATE_S if timeout else 0.0)
+        return self.is_set()
+
+
+def ticks_of(rate_hz: float, works_s: Sequence[float]) -> tuple[list[float], ThreadBacking]:
+    """When a loop on a thread ticks that works so long in each tick, and what has called it."""
+    ticks: list[float] = []
+    clock = WorkClock()
+
+    def work(loop: Any) -> None:
+        ticks.append(clock.time_s)
+        clock.time_s += works_s[len(ticks) - 1]
+        if len(ticks) == len(works_s):
+            backing.stop()
+
+    node = Node("r", Config(factories={"r": [TickerFactory(work, rate_hz=rate_hz)]}), clock=clock)
+    backing = ThreadBacking(node.components["ticker"])  # type: ignore[arg-type]
+    backing._stopping = Waits(clock)
+    backing._run()
+    return ticks, backing
+
+
 @pytest.mark.parametrize("rate_hz", [50, 100, 500])
-def test_weakness_26_a_loop_on_a_thread_keeps_its_mean_rate_although_it_works(rate_hz: int) -> None:
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.9])
+def test_weakness_26_a_loop_on_a_thread_keeps_its_rate_although_it_works(rate_hz: int, share: float) -> None:
+    ticks, backing = ticks_of(rate_hz, [share / rate_hz] * 500)
+    assert ticks == pytest.approx([k / rate_hz + (LATE_S if k else 0.0) for k in range(500)])
+    assert backing.late_s == 0.0
+
+
+def test_a_loop_that_cannot_keep_up_leaves_ticks_out_and_does_not_hurry_after_them() -> None:
+    ticks, backing = ticks_of(100, [0.0, 0.0, 0.125, 0.0, 0.0, 0.0])
+    assert ticks == pytest.approx([0.0, 0.0101, 0.0201, 0.1451, 0.1501, 0.1601])
+    assert backing.late_s == pytest.approx(0.1151)
+
+
+def test_a_real_thread_ticks_once_a_period_and_not_a_period_after_its_work() -> None:
+    """The middle of its intervals: one and a half periods if it waited a period after its work, on any computer."""
+    ticks: list[float] = []
+
+    def work(loop: Any) -> None:
+        ticks.append(time.monotonic())
+        time.sleep(0.02)
+        if len(ticks) == 16:
+            loop.schedule(tasks.terminate("enough"))
+
     def keeps_rate() -> bool:
-        ticks: list[float] = []
-
-        def work(loop: Any) -> None:
-            ticks.append(time.monotonic())
-            time.sleep(0.5 / rate_hz)  # half of the period goes into the work itself
-
-        run_s(node_of(TickerFactory(work, rate_hz=rate_hz), TimeoutLoopFactory(seconds=0.4)))
-        mean_hz = (len(ticks) - 1) / (ticks[-1] - ticks[0])
-        return abs(mean_hz / rate_hz - 1.0) < 0.02  # a wait of one period after the work: 33 % off
+        ticks.clear()
+        node_of(TickerFactory(work, rate_hz=25), TimeoutLoopFactory(seconds=60)).loop()
+        return median(later - earlier for earlier, later in pairwise(ticks)) < 1.2 * 0.04
 
     assert holds_once(keeps_rate)
 
 
-def test_a_loop_that_cannot_keep_up_leaves_ticks_out_and_does_not_hurry_after_them() -> None:
-    ticks: list[float] = []
-
-    def work(loop: Any) -> None:
-        ticks.append(loop.get_time_s())
-        if len(ticks) == 3:
-            time.sleep(0.1)
-
-    run_s(node_of(TickerFactory(work, rate_hz=100), TimeoutLoopFactory(seconds=0.3)))
-    gaps = [later - earlier for earlier, later in pairwise(ticks)]
-    assert sum(gap < 0.004 for gap in gaps) <= 2
-    assert max(gaps) > 0.09
+# The end
 
 
 def test_a_timeout_does_not_hold_up_the_end() -> None:
     stop = TickerFactory(lambda loop: loop.schedule(tasks.terminate("stop")), "stop")
-    assert run_s(node_of(TimeoutLoopFactory(seconds=30), stop)) < 0.4
+    node = node_of(TimeoutLoopFactory(seconds=60), stop)
+    assert run_s(node) < 30.0
+    assert (node.exit_reason, node.notes) == ("stop", [])  # no loop that had to be left behind
 
 
 def test_weakness_17_fifty_loops_at_10_hz_end_together_and_not_one_after_the_other() -> None:
-    def is_quick() -> bool:
-        asked_s: list[float] = []
+    """Each one's halt waits for all the others': in turn, they would take 25 s, and the first would have given up."""
+    all_halted = threading.Event()
+    together = threading.Barrier(50, action=all_halted.set, timeout=12.0)
+    there: set[str] = set()
 
-        def stop(loop: Any) -> None:
-            asked_s.append(time.monotonic())
-            loop.schedule(tasks.terminate("stop"))
+    def count(task: Task, task_id: Any) -> SomeTasks:
+        there.add(task.name)
+        return tasks.terminate("all there") if len(there) == 50 else None
 
-        slow = [TickerFactory(name=f"slow{i}", rate_hz=10) for i in range(50)]
-        node_of(*slow, TickerFactory(stop, "stop")).loop()
-        return time.monotonic() - asked_s[0] < 0.3
+    def arrive(loop: Any) -> None:
+        loop.schedule(tasks.event(loop.name))
 
-    assert holds_once(is_quick)
+    slow = [TickerFactory(arrive, f"slow{i}", rate_hz=10, halt=lambda loop: together.wait()) for i in range(50)]
+    node = node_of(*slow, PartFactory({TaskType.event: count}))
+    node.loop()
+    assert all_halted.wait(15.0)
 
 
 def test_loops_that_hang_are_halted_from_outside_named_and_cost_one_timeout_together() -> None:
     halted: list[str] = []
     let_go = threading.Event()
     stuck = [
-        TickerFactory(lambda loop: let_go.wait(10), f"stuck{i}", halt=lambda loop: halted.append(loop.name))
+        TickerFactory(lambda loop: let_go.wait(60), f"stuck{i}", halt=lambda loop: halted.append(loop.name))
         for i in range(4)
     ]
     node = node_of(*stuck, TimeoutLoopFactory(seconds=0.05))
     took_s = run_s(node)
     let_go.set()
     assert halted == ["stuck0", "stuck1", "stuck2", "stuck3"]
-    assert took_s < 0.05 + JOIN_TIMEOUT_S + 0.3
+    assert took_s < 4 * JOIN_TIMEOUT_S  # what they take in turn
     assert [note for note in node.notes if "stuck2" in note] == [
         f"Loop 'stuck2' did not end within {JOIN_TIMEOUT_S} s: something in its loop() blocks."
     ]
@@ -175,8 +259,14 @@ def test_setup_loop_and_halt_run_on_the_loops_thread_and_handlers_on_the_nodes()
         )
         for i in range(2)
     ]
-    listener = PartFactory({TaskType.event: here("handler")})
-    run_s(node_of(*loops, listener, TimeoutLoopFactory(seconds=0.1)))
+    came: list[Task] = []
+
+    def handle(task: Task, task_id: Any) -> SomeTasks:
+        here("handler")()
+        came.append(task)
+        return tasks.terminate("enough") if len(came) == 20 and len(where["loop"]) == 2 else None
+
+    node_of(*loops, PartFactory({TaskType.event: handle})).loop()
     main = threading.get_ident()
     assert where["handler"] == {main}
     assert where["setup"] == where["loop"] == where["halt"]
@@ -191,8 +281,16 @@ def test_a_loop_can_stop_itself() -> None:
         ticks.append(None)
         loop.stop()
 
-    node = node_of(TickerFactory(once, rate_hz=1000), TimeoutLoopFactory(seconds=0.05))
+    looks: list[bool] = []
+
+    def look(loop: Any) -> None:
+        looks.append(loop.parent.components["ticker"].is_terminated())
+        if sum(looks) == 10:
+            loop.schedule(tasks.terminate("seen"))
+
+    node = node_of(TickerFactory(once, rate_hz=1000), TickerFactory(look, "look", 500), TimeoutLoopFactory(seconds=60))
     node.loop()
+    assert node.exit_reason == "seen"
     assert len(ticks) == 1
     assert node.components["ticker"].is_terminated()  # type: ignore[attr-defined]
 
@@ -243,16 +341,24 @@ def test_a_door_wakes_who_waits_and_never_sleeps_over_what_is_there() -> None:
             door.waiting.popleft()
             taken += 1
     thread.join()
-    assert time.monotonic() - start_s < 10.0
+    assert time.monotonic() - start_s < 30.0  # what one sleep over something takes
 
 
 def test_pages_of_a_loop_carry_the_nodes_name_and_time() -> None:
-    node = node_of(TickerFactory(lambda loop: loop.store_data("x", 1)), TimeoutLoopFactory(seconds=0.05))
+    before_s: list[float] = []
+
+    def store(loop: Any) -> None:
+        before_s.append(loop.parent.clock.now_s())
+        loop.store_data("x", 1)
+        loop.schedule(tasks.terminate("stored"))
+        loop.stop()
+
+    node = node_of(TickerFactory(store))
     node.loop()
     page = node.get_page("x")
     assert page is not None
     assert page.origin == "r_node"
-    assert 0.0 < page.created_at_s < 0.5
+    assert before_s[0] <= page.created_at_s <= node.clock.now_s()
 
 
 def test_setting_the_computers_clock_does_not_move_node_time(monkeypatch: pytest.MonkeyPatch) -> None:
