@@ -40,7 +40,7 @@ class Keyboard(LifeCycle):
 
     Args:
         typed: returns what was typed since it was asked last, at once; None is the program's own terminal.
-        now_s: tells the time.
+        now_s: tells the time by which a person types.
     """
 
     def __init__(self, typed: Callable[[], str] | None = None, now_s: Callable[[], float] = time.monotonic) -> None:
@@ -72,7 +72,7 @@ class Keyboard(LifeCycle):
             if now_s < until_s:
                 stick, side = STICK_KEYS[key]
                 axes[AXES[stick]] += side
-        return PadReading(axes, buttons, [])
+        return PadReading(axes, buttons, [], stamp_s=now_s)
 
     def _press(self, button: str) -> None:
         """Has a press wait for its reading, in the order of typing."""
@@ -102,9 +102,16 @@ class Hands(LifeCycle):
     Args:
         open_pad: opens the controller.
         open_keyboard: opens the keyboard.
+        now_s: the clock that readings are stamped by.
     """
 
-    def __init__(self, open_pad: Callable[[], Any], open_keyboard: Callable[[], Any] = Keyboard) -> None:
+    def __init__(
+        self,
+        open_pad: Callable[[], Any],
+        open_keyboard: Callable[[], Any] = Keyboard,
+        now_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._now_s = now_s
         try:
             self._pad: Any = open_pad()
         except MissingExtra:
@@ -116,14 +123,14 @@ class Hands(LifeCycle):
 
         So space stops the vehicle, whatever may be plugged in and taken for a controller.
         """
-        keys: PadReading = self._keyboard.read()
+        keys: PadReading = msgspec.structs.replace(self._keyboard.read(), stamp_s=self._now_s())
         if self._pad is None:
             return keys
         pad: PadReading | Stale = self._pad.read()
         if isinstance(pad, Stale):
             return msgspec.structs.replace(keys, is_connected=False)
-        either = zip_longest(pad.buttons, keys.buttons, fillvalue=False)
-        return msgspec.structs.replace(pad, buttons=[pads or keyboards for pads, keyboards in either])
+        either = [of_pad or of_keys for of_pad, of_keys in zip_longest(pad.buttons, keys.buttons, fillvalue=False)]
+        return msgspec.structs.replace(pad, buttons=either, stamp_s=keys.stamp_s)
 
     def on_close(self) -> None:
         """Lets go of both."""

@@ -121,7 +121,7 @@ def sim_eyes(rig: Rig) -> SimSensor:
 def hands(rig: Rig) -> Hands:
     """Opens a game controller, or the keyboard."""
     needs_trigger = rig.robot.options.get("deadman") == "yes"
-    return Hands(lambda: Deadman(PygamePad()) if needs_trigger else PygamePad())
+    return Hands(lambda: Deadman(PygamePad()) if needs_trigger else PygamePad(), now_s=rig.now_s)
 
 
 def sim_pwm(rig: Rig) -> PwmBackend:

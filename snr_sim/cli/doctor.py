@@ -67,42 +67,60 @@ def _look(io: Io | None) -> Iterator[Finding]:
     machine = Machine()
     python = platform.python_version()
     yield Finding(sys.version_info >= _LOWEST_PYTHON, f"Python {python} on {platform.platform()}")
-    yield from packages(machine.is_pi, importlib.metadata.version)
+    is_for_wires = drives_only(machine.is_pi, importlib.metadata.version)
+    yield from packages(is_for_wires, importlib.metadata.version)
     free_mb = shutil.disk_usage(Path.cwd()).free // 2**20
     yield Finding(
         free_mb > _ROOM_WANTED_MB, f"{free_mb} MB free in this folder", "" if free_mb > _ROOM_WANTED_MB else "make room"
     )
     is_writable = os.access(Path.cwd(), os.W_OK)
     yield Finding(is_writable, "runs can be written here" if is_writable else "this folder is read-only: use --out")
-    yield landing(machine.is_pi)
+    yield landing(is_for_wires)
     found = list(wires(machine, io))
     yield from found
     if io is not None and all(finding.is_well for finding in found):
         yield from answers(io)
 
 
-def packages(is_pi: bool, version: Callable[[str], str]) -> Iterator[Finding]:
-    """Yields the packages of each extra. A Raspberry Pi needs those for wires, and everybody else those to simulate.
+def drives_only(is_pi: bool, version: Callable[[str], str]) -> bool:
+    """Returns whether a computer is there for hardware alone: a Raspberry Pi, or one that was given no physics.
 
     Args:
-        is_pi: whether this is one.
+        is_pi: whether it is a Raspberry Pi.
+        version: returns a package's, or raises PackageNotFoundError.
+    """
+
+    def is_there(name: str) -> bool:
+        try:
+            return bool(version(name))
+        except ModuleNotFoundError:  # PackageNotFoundError is one
+            return False
+
+    return is_pi or (all(map(is_there, _EXTRAS["hardware"])) and not any(map(is_there, _EXTRAS["sim"])))
+
+
+def packages(is_for_wires: bool, version: Callable[[str], str]) -> Iterator[Finding]:
+    """Yields the packages of each extra. What drives hardware needs those for wires, all others those to simulate.
+
+    Args:
+        is_for_wires: whether this computer is there for hardware alone.
         version: returns a package's, or raises PackageNotFoundError.
     """
     for extra, names in _EXTRAS.items():
-        is_needed = (extra == "hardware") == is_pi
+        is_needed = (extra == "hardware") == is_for_wires
         for name in names:
             try:
                 found = version(name)
-            except ModuleNotFoundError:  # PackageNotFoundError is one
-                if is_needed or is_pi:
+            except ModuleNotFoundError:
+                if is_needed or is_for_wires:
                     yield Finding(not is_needed, f"{name} is not installed", f"pip install 'snr_sim[{extra}]'")
             else:
-                if is_needed or is_pi:
+                if is_needed or is_for_wires:
                     yield Finding(True, f"{name} {found}")
 
 
-def landing(is_pi: bool) -> Finding:
-    """Returns whether a module lands; a Raspberry Pi may be without the physics."""
+def landing(is_for_wires: bool) -> Finding:
+    """Returns whether a module lands; a computer that drives hardware may be without the physics."""
     from snr_sim.flight import Flight
     from snr_sim.prelude.errors import MissingExtra, SnrError
     from snr_sim.simulation import Request, prepare
@@ -112,6 +130,6 @@ def landing(is_pi: bool) -> Finding:
         plant = simulation.plant()
         result = Flight(simulation, plant, simulation.config(plant)).run()
     except SnrError as error:
-        is_well = is_pi and isinstance(error, MissingExtra)
+        is_well = is_for_wires and isinstance(error, MissingExtra)
         return Finding(is_well, f"lander_vertical does not run: {error.message}", error.fix)
     return Finding(result.success, f"lander_vertical, seed 0: {result.outcome}, {result.tasks} tasks")

@@ -9,8 +9,8 @@ from snr_sim.devices.wire.nmea import Course, Fix, NmeaLines
 from snr_sim.devices.wire.serial_port import BytePort
 from snr_sim.prelude.angles import wrap_rad
 from snr_sim.prelude.device import Stale
-from snr_sim.prelude.errors import DeviceError, SensorLost
-from snr_sim.prelude.life_cycle import LifeCycle
+from snr_sim.prelude.errors import DeviceError
+from snr_sim.prelude.life_cycle import SensorLife
 from snr_sim.prelude.signals import GpsReading
 
 BAUD = 9600
@@ -19,7 +19,7 @@ RETRY_EVERY_S = 1.0
 _SHOWN = 16
 
 
-class Gps(LifeCycle):
+class Gps(SensorLife):
     """The receiver. Keeps the promise of Sensor; reads `GpsReading`, and is stale without a fix.
 
     Args:
@@ -66,9 +66,6 @@ class Gps(LifeCycle):
         Raises:
             SensorLost: it was closed.
         """
-        if self.state == "closed":
-            raise SensorLost(f"{self.title} was closed.")
-        newest = self._newest
         try:
             if self.state == "error" and self._now_s() >= self._retry_s:
                 self._retry_s = self._now_s() + RETRY_EVERY_S
@@ -78,13 +75,14 @@ class Gps(LifeCycle):
                 self._hear()
         except DeviceError as error:
             self.fail(error.message)
-        if self.state != "active":
-            why = f"{self.title} is {self.state}: {self.why}" if self.why else f"{self.title} is {self.state}."
-            return Stale(why, newest.stamp_s if newest else None)
         newest = self._newest
+        since_s = newest.stamp_s if newest else None
+        idle = self.idle(since_s)
+        if idle is not None:
+            return idle
         if newest is not None and self._now_s() <= newest.stamp_s + FRESH_S:
             return newest
-        return Stale(self._why_none(), newest.stamp_s if newest else None)
+        return Stale(self._why_none(), since_s)
 
     def on_close(self) -> None:
         """Lets go of the port."""

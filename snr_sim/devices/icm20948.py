@@ -24,8 +24,8 @@ from snr_sim.devices.attitude_filter import GRAVITY_MPS2, AttitudeFilter
 from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.prelude.angles import roll_pitch_yaw_rad
 from snr_sim.prelude.device import Stale
-from snr_sim.prelude.errors import DeviceError, ParameterError, SensorLost
-from snr_sim.prelude.life_cycle import LifeCycle
+from snr_sim.prelude.errors import DeviceError, ParameterError
+from snr_sim.prelude.life_cycle import SensorLife
 from snr_sim.prelude.signals import ImuReading
 
 ADDRESS, COMPASS_ADDRESS = 0x69, 0x0C
@@ -50,7 +50,7 @@ MEND_EVERY_S = 0.25
 _REST = (0.7 * GRAVITY_MPS2, 1.3 * GRAVITY_MPS2)  # what it must feel when it is started
 
 
-class Icm20948(LifeCycle):
+class Icm20948(SensorLife):
     """The unit. Keeps the promise of Sensor; reads `ImuReading` in the body's axes.
 
     Args:
@@ -121,10 +121,9 @@ class Icm20948(LifeCycle):
         Raises:
             SensorLost: it was closed.
         """
-        if self.state == "closed":
-            raise SensorLost(f"{self.title} was closed.")
-        if self.state != "active":
-            return Stale(f"{self.title} is {self.state}: {self.why}" if self.why else f"{self.title} is {self.state}.")
+        idle = self.idle(self._newest.stamp_s if self._newest else None)
+        if idle is not None:
+            return idle
         try:
             self._newest = self._measured()
         except DeviceError as error:

@@ -15,8 +15,8 @@ from snr_sim.devices.ms5837 import OVERSAMPLING, Ms5837, Pressure
 from snr_sim.devices.wire import ms5837_bytes as wire
 from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.prelude.device import Stale
-from snr_sim.prelude.errors import DeviceError, SensorLost
-from snr_sim.prelude.life_cycle import LifeCycle
+from snr_sim.prelude.errors import DeviceError
+from snr_sim.prelude.life_cycle import SensorLife
 from snr_sim.prelude.signals import DepthReading
 
 ADDRESS = 0x76
@@ -29,7 +29,7 @@ _NOTHING, _RESET, _PRESSURE, _TEMPERATURE = "nothing", "reset", "pressure", "tem
 _PLAUSIBLE_PA = (20_000.0, 3_100_000.0)
 
 
-class Ms5837I2c(LifeCycle):
+class Ms5837I2c(SensorLife):
     """The sensor. Keeps the promise of Sensor; reads `DepthReading`.
 
     Args:
@@ -101,10 +101,9 @@ class Ms5837I2c(LifeCycle):
         Raises:
             SensorLost: it was closed.
         """
-        if self.state == "closed":
-            raise SensorLost(f"{self.title} was closed.")
-        if self.state != "active":
-            return Stale(f"{self.title} is {self.state}: {self.why}" if self.why else f"{self.title} is {self.state}.")
+        idle = self.idle(self._newest.stamp_s if self._newest else None)
+        if idle is not None:
+            return idle
         try:
             self._look()
         except DeviceError as error:

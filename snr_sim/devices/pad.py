@@ -69,9 +69,10 @@ class PadLoop(Loop):
 def at_rest(reading: PadReading) -> PadReading:
     """Returns the reading of a pad that has gone: as many axes and buttons, and nobody touches them.
 
-    >>> at_rest(PadReading([0.5, -1.0], [True], [[0, 1]]))
-    PadReading(axes=[0.0, 0.0], buttons=[False], hats=[[0, 0]], is_connected=False)
+    Its stamp is still that of when the pad was there.
+
+    >>> at_rest(PadReading([0.5, -1.0], [True], [[0, 1]], stamp_s=7.5))
+    PadReading(axes=[0.0, 0.0], buttons=[False], hats=[[0, 0]], is_connected=False, stamp_s=7.5)
     """
-    return PadReading(
-        [0.0] * len(reading.axes), [False] * len(reading.buttons), [[0, 0]] * len(reading.hats), is_connected=False
-    )
+    still, up, middle = [0.0] * len(reading.axes), [False] * len(reading.buttons), [[0, 0]] * len(reading.hats)
+    return PadReading(still, up, middle, is_connected=False, stamp_s=reading.stamp_s)

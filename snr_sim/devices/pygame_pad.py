@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import importlib
 import os
+import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from snr_sim.prelude.device import Stale
@@ -51,12 +53,14 @@ class PygamePad(LifeCycle):
 
     Args:
         index: which, if there are several: 0 is the first.
+        now_s: the clock that readings are stamped by.
 
     Raises:
         MissingExtra: pygame-ce is not installed.
     """
 
-    def __init__(self, index: int = 0) -> None:
+    def __init__(self, index: int = 0, now_s: Callable[[], float] = time.monotonic) -> None:
+        self._now_s = now_s
         self._pygame = start_pygame()
         self._has_screen = self._pygame.display.get_driver() != "dummy"
         self._index = index
@@ -80,12 +84,13 @@ class PygamePad(LifeCycle):
                 f"Game controller {self._index} is not there: {count} are plugged in. It is noticed if it comes."
             )
         # Anew each time, which costs 1 us if it is open already: a pad that was lost and came back is another one.
-        return _reading_of(pygame.joystick.Joystick(self._index))
+        return _reading_of(pygame.joystick.Joystick(self._index), self._now_s())
 
 
-def _reading_of(pad: JoystickType) -> PadReading:
+def _reading_of(pad: JoystickType, stamp_s: float) -> PadReading:
     return PadReading(
         [pad.get_axis(i) for i in range(pad.get_numaxes())],
         [bool(pad.get_button(i)) for i in range(pad.get_numbuttons())],
         [[int(one) for one in pad.get_hat(i)] for i in range(pad.get_numhats())],
+        stamp_s=stamp_s,
     )

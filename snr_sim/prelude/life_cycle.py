@@ -1,11 +1,14 @@
-"""The life of a device, kept once for all: a device derives from `LifeCycle` and writes the `on_` methods it needs."""
+"""The life of a device, kept once for all: a device derives from `LifeCycle` and writes the `on_` methods it needs.
+
+A sensor derives from `SensorLife`, which also knows what `read` answers while nothing is measured.
+"""
 
 from __future__ import annotations
 
 from typing import ClassVar
 
-from snr_sim.prelude.device import Health
-from snr_sim.prelude.errors import DeviceError
+from snr_sim.prelude.device import Health, Stale
+from snr_sim.prelude.errors import DeviceError, SensorLost
 
 
 class LifeCycle:
@@ -102,3 +105,24 @@ class LifeCycle:
 
     def on_close(self) -> None:
         """Lets go of the wire."""
+
+
+class SensorLife(LifeCycle):
+    """The life of a sensor with a wire."""
+
+    def idle(self, since_s: float | None = None) -> Stale | None:
+        """Returns what `read` answers while nothing is measured; None while it is active, and something is.
+
+        Args:
+            since_s: when the newest good reading was measured.
+
+        Raises:
+            SensorLost: it was closed.
+        """
+        if self.state == "active":
+            return None
+        if self.state == "closed":
+            raise SensorLost(f"{self.title} was closed.", fix="open another.")
+        return Stale(
+            f"{self.title} is {self.state}: {self.why}" if self.why else f"{self.title} is {self.state}.", since_s
+        )

@@ -215,9 +215,11 @@ class PadReading(msgspec.Struct, frozen=True):
         buttons: whether each is pressed.
         hats: [x, y] of each cross of buttons: -1, 0 or 1, up and right positive.
         is_connected: whether there is a pad. If not, everything is at rest.
+        stamp_s: when it was looked at.
     """
 
     axes: list[float]
     buttons: list[bool]
     hats: list[list[int]]
     is_connected: bool = True
+    stamp_s: float = 0.0

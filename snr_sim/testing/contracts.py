@@ -27,7 +27,7 @@ _TETHER = {"anchor_m", "body", "place_m", "length_m"}
 
 
 def check_sensor(open_sensor: Callable[[], Sensor[Any]]) -> None:
-    """Checks a sensor: its life cycle, readings that are frozen Structs, and that it can be opened again.
+    """Checks a sensor: its life cycle, readings that are frozen, stamped and finite, and that it can be opened again.
 
     Args:
         open_sensor: opens one that has readings to give.
@@ -36,11 +36,12 @@ def check_sensor(open_sensor: Callable[[], Sensor[Any]]) -> None:
         sensor = open_sensor()
         _promise(isinstance(sensor, Sensor), f"{sensor!r} lacks read() or a step of the life cycle: see LifeCycle")
         _start(sensor)
+        before_s = -math.inf
         for _ in range(3):
             reading = sensor.read()
             _promise(reading is not None, "read() returned None; it returns Stale when there is no reading")
             _promise(not isinstance(reading, Stale), f"one that has readings returned {reading}")
-            _check_struct(reading, "a reading")
+            before_s = _check_reading(reading, before_s)
         _end(sensor)
         try:
             reading = sensor.read()
@@ -133,6 +134,20 @@ def _check_struct(value: Any, what: str) -> None:
     is_struct = isinstance(value, msgspec.Struct)
     _promise(is_struct, f"{what} is a msgspec Struct, not {value!r}")
     _promise(bool(type(value).__struct_config__.frozen), f"{type(value).__name__} is frozen")
+
+
+def _check_reading(reading: Any, before_s: float) -> float:
+    """Returns when a reading was measured: not before the one before it, and all that it says is a number."""
+    _check_struct(reading, "a reading")
+    stamp_s = getattr(reading, "stamp_s", None)
+    name = type(reading).__name__
+    if not (isinstance(stamp_s, float) and math.isfinite(stamp_s)):
+        raise AssertionError(f"Promise broken: {name}.stamp_s says when [s]; it is {stamp_s!r}.")
+    _promise(stamp_s >= before_s, f"a {name} of {stamp_s} s came after one of {before_s} s")
+    for field in reading.__struct_fields__:
+        value = getattr(reading, field)
+        _promise(all(map(math.isfinite, _flat(value))), f"{name}.{field} is {value!r}, which is not finite: Stale is")
+    return stamp_s
 
 
 def _numbers(command: Any) -> dict[str, list[float]]:
@@ -264,7 +279,9 @@ def _same(one: bytes, other: bytes, promise: str) -> None:
 def _flat(value: Any) -> Iterable[float]:
     if isinstance(value, Mapping):
         value = list(value.values())
-    if isinstance(value, list):
+    if hasattr(value, "tolist"):  # arrays and numbers of numpy
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
         for item in value:
             yield from _flat(item)
     elif isinstance(value, (int, float)):

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from snr_sim.cli.doctor import landing, packages
+from snr_sim.cli.doctor import drives_only, landing, packages
 from snr_sim.cli.doctor_hardware import answers, wires
 from snr_sim.devices.wire.mcu_frames import McuFrames, encode
 from snr_sim.devices.wire.mcu_messages import Fault, Hello, Ident, ResetCause, State, Telemetry
@@ -178,7 +178,24 @@ def test_a_laptop_needs_the_physics_and_nothing_for_wires() -> None:
     assert "pyserial" not in tags
 
 
-def test_a_module_that_cannot_land_for_want_of_a_package_is_a_note_on_a_pi_only(
+@pytest.mark.parametrize(
+    ("is_pi", "installed", "is_so"),
+    [
+        (True, (), True),
+        (True, ("pymunk", "gymnasium", "mujoco-core"), True),
+        (False, ("pyserial", "smbus2", "numpy"), True),
+        (False, ("pyserial", "smbus2", "numpy", "mujoco-core"), False),
+        (False, ("numpy",), False),
+        (False, (), False),
+    ],
+)
+def test_a_computer_is_for_hardware_alone_if_it_is_a_pi_or_was_given_that_and_no_physics(
+    is_pi: bool, installed: tuple[str, ...], is_so: bool
+) -> None:
+    assert drives_only(is_pi, only(*installed)) is is_so
+
+
+def test_a_module_that_cannot_land_for_want_of_a_package_is_a_note_where_hardware_is_driven_and_only_there(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def missing(*given: Any) -> Any:

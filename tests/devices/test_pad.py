@@ -8,7 +8,7 @@ from snr_sim.prelude.device import Stale
 from snr_sim.prelude.signals import PadReading
 from snr_sim.testing.parts import PartFactory
 
-HELD = PadReading([0.5, -1.0], [True, False], [[1, 0]])
+HELD = PadReading([0.5, -1.0], [True, False], [[1, 0]], stamp_s=7.5)
 
 
 def pages_of(*readings: PadReading | Exception) -> list[dict[str, Any]]:
@@ -23,16 +23,16 @@ def pages_of(*readings: PadReading | Exception) -> list[dict[str, Any]]:
 
 def test_a_reading_becomes_a_page() -> None:
     assert pages_of(HELD) == [
-        {"axes": [0.5, -1.0], "buttons": [True, False], "hats": [[1, 0]], "is_connected": True},
+        {"axes": [0.5, -1.0], "buttons": [True, False], "hats": [[1, 0]], "is_connected": True, "stamp_s": 7.5},
     ]
 
 
 def test_a_pad_that_is_unplugged_lets_go_of_everything_in_the_same_tick_and_may_come_back() -> None:
-    rest = {"axes": [0.0, 0.0], "buttons": [False, False], "hats": [[0, 0]], "is_connected": False}
+    rest = {"axes": [0.0, 0.0], "buttons": [False, False], "hats": [[0, 0]], "is_connected": False, "stamp_s": 7.5}
     came = pages_of(HELD, Stale("gone"), Stale("gone"), HELD)
     assert came[1:3] == [rest, rest]
     assert came[3] == came[0]
 
 
 def test_a_pad_that_was_never_there_has_nothing_to_press() -> None:
-    assert pages_of(Stale("none")) == [{"axes": [], "buttons": [], "hats": [], "is_connected": False}]
+    assert pages_of(Stale("none")) == [{"axes": [], "buttons": [], "hats": [], "is_connected": False, "stamp_s": 0.0}]

@@ -29,7 +29,7 @@ def test_a_pad_keeps_the_promise_of_a_sensor(virtual: VirtualPad) -> None:
 
 
 def test_sticks_and_buttons_are_where_they_were_moved(virtual: VirtualPad) -> None:
-    pad = PygamePad()
+    pad = PygamePad(now_s=lambda: 7.5)
     virtual.move(0, -1.0)
     virtual.move(1, 0.5)
     virtual.press(2)
@@ -37,6 +37,7 @@ def test_sticks_and_buttons_are_where_they_were_moved(virtual: VirtualPad) -> No
     assert reading.axes[:3] == pytest.approx([-1.0, 0.5, 0.0], abs=1e-3)
     assert [i for i, is_down in enumerate(reading.buttons) if is_down] == [2]
     assert (len(reading.axes), len(reading.buttons), reading.hats) == (6, 15, [[0, 0]])
+    assert reading.stamp_s == 7.5
     virtual.press(2, is_down=False)
     assert not any(pad.read().buttons)
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from snr_sim.prelude.device import Device, Health
-from snr_sim.prelude.errors import DeviceError
-from snr_sim.prelude.life_cycle import LifeCycle
+from snr_sim.prelude.device import Device, Health, Stale
+from snr_sim.prelude.errors import DeviceError, SensorLost
+from snr_sim.prelude.life_cycle import LifeCycle, SensorLife
 
 
 class Winch(LifeCycle):
@@ -138,3 +138,22 @@ def test_what_keeps_no_steps_of_its_own_goes_through_all() -> None:
     plain.deactivate("done")
     plain.close()
     assert plain.health() == Health("closed", "closed")
+
+
+class Thermometer(SensorLife):
+    title = "This thermometer"
+
+
+def test_a_sensor_that_is_not_active_says_so_and_one_that_is_closed_is_lost() -> None:
+    thermometer = Thermometer()
+    assert thermometer.idle() == Stale("This thermometer is unconfigured.")
+    thermometer.configure()
+    assert thermometer.idle(2.0) == Stale("This thermometer is inactive.", 2.0)
+    thermometer.activate()
+    assert thermometer.idle() is None
+    thermometer.fail("Its wire is loose.")
+    assert thermometer.idle(2.5) == Stale("This thermometer is error: Its wire is loose.", 2.5)
+    thermometer.close()
+    with pytest.raises(SensorLost, match="This thermometer was closed") as e:
+        thermometer.idle()
+    assert e.value.fix == "open another."

@@ -5,6 +5,7 @@ Each line that begins with 'PI:' is read by `run`, which says when by warming up
 
 from __future__ import annotations
 
+import hashlib
 import os
 import platform
 import signal
@@ -17,7 +18,7 @@ from pathlib import Path
 
 import smbus2
 
-PORT = Path("/dev/ttyUSB0")
+PORT, STUDENTS_FILE = Path("/dev/ttyUSB0"), Path("/pi/compass.py")
 THERMOMETER, EEPROM, BAROMETER, COMPASS = 0x48, 0x50, 0x77, 0x1E
 HOT_C = 60.0
 PATIENCE_S = 900.0
@@ -67,7 +68,8 @@ def main() -> None:
     assert bus.read_byte(EEPROM) == 0x5A
     wait_for(str(PORT), PORT.exists)
     say(f"{PORT} is there")
-    robot = subprocess.Popen([sys.executable, "/pi/compass.py", f"mcu:{PORT}"], stderr=subprocess.PIPE, text=True)
+    say(f"the student's file is {hashlib.sha256(STUDENTS_FILE.read_bytes()).hexdigest()}")
+    robot = subprocess.Popen([sys.executable, STUDENTS_FILE, f"mcu:{PORT}"], stderr=subprocess.PIPE, text=True)
     threading.Thread(target=pass_on, args=[robot.stderr], daemon=True).start()
     wait_for("the heat", lambda: warmth_c(bus) > HOT_C or robot.poll() is not None)
     if robot.poll() is not None:

@@ -38,6 +38,11 @@ def pad(*down: str, **sticks: float) -> PadReading:
     return PadReading(axes, buttons, [])
 
 
+def at(stamp_s: float, reading: PadReading) -> PadReading:
+    """The same of another time."""
+    return msgspec.structs.replace(reading, stamp_s=stamp_s)
+
+
 def flown(readings: list[Any], vehicle_stopped: list[bool] | None = None) -> list[dict[str, Any]]:
     """The controls that a pilot makes of readings, one after the other.
 
@@ -144,9 +149,9 @@ def test_a_key_holds_its_stick_until_it_is_no_longer_repeated() -> None:
     typist.keys = "wJ"
     assert keyboard.read() == pad(surge=-1.0, yaw=-1.0)
     typist.time_s = KEPT_S - 0.01
-    assert keyboard.read() == pad(surge=-1.0, yaw=-1.0)
+    assert keyboard.read() == at(typist.time_s, pad(surge=-1.0, yaw=-1.0))
     typist.time_s = KEPT_S + 0.01
-    assert keyboard.read() == pad()
+    assert keyboard.read() == at(typist.time_s, pad())
 
 
 def test_opposite_keys_cancel_and_others_mean_nothing() -> None:
@@ -195,20 +200,20 @@ def test_a_key_that_is_leant_on_is_not_obeyed_for_seconds_afterwards() -> None:
     assert readings[20:] == [pad()] * 20, "a second at 20 Hz"
 
 
-def test_hands_take_the_pad_if_there_is_one_and_the_keyboard_else() -> None:
+def test_hands_take_the_pad_if_there_is_one_and_the_keyboard_else_and_stamp_by_the_runs_clock() -> None:
     keys = FakeSensor([pad("arm")])
-    there = Hands(lambda: FakeSensor([pad(surge=0.5), Stale("unplugged"), pad(yaw=0.5)]), lambda: keys)
+    there = Hands(lambda: FakeSensor([pad(surge=0.5), Stale("unplugged"), pad(yaw=0.5)]), lambda: keys, lambda: 7.5)
     assert [there.read() for _ in range(3)] == [
-        pad("arm", surge=0.5),
-        msgspec.structs.replace(pad("arm"), is_connected=False),
-        pad("arm", yaw=0.5),
+        at(7.5, pad("arm", surge=0.5)),
+        at(7.5, msgspec.structs.replace(pad("arm"), is_connected=False)),
+        at(7.5, pad("arm", yaw=0.5)),
     ]
 
     def not_installed() -> Any:
         raise MissingExtra("pygame-ce", "pad")
 
-    without = Hands(not_installed, lambda: keys)
-    assert without.read() == pad("arm")
+    without = Hands(not_installed, lambda: keys, lambda: 7.5)
+    assert without.read() == at(7.5, pad("arm"))
     without.close()
     with pytest.raises(SensorLost):
         without.read()
@@ -216,7 +221,7 @@ def test_hands_take_the_pad_if_there_is_one_and_the_keyboard_else() -> None:
 
 def test_space_stops_the_vehicle_also_while_a_pad_is_plugged_in() -> None:
     typist, plugged = Typist(), FakeSensor([pad("mode_up"), PadReading([], [], [])])
-    hands = Hands(lambda: plugged, lambda: Keyboard(typist.typed, typist.now_s))
+    hands = Hands(lambda: plugged, lambda: Keyboard(typist.typed, typist.now_s), typist.now_s)
     typist.keys = "w "
     assert hands.read() == pad("mode_up", "stop")
     typist.keys = " "

@@ -72,6 +72,10 @@ def test_a_fake_actuator_remembers_what_was_applied() -> None:
         FakeActuator(Push, {"thrst_n": (0.0, 1.0)})
 
 
+class Timeless(msgspec.Struct, frozen=True):
+    depth_m: float
+
+
 class Answers(LifeCycle):
     """A sensor that answers what it is told to."""
 
@@ -79,6 +83,14 @@ class Answers(LifeCycle):
         self.answer = answer
 
     def read(self) -> Any:
+        return self.answer
+
+
+class TurnsBack(Answers):
+    """Its clock goes backwards."""
+
+    def read(self) -> Any:
+        self.answer = Depth(1.0, self.answer.stamp_s - 0.1)
         return self.answer
 
 
@@ -104,6 +116,12 @@ class Headless:
         (lambda: Answers(Stale("asleep")), "one that has readings returned Stale"),
         (lambda: Answers({"depth_m": 1}), "a reading is a msgspec Struct"),
         (lambda: Answers(Thawed()), "Thawed is frozen"),
+        (lambda: Answers(Timeless(1.0)), r"Timeless.stamp_s says when \[s\]; it is None"),
+        (lambda: Answers(Depth(1.0, math.nan)), "Depth.stamp_s says when .*; it is nan"),
+        (lambda: Answers(Depth(1.0, "noon")), "Depth.stamp_s says when .*; it is 'noon'"),  # type: ignore[arg-type]
+        (lambda: TurnsBack(Depth(1.0, 0.0)), r"a Depth of -0.2 s came after one of -0.1 s"),
+        (lambda: Answers(Depth(math.nan, 0.0)), "Depth.depth_m is nan, which is not finite"),
+        (lambda: Answers(Depth([0.0, {"a": (math.inf,)}], 0.0)), "Depth.depth_m is .*inf"),  # type: ignore[arg-type]
         (Headless, "lacks read"),
         (lambda: StaysActive(Depth(1.0, 0.0)), r"after deactivate\(\) the state is .*'active'"),
         (lambda: Answers(Depth(1.0, 0.0)), r"read\(\) after close\(\) raises SensorLost, but returned Depth"),
