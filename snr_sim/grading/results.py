@@ -13,6 +13,9 @@ import msgspec
 
 Status: TypeAlias = Literal["graded", "refused", "fault"]
 Isolation: TypeAlias = Literal["sandbox", "none"]
+Order: TypeAlias = Literal["asc", "desc"]
+
+FULL_POINTS = 100.0
 
 
 class CaseResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -90,6 +93,8 @@ class Graded(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         status: "graded"; "refused": there was nothing that can be graded, which is 0 points; "fault": the lab or
             the grader failed, which is no mark at all.
         error: why it was refused, for the student, or what the fault was, for the instructor.
+        notes: what the student should know besides: files that were left out, or are missing.
+        leaderboard: which of `metrics` are ranked, and whether "asc" (the least is best) or "desc".
     """
 
     submission: str
@@ -101,6 +106,13 @@ class Graded(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     kit: str
     status: Status = "graded"
     error: str = ""
+    notes: tuple[str, ...] = ()
+    leaderboard: dict[str, Order] = {}
+
+    @property
+    def of(self) -> float:
+        """Points of all checks together that could be had; 100 if none was tried."""
+        return round(sum(check.of for check in self.checks), 6) if self.checks else FULL_POINTS
 
     @property
     def points(self) -> float | None:

@@ -1,0 +1,1 @@
+"""What graded submissions are shown as: pages for people, files for the systems that courses use."""

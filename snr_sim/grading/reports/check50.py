@@ -1,0 +1,40 @@
+"""JSON in the shape of check50's, for tools that show such results."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from snr_sim.grading.reports import told
+from snr_sim.grading.reports.plain import one_line, plain
+from snr_sim.grading.results import CheckResult, Graded
+
+
+def check50(graded: Graded) -> str:
+    """Returns the file's text; `error` stands in it instead of `results` if nothing was tried."""
+    fields: dict[str, Any] = {"slug": one_line(graded.lab), "version": graded.kit}
+    if graded.status == "graded":
+        fields["results"] = [_result(check) for check in graded.checks]
+    else:
+        words = graded.error if graded.status == "refused" else told.headline(graded)
+        fields["error"] = {"type": graded.status, "value": plain(words)}
+    return json.dumps(fields, indent=1, ensure_ascii=True) + "\n"
+
+
+def _result(check: CheckResult) -> dict[str, Any]:
+    outcome = told.verdict(check)
+    cause = None
+    if outcome != "passed":
+        wrong = told.first_wrong(check)
+        cause = {"rationale": told.main_hint(check), "help": "\n".join(told.hidden_lines(check)) or None}
+        if wrong is not None:
+            cause |= {"expected": plain(wrong.expected, 1000), "actual": plain(wrong.actual or wrong.error, 1000)}
+    return {
+        "name": check.name,
+        "description": one_line(check.title),
+        "passed": None if outcome == "skipped" else outcome == "passed",
+        "log": told.as_text(check).split("\n"),
+        "cause": cause,
+        "data": {"points": check.points, "of": check.of},
+        "dependency": None,
+    }

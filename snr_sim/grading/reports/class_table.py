@@ -1,0 +1,134 @@
+"""The class in tables: a row per submission for spreadsheets, a row per case for whoever looks closer, the ranking.
+
+Rows are written one by one, and of each submission only its numbers are kept: a department is no larger than a class.
+"""
+
+from __future__ import annotations
+
+import csv
+import statistics
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import TextIO
+
+from snr_sim.grading.reports.plain import cell
+from snr_sim.grading.reports.told import number
+from snr_sim.grading.results import Graded, Order
+
+Again = Callable[[], Iterable[Graded]]
+
+
+@dataclass
+class Summary:
+    """A class in numbers.
+
+    Args:
+        points: of each submission that has a mark.
+        of: points that could be had.
+        refused, faults: names of those of which nothing could be graded, and of those without a mark.
+        checks: how many got all points of each check, by its title.
+        ranked: per ranked metric the names with their value, unordered.
+        orders: whether the least or the most is best.
+    """
+
+    points: list[float] = field(default_factory=list)
+    of: float = 0.0
+    refused: list[str] = field(default_factory=list)
+    faults: list[str] = field(default_factory=list)
+    checks: dict[str, int] = field(default_factory=dict)
+    ranked: dict[str, list[tuple[float, str]]] = field(default_factory=dict)
+    orders: dict[str, Order] = field(default_factory=dict)
+
+    def add(self, graded: Graded) -> None:
+        """Counts a submission."""
+        if graded.points is None:
+            self.faults.append(graded.submission)
+            return
+        self.points.append(graded.points)
+        self.of = max(self.of, graded.of)
+        if graded.status == "refused":
+            self.refused.append(graded.submission)
+        for check in graded.checks:
+            self.checks[check.title] = self.checks.get(check.title, 0) + check.is_passed
+        metrics = graded.metrics
+        for name, order in graded.leaderboard.items():
+            self.orders[name] = order
+            if name in metrics:
+                self.ranked.setdefault(name, []).append((metrics[name], graded.submission))
+
+    def words(self) -> str:
+        """Returns the class in a sentence."""
+        if not self.points:
+            return "Nobody has a mark."
+        return (
+            f"{len(self.points)} graded: mean {number(statistics.fmean(self.points))}, median "
+            f"{number(statistics.median(self.points))}, from {number(min(self.points))} to {number(max(self.points))} "
+            f"of {number(self.of)} points."
+        )
+
+
+def write_class(table: TextIO, again: Again) -> None:
+    """Writes one row per submission.
+
+    Args:
+        table: opened with newline="".
+        again: gives all submissions, each time it is called.
+    """
+    checks: dict[str, None] = {}
+    metrics: dict[str, None] = {}
+    for graded in again():
+        checks.update(dict.fromkeys(check.name for check in graded.checks))
+        metrics.update(dict.fromkeys(graded.metrics))
+    writer = csv.writer(table)
+    writer.writerow(["submission", "points", "of", "status", "isolation", *map(cell, (*checks, *metrics)), "error"])
+    for graded in again():
+        points = {check.name: check.points for check in graded.checks}
+        measured = graded.metrics
+        writer.writerow(
+            [
+                cell(graded.submission),
+                "" if graded.points is None else number(graded.points),
+                number(graded.of),
+                graded.status,
+                graded.isolation,
+                *(number(points[name]) if name in points else "" for name in checks),
+                *(f"{measured[name]:.6g}" if name in measured else "" for name in metrics),
+                cell(graded.error),
+            ]
+        )
+
+
+def write_cases(table: TextIO, all_graded: Iterable[Graded]) -> None:
+    """Writes one row per case, hidden ones too: this table is the instructor's."""
+    writer = csv.writer(table)
+    writer.writerow(["submission", "check", "case", "visible", "fraction", "hint", "expected", "actual", "metrics"])
+    for graded in all_graded:
+        writer.writerows(_case_rows(graded))
+
+
+def _case_rows(graded: Graded) -> Iterator[list[str]]:
+    for check in graded.checks:
+        for case in check.cases:
+            texts = (case.hint, case.expected, case.actual or case.error)
+            metrics = " ".join(f"{name}={value:.6g}" for name, value in sorted(case.metrics.items()))
+            fraction = f"{case.fraction:.4g}"
+            start = [
+                cell(graded.submission),
+                check.name,
+                cell(case.label),
+                "yes" if case.is_visible else "no",
+                fraction,
+            ]
+            yield [*start, *map(cell, texts), cell(metrics)]
+
+
+def write_leaderboard(table: TextIO, summary: Summary) -> None:
+    """Writes the ranking of each ranked metric; equal values share a place."""
+    writer = csv.writer(table)
+    writer.writerow(["metric", "place", "submission", "value"])
+    for name, rows in summary.ranked.items():
+        sign = -1.0 if summary.orders[name] == "desc" else 1.0
+        place, before = 0, None
+        for i, (value, submission) in enumerate(sorted(rows, key=lambda row: (sign * row[0], row[1])), 1):
+            place, before = (place, before) if value == before else (i, value)
+            writer.writerow([cell(name), place, cell(submission), f"{value:.6g}"])

@@ -1,0 +1,65 @@
+"""results.json as Gradescope reads it: one test per check, all visible, and of hidden cases only what may be told.
+
+No test's visibility is "hidden": Gradescope then hides the total, too. What must not be seen is not in the file.
+
+Source: "Autograder Specifications", gradescope-autograders.readthedocs.io.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from snr_sim.grading.reports import told
+from snr_sim.grading.reports.plain import one_line, plain
+from snr_sim.grading.reports.student_page import FAULT
+from snr_sim.grading.results import CheckResult, Graded
+
+_MAX_OUTPUT_CHARS = 20_000
+
+
+def gradescope_results(graded: Graded) -> str:
+    """Returns the file's text. After a fault it has no score, so that Gradescope reports an error and no mark."""
+    return json.dumps(_fields(graded), indent=1, ensure_ascii=True) + "\n"
+
+
+def _fields(graded: Graded) -> dict[str, Any]:
+    said = [told.headline(graded)]
+    if graded.status == "fault":
+        said.append(FAULT)
+    elif graded.error:
+        said.append(plain(graded.error))
+    if graded.isolation == "none":
+        said.append("The program was not kept apart from the grader.")
+    fields: dict[str, Any] = {
+        "output": "\n".join([*said, *(one_line(note) for note in graded.notes)]),
+        "output_format": "text",
+        "test_output_format": "text",
+        "test_name_format": "text",
+        "visibility": "visible",
+        "stdout_visibility": "hidden",
+        "extra_data": {"status": graded.status, "isolation": graded.isolation, "kit": graded.kit, "lab": graded.lab},
+        "tests": [_test(i, check) for i, check in enumerate(graded.checks, 1)],
+    }
+    if graded.points is not None:
+        fields["score"] = graded.points
+    metrics = graded.metrics
+    fields["leaderboard"] = [
+        {"name": one_line(name), "value": metrics[name], "order": order}
+        for name, order in graded.leaderboard.items()
+        if name in metrics
+    ]
+    return fields
+
+
+def _test(number: int, check: CheckResult) -> dict[str, Any]:
+    return {
+        "name": one_line(check.title),
+        "number": str(number),
+        "score": check.points,
+        "max_score": check.of,
+        "status": "passed" if check.is_passed else "failed",
+        "output": told.as_text(check)[:_MAX_OUTPUT_CHARS],
+        "visibility": "visible",
+        "tags": [check.name],
+    }

@@ -1,0 +1,70 @@
+"""Texts of strangers, made harmless for where they are shown: a student's program may print anything.
+
+What cannot be seen, or would be obeyed by a terminal, a browser or a spreadsheet, is shown as an escape.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+
+_KEPT = "\n\t\u200c\u200d"  # the last two join letters in Persian and Indian scripts, and emoji
+_HIDDEN = {"Cc", "Cf", "Cs", "Cn", "Co", "Zl", "Zp"}
+_MARKDOWN = re.compile(r"([\\`*_\[\]<>|#~&!@])")
+_FORMULA = ("=", "+", "-", "@", "\t", "|", "%")
+
+
+def plain(text: str, limit: int = 4000) -> str:
+    """Returns a text in which all that is there can be seen, cut to a length.
+
+    >>> print(plain("red \\x1b[31m, back \\u202e, bell \\a, half \\ud800"))
+    red \\x1b[31m, back \\u202e, bell \\x07, half \\ud800
+    """
+    cut = text[:limit]
+    shown = "".join(char if _is_seen(char) else _escaped(char) for char in cut)
+    return shown if len(text) <= limit else f"{shown} ... ({len(text) - limit} characters more)"
+
+
+def _is_seen(char: str) -> bool:
+    return char in _KEPT or unicodedata.category(char) not in _HIDDEN
+
+
+def _escaped(char: str) -> str:
+    return char.encode("unicode_escape").decode()
+
+
+def one_line(text: str, limit: int = 300) -> str:
+    """Returns a text on one line.
+
+    >>> one_line("a\\n  b\\r\\n\\tc")
+    'a b c'
+    """
+    return plain(" ".join(text.split()), limit)
+
+
+def markdown(text: str) -> str:
+    """Returns a line that reads in Markdown as it stands: no links, no pictures, no HTML.
+
+    >>> print(markdown("![x](http://a) <b>|`"))
+    \\!\\[x\\](http:&#47;/a) \\<b\\>\\|\\`
+    """
+    # Some renderers make links of bare addresses.
+    return _MARKDOWN.sub(r"\\\1", one_line(text, 2000)).replace("://", ":&#47;/").replace("www.", "www&#46;")
+
+
+def fenced(text: str, indent: str = "") -> str:
+    """Returns a block of Markdown in which a text stands untouched, whatever is in it."""
+    shown = plain(text)
+    longest = max((len(run) for run in re.findall("`+", shown)), default=0)
+    fence = "`" * max(3, longest + 1)
+    return "\n".join(indent + line for line in [f"{fence}text", *shown.split("\n"), fence])
+
+
+def cell(text: str) -> str:
+    """Returns a text for a table's cell, which no spreadsheet takes for a formula.
+
+    >>> cell("=1+1"), cell("ada"), cell(" \\t@x")
+    ("'=1+1", 'ada', "'@x")
+    """
+    shown = one_line(text)
+    return f"'{shown}" if shown.startswith(_FORMULA) else shown

@@ -1,0 +1,224 @@
+"""Reports: students see little of hidden cases, the same everywhere, and no text of theirs breaks a format."""
+
+import csv
+import io
+import json
+import re
+import unicodedata
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree import ElementTree
+
+import msgspec
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from snr_sim.grading.reports.check50 import check50
+from snr_sim.grading.reports.class_table import Summary, write_cases, write_class, write_leaderboard
+from snr_sim.grading.reports.distribution import draw_distribution
+from snr_sim.grading.reports.gradescope import gradescope_results
+from snr_sim.grading.reports.junit import junit
+from snr_sim.grading.reports.plain import cell, fenced, markdown, plain
+from snr_sim.grading.reports.student_page import student_page
+from snr_sim.grading.results import CaseResult, CheckResult, Graded
+
+FOR_STUDENTS: dict[str, Callable[[Graded], str]] = {
+    "markdown": student_page,
+    "gradescope": gradescope_results,
+    "junit": junit,
+    "check50": check50,
+}
+EVIL = [
+    "<script>alert(1)</script>", "![x](http://evil/a.png)", "```\n# free\n```", "````", "| a | b |", "&amp;&lt;",
+    "\x1b[31mred\x1b[0m\x1b]0;title\x07", "\x00\x01\x02", "\u202egnirts\u2066", "\ud800", "]]>", "--><!--",
+    "=HYPERLINK(\"http://evil\")", "+1", "-1+1", "@SUM(A1)", "\t=1", "\r\n=1", "{{7*7}}", "\ufffe\uffff", "a" * 100_000,
+]  # fmt: skip
+
+
+def graded(text: str = "words", **changes: object) -> Graded:
+    cases = (
+        CaseResult(label="from 1 m to 3 m", is_visible=True, fraction=1.0, metrics={"fuel_kg": 2.0}),
+        CaseResult(
+            label="from 2 m to 1 m", is_visible=True, fraction=0.0, hint="Too deep.", expected="< 0.15 m",
+            actual=text, error=text, printed=text, run_folder="runs/settles-2",
+        ),
+        CaseResult(
+            label="HIDDEN start 7.125", is_visible=False, fraction=0.5, hint="Too deep.", expected="HIDDEN expected",
+            actual="HIDDEN actual", error="HIDDEN error", printed="HIDDEN printed", run_folder="HIDDEN-run",
+            metrics={"fuel_kg": 4.0},
+        ),
+        CaseResult(label="HIDDEN other", is_visible=False, fraction=1.0, hint="HIDDEN note"),
+    )  # fmt: skip
+    checks = (
+        CheckResult(name="loads", title="Loads.", points=10.0, of=10.0, cases=(cases[0],)),
+        CheckResult(name="settles", title="Settles within 8 s.", points=37.5, of=60.0, cases=cases),
+        CheckResult(name="calm", title="Does not jerk.", points=0.0, of=30.0, skipped_because="'settles' comes first."),
+    )
+    whole = Graded(
+        submission="ada", lab="02_depth_hold", title="Depth hold", checks=checks, isolation="sandbox",
+        is_hidden_included=True, kit="0.1.0", notes=(text[:300],), leaderboard={"settles.fuel_kg": "asc"},
+    )  # fmt: skip
+    return msgspec.structs.replace(whole, **changes)
+
+
+REFUSED = graded(checks=(), status="refused", error="Your submission is empty.", notes=())
+FAULT = graded(checks=(), status="fault", error="KeyError 'x' in checks.py line 3: HIDDEN")
+
+
+@pytest.mark.parametrize("form", FOR_STUDENTS)
+def test_of_hidden_cases_a_student_learns_how_many_passed_and_the_hints(form: str) -> None:
+    text = FOR_STUDENTS[form](graded())
+    assert "HIDDEN" not in text
+    assert "7.125" not in text
+    assert "1 of 2 passed" in text
+    assert "1 x: Too deep." in text
+
+
+@pytest.mark.parametrize("form", FOR_STUDENTS)
+def test_the_same_submission_gives_the_same_bytes(form: str) -> None:
+    assert FOR_STUDENTS[form](graded()) == FOR_STUDENTS[form](graded())
+
+
+@pytest.mark.parametrize("form", FOR_STUDENTS)
+def test_a_fault_is_told_as_ours_without_its_words_and_a_refusal_with_them(form: str) -> None:
+    assert "HIDDEN" not in FOR_STUDENTS[form](FAULT)
+    assert "the grader failed, not you" in FOR_STUDENTS[form](FAULT)
+    assert "Your submission is empty." in FOR_STUDENTS[form](REFUSED)
+
+
+@pytest.mark.parametrize("text", EVIL)
+@pytest.mark.parametrize("form", FOR_STUDENTS)
+def test_no_text_of_a_student_is_obeyed_or_too_long(form: str, text: str) -> None:
+    shown = FOR_STUDENTS[form](graded(text))
+    assert all(char in "\n\t" or unicodedata.category(char) not in ("Cc", "Cf", "Cs", "Cn") for char in shown)
+    assert len(shown) < 40_000
+    shown.encode()
+
+
+@given(st.text(max_size=200))
+@settings(max_examples=60, deadline=None)
+def test_whatever_a_program_says_the_files_can_be_read(text: str) -> None:
+    whole = graded(text)
+    suite = ElementTree.fromstring(junit(whole))
+    assert [suite.get(name) for name in ("tests", "failures", "errors", "skipped")] == ["3", "1", "0", "1"]
+    assert json.loads(gradescope_results(whole))["score"] == 47.5
+    assert [one["passed"] for one in json.loads(check50(whole))["results"]] == [True, False, None]
+
+
+@given(st.text(alphabet="`~\n ab\r", max_size=60))
+@settings(deadline=None)
+def test_nothing_gets_out_of_its_block(text: str) -> None:
+    lines = fenced(text).split("\n")
+    fence = lines[0].removesuffix("text")
+    assert set(fence) == {"`"}
+    assert [i for i, line in enumerate(lines) if line.strip().startswith(fence)] == [0, len(lines) - 1]
+
+
+def test_html_and_links_stand_in_a_line_of_markdown_as_they_are() -> None:
+    line = markdown("<img src=x onerror=alert(1)> [a](http://evil) www.evil.org `x`")
+    assert not re.search(r"(?<!\\)[<\[`]", line)
+    assert "://" not in line
+    assert "www." not in line
+
+
+def test_gradescope_has_what_its_page_says() -> None:
+    fields = json.loads(gradescope_results(graded()))
+    assert fields["score"] == sum(test["score"] for test in fields["tests"])
+    assert fields["leaderboard"] == [{"name": "settles.fuel_kg", "value": 3.0, "order": "asc"}]
+    assert {test["visibility"] for test in fields["tests"]} == {fields["visibility"]} == {"visible"}
+    assert fields["stdout_visibility"] == "hidden"
+    assert {test["status"] for test in fields["tests"]} == {"passed", "failed"}
+    assert all(set(test) <= GRADESCOPE_TEST for test in fields["tests"])
+    assert "score" not in json.loads(gradescope_results(FAULT))
+
+
+GRADESCOPE_TEST = {
+    *("score", "max_score", "status", "name", "name_format", "number", "output", "output_format", "tags"),
+    *("visibility", "extra_data"),
+}
+
+
+def test_the_page_shows_points_the_first_thing_to_try_and_the_run() -> None:
+    page = student_page(graded())
+    assert "**47.5 of 100 points.**" in page
+    assert "| Settles within 8 s. | 37.5 of 60 | in part |" in page
+    assert "- **from 2 m to 1 m: not passed.** Too deep." in page
+    assert "`snr view runs/settles-2`" in page
+    assert "Not tried: 'settles' comes first." in page
+    assert "not an official mark" not in page
+    assert "not an official mark" in student_page(graded(isolation="none"))
+
+
+# The class
+
+
+def rows_of(write: Callable[..., None], *arguments: object) -> list[list[str]]:
+    table = io.StringIO(newline="")
+    write(table, *arguments)
+    return list(csv.reader(io.StringIO(table.getvalue(), newline="")))
+
+
+def test_the_class_has_a_row_each_with_points_per_check_and_metrics() -> None:
+    everybody = [graded(), REFUSED, FAULT]
+    rows = rows_of(write_class, lambda: everybody)
+    assert rows[0] == [
+        *("submission", "points", "of", "status", "isolation", "loads", "settles", "calm"),
+        *("loads.fuel_kg", "settles.fuel_kg", "error"),
+    ]
+    assert rows[1] == ["ada", "47.5", "100", "graded", "sandbox", "10", "37.5", "0", "2", "3", ""]
+    assert rows[2][1:9] == ["0", "100", "refused", "sandbox", "", "", "", ""]
+    assert rows[3][1:4] == ["", "100", "fault"]
+    assert rows[3][-1].startswith("KeyError")
+
+
+@pytest.mark.parametrize("text", EVIL)
+def test_no_cell_is_a_formula(text: str) -> None:
+    whole = graded(text, submission=text[:60], error=text)
+    for rows in (rows_of(write_class, lambda: [whole]), rows_of(write_cases, [whole])):
+        assert len({len(row) for row in rows}) == 1
+        for value in (value for row in rows[1:] for value in row if not re.fullmatch(r"-?[\d.]+", value)):
+            assert not value.startswith(("=", "+", "-", "@", "\t", "\r"))
+            assert value == plain(value)
+
+
+def test_a_cell_of_words_is_left_alone() -> None:
+    assert cell("It is 0.4 m too deep") == "It is 0.4 m too deep"
+
+
+def test_cases_have_a_row_each() -> None:
+    rows = rows_of(write_cases, [graded(), REFUSED])
+    assert len(rows) == 6
+    assert rows[4][:5] == ["ada", "settles", "HIDDEN start 7.125", "no", "0.5"]
+
+
+def test_equal_values_share_a_place_and_the_least_or_the_most_is_first() -> None:
+    summary = Summary()
+    for name, fuel in (("ada", 3.0), ("bob", 1.0), ("eve", 1.0), ("dan", 2.0)):
+        case = CaseResult(label="", is_visible=True, fraction=1.0, metrics={"fuel_kg": fuel})
+        check = CheckResult(name="settles", title="S", points=1.0, of=1.0, cases=(case,))
+        summary.add(graded(submission=name, checks=(check,)))
+    rows = rows_of(write_leaderboard, summary)
+    assert [row[1:3] for row in rows[1:]] == [["1", "bob"], ["1", "eve"], ["3", "dan"], ["4", "ada"]]
+    summary.orders["settles.fuel_kg"] = "desc"
+    assert [row[2] for row in rows_of(write_leaderboard, summary)[1:]] == ["ada", "dan", "bob", "eve"]
+
+
+def test_faults_are_no_marks_in_the_mean() -> None:
+    summary = Summary()
+    for one in (graded(), REFUSED, FAULT):
+        summary.add(one)
+    assert summary.words() == "2 graded: mean 23.75, median 23.75, from 0 to 47.5 of 100 points."
+    assert (summary.refused, summary.faults) == (["ada"], ["ada"])
+    assert Summary().words() == "Nobody has a mark."
+
+
+def test_the_picture_is_drawn_also_of_nobody(tmp_path: Path) -> None:
+    full, empty = Summary(), Summary()
+    for _ in range(9):
+        full.add(graded())
+    full.add(REFUSED)
+    for name, summary in (("full.png", full), ("empty.png", empty)):
+        draw_distribution(summary, "Depth hold", tmp_path / name)
+        assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "full.png").stat().st_size > (tmp_path / "empty.png").stat().st_size
