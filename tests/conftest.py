@@ -2,12 +2,14 @@
 
 import logging
 import os
+import signal
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, settings
 from jsonschema import Draft202012Validator, validators
 from referencing import Registry, Resource
 
@@ -20,6 +22,14 @@ from snr_sim.simulation import Request, prepare
 
 Fly = Callable[..., Trace]
 IsValid = Callable[[Any], bool]
+
+# No test of ours depends on how fast this computer is, so neither do hypothesis' own.
+settings.register_profile("any computer", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("any computer")
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    # As in the background of a shell's script: whatever the tests start would ignore Ctrl-C, too.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(autouse=True)

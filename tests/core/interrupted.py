@@ -21,7 +21,7 @@ from snr_sim.core.interrupts import Interrupted
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 AT_ONCE = 4
-GIVE_UP_S = 8.0
+GIVE_UP_S = 40.0
 
 
 def doze(*args: Any) -> None:

@@ -182,4 +182,6 @@ def store_name(loop: Any) -> None:
 
 
 def rest(loop: Any) -> None:
+    with open(loop.factory.given[0], "a") as file:
+        file.write(f"{time.monotonic()}\n")
     time.sleep(0.25)

@@ -410,8 +410,8 @@ def test_ctrl_c_ends_the_page_and_what_serves_it(tmp_path: Path) -> None:
         children = children_of(process.pid)
         assert children
         process.send_signal(signal.SIGINT)
-        assert process.wait(timeout=20) == 0
-        deadline_s = time.monotonic() + 10
+        assert process.wait(timeout=60) == 0
+        deadline_s = time.monotonic() + 60
         while any(Path(f"/proc/{child}").exists() for child in children):
             assert time.monotonic() < deadline_s
     finally:
