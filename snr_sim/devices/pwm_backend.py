@@ -58,7 +58,7 @@ class PwmBackend(LifeCycle):
         wanted = self._pulses_of(pulses_us, why)
         left_s = self._left_of(stamp_s, lease_s)
         if left_s <= 0.0:
-            wanted = self.still_us
+            wanted, stamp_s = self.still_us, self._time_of(stamp_s)
             why.append(TOO_OLD)
         self.asks_neutral = not why and all(abs(one - STOP_US) <= self.resolution_us / 2 for one in wanted)
         if self.state == "activating":
@@ -87,6 +87,11 @@ class PwmBackend(LifeCycle):
         except (TypeError, ValueError, OverflowError):
             return 0.0
         return min(left_s, lease_s) if 0.0 < left_s <= lease_s + FUTURE_S else 0.0
+
+    def _time_of(self, stamp_s: float) -> float:
+        """Returns when a command was computed; now, of one that says no time, or one to come."""
+        now_s = self.now_s()
+        return float(stamp_s) if isinstance(stamp_s, (int, float)) and -math.inf < stamp_s <= now_s else now_s
 
     def stop(self) -> None:
         """Emergency stop: neutral, and nothing arms these outputs until `clear_stop`. Never raises."""
