@@ -53,6 +53,7 @@ class Simulation:
         request: what was asked for, with nothing left open.
         scenario, robot, controller: the loaded files.
         used: their files, for the header.
+        standard: the scenario's own controller, for the first role, if `controller` has no components for it.
     """
 
     def __init__(
@@ -62,11 +63,13 @@ class Simulation:
         robot: ModuleType,
         controller: ModuleType,
         used: Sequence[library.InUse],
+        standard: ModuleType | None = None,
     ) -> None:
         self.request = request
         self.scenario = scenario
         self.robot_file = robot
         self._controller = controller
+        self._standard = standard
         self.notes: list[str] = []  # of putting it together, for the run's result
         self._used = used
         self._recorded: RecordedRun | None = None
@@ -130,8 +133,8 @@ class Simulation:
         Raises:
             ConfigError: the controller or the robot gives something else than factories.
         """
-        controller = self._factories()
-        rig = self.rig(plant, clock_s, role_apart)
+        controller, crew = self._factories()
+        rig = replace(self.rig(plant, clock_s, role_apart), crew=crew)
         roles = call_student(self.robot_file.roles, "roles(rig, controller)", rig, controller)
         given = roles if isinstance(roles, dict) else {}
         missing = [role for role in self.roles if not isinstance(given.get(role), (list, tuple))]
@@ -141,6 +144,12 @@ class Simulation:
                 f"which has no components for the role '{missing[0]}'.",
                 fix=f'return {{"{missing[0]}": [...]}} with a list of factories for each of ROLES.',
             )
+        for role, factories in crew.items():
+            if not all(factory in given.get(role, ()) for factory in factories):
+                raise ConfigError(
+                    f"The robot '{self._robot.name}' has no place for a controller in its role '{role}'.",
+                    fix=f'ROLES = ("{self._robot.role}",) in the controller; or in robot.py, put rig.crew there.',
+                )
         return Config(Mode.TEST, roles)
 
     @property
@@ -159,11 +168,19 @@ class Simulation:
     def with_seed(self, seed: int) -> Simulation:
         """Returns the same with another seed; nothing is looked for and loaded again."""
         request = replace(self.request, seed=seed)
-        return Simulation(request, self.scenario, self.robot_file, self._controller, self._used)
+        return Simulation(request, self.scenario, self.robot_file, self._controller, self._used, self._standard)
 
-    def _factories(self) -> list[AnyFactory]:
-        made = call_student(self._controller.factories, "factories(robot)", self._robot)
-        place = short_path(str(self._controller.__file__))
+    def _factories(self) -> tuple[list[AnyFactory], dict[str, list[AnyFactory]]]:
+        """Returns the components of the first role, and those that the controller has for others."""
+        self.notes = []
+        first, *others = self.robot_file.ROLES
+        roles = controlled_roles(self._controller, self.robot_file)
+        crew = {role: self._made(self._controller, role) for role in others if role in roles}
+        return self._made(self._controller if first in roles else self._standard, first), crew
+
+    def _made(self, controller: Any, role: str) -> list[AnyFactory]:
+        made = call_student(controller.factories, "factories(robot)", replace(self._robot, role=role))
+        place = short_path(str(controller.__file__))
         if not isinstance(made, (list, tuple)):
             raise ConfigError(
                 f"{place}: factories(robot) returned {made!r}, which is not a list.",
@@ -175,7 +192,9 @@ class Simulation:
                     f"{place}: factories(robot) returned a list with {factory!r}, which is not a factory.",
                     fix="list instances of your EndpointFactory classes: [MyEndpointFactory()], with the brackets.",
                 )
-        self.notes = [] if made else [f"{place}: factories(robot) returned [], so nobody controls the robot."]
+        if not made:
+            whom = "the robot" if role == self._robot.role else f"its role '{role}'"
+            self.notes.append(f"{place}: factories(robot) returned [], so nobody controls {whom}.")
         return list(made)
 
     def plant(self) -> Plant:
@@ -298,6 +317,8 @@ def prepare(request: Request) -> Simulation:
     controller_name = request.controller or scenario.CONTROLLER
     controller = library.load_controller(robot_found, controller_name)
     check_options(request.options, robot, controller)
+    has_first = robot.ROLES[0] in controlled_roles(controller, robot)
+    standard = None if has_first else library.load_controller(robot_found, scenario.CONTROLLER)
     whole = Request(
         # A file is named by its path, so that a replay from another folder finds it again.
         scenario=scenario_found.name if scenario_found.place != "the path given" else str(scenario_found.path),
@@ -311,7 +332,30 @@ def prepare(request: Request) -> Simulation:
         options=request.options,
     )
     used = library.in_use(scenario_found, robot_found, controller)
-    return Simulation(whole, scenario, robot, controller, used)
+    if standard is not None:
+        file = Path(str(standard.__file__))
+        used.append(library.InUse("standard", file.parent, file))
+    return Simulation(whole, scenario, robot, controller, used, standard)
+
+
+def controlled_roles(controller: Any, robot: Any) -> tuple[str, ...]:
+    """Returns the roles that a controller has components for.
+
+    Raises:
+        UnknownName: one is no role of the robot.
+        ConfigError: its ROLES is not what it should be.
+    """
+    roles = getattr(controller, "ROLES", robot.ROLES[:1])
+    place = short_path(str(controller.__file__))
+    if not (isinstance(roles, (tuple, list)) and roles and all(isinstance(role, str) for role in roles)):
+        raise ConfigError(
+            f"{place}: ROLES is {roles!r}, not a tuple of roles.",
+            fix=f'ROLES = ("{robot.ROLES[-1]}",), with the comma.',
+        )
+    for role in roles:
+        if role not in robot.ROLES:
+            raise UnknownName(f"{place}: the robot has no role '{role}'.", fix=nearest(role, robot.ROLES))
+    return tuple(roles)
 
 
 def _check_numpy(request: Request) -> None:

@@ -7,6 +7,7 @@ secret is neither needed nor read; so a run that had one can be replayed by whoe
 from __future__ import annotations
 
 import ipaddress
+import math
 import os
 from collections.abc import Mapping
 from typing import Any
@@ -18,6 +19,7 @@ from snr_sim.std_mods.comms.security import as_networks, is_loopback, secret_fro
 from snr_sim.std_mods.comms.sockets import SocketsPair
 
 PILOTS = ("scripted", "hands")
+BUTTONS = ("stop", "reset")  # of the panel
 HERE = "127.0.0.1"
 SECRET_VARIABLE = "SNR_SECRET"  # the name of a variable, not a secret
 MAKES_ONE = 'python3 -c "import secrets; print(secrets.token_hex(16))" > secret.txt'
@@ -53,6 +55,32 @@ def check_choices(rig: Rig) -> None:
             f"--option power=board goes with --io mcu:PORT; with --io {rig.io} it changes nothing.",
             fix="leave it out, or --io mcu:/dev/ttyUSB0.",
         )
+    presses_of(options)
+    for button in BUTTONS:
+        if button in options and not (rig.crew.get("topside") and rig.robot.parameters.route and pilot == "scripted"):
+            raise ParameterError(
+                f"--option {button}=..., but nobody looks at the panel in this run.",
+                fix="leave it out, or name a controller for the surface (its ROLES) in a scenario with a route.",
+            )
+
+
+def presses_of(options: Mapping[str, str]) -> dict[str, tuple[float, ...]]:
+    """Returns when each button of the panel is pressed: `--option stop=12,30.5`.
+
+    Raises:
+        ParameterError: something there is no moment of the run.
+    """
+    return {button: _moments_s(button, options[button]) if button in options else () for button in BUTTONS}
+
+
+def _moments_s(button: str, text: str) -> tuple[float, ...]:
+    try:
+        moments_s = tuple(float(one) for one in text.split(","))
+    except ValueError:
+        moments_s = (math.nan,)
+    if not all(0.0 <= one < math.inf for one in moments_s):
+        raise ParameterError(f"--option {button}={text} is no moment of the run.", fix=f"seconds: {button}=12.5")
+    return moments_s
 
 
 def tether_of(rig: Rig, port: int, faults: Faults) -> SocketsPair:

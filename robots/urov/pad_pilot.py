@@ -62,7 +62,15 @@ def pressed(held: Held, down: Sequence[str]) -> Held:
 
 
 class PadPilotFactory(EndpointFactory):
-    """Makes the mapping from page 'pad' to page 'controls'."""
+    """Makes the mapping from page 'pad' to page 'controls'.
+
+    Args:
+        key: of the page, if it goes to somebody at the surface who makes "controls" of it.
+    """
+
+    def __init__(self, key: str = "controls") -> None:
+        super().__init__()
+        self.key = key
 
     def get(self, parent: Node) -> PadPilot:
         """Returns the endpoint 'pilot'."""
@@ -71,6 +79,8 @@ class PadPilotFactory(EndpointFactory):
 
 class PadPilot(Endpoint):
     """Answers each reading of the pad with controls. A pad that has gone is one at rest: what is armed stays armed."""
+
+    factory: PadPilotFactory
 
     def __init__(self, factory: PadPilotFactory, parent: Node, name: str) -> None:
         super().__init__(factory, parent, name)
@@ -99,7 +109,7 @@ class PadPilot(Endpoint):
             self.clears,
             **sticks,
         )
-        return self.store_data_task("controls", msgspec.structs.asdict(controls))
+        return self.store_data_task(self.factory.key, msgspec.structs.asdict(controls))
 
     def gone_down(self, buttons: list[bool]) -> list[str]:
         """Returns the names of the buttons that are down and were not.

@@ -35,13 +35,14 @@ class ScriptedPilotFactory(LoopFactory):
     Args:
         script: cues in the order of their times.
         rate_hz: controls per second.
+        key: of their page, if it goes to somebody at the surface who makes "controls" of it.
 
     Raises:
         ParameterError: the cues are not in order.
         CommandError: a cue has what are no controls.
     """
 
-    def __init__(self, script: Sequence[Cue], rate_hz: float) -> None:
+    def __init__(self, script: Sequence[Cue], rate_hz: float, key: str = "controls") -> None:
         super().__init__()
         times = [cue.at_s for cue in script]
         if times != sorted(times):
@@ -50,6 +51,7 @@ class ScriptedPilotFactory(LoopFactory):
             controls_of({**msgspec.structs.asdict(Controls()), **cue.changes})
         self.script = tuple(script)
         self.rate_hz = rate_hz
+        self.key = key
 
     def get(self, parent: Node) -> ScriptedPilot:
         """Returns the loop 'pilot'."""
@@ -77,4 +79,4 @@ class ScriptedPilot(Loop):
         gone_s = -1.0 if self._start_s is None else self.get_time_s() - self._start_s
         while self._left and gone_s >= self._left[0].at_s - 1e-9:
             controls.update(self._left.pop(0).changes)
-        self.store_data("controls", dict(controls))
+        self.store_data(self.factory.key, dict(controls))

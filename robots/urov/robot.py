@@ -48,12 +48,13 @@ from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Rig
 from snr_sim.prelude.signals import DepthReading, EchoReading, ImuReading, LeakReading, PowerReading
 
-from .choices import check_choices, tether_of
+from .choices import check_choices, presses_of, tether_of
 from .deadman import Deadman
 from .display import DisplayFactory
 from .keyboard import Hands
 from .lookout import LookoutFactory
 from .pad_pilot import PadPilotFactory
+from .panel import PanelFactory
 from .parameters import UrovParameters
 from .pilot import ScriptedPilotFactory
 from .seeing_pilot import SeeingPilotFactory
@@ -64,6 +65,8 @@ OPTIONS = {
     "pilot": "who flies: scripted, or hands (game controller, keyboard)",
     "deadman": "yes: a game controller's sticks count only while its right trigger is held",
     "camera": "ahead or down: gives the vehicle a camera",
+    "stop": "when the emergency stop at the surface is pressed, in s: 12, or 12,30.5 (for a controller at the surface)",
+    "reset": "when the stop is released and reset, in s, in the same way",
     "host": "where the vehicle listens, when roles run by themselves: 127.0.0.1",
     "port": "and its port there, the same at both ends: 9120",
     "secret": "file with a text that both ends have, so that nobody else steers (or the variable SNR_SECRET holds it)",
@@ -273,20 +276,30 @@ def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
     pwm = PwmLoopFactory("pwm", partial(devices["pwm"], rig), parameters.pwm_hz)
     return {
         "urov": [*below, *sensors, *controller, pwm],
-        "topside": [tether.client("controls", accept=TO_TOPSIDE), *_pilot(rig, parameters)],
+        "topside": [tether.client("controls", accept=TO_TOPSIDE), *_surface(rig, parameters)],
     }
 
 
-def _pilot(rig: Rig, parameters: UrovParameters) -> list[Factory]:
+def _surface(rig: Rig, parameters: UrovParameters) -> list[Factory]:
     """Returns who flies: with `--option pilot=hands` a person.
 
-    Else somebody who sees, if there is a route, or somebody who does as it is written.
+    Else somebody who sees, if there is a route, or somebody who does as it is written. A controller's own components
+    at the surface stand between: they make "controls" out of what the eyes, the panel and the "sticks" say.
     """
+    crew, rate_hz = rig.crew.get("topside", ()), parameters.command_hz
+    key = "sticks" if crew else "controls"
     if rig.robot.options.get("pilot") == "hands":
-        hands = PadLoopFactory("pad", partial(DEVICES[rig.io]["hands"], rig), parameters.command_hz)
-        return [hands, PadPilotFactory(), DisplayFactory(has_pad=True), LookoutFactory("link_tether")]
+        hands = PadLoopFactory("pad", partial(DEVICES[rig.io]["hands"], rig), rate_hz)
+        return [hands, PadPilotFactory(key), DisplayFactory(has_pad=True), LookoutFactory("link_tether"), *crew]
     if parameters.route:
         eyes = SensorLoopFactory("place", partial(DEVICES[rig.io]["place"], rig), 10.0)
-        return [eyes, SeeingPilotFactory(parameters.route)]
+        return [
+            eyes,
+            *(
+                [PanelFactory(presses_of(rig.robot.options), rate_hz), *crew]
+                if crew
+                else [SeeingPilotFactory(parameters.route)]
+            ),
+        ]
     shown = DisplayFactory(in_lock_step=False)
-    return [ScriptedPilotFactory(parameters.script, parameters.command_hz), shown, LookoutFactory("link_tether")]
+    return [ScriptedPilotFactory(parameters.script, rate_hz, key), shown, LookoutFactory("link_tether"), *crew]

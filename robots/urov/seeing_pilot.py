@@ -1,6 +1,6 @@
 """A pilot who sees where the vehicle is, and steers it along a route: forward and sideways, while it holds the rest.
 
-    page "place" --> error in the world --> two PID controllers --> turned into the vehicle's frame --> page "controls"
+    page "place" --> where to next --> steering: sticks --> page "controls"
 
 He flies as a person does: by eye, with a delay, with the sticks. Depth and heading he asks for by number.
 """
@@ -15,18 +15,12 @@ import msgspec
 
 from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
 from snr_sim.prelude.errors import ParameterError
-from snr_sim.std_mods.pid import Pid
-from snr_sim.std_mods.slew import approach
 
 from .controls import Controls
 from .sight import Place
+from .steering import Steering
 
 ARM_S = 2.0  # speed controllers need a second before it
-# Sticks per metre, per metre and second, and per metre a second: for a full stick of 60 N, 20 kg with water and a
-# delay of 0.3 s. Our own choice.
-KP, KI, KD, MOST = 0.35, 0.06, 0.55, 0.7
-SPEED_MPS, BRAKE_MPS2 = 0.35, 0.06  # how he wants it to come in
-FEEL = 1.5  # stick per m/s that it takes to go so fast, with what KD takes away
 
 
 @dataclass(frozen=True)
@@ -78,10 +72,9 @@ class SeeingPilot(Endpoint):
     def __init__(self, factory: SeeingPilotFactory, parent: Node, name: str) -> None:
         super().__init__(factory, parent, name)
         self.left = list(factory.route)
-        self.along = [Pid(KP, KI, KD, (-MOST, MOST), smoothing_s=0.3) for _ in range(2)]
+        self.steering = Steering()
         self.seen_s: float | None = None
         self.there_since_s = 0.0
-        self.wanted_m: tuple[float, float] | None = None  # on the way to the next place
         self.number = 0
         self.task_handlers = {(TaskType.process_data, "place"): self.on_place}
 
@@ -102,9 +95,7 @@ class SeeingPilot(Endpoint):
         is_armed = now_s >= ARM_S
         surge = sway = 0.0
         if is_armed and dt_s > 0.0:
-            east, north = self.towards(goal, (x, y), dt_s)
-            cos, sin = math.cos(place.yaw_rad), math.sin(place.yaw_rad)
-            surge, sway = cos * east + sin * north, -sin * east + cos * north
+            surge, sway = self.steering.sticks((goal.x_m, goal.y_m), (x, y), place.yaw_rad, dt_s)
         controls = Controls(
             self.number,
             "heading_hold",
@@ -115,13 +106,3 @@ class SeeingPilot(Endpoint):
             heading_rad=goal.heading_rad,
         )
         return self.store_data_task("controls", msgspec.structs.asdict(controls))
-
-    def towards(self, goal: Waypoint, place_m: tuple[float, float], dt_s: float) -> list[float]:
-        """Returns sticks to the east and to the north, for a way to the goal at a speed that can be kept."""
-        from_m = self.wanted_m or place_m
-        left_m = math.dist((goal.x_m, goal.y_m), from_m)
-        share = approach(left_m, SPEED_MPS, BRAKE_MPS2, dt_s) / left_m if left_m > 0.0 else 0.0
-        steps_m = share * (goal.x_m - from_m[0]), share * (goal.y_m - from_m[1])
-        self.wanted_m = from_m[0] + steps_m[0], from_m[1] + steps_m[1]
-        sticks = zip(self.along, self.wanted_m, place_m, steps_m, strict=True)
-        return [pid.update(wanted, at, dt_s, feed_forward=FEEL * step / dt_s) for pid, wanted, at, step in sticks]

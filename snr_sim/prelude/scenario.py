@@ -13,6 +13,9 @@ Python modules found by path; the library knows none of their names. What it ask
       verdict(plant) -> Verdict | None (None: goes on)
       metrics(plant, seed) -> dict, into result.json
 
+A controller has components for the robot's first role, unless it says for which: ROLES = ("topside",). Then factories
+is called once for each of them, with `robot.role`; a first role that is not one of them gets the scenario's CONTROLLER.
+
 robot.py may also have `dressed(rig) -> Plant`: what is stepped in place of the scenario's plant (`rig.plant`), for a
 row of the device table that puts something between devices and plant, such as an emulated board; else it returns
 `rig.plant`.
@@ -23,10 +26,11 @@ With OPTIONS in robot.py, any other `--option` is refused before the run; withou
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from snr_sim.prelude.component import Factory
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.rng import rng_for
@@ -86,6 +90,7 @@ class Rig:
         shared: what several devices share, such as the board that they are on; see `share`.
         recorded: gives the pages that a sensor stored in the run that `where` names, for `--io replay:RUN`.
         role_apart: the role that runs by itself, its links reaching other processes; empty if all meet in this one.
+        crew: what the controller has for other roles than the robot's first; robot.py says where that stands.
     """
 
     robot: Robot
@@ -97,6 +102,7 @@ class Rig:
     shared: dict[str, Any] = field(default_factory=dict)
     recorded: Callable[[str], Sequence[Page]] | None = None
     role_apart: str = ""
+    crew: Mapping[str, Sequence[Factory]] = field(default_factory=dict)
 
     def share(self, name: str, make: Callable[[], Any]) -> Any:
         """Returns what several devices of this run share: made when it is asked for first. For several threads."""

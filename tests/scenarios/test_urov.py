@@ -105,3 +105,12 @@ def test_of_a_dive_that_has_just_begun_nothing_is_said_that_was_not_measured(sce
     numbers = {name: value for name, value in metrics.items() if isinstance(value, float)}
     assert all(map(math.isfinite, numbers.values())), numbers
     assert not [name for name in numbers if "error" in name or "settling" in name or "overshoot" in name]
+
+
+def test_a_vehicle_on_a_bad_link_obeys_no_command_that_is_late_and_all_others() -> None:
+    results = [fly("urov_bad_link", seed) for seed in (1, 2)]
+    assert [(one.error, one.outcome, one.metrics["fault"]) for one in results] == [
+        ("", "held", "late"),
+        ("", "held", "cut"),
+    ]
+    assert results[1].metrics["silent_thrust_n"] < 0.1
