@@ -39,8 +39,8 @@ def executor() -> Iterator[ProcessPoolExecutor]:
         yield executor
 
 
-def test_there_are_the_nine_dives() -> None:
-    names = "bad_link depth_hold gate heading_hold leak link_loss station_keeping teleop thruster_failure"
+def test_there_are_the_eleven_dives() -> None:
+    names = "bad_link depth_hold gate heading_hold leak link_loss station_keeping sticks tank teleop thruster_failure"
     assert {f"urov_{name}" for name in names.split()} == set(SCENARIOS)
 
 

@@ -49,6 +49,7 @@ def outcomes() -> Iterator[Outcomes]:
         ("lander_vertical", "quadratic", 98),
         ("lander_vertical", "hover_and_drop", 98),
         ("lander_low_gate", "optimal", 98),
+        ("lander_noisy", "hover_and_drop", 98),
     ],
 )
 def test_so_many_of_a_hundred_seeds_land(outcomes: Outcomes, scenario: str, controller: str, least: int) -> None:

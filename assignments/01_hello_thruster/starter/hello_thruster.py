@@ -1,0 +1,40 @@
+"""Turns the pilot's two sticks into pulses for eight thrusters.
+
+page "controls": is_armed (True or False), heave and surge (-1.0 to 1.0, 0.0 is a stick at rest)
+page "pwm":      is_armed, and pulses_us: eight pulses in microseconds, 1500 stops a thruster
+"""
+
+from wiring import wired
+
+from snr_sim import Endpoint, TaskType
+
+STOP_US = 1500.0  # a thruster stands still
+FULL_US = 400.0  # 1500 + 400 is full ahead, 1500 - 400 is full astern
+REST = 0.05  # a stick that is nearer to 0 than this is at rest
+
+# What each thruster does for a stick: +1 runs ahead, -1 runs astern, 0 is not for this stick.
+HEAVE = [0, 0, 0, 0, +1, -1, -1, +1]
+SURGE = [+1, +1, -1, -1, 0, 0, 0, 0]
+
+
+def pulses_us(heave, surge):
+    """Returns the list of eight pulses for two sticks."""
+    # Your work begins here. So far, whatever the sticks say, all eight thrusters stand still.
+    pulses = []
+    for channel in range(8):
+        pulses.append(STOP_US)
+    return pulses
+
+
+class HelloThruster(Endpoint):
+    def on_controls(self, task, task_id):
+        controls = self.get_data("controls")
+        pulses = pulses_us(controls["heave"], controls["surge"])
+        # Your work goes on here. What if the pilot has not armed the vehicle?
+        return self.store_data_task("pwm", {"pulses_us": pulses, "is_armed": controls["is_armed"]})
+
+    task_handlers = {(TaskType.process_data, "controls"): on_controls}
+
+
+def factories(robot):
+    return wired(HelloThruster)

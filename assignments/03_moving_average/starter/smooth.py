@@ -1,0 +1,53 @@
+"""Takes the noise out of the radar: each reading becomes the mean of itself and the ones just before it.
+
+page "radar":  altitude_m, velocity_mps (up is positive), stamp_s; a new one 20 times a second
+page "smooth": altitude_m, velocity_mps; pilot.py lands by it
+"""
+
+from pilot import PilotFactory
+
+from snr_sim import Endpoint, EndpointFactory, TaskType
+
+LENGTH = 1  # how many readings the pilot's means are of: yours to choose
+
+
+class MovingAverage:
+    """The mean of the last `length` values; of fewer, as long as fewer have come."""
+
+    def __init__(self, length):
+        self.length = length
+
+    def update(self, value):
+        """Takes the next value and returns the mean that belongs to it."""
+        # Step 1: so far this knows nothing of the values before.
+        return value
+
+
+def smoothed(values, length):
+    """Returns what a new MovingAverage makes of a list of values. For tests, yours and ours: needs no change."""
+    average = MovingAverage(length)
+    means = []
+    for value in values:
+        means.append(average.update(value))
+    return means
+
+
+class SmootherFactory(EndpointFactory):
+    def get(self, parent):
+        return Smoother(self, parent, "smoother")
+
+
+class Smoother(Endpoint):
+    def __init__(self, factory, parent, name):
+        super().__init__(factory, parent, name)
+        self.task_handlers = {(TaskType.process_data, "radar"): self.on_radar}
+
+    def on_radar(self, task, task_id):
+        radar = self.get_data("radar")
+        # Step 2: so far this passes on what the radar says.
+        smooth = {"altitude_m": radar["altitude_m"], "velocity_mps": radar["velocity_mps"]}
+        return self.store_data_task("smooth", smooth)
+
+
+def factories(robot):
+    return [SmootherFactory(), PilotFactory()]

@@ -1,0 +1,113 @@
+"""A pilot's sticks and nothing else: down for four seconds, ahead for three, up for two.
+
+Every seed is another start; the water is still. The vehicle has followed if it went down by a metre, then ahead by
+40 cm, then up by 40 cm, and if its thrusters were still before it was armed and after it was disarmed.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any
+
+from snr_sim_robot_urov.judging import Sample, Watched, WatchedUrov, judged
+from snr_sim_robot_urov.parameters import UrovParameters, vehicle
+from snr_sim_robot_urov.pilot import Cue
+
+from snr_sim.plants.dive import Dive
+from snr_sim.plants.pool import Pool
+from snr_sim.plants.propulsion import Propulsion
+from snr_sim.plants.tether import Tether
+from snr_sim.prelude.rng import rng_for
+from snr_sim.prelude.scenario import Verdict
+
+ROBOT = "urov"
+ENGINES = ("mujoco",)
+CONTROLLER = "holds"
+END_S = 18.0
+TIME_LIMIT_S = END_S + 1.0
+
+ARM_S, DOWN_S, AHEAD_S, UP_S, DISARM_S = 2.0, 3.0, 8.0, 12.0, 16.0
+DOWN_M, AHEAD_M, UP_M, STILL_N = 1.0, 0.4, 0.4, 0.2
+
+
+@lru_cache(maxsize=4)
+def dive(seed: int) -> Dive:
+    """Returns where the run of a seed begins."""
+    rng = rng_for(seed, "dive")
+    return Dive(
+        position_m=(rng.uniform(-1.0, 1.0), rng.uniform(-1.0, 1.0), -rng.uniform(0.8, 1.2)),
+        attitude_rad=(0.0, 0.0, rng.uniform(-math.pi, math.pi)),
+        tether=Tether(anchor_m=(0.0, 0.0, 0.0)),
+    )
+
+
+def parameters(seed: int) -> UrovParameters:
+    """Returns what the controller may know, and what the pilot does."""
+    script = (
+        Cue(ARM_S, is_armed=True),
+        Cue(DOWN_S, heave=-0.6),
+        Cue(DOWN_S + 4.0, heave=0.0),
+        Cue(AHEAD_S, surge=0.2),  # with more a vehicle that nobody keeps level turns over
+        Cue(AHEAD_S + 3.0, surge=0.0),
+        Cue(UP_S, heave=0.5),
+        Cue(UP_S + 2.0, heave=0.0),
+        Cue(DISARM_S, is_armed=False),
+    )
+    return UrovParameters(vehicle(), script)
+
+
+def plant(seed: int, engine: str) -> WatchedUrov:
+    """Returns the vehicle at its start."""
+    return WatchedUrov(vehicle(), Pool(40.0, 40.0, 8.0), dive, Propulsion(8), seed)
+
+
+def verdict(plant: Watched) -> Verdict | None:
+    """Returns how it ended, once the time is over."""
+    if plant.time_s < END_S - 1e-6:
+        return None
+    down_m, ahead_m, up_m = _moved(plant)
+    misses = []
+    if down_m < DOWN_M:
+        misses.append(f"went down by {down_m:.2f} m when it was to go down, not {DOWN_M:g} m")
+    if ahead_m < AHEAD_M:
+        misses.append(f"moved ahead by {ahead_m:.2f} m when it was to go ahead, not {AHEAD_M:g} m")
+    if up_m < UP_M:
+        misses.append(f"came up by {up_m:.2f} m when it was to come up, not {UP_M:g} m")
+    if _disarmed_thrust_n(plant) > STILL_N:
+        misses.append("its thrusters turned while it was not armed")
+    return judged(plant, misses)
+
+
+def metrics(plant: Watched, seed: int) -> dict[str, Any]:
+    """Returns how far it went each way, and what it cost."""
+    down_m, ahead_m, up_m = _moved(plant)
+    return {
+        "down_m": down_m,
+        "ahead_m": ahead_m,
+        "up_m": up_m,
+        "disarmed_n": _disarmed_thrust_n(plant),
+        "energy_j": plant.thrusters.energy_j,
+    }
+
+
+def _moved(plant: Watched) -> tuple[float, float, float]:
+    """Returns how far it went down, ahead (by its own nose) and up, each in its time."""
+    down, ahead, up = (plant.during(from_s, from_s + 4.0) for from_s in (DOWN_S, AHEAD_S, UP_S))
+    if not (down and ahead and up):
+        return 0.0, 0.0, 0.0
+    return (
+        max(sample.depth_m for sample in down) - down[0].depth_m,
+        max(_way_ahead_m(ahead[0], sample) for sample in ahead),
+        up[0].depth_m - min(sample.depth_m for sample in up),
+    )
+
+
+def _way_ahead_m(before: Sample, after: Sample) -> float:
+    x_m, y_m, _ = (b - a for a, b in zip(before.position_m, after.position_m, strict=True))
+    return x_m * math.cos(before.yaw_rad) + y_m * math.sin(before.yaw_rad)
+
+
+def _disarmed_thrust_n(plant: Watched) -> float:
+    samples = [*plant.during(0.0, ARM_S), *plant.during(DISARM_S + 1.0, END_S)]
+    return max((sample.thrust_n for sample in samples), default=0.0)
