@@ -1,6 +1,6 @@
 """A pilot's sticks and nothing else: down for four seconds, ahead for three, up for two.
 
-Every seed is another start; the water is still. The vehicle has followed if it went down by a metre, then ahead by
+Every seed is another start and another hand; the water is still. The vehicle has followed if it went down by a metre, then ahead by
 40 cm, then up by 40 cm, and if its thrusters were still before it was armed and after it was disarmed.
 """
 
@@ -44,13 +44,14 @@ def dive(seed: int) -> Dive:
 
 def parameters(seed: int) -> UrovParameters:
     """Returns what the controller may know, and what the pilot does."""
+    rng = rng_for(seed, "hands")
     script = (
         Cue(ARM_S, is_armed=True),
-        Cue(DOWN_S, heave=-0.6),
+        Cue(DOWN_S, heave=-rng.uniform(0.55, 0.65)),
         Cue(DOWN_S + 4.0, heave=0.0),
-        Cue(AHEAD_S, surge=0.2),  # with more a vehicle that nobody keeps level turns over
+        Cue(AHEAD_S, surge=rng.uniform(0.18, 0.2)),  # with more a vehicle that nobody keeps level turns over
         Cue(AHEAD_S + 3.0, surge=0.0),
-        Cue(UP_S, heave=0.5),
+        Cue(UP_S, heave=rng.uniform(0.45, 0.55)),
         Cue(UP_S + 2.0, heave=0.0),
         Cue(DISARM_S, is_armed=False),
     )
