@@ -1,7 +1,7 @@
 """A pilot's sticks and nothing else: down for four seconds, ahead for three, up for two.
 
-Every seed is another start and another hand; the water is still. The vehicle has followed if it went down by a metre, then ahead by
-40 cm, then up by 40 cm, and if its thrusters were still before it was armed and after it was disarmed.
+Every seed is another start and another hand; the water is still. The vehicle has followed if it went down by a metre,
+then ahead by 40 cm, then up by 40 cm, and if its thrusters were still before it was armed and after it was disarmed.
 """
 
 from __future__ import annotations
