@@ -34,6 +34,7 @@ GAIN = Limit(0.0, 1e5, "", "it stands here without a minus, and a vehicle of thi
 PUSH = Limit(0.0, 1e3, "", "eight of its thrusters give some 200 N")
 MOST = Limit(0.0, 1e3, "", "eight of its thrusters give some 200 N", {}, IS_ABOVE)
 RATE = Limit(0.0, 1000.0, "Hz", "10 to 50 is usual", {}, IS_ABOVE)
+FIX = Limit(0.0, 100.0, "Hz", "1 to 5 is usual, and 0 where there is none")
 VOLTS = Limit(LEAST_V, MOST_V, "V", "14.8 is usual, with 4 cells", {"millivolts": 1e-3})
 SLEW = Limit(0.0, 1e5, "N/s", "250 is usual", {}, IS_ABOVE)
 PORT = Limit(1, 65535, "", "9120 is usual, and both ends of a link must know it")
@@ -156,6 +157,7 @@ class UrovParameters:
         script: what the pilot does, where there is no person.
         route: where a pilot who sees goes; if there is one, he flies instead.
         sensors, holds, guard: see there.
+        fix_hz: how often the vehicle is told its place, as by an acoustic positioning system; 0 is never.
         nominal_v: at which the pulse for a thrust is looked up.
         slew_nps: how fast a thrust may change.
         first: axes that are served before the others when thrusters are at their limits.
@@ -174,6 +176,7 @@ class UrovParameters:
     sensors: Sensors = field(default_factory=Sensors)
     holds: HoldNumbers = field(default_factory=HoldNumbers)
     guard: GuardLimits = field(default_factory=GuardLimits)
+    fix_hz: float = 0.0
     nominal_v: float = 14.8
     slew_nps: float = 250.0
     first: tuple[str, ...] = ("heave", "roll", "pitch", "yaw")
@@ -187,6 +190,7 @@ class UrovParameters:
         check_number("slew_nps", self.slew_nps, SLEW)
         check_number("command_hz", self.command_hz, RATE)
         check_number("pwm_hz", self.pwm_hz, RATE)
+        check_number("fix_hz", self.fix_hz, FIX)
         check_whole("port", self.port, PORT)
         for axis in (self.first,) if isinstance(self.first, str) else self.first:
             if axis not in AXES:

@@ -8,6 +8,7 @@
 
     controls  what the surface asks for, 20 times a second    (controls.py)
     camera    what it sees, if it has a camera; that stays on board  (snr_sim/devices/camera.py)
+    place     where it is, if it is told (fix_hz in parameters.py): by somebody who sees it from above (sight.py)
     vehicle   what the vehicle is doing, and for whom          (autopilot.py, guard.py)
     pwm       pulses_us of each thruster
 
@@ -273,6 +274,8 @@ def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
     if camera is not None:
         open_camera = partial(devices["camera"], rig)
         sensors.insert(0, CameraLoopFactory("camera", open_camera, 1.0 / camera.period_s, process=False))
+    if parameters.fix_hz:
+        sensors.insert(0, SensorLoopFactory("place", partial(devices["place"], rig), parameters.fix_hz))
     pwm = PwmLoopFactory("pwm", partial(devices["pwm"], rig), parameters.pwm_hz)
     return {
         "urov": [*below, *sensors, *controller, pwm],

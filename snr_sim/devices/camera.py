@@ -12,7 +12,7 @@ import numpy as np
 
 from snr_sim.core.node import Node
 from snr_sim.devices.loops import SensorLoop, SensorLoopFactory
-from snr_sim.devices.ray_casting import Image, Rays, meet_scene
+from snr_sim.devices.ray_casting import VEILED_PER_M, Image, Rays, meet_scene
 from snr_sim.devices.sensor_errors import SensorErrors
 from snr_sim.devices.simulated import SimSensor
 from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
@@ -49,6 +49,8 @@ class Camera:
         field_of_view_rad: from the left edge to the right one.
         period_s: between two pictures.
         place_m: where it is, body frame.
+        veiled_per_m: what the water between it and what it sees scatters; murky water has 1 and more.
+        clouds: (from_s, until_s, veiled_per_m) of each time when the water is other than that.
 
     Raises:
         UnknownName: it looks elsewhere.
@@ -61,6 +63,8 @@ class Camera:
     field_of_view_rad: float = math.radians(80.0)
     period_s: float = 0.2
     place_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    veiled_per_m: float = VEILED_PER_M
+    clouds: tuple[tuple[float, float, float], ...] = ()
 
     def __post_init__(self) -> None:
         if self.looks not in LOOKS:
@@ -73,20 +77,27 @@ class Camera:
             )
         if not 0.0 < self.period_s < math.inf:
             raise ParameterError(f"A camera with a picture each {self.period_s!r} s.", fix="such as 0.2 s.")
+        for veiled_per_m in (self.veiled_per_m, *(cloud[2] for cloud in self.clouds)):
+            if not 0.0 <= veiled_per_m < math.inf:
+                raise ParameterError(f"A camera with veiled_per_m={veiled_per_m!r}.", fix="0.06 is a clean pool.")
 
     @property
     def pixel(self) -> float:
         """Width of a pixel, 1 m away."""
         return 2.0 * math.tan(0.5 * self.field_of_view_rad) / self.width_px
 
-    def picture(self, statics: dict[str, Any], position_m: list[float], attitude: list[float]) -> Image:
+    def picture(
+        self, statics: dict[str, Any], position_m: list[float], attitude: list[float], time_s: float = -math.inf
+    ) -> Image:
         """Returns what it sees of a scene's `statics` from a vehicle at a place.
 
         Args:
             statics: shapes by name, as `Plant.scene()` gives them.
             position_m: of the vehicle, world frame.
             attitude: [w, x, y, z] unit quaternion that turns vectors of the body into the world's.
+            time_s: when, which tells whether there is a cloud.
         """
+        clouds = [veil for from_s, until_s, veil in self.clouds if from_s <= time_s < until_s]
         rights = (np.arange(self.width_px) - 0.5 * (self.width_px - 1)) * self.pixel
         downs = (np.arange(self.height_px) - 0.5 * (self.height_px - 1)) * self.pixel
         along, down = np.tile(rights, self.height_px), np.repeat(downs, self.width_px)
@@ -97,7 +108,9 @@ class Camera:
         with np.errstate(divide="ignore", invalid="ignore"):  # rays that are level with a face
             rays = Rays(eye, (x, y, z), self.pixel)
             meet_scene(rays, statics)
-            rgb = rays.through_water().reshape(self.height_px, self.width_px, 3)
+            rgb = rays.through_water(clouds[0] if clouds else self.veiled_per_m).reshape(
+                self.height_px, self.width_px, 3
+            )
         rgb.flags.writeable = False
         return rgb
 
@@ -105,7 +118,7 @@ class Camera:
         """Returns what makes a picture of a plant's output with `position_m`, `attitude` and `stamp_s`."""
 
         def see(pose: Any) -> CameraReading:
-            rgb = self.picture(statics, pose.position_m, pose.attitude)
+            rgb = self.picture(statics, pose.position_m, pose.attitude, pose.stamp_s)
             return CameraReading(rgb, self.field_of_view_rad, pose.stamp_s)
 
         return see

@@ -84,13 +84,13 @@ class Rays:
         self.depths[first] = depths[first]
         self.colors[first] = rgb
 
-    def through_water(self) -> Image:
-        """Returns what arrives at the eye, shape (n, 3)."""
+    def through_water(self, veiled_per_m: float = VEILED_PER_M) -> Image:
+        """Returns what arrives at the eye, shape (n, 3), through water that scatters so much for each metre."""
         is_hit = np.isfinite(self.depths)
         depths = np.where(is_hit, self.depths, 0.0)
         way_m = depths * self.lengths
         under_m = np.maximum(0.0, -(self.eye_m[2] + depths * self.ways[2]))
-        clear = np.where(is_hit, faded(VEILED_PER_M * way_m), 0.0)
+        clear = np.where(is_hit, faded(veiled_per_m * way_m), 0.0)
         rgb = np.empty_like(self.colors)
         for i, absorbed in enumerate(ABSORBED_PER_M):
             veil = VEIL_RGB[i] * faded(np.array(absorbed * max(0.0, -self.eye_m[2])))

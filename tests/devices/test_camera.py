@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -161,3 +162,23 @@ def test_the_vehicle_in_the_plane_has_eyes_too() -> None:
     assert is_gate[:, :32].any()
     assert is_gate[:, 32:].any()
     assert not is_gate[20:28, 28:36].any()  # it looks through the middle
+
+
+def test_murky_water_takes_the_contrast_and_a_cloud_takes_it_for_a_while() -> None:
+    scene = {"box": box([0.0, 0.0, -1.0], [0.5, 0.5, 0.1]), "floor": floor(-2.0)}
+    eye = [0.0, 0.0, 0.5]
+
+    def contrast(camera: Camera, time_s: float = 0.0) -> int:
+        red = camera.picture(scene, eye, UPRIGHT, time_s)[..., 0].astype(int)
+        return int(red.max() - red.min())
+
+    clear = contrast(SQUARE)
+    assert 0 < contrast(replace(SQUARE, veiled_per_m=1.0)) < clear / 2
+    clouded = replace(SQUARE, clouds=((2.0, 3.0, 9.0),))
+    assert [contrast(clouded, time_s) for time_s in (1.9, 2.0, 2.9, 3.0)] == [clear, 0, 0, clear]
+
+
+def test_water_that_veils_less_than_nothing_is_refused() -> None:
+    for camera in ({"veiled_per_m": -1.0}, {"clouds": ((0.0, 1.0, math.nan),)}):
+        with pytest.raises(ParameterError, match="veiled_per_m"):
+            Camera(**camera)  # type: ignore[arg-type]
