@@ -15,7 +15,7 @@ from snr_sim.testing.parts import PartFactory, TickerFactory
 
 Snr = Callable[..., Any]
 TOKEN = "a token of at least sixteen bytes"
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from snr_sim import Config, Mode, Node, tasks
 from snr_sim.core.door import Door
 from snr_sim.core.lookout import Lookout
 
-LIMIT_S = 30.0
+LIMIT_S = 90.0
 
 
 def test_what_can_be_read_is_served_on_the_thread_that_waits() -> None:

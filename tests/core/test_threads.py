@@ -198,13 +198,23 @@ def test_weakness_17_fifty_loops_at_10_hz_end_together_and_not_one_after_the_oth
 
 def test_loops_that_hang_are_halted_from_outside_named_and_cost_one_timeout_together() -> None:
     halted: list[str] = []
+    there: set[str] = set()
+    asked_s: list[float] = []
     let_go = threading.Event()
-    stuck = [
-        TickerFactory(lambda loop: let_go.wait(60), f"stuck{i}", halt=lambda loop: halted.append(loop.name))
-        for i in range(4)
-    ]
-    node = node_of(*stuck, TimeoutLoopFactory(seconds=0.05))
-    took_s = run_s(node)
+
+    def hang(loop: Any) -> None:
+        loop.schedule(tasks.event(loop.name))
+        let_go.wait(60)
+
+    def arrived(task: Task, task_id: Any) -> SomeTasks:
+        there.add(task.name)
+        asked_s.append(time.monotonic())
+        return tasks.terminate("all there") if len(there) == 4 else None
+
+    stuck = [TickerFactory(hang, f"stuck{i}", halt=lambda loop: halted.append(loop.name)) for i in range(4)]
+    node = node_of(*stuck, PartFactory({TaskType.event: arrived}))
+    node.loop()
+    took_s = time.monotonic() - asked_s[-1]
     let_go.set()
     assert halted == ["stuck0", "stuck1", "stuck2", "stuck3"]
     assert took_s < 4 * JOIN_TIMEOUT_S  # what they take in turn
@@ -221,7 +231,8 @@ def boom(component: Any) -> None:
 def test_a_loop_that_fails_on_its_thread_ends_the_node_with_its_error(step: str) -> None:
     log: list[str] = []
     other = PartFactory(name="other", halt=lambda part: log.append("halt"), terminate=lambda part: log.append("end"))
-    node = node_of(TickerFactory(**{"name": "culprit", step: boom}), other, TimeoutLoopFactory(seconds=0.05))
+    culprit = {"loop": lambda loop: loop.schedule(tasks.terminate("enough")), step: boom}
+    node = node_of(TickerFactory(**culprit, name="culprit"), other)
     with pytest.raises(ComponentFailed) as caught:
         node.loop()
     assert "the wire is loose" in str(caught.value)

@@ -78,5 +78,5 @@ def test_the_pad_does_not_take_sigterm_away() -> None:
     assert process.stdout is not None
     assert process.stdout.readline() == "ready\n"  # and nothing before it
     process.send_signal(signal.SIGTERM)
-    assert process.wait(timeout=30.0) == -signal.SIGTERM
+    assert process.wait(timeout=120.0) == -signal.SIGTERM
     process.stdout.close()

@@ -369,10 +369,10 @@ def test_the_page_is_served_on_this_machine_only_and_may_not_call_home(tmp_path:
         assert url.startswith("http://127.0.0.1:")
         assert listening_addresses(os.getpid()) == {LOOPBACK_IN_PROC}
         page_url = url.split("?")[0]
-        with urllib.request.urlopen(page_url, timeout=20) as answer:
+        with urllib.request.urlopen(page_url, timeout=60) as answer:
             policy = answer.headers["Content-Security-Policy"]
             assert "canvas" in answer.read().decode()
-        with urllib.request.urlopen(page_url + view_server.FILE_NAME, timeout=20) as answer:
+        with urllib.request.urlopen(page_url + view_server.FILE_NAME, timeout=60) as answer:
             assert answer.read() == path.read_bytes()
     sources = {word for rule in policy.split(";") for word in rule.split()[1:]}
     assert {source for source in sources if "://" in source} == {"http://127.0.0.1:*"}

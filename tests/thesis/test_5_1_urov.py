@@ -162,11 +162,11 @@ def test_the_dive_runs_as_two_processes_whichever_starts_first(free_ports: Any) 
         ports = free_ports(2)
         running = {role: start(role, ports) for role in (first, second)}
         try:
-            printed, complaints = running["topside"].communicate(timeout=60.0)
+            printed, complaints = running["topside"].communicate(timeout=120.0)
             assert running["topside"].returncode == 0, complaints
             assert "process_data 'depth'" in printed
             running["urov"].terminate()
-            assert running["urov"].wait(timeout=30.0) == 0  # a signal is a reason to end, not a crash
+            assert running["urov"].wait(timeout=120.0) == 0  # a signal is a reason to end, not a crash
         finally:
             for process in running.values():
                 process.kill()

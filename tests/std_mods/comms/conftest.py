@@ -19,7 +19,7 @@ from snr_sim.std_mods.comms.frames import FrameReader, encode_frame
 from snr_sim.std_mods.comms.messages import Ping, Pong, decode_message
 from snr_sim.testing.parts import PartFactory
 
-LIMIT_S = 30.0  # of any wait: long, because a loaded machine must not fail a test
+LIMIT_S = 90.0  # of any wait: long, because a loaded machine must not fail a test
 
 
 class Running:

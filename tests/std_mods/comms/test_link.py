@@ -19,7 +19,7 @@ from snr_sim.std_mods.comms.options import LinkOptions
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 HERE = "127.0.0.1"
-LIMIT_S = 30.0
+LIMIT_S = 90.0
 
 
 @pytest.mark.parametrize(

@@ -57,7 +57,7 @@ def test_it_sends_a_page_gets_pages_and_answers_pings(
     node.until(lambda: node.stored["link_tether"][-1]["rtt_s"] is not None, "an answer to a ping")
     assert list(node.stored["link_tether"][-1]["peers"]) == ["plain_node"]
     node.store("depth", 1.5)
-    out, err = client.communicate(timeout=30)
+    out, err = client.communicate(timeout=120)
     assert (client.returncode, err) == (0, "")
     assert out.splitlines() == [
         "up rov_node",
@@ -84,7 +84,7 @@ def test_it_is_told_why_it_is_refused(
     start: Callable[..., Any], call: Call, ours: str | None, theirs: str, said: str
 ) -> None:
     node, port = serve(start, ours)
-    out, _ = call(port, theirs, 1).communicate(timeout=30)
+    out, _ = call(port, theirs, 1).communicate(timeout=120)
     assert said in out
     assert not node.stored["joystick"]
 
@@ -94,7 +94,7 @@ def test_it_hears_that_the_node_ends(start: Callable[..., Any], call: Call) -> N
     client = call(port, "", 1)
     node.until_stored("joystick")
     node.end()
-    assert client.communicate(timeout=30)[0].splitlines()[-1] == "bye node 'rov_node' ended: test is over."
+    assert client.communicate(timeout=120)[0].splitlines()[-1] == "bye node 'rov_node' ended: test is over."
 
 
 def test_the_proofs_of_the_example_are_what_the_page_says() -> None:

@@ -24,7 +24,7 @@ from snr_sim.std_mods.comms import zenoh_link
 zenoh = pytest.importorskip("zenoh")  # part of snr_sim[dev]
 
 Start = Callable[..., Any]
-LIMIT_S = 30.0
+LIMIT_S = 90.0
 NODE = Path(__file__).with_name("zenoh_node.py")
 
 
@@ -446,7 +446,7 @@ def test_only_keys_of_the_net_pass_the_node_that_listens(
 
     with news:
         assert news.wait_for(has_heard_the_last, LIMIT_S) or any(
-            news.wait(0.1) and has_heard_the_last() for _ in range(100)
+            news.wait(0.1) and has_heard_the_last() for _ in range(600)
         )
     assert set(came) == {"snr/fleet/a/a/1/page/x"}
 

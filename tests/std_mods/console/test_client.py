@@ -13,7 +13,7 @@ from snr_sim.prelude.errors import ConfigError, LinkError
 from snr_sim.std_mods.comms.frames import encode_frame
 from snr_sim.testing.parts import PartFactory
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 
 
 class Told:
