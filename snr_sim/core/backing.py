@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from snr_sim.core.loop import Loop
 
 _UNLIMITED_RATE_IN_LOCK_STEP_HZ = 1000.0
+# In periods of its rate: how soon after its last tick a hurried one may come, and how long the next one then waits for
+# being hurried again. So a loop that is hurried in each period ticks then, and neither twice nor ever later.
+_HURRIED_AFTER, _WAITS_FOR_HURRY = 0.5, 1.5
 # How long a node waits for a loop's thread at the end. Longer than any honest tick, shorter than a person's patience.
 JOIN_TIMEOUT_S = 0.5
 
@@ -31,6 +34,10 @@ class Backing(Protocol):
 
     def start(self) -> None:
         """Begins calling."""
+        ...
+
+    def hurry(self) -> None:
+        """Asks for the next call now; in lock step and in a process it comes when it is due all the same."""
         ...
 
     def stop(self) -> None:
@@ -81,6 +88,9 @@ class ClockBacking:
         # A product would drift in the last digits; and equal rates must meet at equal floats.
         return self._start_s + self.ticks / self._rate_hz
 
+    def hurry(self) -> None:
+        """Changes nothing: what was scheduled for a moment is done before the ticks of that moment anyway."""
+
     def stop(self) -> None:
         """Asks for no more ticks."""
         self.is_stopped = True
@@ -103,6 +113,7 @@ class ThreadBacking:
         self._clock = loop.parent.clock
         self._period_s = 1.0 / loop.max_tick_rate_hz if loop.max_tick_rate_hz else 0.0
         self._stopping = threading.Event()
+        self._waking = threading.Event()  # set to end a wait: to stop, or to hurry
         self._halting = threading.Lock()
         self._is_halted = False
         self._is_refused = False  # its setup failed in a trial: somebody has been told, and the node goes on
@@ -140,13 +151,20 @@ class ThreadBacking:
         node, loop, clock = self._loop.parent, self._loop, self._clock
         deadline_s = clock.now_s() + loop.first_tick_after_s
         self._stopping.wait(loop.first_tick_after_s)
-        while not self._stopping.is_set():
+        while True:
+            self._waking.clear()  # before it looks at anything: what comes from now on wakes it
+            if self._stopping.is_set():
+                return
             self.ticks += 1
+            begun_s = clock.now_s()
             node.call_loop(loop, "loop")
             deadline_s = deadline_s + self._period_s if loop.next_tick_at_s is None else loop.next_tick_at_s
             spare_s = deadline_s - clock.now_s()
             if spare_s > 0:
-                self._stopping.wait(min(spare_s, threading.TIMEOUT_MAX))  # not sleep: stop() ends it at once
+                if self._waking.wait(min(spare_s, threading.TIMEOUT_MAX)):  # not sleep: stop() ends it at once
+                    soonest_s = begun_s + _HURRIED_AFTER * self._period_s
+                    self._stopping.wait(max(0.0, min(deadline_s, soonest_s) - clock.now_s()))
+                    deadline_s = clock.now_s() + (_WAITS_FOR_HURRY - 1.0) * self._period_s
             elif self._period_s:
                 self.late_s = max(self.late_s, -spare_s)
                 missed = int(-spare_s / self._period_s)  # ticks that can no longer be on time are left out, not hurried
@@ -167,11 +185,16 @@ class ThreadBacking:
             else:
                 node.door.fail(failure)
 
+    def hurry(self) -> None:
+        """Has the next tick come now, or half a period after the last one."""
+        self._waking.set()
+
     def stop(self) -> None:
         """Asks for no more ticks; a loop that waits for its next one wakes."""
         if self._give_up_s is None and self._thread is not threading.current_thread():
             self._give_up_s = self._clock.now_s() + JOIN_TIMEOUT_S
         self._stopping.set()
+        self._waking.set()
 
     def join(self) -> None:
         """Stops and waits for the thread; a loop that does not answer is halted from here and left behind."""

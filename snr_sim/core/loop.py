@@ -109,6 +109,14 @@ class Loop(NodeComponent):
             return ProcessBacking(self)
         return ThreadBacking(self)
 
+    def hurry(self) -> None:
+        """Has the next tick come now, on a thread, and not when it is due: there is news. For any thread.
+
+        A loop ticks no more than twice as often as its rate says, however it is hurried. In lock step nothing changes.
+        """
+        if self._backing is not None:
+            self._backing.hurry()
+
     def stop(self) -> None:
         """Asks for no more ticks: a loop that has nothing left to bring calls this itself."""
         if self._backing is not None:

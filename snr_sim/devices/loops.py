@@ -149,9 +149,30 @@ class ActuatorLoopFactory(LoopFactory):
 
 
 class ActuatorLoop(Loop):
-    """Writes commands; a command that is not one leaves the actuator at neutral and stops the run."""
+    """Writes commands; a command that is not one leaves the actuator at neutral and stops the run.
+
+    On the wall clock a command is written when it comes: it would wait for half a tick on average, and in lock step,
+    where a tick comes after all that was made at its moment, most wait for none.
+    """
 
     factory: ActuatorLoopFactory
+    _is_tapped = False  # the node hands over each command that is stored
+
+    def begin(self) -> None:
+        """Starts ticking, and is told of commands from now on."""
+        self._is_tapped = True
+        self.parent.tap(self.factory.key, self._on_command)
+        super().begin()
+
+    def join(self) -> None:
+        """Ends ticking."""
+        if self._is_tapped:
+            self._is_tapped = False
+            self.parent.untap(self.factory.key, self._on_command)
+        super().join()
+
+    def _on_command(self, page: Page) -> None:
+        self.hurry()
 
     def setup(self) -> None:
         """Opens the actuator and puts it at neutral."""

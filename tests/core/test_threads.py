@@ -117,8 +117,27 @@ class Waits(threading.Event):
         return self.is_set()
 
 
-def ticks_of(rate_hz: float, works_s: Sequence[float]) -> tuple[list[float], ThreadBacking]:
-    """When a loop on a thread ticks that works so long in each tick, and what has called it."""
+class Wakes(Waits):
+    """Is woken at given times."""
+
+    def __init__(self, clock: WorkClock, at_s: Sequence[float]) -> None:
+        super().__init__(clock)
+        self.at_s = at_s
+
+    def wait(self, timeout: float | None = None) -> bool:
+        assert timeout is not None
+        woken_s = [at_s for at_s in self.at_s if self.clock.time_s < at_s <= self.clock.time_s + timeout]
+        if not woken_s:
+            return super().wait(timeout)
+        self.clock.time_s = woken_s[0]
+        self.set()
+        return True
+
+
+def ticks_of(
+    rate_hz: float, works_s: Sequence[float], hurried_at_s: Sequence[float] = ()
+) -> tuple[list[float], ThreadBacking]:
+    """When a loop on a thread ticks that works so long in each tick and is hurried then, and what has called it."""
     ticks: list[float] = []
     clock = WorkClock()
 
@@ -130,7 +149,7 @@ def ticks_of(rate_hz: float, works_s: Sequence[float]) -> tuple[list[float], Thr
 
     node = Node("r", Config(factories={"r": [TickerFactory(work, rate_hz=rate_hz)]}), clock=clock)
     backing = ThreadBacking(node.components["ticker"])  # type: ignore[arg-type]
-    backing._stopping = Waits(clock)
+    backing._stopping, backing._waking = Waits(clock), Wakes(clock, hurried_at_s)
     backing._run()
     return ticks, backing
 
@@ -147,6 +166,43 @@ def test_a_loop_that_cannot_keep_up_leaves_ticks_out_and_does_not_hurry_after_th
     ticks, backing = ticks_of(100, [0.0, 0.0, 0.125, 0.0, 0.0, 0.0])
     assert ticks == pytest.approx([0.0, 0.0101, 0.0201, 0.1451, 0.1501, 0.1601])
     assert backing.late_s == pytest.approx(0.1151)
+
+
+def test_a_loop_that_is_hurried_once_a_period_ticks_then_and_only_then() -> None:
+    hurried_s = [0.007 + 0.01 * k for k in range(20)]
+    ticks, backing = ticks_of(100, [0.0] * 20, hurried_s)
+    assert ticks == pytest.approx([0.0, *hurried_s[:19]])
+    assert backing.late_s == 0.0
+
+
+def test_a_loop_that_is_hurried_too_often_ticks_twice_a_period_at_most() -> None:
+    ticks, _ = ticks_of(100, [0.001] * 40, [0.0003 * k for k in range(1, 2000)])
+    assert min(later - earlier for earlier, later in pairwise(ticks)) == pytest.approx(0.005 + LATE_S)
+
+
+def test_a_loop_that_is_hurried_no_more_goes_on_at_its_rate() -> None:
+    ticks, _ = ticks_of(100, [0.0] * 5, [0.007])
+    assert ticks == pytest.approx([0.0, 0.007, 0.0221, 0.0321, 0.0421])
+
+
+def test_a_real_thread_that_waits_for_long_is_woken_by_a_hurry_and_its_end() -> None:
+    came = threading.Event()
+
+    def work(loop: Any) -> None:
+        loop.next_tick_at_s = 1e6
+        if loop.caller is not None and loop.caller.ticks == 2:
+            came.set()
+
+    node = node_of(TickerFactory(work, rate_hz=1000), TimeoutLoopFactory(seconds=60))
+    loop: Any = node.components["ticker"]
+    running = threading.Thread(target=node.loop)
+    running.start()
+    while not came.wait(0.001):
+        loop.hurry()
+    node.schedule(tasks.terminate("enough"))
+    running.join(60.0)
+    assert not running.is_alive()
+    assert loop.caller.ticks == 2
 
 
 def test_a_real_thread_ticks_once_a_period_and_not_a_period_after_its_work() -> None:

@@ -23,7 +23,7 @@ from snr_sim import (
     tasks,
 )
 from snr_sim.core.lockstep import LockStep
-from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
+from snr_sim.devices.loops import ActuatorLoop, ActuatorLoopFactory, SensorLoopFactory
 from snr_sim.prelude.errors import ComponentFailed, DeviceError, SensorLost
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
@@ -122,6 +122,23 @@ def test_a_command_is_written_in_the_moment_it_was_made() -> None:
     node = Node("r", Config(factories={"r": [commands({"thrust_n": 5.0}), engine(actuator)]}), clock=clock)
     LockStep([node], clock, until_s=0.0).run()
     assert actuator.written == [Push(5.0, 0.0)]
+
+
+def test_the_loop_is_hurried_by_each_command_and_by_nothing_else() -> None:
+    """On the wall clock, so that a command does not wait for a tick: in lock step that changes nothing."""
+    hurried: list[float] = []
+
+    class Hurried(ActuatorLoopFactory):
+        def get(self, parent: Node) -> ActuatorLoop:
+            loop = super().get(parent)
+            loop.hurry = lambda: hurried.append(parent.clock.now_s())  # type: ignore[method-assign]
+            return loop
+
+    actuator = FakeActuator(Push, LIMITS)
+    other = TickerFactory(lambda loop: loop.store_data("depth", 1.0), "other", 200.0)
+    sent = commands({"thrust_n": 5.0}, {"thrust_n": 6.0}, rate_hz=50.0)
+    run(other, sent, Hurried("engine", lambda: actuator, 100.0))
+    assert hurried == [0.0, 0.02]
 
 
 def test_a_command_may_be_the_struct_itself() -> None:
