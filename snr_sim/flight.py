@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from snr_sim.controller import call_student
 from snr_sim.core.blame import describe_error, short_path, student_place
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.config import Config
@@ -21,7 +22,7 @@ from snr_sim.prelude.errors import ConfigError, SnrError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Verdict
 from snr_sim.recording.trace import TraceWriter
-from snr_sim.simulation import Simulation, call_student
+from snr_sim.simulation import Simulation
 
 _TRUTH_PERIOD_S = 0.0499  # 20 Hz, less what rounding takes
 

@@ -118,6 +118,27 @@ def load_robot(found: Found) -> ModuleType:
     return robot
 
 
+def name_robot(name: str, folder: Path) -> None:
+    """Lets modules in a robot's folder be imported; its robot.py is run only if somebody asks for what is in it."""
+    if ROBOT_MODULE + name not in sys.modules:
+        _robots.begin(ROBOT_MODULE + name)
+        sys.modules[ROBOT_MODULE + name] = _UnreadRobot(name, folder)
+
+
+class _UnreadRobot(ModuleType):
+    """A robot's package before its robot.py was run."""
+
+    def __init__(self, name: str, folder: Path) -> None:
+        super().__init__(ROBOT_MODULE + name)
+        self.__path__ = [str(folder)]
+        self._found = Found("robots", name, folder, "the path given")
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return getattr(load_robot(self._found), name)
+
+
 def load_scenario(found: Found) -> ModuleType:
     """Loads a scenario's file; its robot must have been loaded before.
 
@@ -263,12 +284,17 @@ def hashes(used: Sequence[InUse]) -> dict[str, str]:
         for one in used
         for path in {one.file, *one.imported}
     }
-    return {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in sorted(files.items())}
+    return {name: sha256_of(path) for name, path in sorted(files.items())}
+
+
+def sha256_of(path: Path) -> str:
+    """Returns the sha256 of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def hashes_of_files(files: Sequence[tuple[str, Path]]) -> dict[str, str]:
     """Returns the sha256 of these files, given as (label, path), by `<label>/<name>`."""
-    return {f"{label}/{path.name}": hashlib.sha256(path.read_bytes()).hexdigest() for label, path in files}
+    return {f"{label}/{path.name}": sha256_of(path) for label, path in files}
 
 
 def package_versions() -> dict[str, str]:

@@ -6,23 +6,21 @@
 
 from __future__ import annotations
 
-import inspect
 import platform
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from snr_sim import __version__, library
-from snr_sim.core.blame import describe_error, place_of, put_place_first, short_path
+from snr_sim.controller import call_student, factories_of
+from snr_sim.core.blame import short_path
 from snr_sim.core.config import AnyFactory, Config, Mode
-from snr_sim.core.endpoint import EndpointFactory
-from snr_sim.core.loop import LoopFactory
 from snr_sim.devices.loops import ActuatorLoopFactory
 from snr_sim.devices.wire.serial_port import check_port
 from snr_sim.options import check_options
-from snr_sim.prelude.errors import ConfigError, MissingExtra, SnrError, TraceError, UnknownName, nearest
+from snr_sim.prelude.errors import ConfigError, MissingExtra, TraceError, UnknownName, nearest
 from snr_sim.prelude.io import BENCH, ON_SERIAL_PORTS, parse_io
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.rng import rng_for
@@ -73,6 +71,7 @@ class Simulation:
         self.notes: list[str] = []  # of putting it together, for the run's result
         self._used = used
         self._recorded: RecordedRun | None = None
+        self._read_elsewhere: Callable[[], Mapping[str, Path]] = dict
         self._robot = Robot(
             name=scenario.ROBOT,
             role=robot.ROLES[0],
@@ -170,6 +169,26 @@ class Simulation:
         request = replace(self.request, seed=seed)
         return Simulation(request, self.scenario, self.robot_file, self._controller, self._used, self._standard)
 
+    def with_controller(
+        self,
+        controller: ModuleType,
+        standard: ModuleType | None,
+        request: Request,
+        read: Callable[[], Mapping[str, Path]],
+    ) -> Simulation:
+        """Returns the same with a controller that is loaded elsewhere.
+
+        Args:
+            controller: stands for it; has its `factories`, and its OPTIONS and ROLES if it has any.
+            standard: the scenario's own controller, if this one has no components for the robot's first role.
+            request: with its file, and with a seed and options of its own.
+            read: tells which files it was loaded from, for the trace's header, each by its name there.
+        """
+        whole = replace(self.request, seed=request.seed, controller=request.controller, options=request.options)
+        other = Simulation(whole, self.scenario, self.robot_file, controller, self._used[:-1], standard)
+        other._read_elsewhere = read
+        return other
+
     def _factories(self) -> tuple[list[AnyFactory], dict[str, list[AnyFactory]]]:
         """Returns the components of the first role, and those that the controller has for others."""
         self.notes = []
@@ -179,23 +198,12 @@ class Simulation:
         return self._made(self._controller if first in roles else self._standard, first), crew
 
     def _made(self, controller: Any, role: str) -> list[AnyFactory]:
-        made = call_student(controller.factories, "factories(robot)", replace(self._robot, role=role))
+        made = factories_of(controller, replace(self._robot, role=role))
         place = short_path(str(controller.__file__))
-        if not isinstance(made, (list, tuple)):
-            raise ConfigError(
-                f"{place}: factories(robot) returned {made!r}, which is not a list.",
-                fix="return [MyEndpointFactory()].",
-            )
-        for factory in made:
-            if not isinstance(factory, (EndpointFactory, LoopFactory)):
-                raise ConfigError(
-                    f"{place}: factories(robot) returned a list with {factory!r}, which is not a factory.",
-                    fix="list instances of your EndpointFactory classes: [MyEndpointFactory()], with the brackets.",
-                )
         if not made:
             whom = "the robot" if role == self._robot.role else f"its role '{role}'"
             self.notes.append(f"{place}: factories(robot) returned [], so nobody controls {whom}.")
-        return list(made)
+        return made
 
     def plant(self) -> Plant:
         """Returns the plant at the start that belongs to the seed; with `--io replay:RUN`, the run as it was recorded.
@@ -269,11 +277,16 @@ class Simulation:
 
     def sources(self) -> dict[str, str]:
         """Returns the sha256 of every file of scenario, robot and controller that is in use."""
-        return library.hashes(self._used)
+        elsewhere = {name: library.sha256_of(path) for name, path in self._read_elsewhere().items()}
+        return dict(sorted({**library.hashes(self._used), **elsewhere}.items()))
 
 
-def prepare(request: Request) -> Simulation:
+def prepare(request: Request, load: Callable[[library.Found, str], ModuleType] = library.load_controller) -> Simulation:
     """Finds, loads and checks everything a request names.
+
+    Args:
+        request: that.
+        load: loads a controller of the robot that was found.
 
     Raises:
         UnknownName: scenario, robot, controller, engine, io or an option is not known.
@@ -315,7 +328,7 @@ def prepare(request: Request) -> Simulation:
             f"Robot '{robot_found.name}' has no role '{request.role}'.", fix=nearest(request.role, robot.ROLES)
         )
     controller_name = request.controller or scenario.CONTROLLER
-    controller = library.load_controller(robot_found, controller_name)
+    controller = load(robot_found, controller_name)
     check_options(request.options, robot, controller)
     has_first = robot.ROLES[0] in controlled_roles(controller, robot)
     standard = None if has_first else library.load_controller(robot_found, scenario.CONTROLLER)
@@ -409,36 +422,3 @@ def wiring_of_file(name: str) -> Config:
 def command_keys(factories: Sequence[AnyFactory]) -> list[str]:
     """Returns the keys of the pages that drive actuators."""
     return [factory.key for factory in factories if isinstance(factory, ActuatorLoopFactory)]
-
-
-def call_student(function: Callable[..., Any], name: str, *args: Any) -> Any:
-    """Calls a function of a student's file; a failure in it is told with the student's line first.
-
-    Raises:
-        ConfigError: it raised.
-    """
-    try:
-        return function(*args)
-    except SnrError as error:
-        put_place_first(error)
-        raise
-    except (Exception, SystemExit) as error:
-        if isinstance(error, TypeError):
-            _check_arity(function, name, args)
-        raise ConfigError(describe_error(error, f"while {name} was called")) from error
-
-
-def _check_arity(function: Callable[..., Any], name: str, args: Sequence[Any]) -> None:
-    """Says so, if a call failed because the function takes something else."""
-    try:
-        signature = inspect.signature(function)
-    except (TypeError, ValueError):
-        return  # some callables written in C do not tell
-    try:
-        signature.bind(*args)
-    except TypeError:
-        place, takes = place_of(function), f"{name.partition('(')[0]}({', '.join(signature.parameters)})"
-        where = f"{place}\n  " if place is not None else ""
-        raise ConfigError(
-            f"{where}{takes} is called with {len(args)} argument(s): {name}.", fix=f"def {name}:"
-        ) from None

@@ -23,6 +23,7 @@ FLOOR = {
     "plants": 2,
     "recording": 2,
     "behaviors": 2,
+    "controller": 3,
     "library": 3,
     "options": 3,
     "schemas": 3,

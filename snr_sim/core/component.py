@@ -98,7 +98,7 @@ class NodeComponent:
     @cached_property
     def rng(self) -> np.random.Generator:
         """The component's own random generator, derived from the run's seed and its name."""
-        return rng_for(self.parent.seed, self.name)
+        return rng_for(self.parent.chance, self.name)
 
     @cached_property
     def log(self) -> logging.Logger:

@@ -27,7 +27,7 @@ from snr_sim.prelude.component import Component, RoleName
 from snr_sim.prelude.errors import ComponentFailed, ConfigError, SnrError, TaskError, TraceError
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.recorder import Recorder
-from snr_sim.prelude.rng import rng_for
+from snr_sim.prelude.rng import chance_of, rng_for
 from snr_sim.prelude.task import SomeTasks, Task, TaskType
 
 if TYPE_CHECKING:
@@ -80,6 +80,7 @@ class Node:
         self.clock = clock or WallClock()
         self.is_in_lock_step = isinstance(self.clock, SimClock)  # then all nodes have one clock
         self.seed = seed
+        self.chance = chance_of(seed)  # what its components draw from
         self.is_replay = is_replay  # then nothing may be done to the outside: no file written, no page sent
         self.door = Door()
         self.datastore = Datastore()
@@ -493,7 +494,7 @@ class Node:
         if isinstance(running, (Endpoint, Loop)) and threading.get_ident() == self._thread_id:
             return running.rng
         if "_rng" not in self.__dict__:
-            self._rng = rng_for(self.seed, self.name)
+            self._rng = rng_for(self.chance, self.name)
         return self._rng
 
     # Failures

@@ -1,1 +1,31 @@
 """The grader: what a submission is worth, found out in a way that it cannot change."""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from snr_sim.grading.feed import Given, Produced
+    from snr_sim.grading.fly import Flown
+    from snr_sim.grading.lab import Lab, check
+    from snr_sim.grading.student import Student
+    from snr_sim.grading.verdicts import Verdict, failed, partly, passed
+
+# Imported when they are first used: the process of a student's program imports this package, too, and needs none of it.
+_PLACES = {
+    "snr_sim.grading.feed": ("Given", "Produced"),
+    "snr_sim.grading.fly": ("Flown",),
+    "snr_sim.grading.lab": ("Lab", "check"),
+    "snr_sim.grading.student": ("Student",),
+    "snr_sim.grading.verdicts": ("Verdict", "failed", "partly", "passed"),
+}
+_MODULE_OF = {name: module for module, names in _PLACES.items() for name in names}
+__all__ = ["Flown", "Given", "Lab", "Produced", "Student", "Verdict", "check", "failed", "partly", "passed"]
+
+
+def __getattr__(name: str) -> Any:
+    module = _MODULE_OF.get(name)
+    if module is None:
+        raise AttributeError(f"module 'snr_sim.grading' has no attribute {name!r}")
+    return getattr(importlib.import_module(module), name)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from snr_sim.controller import call_student
 from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory, started
 from snr_sim.learning.gym import Env
 from snr_sim.learning.rendering import Frame
@@ -19,7 +20,7 @@ from snr_sim.plants.stepping import Stepper
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Verdict
-from snr_sim.simulation import Request, Simulation, call_student, prepare
+from snr_sim.simulation import Request, Simulation, prepare
 
 MOST_STARTS = 2**31 - 1
 

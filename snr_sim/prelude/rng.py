@@ -11,6 +11,16 @@ if TYPE_CHECKING:
     import numpy as np
 
 
+def chance_of(seed: int) -> int:
+    """Returns the number that the chance of a run's components comes from.
+
+    It follows from the seed, but the seed does not from it: a component that is kept apart from plant and devices, as
+    in grading, is told this number and cannot know what else the seed brings.
+    """
+    digest = hashlib.blake2b((seed % 2**64).to_bytes(8, "little"), digest_size=8, person=b"components").digest()
+    return int.from_bytes(digest, "little")
+
+
 def rng_for(seed: int, name: str) -> np.random.Generator:
     """Returns the random generator that belongs to a name in a run.
 

@@ -8,7 +8,7 @@ import pytest
 from snr_sim import Config, Endpoint, EndpointFactory, LoopFactory, Node, SimClock, SomeTasks, Task, TaskType, tasks
 from snr_sim.core.node import OVERLOAD_TASKS
 from snr_sim.prelude.errors import ComponentFailed, ConfigError, TaskError, UnknownName
-from snr_sim.prelude.rng import rng_for
+from snr_sim.prelude.rng import chance_of, rng_for
 from snr_sim.testing.parts import Part, PartFactory, TickerFactory
 from snr_sim.testing.witness import Witness
 
@@ -295,7 +295,7 @@ def test_one_more_draw_in_one_component_does_not_shift_the_chance_of_another() -
 
 
 def test_the_nodes_rng_inside_a_handler_is_the_components_own() -> None:
-    mine = rng_for(7, "b")
+    mine = rng_for(chance_of(7), "b")
     drawn = draws(extra=0)
     expected = [mine.random() for _ in range(2)]
     assert [drawn["b"][0], drawn["node"][1]] == expected

@@ -6,7 +6,7 @@ import sys
 from hypothesis import given
 from hypothesis import strategies as st
 
-from snr_sim.prelude.rng import rng_for
+from snr_sim.prelude.rng import chance_of, rng_for
 
 
 @given(st.integers(-(2**70), 2**70), st.text(max_size=10))
@@ -23,3 +23,8 @@ def test_chance_does_not_depend_on_the_process() -> None:
     command = "from snr_sim.prelude.rng import rng_for; print(rng_for(7, 'radar').integers(2**62))"
     printed = {subprocess.check_output([sys.executable, "-c", command], text=True) for _ in range(2)}
     assert printed == {f"{rng_for(7, 'radar').integers(2**62)}\n"}  # text hashes differ between processes
+
+
+def test_the_chance_of_components_follows_from_the_seed_and_is_not_the_seed() -> None:
+    assert chance_of(7) == chance_of(7)
+    assert len({chance_of(seed) for seed in range(100)} - set(range(100))) == 100

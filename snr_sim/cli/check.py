@@ -1,0 +1,118 @@
+"""`snr check LAB [FOLDER]`: tries the visible part of a lab on what stands in a folder, and says what to do next."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from snr_sim.grading.lab import Lab
+    from snr_sim.grading.results import CaseResult, CheckResult, Graded
+
+_RUNS = Path("runs")
+
+
+def check(
+    lab: Annotated[str, typer.Argument(help="A lab's name: depth_hold; `snr list assignments`.")],
+    folder: Annotated[Path, typer.Argument(help="With your files; the current folder if not given.")] = Path(),
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Try the visible checks of a lab on your files. This is practice: the grader has further cases.
+
+    Exit status: 0 all points, 1 not all, 2 the request was wrong.
+    """
+    from snr_sim.grading.grade import grade_submission
+    from snr_sim.grading.lab import find_lab
+    from snr_sim.grading.results import encode_graded
+    from snr_sim.grading.verdicts import LabFault
+    from snr_sim.prelude.errors import UnknownName
+
+    found = find_lab(lab)
+    if not folder.is_dir():
+        raise UnknownName(f"There is no folder {folder}.", fix="name the folder with your files.")
+    out = _RUNS / f"check_{found.name}"
+    with _status(as_json) as tell:
+        graded = grade_submission(found, folder, None, "none", out=out.resolve(), on_case=tell)
+    if graded.status == "fault":
+        raise LabFault(graded.error)
+    if as_json:
+        print(encode_graded(graded).decode(), end="")
+    else:
+        _show(found, graded, out)
+    sys.exit(0 if all(one.is_passed for one in graded.checks) else 1)
+
+
+@contextmanager
+def _status(is_quiet: bool) -> Iterator[Callable[[str, str], None]]:
+    """Yields what is told of each case: on a terminal it is shown."""
+    if is_quiet or not sys.stderr.isatty():
+        yield lambda check, case: None
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status("starting") as status:
+        yield lambda check, case: status.update(f"{check}: {case}" if case else check)
+
+
+def _show(lab: Lab, graded: Graded, out: Path) -> None:
+    """Shows a table of the checks, what went wrong, and what to do next."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    console = Console(highlight=False)
+    table = Table(box=box.SIMPLE, title=f"{lab.title}: practice, visible cases only", title_justify="left")
+    table.add_column("")
+    table.add_column("check")
+    table.add_column("points", justify="right")
+    for check in graded.checks:
+        mark = "-" if check.skipped_because else ("ok" if check.is_passed else "x")
+        table.add_row(mark, Text(check.title), f"{check.points:g} of {check.of:g}")
+    points, most = graded.points or 0.0, sum(check.of for check in graded.checks)
+    table.add_row("", Text("together"), f"{points:g} of {most:g}", end_section=True)
+    console.print(table)
+    for check in graded.checks:
+        for line in _lines(check, out):
+            console.print(Text(line), soft_wrap=True)
+    console.print(Text(_next(graded)), soft_wrap=True)
+
+
+def _lines(check: CheckResult, out: Path) -> Iterator[str]:
+    """Yields what there is to say of a check that did not get all its points."""
+    if check.skipped_because:
+        yield f"- {check.title}\n    not tried: {check.skipped_because}\n"
+    for case in check.cases:
+        if not case.is_passed:
+            about = f" ({case.label})" if case.label else ""
+            yield f"x {check.title}{about}\n" + "".join(f"    {line}\n" for line in _of_case(case, out))
+
+
+def _of_case(case: CaseResult, out: Path) -> Iterator[str]:
+    yield from case.error.splitlines()
+    if case.hint:
+        yield f"hint: {case.hint}"
+    if case.expected:
+        yield f"expected: {case.expected}"
+    if case.actual:
+        yield f"actual:   {case.actual}"
+    if case.printed:
+        yield "what your program printed:"
+        yield from (f"  {line}" for line in case.printed.splitlines()[-10:])
+    if case.run_folder:
+        run = out / case.run_folder
+        yield f"look at the run: snr view {run}    run your code on it again: snr replay {run}"
+
+
+def _next(graded: Graded) -> str:
+    if all(check.is_passed for check in graded.checks):
+        return (
+            "All visible cases are right. The grader tries others, too: think of what they could be, then hand it in."
+        )
+    first = next(check for check in graded.checks if not check.is_passed)
+    return f"Next: '{first.title}'. Change your file, save it, and run snr check again."

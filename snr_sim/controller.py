@@ -1,0 +1,70 @@
+"""Calls what a controller's file defines; what goes wrong in it is told with the student's line first."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Sequence
+from types import ModuleType
+from typing import Any
+
+from snr_sim.core.blame import describe_error, place_of, put_place_first, short_path
+from snr_sim.core.config import AnyFactory
+from snr_sim.core.endpoint import EndpointFactory
+from snr_sim.core.loop import LoopFactory
+from snr_sim.prelude.errors import ConfigError, SnrError
+from snr_sim.prelude.scenario import Robot
+
+
+def factories_of(controller: ModuleType, robot: Robot) -> list[AnyFactory]:
+    """Returns what a controller's `factories(robot)` returns, checked.
+
+    Raises:
+        ConfigError: it raised, or returned something else than factories.
+    """
+    made = call_student(controller.factories, "factories(robot)", robot)
+    place = short_path(str(controller.__file__))
+    if not isinstance(made, (list, tuple)):
+        raise ConfigError(
+            f"{place}: factories(robot) returned {made!r}, which is not a list.",
+            fix="return [MyEndpointFactory()].",
+        )
+    for factory in made:
+        if not isinstance(factory, (EndpointFactory, LoopFactory)):
+            raise ConfigError(
+                f"{place}: factories(robot) returned a list with {factory!r}, which is not a factory.",
+                fix="list instances of your EndpointFactory classes: [MyEndpointFactory()], with the brackets.",
+            )
+    return list(made)
+
+
+def call_student(function: Callable[..., Any], name: str, *args: Any) -> Any:
+    """Calls a function of a student's file; a failure in it is told with the student's line first.
+
+    Raises:
+        ConfigError: it raised.
+    """
+    try:
+        return function(*args)
+    except SnrError as error:
+        put_place_first(error)
+        raise
+    except (Exception, SystemExit) as error:
+        if isinstance(error, TypeError):
+            _check_arity(function, name, args)
+        raise ConfigError(describe_error(error, f"while {name} was called")) from error
+
+
+def _check_arity(function: Callable[..., Any], name: str, args: Sequence[Any]) -> None:
+    """Says so, if a call failed because the function takes something else."""
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):
+        return  # some callables written in C do not tell
+    try:
+        signature.bind(*args)
+    except TypeError:
+        place, takes = place_of(function), f"{name.partition('(')[0]}({', '.join(signature.parameters)})"
+        where = f"{place}\n  " if place is not None else ""
+        raise ConfigError(
+            f"{where}{takes} is called with {len(args)} argument(s): {name}.", fix=f"def {name}:"
+        ) from None

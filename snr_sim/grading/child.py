@@ -1,0 +1,266 @@
+"""What runs in a student's process: it reads the student's files, calls what it is asked to, and says what came.
+
+It holds no hidden case, no seed and no secret, and its word is taken for nothing but the student's answers.
+What the student prints goes elsewhere than what it answers.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import importlib
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import FrameType, ModuleType
+from typing import Any
+
+import msgspec
+
+from snr_sim import library
+from snr_sim.core.blame import describe_error, place_of, without_addresses
+from snr_sim.grading.protocol import Answer, Said, decode_ask, encode
+from snr_sim.prelude.errors import SnrError, ValueEncodingError
+from snr_sim.prelude.values import decode_value, encode_value
+
+_CHUNK = 1 << 16
+_FIRST_PRIVATE_FD = 200
+_SHOWN = 200  # characters of a value that cannot cross
+
+
+class TookTooLong(BaseException):
+    """Raised where the student's program is when its CPU time is up; nothing of Python's own catches it."""
+
+
+class NoValue(Exception):
+    """What came back is no value that can cross."""
+
+
+class CallArgs(msgspec.Struct, frozen=True):
+    """Which function of which file is called with what."""
+
+    file: str
+    function: str
+    args: msgspec.Raw
+
+
+class HostArgs(msgspec.Struct, frozen=True):
+    """Which class of the kit is made, with the student's module first."""
+
+    file: str
+    host: str
+    args: msgspec.Raw
+
+
+class Child:
+    """The verbs that a student's process knows."""
+
+    def __init__(self) -> None:
+        self._modules: dict[str, ModuleType] = {}
+        self._hosts: list[Any] = []
+        self.verbs: dict[str, Callable[[msgspec.Raw], bytes]] = {
+            "call": self.call,
+            "host": self.host,
+            "ask": self.ask,
+        }
+        self.step = ""
+        self.component = ""
+
+    def module(self, file: str) -> ModuleType:
+        """Returns a file of the student's as a module; it is read once."""
+        module = self._modules.get(file)
+        if module is None:
+            before, self.step = self.step, "load"
+            module = self._modules[file] = library.load_program(file)
+            self.step = before
+        return module
+
+    def call(self, raw: msgspec.Raw) -> bytes:
+        """Calls a function; returns what it returns."""
+        args = _decode_call(raw)
+        function = function_of(self.module(args.file), args.function)
+        values = decode_value(bytes(args.args))
+        returned = self._called(f"{args.function}(...)", function, values)
+        return encode_plain(returned, f"{args.function}(...)", function)
+
+    def host(self, raw: msgspec.Raw) -> bytes:
+        """Makes an object of the kit's around the student's module; returns its number."""
+        args = _decode_host(raw)
+        place, _, name = args.host.partition(":")
+        kind = getattr(importlib.import_module(place), name)
+        module = self.module(args.file)
+        self._hosts.append(self._called(f"{args.file} was prepared", kind, [module, *decode_value(bytes(args.args))]))
+        return b"%d" % (len(self._hosts) - 1)
+
+    def ask(self, raw: msgspec.Raw) -> bytes:
+        """Calls a method of such an object; returns what it returns."""
+        number, method, *values = decode_value(bytes(raw))
+        function = getattr(self._hosts[number], method)
+        return encode_plain(self._called(f"{method}(...)", function, values), f"{method}(...)", function)
+
+    def _called(self, what: str, function: Callable[..., Any], values: list[Any]) -> Any:
+        try:
+            return function(*values)
+        except SnrError:
+            raise
+        except TypeError as error:
+            if error.__traceback__ is not None and error.__traceback__.tb_next is None:  # it was never entered
+                place = place_of(function)
+                where = f"{place}\n  " if place is not None else ""
+                raise SnrError(
+                    f"{where}TypeError: {error}\n  while {what} was called with {len(values)} values"
+                ) from None
+            raise
+
+
+def function_of(module: ModuleType, name: str) -> Callable[..., Any]:
+    """Returns a function of the student's.
+
+    Raises:
+        SnrError: there is none of that name.
+    """
+    function = getattr(module, name, None)
+    file = Path(str(module.__file__)).name
+    if function is None:
+        from snr_sim.prelude.errors import nearest
+
+        has = [known for known, value in vars(module).items() if callable(value) and known[:1] != "_"]
+        raise SnrError(f"{file} has no function `{name}`.", fix=nearest(name, has))
+    if not callable(function):
+        raise SnrError(f"{file}: `{name}` is {short(function)}, not a function.", fix=f"def {name}(...):")
+    return function  # type: ignore[no-any-return]
+
+
+def encode_plain(value: Any, what: str, function: object) -> bytes:
+    """Returns JSON of a value that can cross.
+
+    Raises:
+        NoValue: it cannot; says what it is.
+    """
+    try:
+        raw = _encode(value)
+        if b'"$"' not in raw and _decode(raw) == value:
+            return raw  # the way of nearly all: C has carried it there and back
+    except (TypeError, ValueError, OverflowError, RecursionError):
+        pass
+    try:
+        return encode_value(plain(value))
+    except (NoValue, RecursionError, ValueEncodingError) as error:
+        place = place_of(function)
+        reason = error.args[0] if isinstance(error, NoValue) and error.args else "it is nested too deeply"
+        where = f"{place}\n  " if place is not None else ""
+        raise NoValue(f"{where}{what} returned {short(value)}: {reason}.") from None
+
+
+def plain(value: Any) -> Any:
+    """Returns a value as numbers, texts, lists and dicts; numpy's become Python's.
+
+    Raises:
+        NoValue: something in it is none of these.
+    """
+    kind = type(value)
+    if value is None or kind in (bool, int, float, str):
+        return value
+    if kind in (list, tuple):
+        return [plain(item) for item in value]
+    if kind is dict:
+        for key in value:
+            if type(key) is not str:
+                raise NoValue(f"the key {short(key)} of a dict is no text")
+        return {key: plain(item) for key, item in value.items()}
+    if hasattr(value, "dtype") and hasattr(value, "tolist"):
+        return plain(value.tolist())
+    for parent in (bool, int, float, str):
+        if isinstance(value, parent):
+            return parent.__str__(value) if parent is str else parent(value)
+    raise NoValue(f"{short(value)} is {_a(kind.__name__)}, not a number, a text, a list or a dict of these")
+
+
+def _a(word: str) -> str:
+    return f"{'an' if word[:1].lower() in 'aeiou' else 'a'} {word}"
+
+
+def short(value: Any) -> str:
+    """Returns a value as it is shown, cut; it may be anything, and its `repr` may raise."""
+    try:
+        text = without_addresses(repr(value))
+    except Exception as error:
+        text = f"<a {type(value).__name__} whose repr raises {type(error).__name__}>"
+    return text if len(text) <= _SHOWN else text[:_SHOWN] + " ..."
+
+
+def main(line: int) -> None:
+    """Answers until nobody asks any more. Does not return."""
+    private = fcntl.fcntl(line, fcntl.F_DUPFD_CLOEXEC, _FIRST_PRIVATE_FD)
+    os.close(line)
+    sys.stdout.reconfigure(line_buffering=True, errors="backslashreplace")  # type: ignore[union-attr]
+    time.sleep = _do_not_sleep  # type: ignore[assignment]
+    signal.signal(signal.SIGPROF, _time_is_up)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    child = Child()
+    from snr_sim.grading.child_node import NodeVerbs  # it needs this module
+
+    NodeVerbs(child)
+    for asked in _lines(private):
+        _say(private, _answer(child, asked))
+    os._exit(0)
+
+
+def _answer(child: Child, asked: bytes) -> bytes:
+    ask = decode_ask(asked)
+    child.step, child.component = ask.do, ""
+    try:
+        signal.setitimer(signal.ITIMER_PROF, ask.cpu_s)
+        try:
+            value = child.verbs[ask.do](ask.args)
+        finally:
+            signal.setitimer(signal.ITIMER_PROF, 0.0)
+    except BaseException as error:
+        return encode(Answer(ask.n, error=_said(child, ask.do, error)))
+    return b'{"n":%d,"value":%b}' % (ask.n, value)
+
+
+def _said(child: Child, do: str, error: BaseException) -> Said:
+    if isinstance(error, NoValue):
+        return Said(child.step, str(error.args[0]), component=child.component, is_value=True)
+    if isinstance(error, TookTooLong):
+        text = describe_error(error, f"while it was asked to {do}").replace("TookTooLong: ", "")
+        return Said("slow", text, component=child.component)
+    if isinstance(error, SnrError):
+        return Said(child.step, error.message, error.fix, child.component)
+    return Said(child.step, describe_error(error, f"while it was asked to {do}"), component=child.component)
+
+
+def _lines(fd: int) -> Any:
+    rest = bytearray()
+    while True:
+        data = os.read(fd, _CHUNK)
+        if not data:
+            return
+        rest += data
+        if data[-1] == 10:
+            yield from bytes(rest).splitlines()
+            rest.clear()
+
+
+def _say(fd: int, line: bytes) -> None:
+    sys.stdout.flush()
+    view = memoryview(line + b"\n")
+    while view:
+        view = view[os.write(fd, view) :]
+
+
+def _time_is_up(number: int, frame: FrameType | None) -> None:
+    raise TookTooLong("this takes too long: its CPU time is used up")
+
+
+def _do_not_sleep(seconds: float) -> None:
+    """Stands in the place of `time.sleep`: here time is virtual, and a sleep would only make the grader wait."""
+
+
+_encode = msgspec.json.Encoder().encode
+_decode = msgspec.json.Decoder().decode
+_decode_call = msgspec.json.Decoder(CallArgs).decode
+_decode_host = msgspec.json.Decoder(HostArgs).decode

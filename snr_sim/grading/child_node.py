@@ -1,0 +1,316 @@
+"""The student's components in their own process: a node around them that does one step whenever it is asked to.
+
+The real node is the grader's. What stands in its datastore is brought here before each step, and what a step makes
+goes back: so a component cannot tell that sensors, plant and clock are elsewhere.
+"""
+
+from __future__ import annotations
+
+import base64
+import pickle
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from snr_sim import library
+from snr_sim.controller import factories_of
+from snr_sim.core.blame import describe_error, place_of
+from snr_sim.core.clocks import SimClock
+from snr_sim.core.config import AnyFactory, Config, Mode
+from snr_sim.core.endpoint import Endpoint
+from snr_sim.core.handlers import handler_name
+from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.machine import EventMachine, as_tasks
+from snr_sim.core.node import Node
+from snr_sim.grading.child import Child, TookTooLong, plain
+from snr_sim.grading.node_messages import (
+    SUBMISSION,
+    Handle,
+    Load,
+    Made,
+    Make,
+    Open,
+    Opened,
+    Returned,
+    Step,
+    StepDone,
+)
+from snr_sim.prelude.component import Component
+from snr_sim.prelude.errors import SnrError
+from snr_sim.prelude.page import Page
+from snr_sim.prelude.task import Task
+from snr_sim.prelude.values import encode_value
+
+_AUTHORS_STEPS = ("begin", "join", "halt", "terminate")
+
+
+class GivenClock(SimClock):
+    """A clock that shows what it is told."""
+
+    def show(self, now_s: float) -> None:
+        """Shows a time."""
+        self._now_s = now_s
+
+
+class CollectingMachine(EventMachine):
+    """Executes nothing: keeps what the running component schedules until its step is over."""
+
+    scheduled: list[Task]
+
+    def schedule(self, tasks: Sequence[Task]) -> None:
+        """Keeps it."""
+        self.scheduled.extend(tasks)
+
+
+class GivenBacking:
+    """Stands in the place of who calls a loop: that is done by the grader's clock."""
+
+    setup_patience_s = 0.0
+    late_s = 0.0
+
+    def __init__(self) -> None:
+        self.ticks = 0
+        self.is_stopped = False
+
+    def start(self) -> None:
+        """Does nothing: the grader calls."""
+
+    def stop(self) -> None:
+        """Keeps that there are to be no more ticks."""
+        self.is_stopped = True
+
+    def join(self) -> None:
+        """Keeps the same; the grader calls `halt`."""
+        self.is_stopped = True
+
+
+class ChildNode(Node):
+    """A node whose steps are asked for one by one.
+
+    Args:
+        role, chance: of the node it stands for.
+    """
+
+    def __init__(self, role: str, chance: int) -> None:
+        self.given_clock = GivenClock()
+        self.have_handlers_changed = False
+        super().__init__(role, Config(Mode.TEST, {role: []}), clock=self.given_clock)
+        self.chance = chance
+        machine = CollectingMachine(self.machine.lookup, self.door, None)
+        machine.scheduled = []
+        self.machine: CollectingMachine = machine
+        self._told_notes = 0
+
+    def handlers_changed(self) -> None:
+        """Remembers to tell the grader."""
+        super().handlers_changed()
+        self.have_handlers_changed = True
+
+    def add(self, factory: AnyFactory) -> Made:
+        """Makes a component; returns what the grader needs to know of it."""
+        component = self.make(factory)
+        self._add(component, len(self.components))
+        kind: type[Any] = Loop if isinstance(component, Loop) else Endpoint
+        steps = [step for step in _AUTHORS_STEPS if getattr(type(component), step) is not getattr(kind, step)]
+        made = Made(component.name, list(self.handlers_of(component)), steps)
+        if isinstance(component, Loop):
+            component.begin_on(GivenBacking())
+            made = msgspec.structs.replace(
+                made,
+                is_loop=True,
+                rate_hz=float(component.max_tick_rate_hz),
+                first_s=float(component.first_tick_after_s),
+                next_s=component.next_tick_at_s,
+            )
+        return made
+
+    @staticmethod
+    def handlers_of(component: Component) -> Any:
+        """Yields type, name (or None) and label of each handler."""
+        for task_id, handler in component.task_handlers.items():
+            kind, name = task_id if isinstance(task_id, tuple) else (task_id, None)
+            yield kind.value, name, handler_name(handler)
+
+    def bring(self, now_s: float, pages: Sequence[msgspec.Raw], came_s: dict[str, float]) -> None:
+        """Sets the time, and the datastore to what stands in the grader's."""
+        self.given_clock.show(now_s)
+        self.machine.now_s = now_s
+        for raw in pages:
+            self.datastore.put(Page.deserialize(bytes(raw)))
+        self._core.came_s.update(came_s)
+
+    def handle(self, task: Task, first: str, child: Child) -> Returned:
+        """Calls each component's handler of a task, from the component `first` on."""
+        returned: dict[str, list[Task]] = {}
+        entries = [entry for entry in self.machine.lookup.find(task) if entry[0] is not self._core]
+        names = [entry[0].name for entry in entries]
+        machine = self.machine
+        failed: tuple[str, BaseException, Any] | None = None
+        for component, handler, task_id, _ in entries[names.index(first) if first in names else len(names) :]:
+            child.component = component.name
+            machine.running = component
+            try:
+                made = as_tasks(handler(task, task_id), component, handler)
+            except BaseException as error:
+                failed = (component.name, error, handler)
+                machine.scheduled.clear()
+                break
+            finally:
+                machine.running = None
+            returned[component.name] = [*machine.scheduled, *made]
+            machine.scheduled.clear()
+        answer = Returned({name: [_raw(task) for task in tasks] for name, tasks in returned.items()}, **self.told())
+        if failed is None:
+            return answer
+        name, failure, handler = failed
+        text, fix = _in_words(failure, place_of(handler))
+        slow = isinstance(failure, TookTooLong)
+        return msgspec.structs.replace(answer, failed=name, text=text, fix=fix, is_slow=slow)
+
+    def step(self, component: Component, step: str) -> StepDone:
+        """Calls one of the steps of a component's life, or a loop's `setup` or `loop`."""
+        machine = self.machine
+        machine.running = component
+        if step == "join":
+            self._is_halting = True
+        if step == "loop" and isinstance(component, Loop) and isinstance(component.caller, GivenBacking):
+            component.caller.ticks += 1
+        try:
+            if step == "join" and isinstance(component, Loop):
+                component.halt()
+            else:
+                getattr(component, step)()
+        finally:
+            machine.running = None
+        scheduled = [_raw(task) for task in machine.scheduled]
+        machine.scheduled.clear()
+        done = StepDone(scheduled, **self.told())
+        if isinstance(component, Loop):
+            stopped = component.is_terminated()
+            return msgspec.structs.replace(done, next_s=component.next_tick_at_s, is_stopped=stopped)
+        return done
+
+    def told(self) -> dict[str, Any]:
+        """Returns what else there is to tell after a step: what entered through the door, and what has changed."""
+        entered = [(_raw(task), source) for task, source in self.door.waiting]
+        self.door.waiting.clear()
+        handlers = None
+        if self.have_handlers_changed:
+            self.have_handlers_changed = False
+            handlers = {
+                name: list(self.handlers_of(one)) for name, one in self.components.items() if one is not self._core
+            }
+        notes = self.notes[self._told_notes :]
+        self._told_notes = len(self.notes)
+        missed = [key for key in self.datastore.missed if isinstance(key, str)]
+        self.datastore.missed.clear()
+        return {"entered": entered, "handlers": handlers, "notes": notes, "missed": missed}
+
+
+def _files_read(folders: dict[str, Path]) -> list[tuple[str, str]]:
+    """Returns which files in these folders were read as modules: the folder's name and the path in it."""
+    files = {Path(file).resolve() for one in list(sys.modules.values()) if (file := getattr(one, "__file__", None))}
+    return sorted(
+        (name, file.relative_to(folder).as_posix())
+        for name, folder in folders.items()
+        for file in files
+        if file.is_relative_to(folder)
+    )
+
+
+def _raw(task: Task) -> msgspec.Raw:
+    return msgspec.Raw(task.serialize())
+
+
+def _in_words(error: BaseException, begins: Any) -> tuple[str, str]:
+    """Returns what happened with the student's line first, and what to try; where it was the grader adds."""
+    text = describe_error(error, "\0", begins)
+    before, _, after = text.partition("\n  \0")
+    fix = after.partition("Try: ")[2]
+    return before.replace("TookTooLong: ", ""), fix
+
+
+class NodeVerbs:
+    """The verbs of a student's process that are about nodes.
+
+    Args:
+        child: the other verbs.
+    """
+
+    def __init__(self, child: Child) -> None:
+        self._child = child
+        self._factories: list[AnyFactory] = []
+        self._nodes: dict[str, ChildNode] = {}
+        self._folders = {SUBMISSION: Path.cwd()}
+        child.verbs |= {
+            "load": self.load,
+            "open": self.open,
+            "make": self.make,
+            "handle": self.handle,
+            "step": self.step,
+        }
+
+    def load(self, raw: msgspec.Raw) -> bytes:
+        """Reads a file; returns its OPTIONS and ROLES, if it has any."""
+        args = _decode_load(raw)
+        for name, folder in args.robots:
+            self._folders[name] = Path(folder)
+            library.name_robot(name, Path(folder))
+        module = self._child.module(args.file)
+        if not callable(getattr(module, "factories", None)):
+            raise SnrError(
+                f"{args.file} has no function `factories`, which a controller needs.",
+                fix="def factories(robot): return [MyEndpointFactory()].",
+            )
+        return encode_value(
+            {"options": plain(getattr(module, "OPTIONS", None)), "roles": plain(getattr(module, "ROLES", None))}
+        )
+
+    def open(self, raw: msgspec.Raw) -> bytes:
+        """Has a file make its factories; returns for each whether it makes a loop."""
+        args = _decode_open(raw)
+        module = self._child.module(args.file)
+        robot = pickle.loads(base64.b64decode(args.robot))  # the grader's word, not a stranger's
+        made = factories_of(module, robot)
+        self._factories += made
+        return _encode(Opened([isinstance(one, LoopFactory) for one in made], _files_read(self._folders)))
+
+    def make(self, raw: msgspec.Raw) -> bytes:
+        """Makes the component of a factory in a node; returns what the grader needs to know of it."""
+        args = _decode_make(raw)
+        if args.node not in self._nodes:
+            self._nodes[args.node] = ChildNode(args.node, args.chance)
+        return msgspec.json.encode(self._nodes[args.node].add(self._factories[args.factory]))
+
+    def handle(self, raw: msgspec.Raw) -> bytes:
+        """Has the components of a node handle a task."""
+        args = _decode_handle(raw)
+        node = self._nodes[args.node]
+        node.bring(args.now_s, args.pages, args.came_s)
+        return _encode(node.handle(Task.deserialize(bytes(args.task)), args.component, self._child))
+
+    def step(self, raw: msgspec.Raw) -> bytes:
+        """Has a component of a node do a step of its life."""
+        args = _decode_step(raw)
+        node = self._nodes[args.node]
+        node.bring(args.now_s, args.pages, args.came_s)
+        self._child.component = args.component
+        self._child.step = args.step
+        try:
+            return _encode(node.step(node.components[args.component], args.step))
+        except TookTooLong:
+            raise
+        except BaseException as error:
+            text, fix = _in_words(error, None)
+            raise SnrError(text, fix) from None
+
+
+_encode = msgspec.json.Encoder().encode
+_decode_load = msgspec.json.Decoder(Load).decode
+_decode_open = msgspec.json.Decoder(Open).decode
+_decode_make = msgspec.json.Decoder(Make).decode
+_decode_handle = msgspec.json.Decoder(Handle).decode
+_decode_step = msgspec.json.Decoder(Step).decode

@@ -1,0 +1,233 @@
+"""The grader's end of a student's process: starts it, asks it, hears what it prints, and ends it.
+
+Nobody waits for it without an end, and what it says is bounded: by bytes and by the CPU time that the kernel counts,
+so that the same program comes to the same end on a slow computer; wall time is only the last resort.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from snr_sim.grading.protocol import MAX_ANSWER_BYTES, Answer, Said, decode_answer, encode
+from snr_sim.grading.sandbox import Limits, command_of, environment, search_path
+from snr_sim.grading.verdicts import LabFault, Misbehaved
+
+KEPT_BYTES = 8_000  # of what it prints
+MAX_PRINTED_BYTES = 1 << 20
+_END_S = 2.0
+_CHUNK = 1 << 16
+
+
+class ChildProcess:
+    """A process that holds one submission.
+
+    Args:
+        folder: of the submission; it is the process' current folder.
+        isolation: "sandbox", or "none".
+        limits: what it may use.
+        readable: further folders it may read: of robots.
+    """
+
+    def __init__(self, folder: Path, isolation: str, limits: Limits, readable: Sequence[Path] = ()) -> None:
+        self._limits = limits
+        self._n = 0
+        self._heard = bytearray()
+        self._kept = bytearray()
+        self.printed_bytes = 0
+        here, there = socket.socketpair()
+        self._socket = here
+        here.setblocking(False)
+        with there:
+            command, cwd = command_of(folder, isolation, there.fileno(), [*readable, *search_path()])
+            try:
+                self._process = subprocess.Popen(
+                    command,
+                    cwd=cwd,
+                    env=environment(),
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.STDOUT,
+                    pass_fds=(there.fileno(),),
+                    start_new_session=True,
+                )
+            except OSError as error:
+                here.close()
+                raise LabFault(f"A student's process could not be started: {error}.") from error
+        assert self._process.stdout is not None
+        self._output = self._process.stdout.fileno()
+        os.set_blocking(self._output, False)
+        self._poll = select.poll()
+        self._poll.register(self._socket, select.POLLIN)
+        self._poll.register(self._output, select.POLLIN)
+        self._is_hearing_output = True
+
+    @property
+    def printed(self) -> str:
+        """What it has printed, as far as it is kept."""
+        text = bytes(self._kept).decode(errors="replace")
+        return text + "\n..." if self.printed_bytes > len(self._kept) else text
+
+    def ask(self, do: str, args: Any, cpu_s: float) -> Answer:
+        """Asks, and returns the answer.
+
+        Args:
+            do: the child's verb.
+            args: a Struct or a dict of its arguments.
+            cpu_s: how much CPU time it may take; the child itself counts, and the kernel behind it.
+
+        Raises:
+            Misbehaved: it ended, was too slow, printed too much, or answered nonsense.
+        """
+        self._n += 1
+        line = encode({"n": self._n, "do": do, "args": args, "cpu_s": cpu_s}) + b"\n"
+        give_up_s = time.monotonic() + self._limits.wall_s(cpu_s)
+        self._send(line, give_up_s)
+        answer = decode_answer(self._receive(give_up_s))
+        if answer.n != self._n:
+            self.kill()
+            raise Misbehaved(
+                "It answered what it was not asked.", "Leave the file descriptors alone that you have not opened."
+            )
+        return answer
+
+    def _send(self, line: bytes, give_up_s: float) -> None:
+        view = memoryview(line)
+        while True:
+            try:
+                view = view[self._socket.send(view) :]
+            except BlockingIOError:
+                self._wait(give_up_s, select.POLLIN | select.POLLOUT)
+            except OSError:
+                return  # it has ended; whoever listens is told
+            if not view:
+                return
+
+    def _receive(self, give_up_s: float) -> bytes:
+        while True:
+            try:
+                data = self._socket.recv(_CHUNK)
+            except BlockingIOError:
+                self._wait(give_up_s, select.POLLIN)
+                continue
+            except OSError:
+                data = b""
+            if not data:
+                raise self._ended()
+            heard = self._heard
+            heard += data
+            if data[-1] == 10:
+                line, rest = (heard, b"") if heard.count(b"\n") == 1 else heard.split(b"\n", 1)
+                self._heard = bytearray(rest)
+                return bytes(line)
+            if len(heard) > MAX_ANSWER_BYTES:
+                self.kill()
+                raise Misbehaved(
+                    f"It answered with more than {MAX_ANSWER_BYTES} bytes.", "Return what was asked for, and no more."
+                )
+
+    def _wait(self, give_up_s: float, events: int) -> None:
+        """Waits for the socket, and hears what is printed meanwhile."""
+        self._poll.modify(self._socket, events)
+        left_s = give_up_s - time.monotonic()
+        ready = dict(self._poll.poll(max(0.0, left_s) * 1000.0)) if left_s > 0 else {}
+        if self._output in ready:
+            self._hear_output()
+        if not ready:
+            self.kill()
+            raise Misbehaved(
+                "It has not answered, and was ended.",
+                "Your program waits for something that does not come: a sleep, an input, a lock?",
+                expected="an answer",
+                actual="none",
+            )
+
+    def _hear_output(self) -> None:
+        while self._is_hearing_output:
+            try:
+                data = os.read(self._output, _CHUNK)
+            except BlockingIOError:
+                return
+            if not data:
+                self._poll.unregister(self._output)
+                self._is_hearing_output = False
+                return
+            self.printed_bytes += len(data)
+            self._kept += data[: max(0, KEPT_BYTES - len(self._kept))]
+            if self.printed_bytes > MAX_PRINTED_BYTES:
+                self.kill()
+                raise Misbehaved(
+                    "It printed more than a megabyte, and was ended.",
+                    "Take out the print in what is called again and again.",
+                    expected=f"at most {MAX_PRINTED_BYTES} bytes",
+                )
+
+    def _ended(self) -> Misbehaved:
+        """Says how it ended, although it was asked something."""
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(_END_S)
+        status = self._process.poll()
+        with suppress(Misbehaved):
+            self._hear_output()
+        self.kill()
+        return ended_badly(status)
+
+    def kill(self) -> None:
+        """Ends it, with all that it may have started."""
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+        with suppress(ProcessLookupError):
+            self._process.kill()
+
+    def close(self) -> None:
+        """Ends it and lets go of everything. Safe to call twice.
+
+        Raises:
+            Misbehaved: it had printed too much.
+        """
+        if self._socket.fileno() < 0:
+            return
+        self.kill()
+        self._process.wait()
+        try:
+            self._hear_output()
+        finally:
+            self._socket.close()
+            assert self._process.stdout is not None
+            self._process.stdout.close()
+
+
+def ended_badly(status: int | None) -> Misbehaved:
+    """Returns what there is to say of a process that ended instead of answering."""
+    number = -status if status is not None and status < 0 else (status or 0) - 128
+    if number in (signal.SIGXCPU, signal.SIGKILL):
+        return Misbehaved(
+            "It used up its CPU time or its memory, and was ended.",
+            "Is there a loop without an end, or a list that grows?",
+        )
+    if number in (signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE):
+        return Misbehaved(f"It crashed with {signal.Signals(number).name}.", "Did it run out of memory?")
+    return Misbehaved(
+        f"It ended with exit status {status} instead of answering.",
+        "Do not end the program: no exit() and no quit(). Return from your function instead.",
+    )
+
+
+def misbehaved(said: Said) -> Misbehaved:
+    """Returns what the child says of the student's program as an exception; its words are the program's."""
+    text = f"{said.text}\n  Try: {said.fix}" if said.fix else said.text
+    if said.is_value:
+        return Misbehaved(text, "Return numbers, texts, lists, or dicts of these.")
+    hints = {
+        "load": "Your file could not be read to its end: run it with Python, and look at the line named.",
+        "slow": "That took too long: is there a loop without an end?",
+    }
+    return Misbehaved(text, hints.get(said.step, "Your program raised an error: look at the line named."))

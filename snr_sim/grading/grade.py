@@ -1,0 +1,165 @@
+"""Grades one submission: every check on every case, each case in a process of its own; then the points."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Literal
+
+from snr_sim import __version__
+from snr_sim.core.blame import describe_error
+from snr_sim.grading.lab import Case, Check, Lab
+from snr_sim.grading.results import CaseResult, CheckResult, Graded
+from snr_sim.grading.sandbox import Limits
+from snr_sim.grading.student import Student
+from snr_sim.grading.verdicts import LabFault, Misbehaved, Verdict
+
+OnCase = Callable[[str, str], None]
+
+
+def grade_submission(
+    lab: Lab,
+    folder: Path,
+    secret: bytes | None = None,
+    isolation: Literal["required", "none"] = "required",
+    *,
+    name: str = "",
+    out: Path | None = None,
+    limits: Limits | None = None,
+    on_case: OnCase | None = None,
+) -> Graded:
+    """Returns what a submission comes to. The same submission, lab and secret give the same result.
+
+    Args:
+        lab: what it is tried by.
+        folder: of the submission; nothing is written there.
+        secret: from which hidden cases are drawn; without it only visible ones are tried.
+        isolation: "required" refuses to run what cannot be kept apart; "none" is for practice.
+        name: what the submission is called; the folder's name if not given.
+        out: where recorded runs of visible cases that failed go, each a folder; nowhere if not given.
+        limits: of each of the student's processes.
+        on_case: told of each case before it is tried: the check's name, and what the case is about.
+
+    Raises:
+        IsolationMissing: isolation is required, and cannot be had here.
+    """
+    sort = sandboxed(isolation)
+    grading = _Grading(lab, folder, secret, sort, out, limits, on_case)
+    status: Literal["graded", "fault"] = "graded"
+    error = ""
+    checks: tuple[CheckResult, ...] = ()
+    try:
+        checks = grading.checks()
+    except LabFault as fault:
+        status, error = "fault", str(fault)
+    return Graded(
+        submission=name or folder.resolve().name,
+        lab=lab.name,
+        title=lab.title,
+        checks=checks,
+        isolation=sort,
+        is_hidden_included=secret is not None,
+        kit=__version__,
+        status=status,
+        error=error,
+    )
+
+
+def sandboxed(isolation: str) -> Literal["sandbox", "none"]:
+    """Returns how a student's process will be kept, as reports say it."""
+    if isolation == "none":
+        return "none"
+    raise NotImplementedError
+
+
+class _Grading:
+    """One submission on its way through the checks."""
+
+    def __init__(
+        self,
+        lab: Lab,
+        folder: Path,
+        secret: bytes | None,
+        isolation: str,
+        out: Path | None,
+        limits: Limits | None,
+        on_case: OnCase | None,
+    ) -> None:
+        self._lab = lab
+        self._folder = folder
+        self._secret = secret
+        self._isolation = isolation
+        self._out = out
+        self._limits = limits
+        self._on_case = on_case
+
+    def checks(self) -> tuple[CheckResult, ...]:
+        """Returns what each check came to, in order."""
+        done: dict[str, CheckResult] = {}
+        for check in self._lab.checks:
+            missing = [need for need in check.needs if not done[need].is_passed]
+            done[check.name] = self._skipped(check, missing[0]) if missing else self._tried(check)
+        return tuple(done.values())
+
+    def _skipped(self, check: Check, need: str) -> CheckResult:
+        return CheckResult(
+            name=check.name,
+            title=check.title,
+            points=0.0,
+            of=check.points,
+            skipped_because=f"'{need}' comes first, and did not get all its points.",
+        )
+
+    def _tried(self, check: Check) -> CheckResult:
+        cases = check.cases(self._lab.name, self._secret)
+        results = [self._case(check, case, number) for number, case in enumerate(cases)]
+        fraction = sum(one.fraction for one in results) / len(results) if results else 1.0
+        if check.all_or_nothing and fraction < 1.0:
+            fraction = 0.0
+        points = round(check.points * fraction, 6)
+        return CheckResult(name=check.name, title=check.title, points=points, of=check.points, cases=tuple(results))
+
+    def _case(self, check: Check, case: Case, number: int) -> CaseResult:
+        if self._on_case is not None:
+            self._on_case(check.name, case.label if case.is_visible else "hidden")
+        run = None if self._out is None or not case.is_visible else self._out / f"{check.name}-{number + 1}"
+        if run is not None:
+            shutil.rmtree(run, ignore_errors=True)
+        student = Student(self._folder, self._isolation, self._lab.may_import, self._limits, run)
+        error = ""
+        try:
+            try:
+                verdict = check.judge(student, case)
+            finally:
+                student.close()
+        except Misbehaved as wrong:
+            error = wrong.message
+            verdict = Verdict(0.0, wrong.hint, wrong.expected, wrong.actual)
+        except LabFault:
+            raise
+        except Exception as fault:
+            what = f"while the check '{check.name}' was tried on the case '{case.label}'"
+            raise LabFault(describe_error(fault, what)) from fault
+        return CaseResult(
+            label=case.label,
+            is_visible=case.is_visible,
+            fraction=float(verdict.fraction),
+            hint=verdict.hint,
+            expected=verdict.expected,
+            actual=verdict.actual,
+            error=error,
+            printed=student.printed,
+            metrics={name: float(value) for name, value in verdict.metrics.items()},
+            run_folder=self._kept(student, run, verdict),
+        )
+
+    def _kept(self, student: Student, run: Path | None, verdict: Verdict) -> str:
+        """Returns the recorded run of a case, if it failed; of one that passed nothing is kept."""
+        if run is None or student.run_folder is None:
+            return ""
+        if verdict.fraction >= 1.0:
+            shutil.rmtree(run, ignore_errors=True)
+            return ""
+        assert self._out is not None
+        return student.run_folder.relative_to(self._out).as_posix()

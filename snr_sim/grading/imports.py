@@ -1,0 +1,64 @@
+"""What a submission may import: found by reading it, before it runs, so that the line and the reason can be told."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+from snr_sim.grading.verdicts import Misbehaved
+
+_NO_NETWORK = "there is no network in the grader"
+_ONE_PROCESS = "a submission has one process and one thread, which the grader starts"
+_PYTHON_ONLY = "a submission is plain Python"
+REFUSED = {
+    **dict.fromkeys(("socket", "socketserver", "ssl", "urllib", "http", "requests", "ftplib", "smtplib"), _NO_NETWORK),
+    **dict.fromkeys(("subprocess", "multiprocessing", "concurrent", "pty"), _ONE_PROCESS),
+    **dict.fromkeys(("ctypes", "cffi"), _PYTHON_ONLY),
+    "pickle": "what is unpickled can be any program; save numbers with json or numpy",
+    "snr_sim.grading": "a submission does not grade itself",
+}
+
+
+def check_imports(folder: Path, file: str, may_import: frozenset[str]) -> None:
+    """Checks what a submitted file and those beside it that it imports would import.
+
+    Raises:
+        Misbehaved: it is something that no submission may.
+    """
+    seen: set[str] = set()
+    waiting = [file]
+    while waiting:
+        name = waiting.pop()
+        if name in seen:
+            continue
+        seen.add(name)
+        for module, line in _imported(folder / name):
+            reason = _refused(module, may_import)
+            if reason:
+                raise Misbehaved(
+                    f"{name}, line {line}: imports {module}, but {reason}.", f"Do without importing {module}: {reason}."
+                )
+            beside = f"{module.partition('.')[0]}.py"
+            if (folder / beside).is_file():
+                waiting.append(beside)
+
+
+def _refused(module: str, may_import: frozenset[str]) -> str:
+    parts = module.split(".")
+    names = [".".join(parts[: count + 1]) for count in range(len(parts))]
+    if any(name in may_import for name in names):
+        return ""
+    return next((REFUSED[name] for name in names if name in REFUSED), "")
+
+
+def _imported(path: Path) -> Iterator[tuple[str, int]]:
+    try:
+        tree = ast.parse(path.read_bytes())
+    except (OSError, SyntaxError, ValueError, RecursionError, MemoryError):
+        return  # whoever reads it to run it says what is wrong
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, node.lineno) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            yield from ((f"{node.module}.{alias.name}", node.lineno) for alias in node.names)

@@ -1,0 +1,211 @@
+"""A lab: its checks, the cases each is tried on, and its points. `assignments/<lab>/checks.py` defines one as `lab`.
+
+Visible cases stand in checks.py. Hidden ones are drawn from a secret that only the instructor has, so reading
+checks.py helps nobody.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import inspect
+import random
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+from snr_sim import library
+from snr_sim.core.blame import describe_error
+from snr_sim.grading.student import Student
+from snr_sim.grading.verdicts import LabFault, Verdict
+from snr_sim.prelude.errors import UnknownName, nearest
+
+_LAB_MODULE = "snr_sim_lab_"
+
+Draw = Callable[[random.Random], Sequence[Any]]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One thing a check is tried on.
+
+    Args:
+        value: what the check's function gets.
+        is_visible: whether students see it.
+    """
+
+    value: Any
+    is_visible: bool
+
+    @property
+    def label(self) -> str:
+        """What it is about, in a few words: its own `label`, or its fields."""
+        label = getattr(self.value, "label", None)
+        if isinstance(label, str):
+            return label
+        if is_dataclass(self.value):
+            pairs = [(one.name, getattr(self.value, one.name)) for one in fields(self.value)]
+            return ", ".join(f"{name} {value}" for name, value in pairs)
+        return "" if self.value is None else str(self.value)
+
+
+@dataclass(frozen=True)
+class Check:
+    """A function of checks.py with its points and cases; `check` makes it.
+
+    Args:
+        function: takes the student, and a case if there are cases; returns a Verdict.
+        points: what it is worth; shared equally by its cases.
+        visible: cases that `snr check` shows.
+        hidden: draws the cases that only the instructor has.
+        needs: names of checks without whose full points this one is not tried.
+        all_or_nothing: whether one case that is not all right costs all points.
+    """
+
+    function: Callable[..., Verdict]
+    points: float
+    visible: Sequence[Any]
+    hidden: Draw | None
+    needs: tuple[str, ...]
+    all_or_nothing: bool
+
+    @property
+    def name(self) -> str:
+        """The function's name."""
+        return self.function.__name__
+
+    @property
+    def title(self) -> str:
+        """The first line of the function's docstring."""
+        return (inspect.getdoc(self.function) or self.name).partition("\n")[0]
+
+    def cases(self, lab: str, secret: bytes | None) -> list[Case]:
+        """Returns the cases, visible ones first; without a secret only those.
+
+        Raises:
+            LabFault: drawing them failed.
+        """
+        found = [Case(value, True) for value in self.visible]
+        if self.hidden is None:
+            return found or [Case(None, True)]
+        if secret is None:
+            return found
+        try:
+            return found + [Case(value, False) for value in self.hidden(chance(secret, lab, self.name))]
+        except Exception as error:
+            what = f"while hidden cases were drawn for the check '{self.name}'"
+            raise LabFault(describe_error(error, what)) from error
+
+    def judge(self, student: Student, case: Case) -> Verdict:
+        """Tries a case.
+
+        Raises:
+            Misbehaved: the student's program did what no check can answer.
+            LabFault: the check's function returned something else than a Verdict.
+        """
+        takes_case = len(inspect.signature(self.function).parameters) > 1
+        verdict = self.function(student, case.value) if takes_case else self.function(student)
+        if not isinstance(verdict, Verdict):
+            raise LabFault(
+                f"The check '{self.name}' returned {verdict!r}, which is no Verdict.",
+                fix="end it with: return passed().",
+            )
+        return verdict
+
+
+def check(
+    points: float,
+    visible: Sequence[Any] = (),
+    hidden: Draw | None = None,
+    needs: Sequence[str] = (),
+    all_or_nothing: bool = False,
+) -> Callable[[Callable[..., Verdict]], Check]:
+    """Returns a decorator that makes a check of a function; arguments as for `Check`."""
+    return lambda function: Check(function, points, tuple(visible), hidden, tuple(needs), all_or_nothing)
+
+
+def chance(secret: bytes, lab: str, check: str) -> random.Random:
+    """Returns the generator of a check's hidden cases: from the secret, the lab's name and the check's."""
+    digest = hashlib.blake2b("\0".join((lab, check)).encode(), key=hashlib.sha256(secret).digest()).digest()
+    return random.Random(int.from_bytes(digest, "big"))
+
+
+class Lab:
+    """What a submission is tried by.
+
+    Args:
+        title: what the lab is called.
+        files: what a submission must hold.
+        checks: in the order in which they are tried and shown.
+        may_import: modules that are else refused, such as "socket".
+
+    Raises:
+        LabFault: points do not sum to 100, or a check needs one that does not come before it.
+    """
+
+    def __init__(
+        self, title: str, files: Sequence[str], checks: Sequence[Check], may_import: Sequence[str] = ()
+    ) -> None:
+        self.title = title
+        self.files = tuple(files)
+        self.checks = tuple(checks)
+        self.may_import = frozenset(may_import)
+        self.name = title  # of its folder, once it was found
+        self.folder: Path | None = None
+        total = sum(one.points for one in checks)
+        if abs(total - 100.0) > 1e-9:
+            raise LabFault(f"The checks of '{title}' give {total:g} points.", fix="make it 100.")
+        before: list[str] = []
+        for one in checks:
+            for need in one.needs:
+                if need not in before:
+                    raise LabFault(
+                        f"The check '{one.name}' needs '{need}', which does not come before it.",
+                        fix=nearest(need, before),
+                    )
+            if one.name in before:
+                raise LabFault(f"Two checks are called '{one.name}'.", fix="give each a name of its own.")
+            before.append(one.name)
+
+
+def find_lab(name: str) -> Lab:
+    """Finds a lab by its name, "02_depth_hold" or "depth_hold", or by a path, and reads its checks.
+
+    Raises:
+        UnknownName: there is none, or it has no checks.
+        LabFault: its checks cannot be read.
+    """
+    folders = [one.name for one in library.known("assignments")]
+    matches = [one for one in folders if name == one.partition("_")[2]]
+    found = library.find("assignments", matches[0] if len(matches) == 1 else name)
+    path = found.path / "checks.py"
+    if not path.is_file():
+        raise UnknownName(f"The lab '{found.name}' has no checks: there is no {path}.", fix="snr list assignments")
+    return load_lab(path)
+
+
+def load_lab(path: Path) -> Lab:
+    """Reads the checks of a lab from its checks.py.
+
+    Raises:
+        LabFault: they cannot be read.
+    """
+    name = path.resolve().parent.name
+    spec = importlib.util.spec_from_file_location(_LAB_MODULE + name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    try:
+        spec.loader.exec_module(module)
+    except LabFault:
+        raise
+    except Exception as error:
+        raise LabFault(describe_error(error, f"while the checks of '{name}' were read")) from error
+    lab = getattr(module, "lab", None)
+    if not isinstance(lab, Lab):
+        raise LabFault(f"{path} has no `lab` that is a Lab.", fix='lab = Lab("Title", files=[...], checks=[...]).')
+    lab.name, lab.folder = name, path.resolve().parent
+    return lab

@@ -1,0 +1,73 @@
+"""What a check says of one case: right, wrong, or right in part; with a hint for the student."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from snr_sim.prelude.errors import SnrError
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What came of one case.
+
+    Args:
+        fraction: how much of it was right, 0 to 1.
+        hint: what to think about next. Of a hidden case a student sees this, too: it must not tell the case.
+        expected: what would have been right.
+        actual: what came.
+        metrics: numbers for the class's table and the leaderboard.
+    """
+
+    fraction: float
+    hint: str = ""
+    expected: str = ""
+    actual: str = ""
+    metrics: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.fraction, (int, float)) and 0.0 <= self.fraction <= 1.0):
+            raise LabFault(f"A verdict has the fraction {self.fraction!r}.", fix="a number from 0 to 1.")
+        for name, value in self.metrics.items():
+            if not isinstance(value, (int, float)) or not math.isfinite(value):
+                raise LabFault(f"A verdict has the metric {name} = {value!r}.", fix="leave out what was not reached.")
+
+
+def passed(note: str = "", metrics: Mapping[str, float] | None = None) -> Verdict:
+    """Returns the verdict of a case that is all right."""
+    return Verdict(1.0, hint=note, metrics=metrics or {})
+
+
+def failed(hint: str, expected: str = "", actual: str = "", metrics: Mapping[str, float] | None = None) -> Verdict:
+    """Returns the verdict of a case that is wrong."""
+    return Verdict(0.0, hint, expected, actual, metrics or {})
+
+
+def partly(
+    fraction: float, hint: str, expected: str = "", actual: str = "", metrics: Mapping[str, float] | None = None
+) -> Verdict:
+    """Returns the verdict of a case of which a fraction is right; what lies outside 0 to 1 is brought to it."""
+    return Verdict(min(1.0, max(0.0, fraction)), hint, expected, actual, metrics or {})
+
+
+class LabFault(SnrError):
+    """The lab, or the grader, has failed: no fault of the student's, and no mark."""
+
+
+class Misbehaved(SnrError):
+    """The student's program did something that no check can answer: it raised, said nonsense, or nothing.
+
+    Args:
+        message: what happened, with the student's own line first. It may hold what the program said.
+        hint: what to think about, without anything of the program's: it is shown of hidden cases, too.
+        expected: what would have been right.
+        actual: what came.
+    """
+
+    def __init__(self, message: str, hint: str, expected: str = "", actual: str = "") -> None:
+        super().__init__(message)
+        self.hint = hint
+        self.expected = expected
+        self.actual = actual
