@@ -4,9 +4,9 @@
     (SupervisedPwm)  <--what is made---------
 
 It goes to neutral when a lease runs out and when the pipe ends, which it does when the robot's program is killed, in
-whatever way. Nothing protects from the death of this process, of the kernel, or of the power: for real water, the
-outputs need an enable pin on a timer of hardware. It stands in `devices` because to the program it is one more device;
-`supervision` is about roles.
+whatever way. If it is killed itself, its guard does so (`pwm_guard.py`). Nothing protects from the death of both, of
+the kernel, or of the power: for real water, the outputs need an enable pin on a timer of hardware. It stands in
+`devices` because to the program it is one more device; `supervision` is about roles.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
 
+from snr_sim.devices.pwm_guard import Guard
 from snr_sim.devices.wire.child_port import send_all
 from snr_sim.devices.wire.lease_messages import Answer, Arm, Close, Disarm, Lease, LeaseFrames, Message, Open, encode
 from snr_sim.prelude.device import PwmOut
@@ -35,11 +36,13 @@ class Supervisor:
 
     Args:
         now_s: the clock that leases are stamped by.
+        guarded: has outputs that were opened guarded.
     """
 
-    def __init__(self, now_s: Callable[[], float]) -> None:
-        self._now_s = now_s
+    def __init__(self, now_s: Callable[[], float], guarded: Callable[[PwmOut], Guard] | None = None) -> None:
+        self._now_s, self._guarded = now_s, guarded
         self._out: PwmOut | None = None
+        self._guard: Guard | None = None
         self._until_s = 0.0
         self._seq = 0
         self._made: list[float] = []
@@ -53,24 +56,39 @@ class Supervisor:
             self._do(order)
         except SnrError as error:
             return self._answer(error.message, error.fix)
+        finally:
+            self._show_life()
         return self._answer()
 
     def look(self) -> float:
         """Goes to neutral if the lease has run out; returns how long it will be until then."""
-        if self._out is None or self._out.health().state not in ("activating", "active"):
+        if self._out is None or not self._is_armed:
             return IDLE_S
         left_s = self._until_s - self._now_s()
         if left_s > 0.0:
             return min(left_s, IDLE_S)
         self._out.deactivate("the lease ran out: the robot's program sent nothing in time")
+        self._show_life()
         return IDLE_S
+
+    @property
+    def _is_armed(self) -> bool:
+        return self._out is not None and self._out.health().state in ("activating", "active")
+
+    def _show_life(self) -> None:
+        if self._guard is not None:
+            self._guard.sign(self._is_armed)
 
     def end(self, hold: Callable[[float], None]) -> None:
         """Goes to neutral, shows it for a while, and lets go."""
         if self._out is not None:
             self._out.deactivate("the robot's program has ended")
+            self._show_life()
             if not self.has_closed:
                 hold(HOLD_S)
+            if self._guard is not None:
+                self._guard.dismiss()  # while the outputs are still ours
+                self._guard = None
             self._out.close()
 
     def _do(self, order: Message) -> None:
@@ -78,6 +96,8 @@ class Supervisor:
             module, _, function = order.opener.partition(":")
             self._out = getattr(importlib.import_module(module), function)(*order.args)
             self._out.configure()
+            if self._guarded is not None and self._guard is None:
+                self._guard = self._guarded(self._out)
         elif isinstance(order, Close):
             self.has_closed = True
         elif self._out is None:
@@ -106,7 +126,7 @@ class Supervisor:
 def run(line: Connection) -> int:
     """The process: obeys until its line ends."""
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(0))  # to neutral on the way out
-    supervisor = Supervisor(time.monotonic)
+    supervisor = Supervisor(time.monotonic, lambda out: Guard(out, [line.fileno()]))
     why = "the robot's program has gone without closing them"
     try:
         _serve(line.fileno(), supervisor)
