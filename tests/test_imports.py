@@ -5,6 +5,7 @@ import json
 import subprocess
 import sys
 from collections import defaultdict
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -57,6 +58,7 @@ HEAVY = {
 }
 
 
+@cache
 def modules() -> dict[str, ast.Module]:
     """All modules of the kit by dotted name, without the content that a wheel ships."""
     found = {}
@@ -67,6 +69,7 @@ def modules() -> dict[str, ast.Module]:
     return found
 
 
+@cache
 def imports(tree: ast.Module) -> set[str]:
     """Every module an import names, also inside functions and under TYPE_CHECKING."""
     names: set[str] = set()

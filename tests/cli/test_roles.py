@@ -120,6 +120,7 @@ def pages(trace: Trace, key: str) -> list[tuple[float, Any]]:
     return [(record.t, json.loads(bytes(record.values))[0]["data"]) for record in found]
 
 
+@pytest.mark.wall_clock
 def test_a_topside_that_is_killed_leaves_thrust_at_neutral_within_half_a_second(here: Path, start: Start) -> None:
     topside, urov = start("topside"), start("urov")  # in this order: either may be first
     wait_for_page(here / "urov", "vehicle", '"rules":"pilot"', urov)
@@ -143,6 +144,7 @@ def test_a_topside_that_is_killed_leaves_thrust_at_neutral_within_half_a_second(
         assert replayed.executed > 50
 
 
+@pytest.mark.wall_clock
 @pytest.mark.parametrize("blow", [signal.SIGKILL, signal.SIGSTOP])  # gone, or there and not moving
 def test_a_vehicle_that_falls_silent_is_missed_at_the_surface_within_a_second(
     here: Path, start: Start, blow: signal.Signals

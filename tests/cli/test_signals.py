@@ -43,6 +43,7 @@ def assert_whole(folder: Path, fields: dict[str, Any]) -> None:
     assert trace.digest == fields["trace_digest"]
 
 
+@pytest.mark.wall_clock
 def test_a_run_ends_in_order_at_a_signal_at_any_moment(here: Path, mine: Mine) -> None:
     spins = mine((WIRED, f"        while self.ticks == 2:\n            pass\n{WIRED}"), name="spins.py")
     sleeps = mine((WIRED, f"        import time; time.sleep(30 if self.ticks == 3 else 0)\n{WIRED}"), name="sleeps.py")

@@ -23,6 +23,7 @@ COUNT = 150  # ten of each kind
 HERE = Path(__file__).parent
 
 
+@pytest.mark.wall_clock
 def test_weakness_1_nodes_interrupted_at_random_moments_all_halt_in_order_and_soon() -> None:
     command = [sys.executable, str(HERE / "interrupted.py"), str(COUNT), "20261"]
     environment = {**os.environ, "PYTHONPATH": str(HERE.parents[1])}
@@ -107,6 +108,7 @@ def test_no_number_of_signals_keeps_motors_from_being_stopped() -> None:
     assert halted == ["a", "b", "c"]
 
 
+@pytest.mark.wall_clock
 def test_a_halt_has_its_own_time_however_long_others_took(monkeypatch: pytest.MonkeyPatch) -> None:
     patience_s = 1.0
     monkeypatch.setattr(interrupts, "PATIENCE_S", patience_s)

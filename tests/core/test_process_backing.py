@@ -142,6 +142,7 @@ def test_halt_and_terminate_are_called_in_the_process_and_only_there(tmp_path: P
     assert str(os.getpid()) not in {pid for _, pid in words}
 
 
+@pytest.mark.wall_clock
 def test_a_loop_that_hangs_is_halted_from_outside_and_does_not_hold_up_the_end(tmp_path: Path) -> None:
     told = tmp_path / "told"
 
@@ -162,6 +163,7 @@ def test_a_process_that_cannot_even_be_asked_is_killed_and_the_run_says_so() -> 
         os.kill(node.get_data("pid"), 0)  # no zombie either
 
 
+@pytest.mark.wall_clock
 def test_loops_in_processes_end_together_and_not_one_after_the_other(tmp_path: Path) -> None:
     """By when their halts begin, each of which rests for a quarter of a second."""
     names = [f"loop{i}" for i in range(6)]

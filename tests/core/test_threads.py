@@ -42,6 +42,7 @@ def cost_of(node: Node) -> tuple[float, float]:
     return time.thread_time() - before_s, took_s
 
 
+@pytest.mark.wall_clock
 def test_weakness_5_an_idle_node_costs_nothing() -> None:
     def is_cheap() -> bool:
         to_begin_and_end_s, _ = cost_of(node_of(TimeoutLoopFactory(seconds=0.0)))
@@ -54,6 +55,7 @@ def test_weakness_5_an_idle_node_costs_nothing() -> None:
     assert holds_once(is_cheap)
 
 
+@pytest.mark.wall_clock
 def test_a_node_whose_loops_wait_costs_nothing_either() -> None:
     def is_cheap() -> bool:
         ticks: list[tuple[float, float]] = []
@@ -68,6 +70,7 @@ def test_a_node_whose_loops_wait_costs_nothing_either() -> None:
     assert holds_once(is_cheap)
 
 
+@pytest.mark.wall_clock
 def test_a_node_that_sleeps_is_woken_as_soon_as_a_bare_thread() -> None:
     """A node that looked every 10 ms would take half of that; a thread that waits for another takes 0.05 ms, and on a
     busy computer both take longer."""
@@ -190,7 +193,7 @@ def test_a_real_thread_that_waits_for_long_is_woken_by_a_hurry_and_its_end() -> 
 
     def work(loop: Any) -> None:
         loop.next_tick_at_s = 1e6
-        if loop.caller is not None and loop.caller.ticks == 2:
+        if loop.caller is not None and loop.caller.ticks >= 2:
             came.set()
 
     node = node_of(TickerFactory(work, rate_hz=1000), TimeoutLoopFactory(seconds=60))
@@ -202,9 +205,10 @@ def test_a_real_thread_that_waits_for_long_is_woken_by_a_hurry_and_its_end() -> 
     node.schedule(tasks.terminate("enough"))
     running.join(60.0)
     assert not running.is_alive()
-    assert loop.caller.ticks == 2
+    assert loop.caller.ticks >= 2  # one more if it was hurried again before anybody could see it
 
 
+@pytest.mark.wall_clock
 def test_a_real_thread_ticks_once_a_period_and_not_a_period_after_its_work() -> None:
     """The middle of its intervals: one and a half periods if it waited a period after its work, on any computer."""
     ticks: list[float] = []
@@ -252,6 +256,7 @@ def test_weakness_17_fifty_loops_at_10_hz_end_together_and_not_one_after_the_oth
     assert all_halted.wait(15.0)
 
 
+@pytest.mark.wall_clock
 def test_loops_that_hang_are_halted_from_outside_named_and_cost_one_timeout_together() -> None:
     halted: list[str] = []
     there: set[str] = set()

@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.wall_clock
+
 FRAME_S = 0.02
 LEASE_S = 0.2
 WAIT_S = 60.0

@@ -292,6 +292,7 @@ def pushing(kind: str, place: str) -> Iterator[subprocess.Popen[str]]:
             node.kill()
 
 
+@pytest.mark.wall_clock
 @pytest.mark.parametrize("kind", ["open_tree", "open_chip"])
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
 def test_h9_a_program_that_is_killed_or_hangs_leaves_neutral_within_a_quarter_of_a_second(
@@ -328,6 +329,7 @@ def is_alive(pid: int) -> bool:
     return False
 
 
+@pytest.mark.wall_clock
 @pytest.mark.parametrize("kind", ["open_tree", "open_chip"])
 def test_h9_a_supervisor_that_is_killed_leaves_neutral_by_its_guard_is_told_and_the_next_one_takes_over(
     tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch

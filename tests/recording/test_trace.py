@@ -343,6 +343,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.wall_clock
 def test_kill_9_loses_at_most_the_last_tenth_of_a_second(tmp_path: Path) -> None:
     """Of six that are killed one at least: a busy computer keeps threads waiting, but not always."""
     program = tmp_path / "slow.py"

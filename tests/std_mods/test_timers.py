@@ -55,6 +55,7 @@ def test_a_time_that_is_none_is_refused(seconds: float) -> None:
         TimeoutLoopFactory(seconds=seconds)
 
 
+@pytest.mark.wall_clock
 def test_on_the_wall_clock_a_timeout_comes_after_its_time_and_mostly_soon() -> None:
     took_s = []
     for _ in range(5):

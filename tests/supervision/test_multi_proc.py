@@ -139,6 +139,7 @@ def test_a_role_that_ends_lets_the_others_go_on_unless_it_ends_all() -> None:
     assert_all_halted(program.out)
 
 
+@pytest.mark.wall_clock
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_weakness_22_one_signal_ends_every_role_in_order_and_loops_in_processes_too(number: int) -> None:
     program = Program("nothing", "heavy")
@@ -149,6 +150,7 @@ def test_weakness_22_one_signal_ends_every_role_in_order_and_loops_in_processes_
     assert program.out.count("halted") == 3
 
 
+@pytest.mark.wall_clock
 def test_a_role_that_does_not_return_is_interrupted_a_moment_later_and_all_is_halted() -> None:
     program = Program("doze")
     program.wait_for("begun", 2)
@@ -159,6 +161,7 @@ def test_a_role_that_does_not_return_is_interrupted_a_moment_later_and_all_is_ha
     assert_all_halted(program.out)
 
 
+@pytest.mark.wall_clock
 def test_a_second_signal_does_not_wait_for_what_cannot_be_interrupted() -> None:
     program = Program("stubborn")
     program.wait_for("begun", 2)

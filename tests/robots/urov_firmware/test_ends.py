@@ -100,6 +100,7 @@ def all_neutral_at_us(log: Path) -> float | None:
     return max(rises_us.values()) if is_neutral else None
 
 
+@pytest.mark.wall_clock
 @pytest.mark.parametrize(
     ("how", "within_ms"),
     [

@@ -77,6 +77,7 @@ def test_weakness_7_a_page_beyond_the_other_ends_limit_is_counted_and_the_link_s
     assert robot.until_link("t", dropped=1)["up"]
 
 
+@pytest.mark.wall_clock
 def test_weakness_8_a_round_trip_does_not_wait_for_the_other_ends_acknowledgement(
     start: Start, pair: SocketsPair
 ) -> None:

@@ -333,6 +333,7 @@ def test_the_one_that_listens_may_be_killed_and_come_back(
     rov.until_link("fleet")
 
 
+@pytest.mark.wall_clock
 @pytest.mark.skipif(os.name == "nt", reason="stops a process, as POSIX does")
 def test_a_process_that_hangs_neither_holds_up_a_node_nor_its_end(
     start: Start, process: Callable[..., Process], net: ZenohNet
