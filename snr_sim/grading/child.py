@@ -9,6 +9,7 @@ from __future__ import annotations
 import fcntl
 import importlib
 import os
+import resource
 import signal
 import sys
 import time
@@ -61,6 +62,7 @@ class Child:
         self._modules: dict[str, ModuleType] = {}
         self._hosts: list[Any] = []
         self.verbs: dict[str, Callable[[msgspec.Raw], bytes]] = {
+            "hello": lambda raw: b"%d" % os.getuid(),
             "call": self.call,
             "host": self.host,
             "ask": self.ask,
@@ -191,10 +193,20 @@ def short(value: Any) -> str:
     return text if len(text) <= _SHOWN else text[:_SHOWN] + " ..."
 
 
-def main(line: int) -> None:
-    """Answers until nobody asks any more. Does not return."""
+def main(line: int, limits: tuple[int, int, int, int], is_alone: bool, user: int | None) -> None:
+    """Answers until nobody asks any more. Does not return.
+
+    Args:
+        line: the file descriptor of the conversation.
+        limits: seconds of CPU time, bytes of memory, bytes of a file, open files.
+        is_alone: whether it has a namespace of its own, in which it may start nothing.
+        user: whom to become, if the process is root's.
+    """
     private = fcntl.fcntl(line, fcntl.F_DUPFD_CLOEXEC, _FIRST_PRIVATE_FD)
     os.close(line)
+    if user is not None:
+        _become(user)
+    _limit(limits, is_alone)
     sys.stdout.reconfigure(line_buffering=True, errors="backslashreplace")  # type: ignore[union-attr]
     time.sleep = _do_not_sleep  # type: ignore[assignment]
     signal.signal(signal.SIGPROF, _time_is_up)
@@ -206,6 +218,31 @@ def main(line: int) -> None:
     for asked in _lines(private):
         _say(private, _answer(child, asked))
     os._exit(0)
+
+
+def _become(user: int) -> None:
+    os.setgroups([])
+    os.setresgid(user, user, user)
+    os.setresuid(user, user, user)  # with it all of root's rights are gone, for good
+
+
+def _limit(limits: tuple[int, int, int, int], is_alone: bool) -> None:
+    cpu_s, memory_bytes, file_bytes, open_files = limits
+    hard = {
+        resource.RLIMIT_CPU: (cpu_s, cpu_s + 1),
+        resource.RLIMIT_AS: (memory_bytes, memory_bytes),
+        resource.RLIMIT_FSIZE: (file_bytes, file_bytes),
+        resource.RLIMIT_NOFILE: (open_files, open_files),
+        resource.RLIMIT_CORE: (0, 0),
+    }
+    if is_alone:  # else this would count all that the student runs on this computer
+        hard[resource.RLIMIT_NPROC] = (1, 1)
+    for name, value in hard.items():
+        try:
+            resource.setrlimit(name, value)
+        except (OSError, ValueError):
+            if is_alone:
+                raise
 
 
 def _answer(child: Child, asked: bytes) -> bytes:

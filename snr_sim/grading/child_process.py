@@ -11,14 +11,26 @@ import select
 import signal
 import socket
 import subprocess
+import tempfile
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from snr_sim.grading.protocol import MAX_ANSWER_BYTES, Answer, Said, decode_answer, encode
-from snr_sim.grading.sandbox import Limits, command_of, environment, search_path
+from snr_sim.grading.sandbox import (
+    NOBODY,
+    Isolation,
+    Limits,
+    environment,
+    find_bubblewrap,
+    forbidden,
+    start_command,
+)
 from snr_sim.grading.verdicts import LabFault, Misbehaved
 
 KEPT_BYTES = 8_000  # of what it prints
@@ -37,7 +49,7 @@ class ChildProcess:
         readable: further folders it may read: of robots.
     """
 
-    def __init__(self, folder: Path, isolation: str, limits: Limits, readable: Sequence[Path] = ()) -> None:
+    def __init__(self, folder: Path, isolation: Isolation, limits: Limits, readable: Sequence[Path] = ()) -> None:
         self._limits = limits
         self._n = 0
         self._heard = bytearray()
@@ -47,7 +59,7 @@ class ChildProcess:
         self._socket = here
         here.setblocking(False)
         with there:
-            command, cwd = command_of(folder, isolation, there.fileno(), [*readable, *search_path()])
+            command, cwd = start_command(folder, isolation, there.fileno(), limits, readable)
             try:
                 self._process = subprocess.Popen(
                     command,
@@ -231,3 +243,24 @@ def misbehaved(said: Said) -> Misbehaved:
         "slow": "That took too long: is there a loop without an end?",
     }
     return Misbehaved(text, hints.get(said.step, "Your program raised an error: look at the line named."))
+
+
+@lru_cache(maxsize=1)
+def try_sandbox() -> None:
+    """Starts a process in the sandbox once, and hears whether it answers.
+
+    Raises:
+        IsolationMissing: it does not.
+    """
+    find_bubblewrap()
+    with tempfile.TemporaryDirectory(prefix="snr-grading-") as name:
+        os.chmod(name, 0o755)
+        child = ChildProcess(Path(name), "sandbox", Limits())
+        try:
+            answer = child.ask("hello", None, 10.0)
+        except Misbehaved as error:
+            raise forbidden(child.printed or error.message) from error
+        finally:
+            child.close()
+    if msgspec.json.decode(answer.value) != NOBODY:
+        raise forbidden("the process in the sandbox is not nobody's")

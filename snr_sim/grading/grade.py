@@ -9,9 +9,10 @@ from typing import Literal
 
 from snr_sim import __version__
 from snr_sim.core.blame import describe_error
+from snr_sim.grading.child_process import try_sandbox
 from snr_sim.grading.lab import Case, Check, Lab
 from snr_sim.grading.results import CaseResult, CheckResult, Graded
-from snr_sim.grading.sandbox import Limits
+from snr_sim.grading.sandbox import Isolation, Limits
 from snr_sim.grading.student import Student
 from snr_sim.grading.verdicts import LabFault, Misbehaved, Verdict
 
@@ -66,11 +67,16 @@ def grade_submission(
     )
 
 
-def sandboxed(isolation: str) -> Literal["sandbox", "none"]:
-    """Returns how a student's process will be kept, as reports say it."""
+def sandboxed(isolation: Literal["required", "none"]) -> Isolation:
+    """Returns how a student's process will be kept, as reports say it.
+
+    Raises:
+        IsolationMissing: isolation is required, and cannot be had here.
+    """
     if isolation == "none":
         return "none"
-    raise NotImplementedError
+    try_sandbox()
+    return "sandbox"
 
 
 class _Grading:
@@ -81,7 +87,7 @@ class _Grading:
         lab: Lab,
         folder: Path,
         secret: bytes | None,
-        isolation: str,
+        isolation: Isolation,
         out: Path | None,
         limits: Limits | None,
         on_case: OnCase | None,

@@ -1,15 +1,41 @@
-"""How a student's process is started, and what it may use."""
+"""Keeps a student's process apart: bubblewrap's namespaces around it, the kernel's limits on it.
+
+In it there are Python, the kit without its labs, the submission, and 16 MB in memory to write on; all else is
+read-only or absent: no network, no other process, no environment, no file of ours. It is nobody's (uid 65534), it can
+start neither process nor thread, and when the grader ends it, everything in its namespace ends.
+
+As root, bubblewrap makes the mounts by that right, and the child gives it away before it reads the submission
+(`child.py`). So no user namespaces are needed, and folders that only root may enter can hold Python. Anybody else
+needs user namespaces.
+"""
 
 from __future__ import annotations
 
+import os
+import shutil
+import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
+from typing import Literal, TypeAlias
 
 import snr_sim
+from snr_sim.prelude.errors import SnrError
 
 KIT = Path(snr_sim.__file__).resolve().parent
+NOBODY = 65534
+SUBMISSION = Path("/submission")
+_SCRATCH_BYTES = 16 << 20
+_SYSTEM = ("/lib", "/lib32", "/lib64", "/libx32")
+_INSTALL = "apt install bubblewrap"
+
+Isolation: TypeAlias = Literal["sandbox", "none"]  # as reports say it
+
+
+class IsolationMissing(SnrError):
+    """A student's program cannot be kept apart here, and was to be."""
 
 
 @dataclass(frozen=True)
@@ -19,10 +45,14 @@ class Limits:
     Args:
         cpu_s: CPU time of its whole life, its start with the imports included.
         memory_bytes: address space.
+        file_bytes: the longest file it may write.
+        open_files: how many files it may have open.
     """
 
-    cpu_s: float = 60.0
-    memory_bytes: int = 2 << 30
+    cpu_s: int = 60
+    memory_bytes: int = 1 << 30
+    file_bytes: int = _SCRATCH_BYTES
+    open_files: int = 64
 
     def wall_s(self, cpu_s: float) -> float:
         """Returns how long to wait for something that may take so much CPU time: far longer, on a busy computer."""
@@ -35,23 +65,129 @@ def environment() -> dict[str, str]:
     return {"PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1", "LC_ALL": "C.UTF-8", **threads}
 
 
-def search_path() -> list[Path]:
-    """Returns where the child looks for modules: Python's own folders, installed packages and the kit."""
-    own = [Path(entry).resolve() for entry in sys.path if entry and Path(entry).is_dir()]
-    prefixes = {Path(one).resolve() for one in (sys.prefix, sys.base_prefix)}
-    kept = [path for path in own if any(path.is_relative_to(prefix) for prefix in prefixes)]
-    return list(dict.fromkeys([*kept, KIT.parent]))
+def start_command(
+    folder: Path, isolation: Isolation, line: int, limits: Limits, readable: Sequence[Path]
+) -> tuple[list[str], Path]:
+    """Returns the command that starts a student's process, and the folder to start it in.
 
-
-def command_of(folder: Path, isolation: str, line: int, readable: Sequence[Path]) -> tuple[list[str], Path]:
-    """Returns the command that starts a student's process, and its current folder.
+    Nothing in it tells more than where Python and the kit are: a process can read its own command.
 
     Args:
         folder: of the submission.
-        isolation: "none".
+        isolation: how it is kept.
         line: the file descriptor it answers on.
-        readable: folders that it may read.
+        limits: what it may use.
+        readable: further folders that it may read.
     """
-    path = [str(one) for one in search_path()]
-    begin = f"import sys; sys.path[:] = {path!r}; from snr_sim.grading.child import main; main({line})"
-    return [sys.executable, "-P", "-s", "-S", "-c", begin], folder
+    limited = (limits.cpu_s, limits.memory_bytes, limits.file_bytes, limits.open_files)
+    drops_to = NOBODY if isolation == "sandbox" and _is_root() else None
+    path = [str(one) for one in _search_path()]
+    begin = (
+        f"import sys; sys.path[:] = {path!r}; "
+        f"from snr_sim.grading.child import main; main({line}, {limited}, {isolation == 'sandbox'}, {drops_to})"
+    )
+    # What -I is, but for PYTHONHASHSEED, which it would not read: there is nothing else in the environment.
+    python = [os.path.realpath(sys.executable), "-P", "-s", "-S", "-c", begin]
+    if isolation == "none":
+        return python, folder
+    return [*_wrapping(folder, readable), *python], Path("/")
+
+
+@lru_cache(maxsize=1)
+def find_bubblewrap() -> Path:
+    """Returns where bubblewrap is.
+
+    Raises:
+        IsolationMissing: it is not installed, or this is no Linux.
+    """
+    if sys.platform != "linux":
+        raise IsolationMissing(
+            "A student's program can be kept apart on Linux only.",
+            fix="grade on Linux or in a container; --isolation none is for practice, and every report says so.",
+        )
+    found = shutil.which("bwrap")
+    if found is None:
+        raise IsolationMissing("bubblewrap is not installed, which keeps a student's program apart.", fix=_INSTALL)
+    return Path(found).resolve()
+
+
+def forbidden(words: str) -> IsolationMissing:
+    """Returns what there is to say when bubblewrap could not start a process."""
+    if "setting up uid map" in words or "ermission" in words or "not permitted" in words:
+        return IsolationMissing(
+            f"This computer does not let bubblewrap make namespaces: {words.strip()}",
+            fix="run the grader as root; or allow user namespaces (on Ubuntu: sysctl -w "
+            "kernel.apparmor_restrict_unprivileged_userns=0); a container needs --privileged.",
+        )
+    return IsolationMissing(
+        f"bubblewrap could not start Python: {words.strip()}",
+        fix="Python and its packages must be readable for everybody; is part of them linked from elsewhere?",
+    )
+
+
+def _is_root() -> bool:
+    return os.geteuid() == 0
+
+
+def _wrapping(folder: Path, readable: Sequence[Path]) -> Iterator[str]:
+    """Yields bubblewrap with its options."""
+    yield from (str(find_bubblewrap()), "--die-with-parent", "--new-session", "--clearenv", "--cap-drop", "ALL")
+    yield from ("--unshare-ipc", "--unshare-pid", "--unshare-net", "--unshare-uts", "--unshare-cgroup-try")
+    for name, value in environment().items():
+        yield from ("--setenv", name, value)
+    if _is_root():
+        for capability in ("CAP_SETUID", "CAP_SETGID"):  # to become nobody
+            yield from ("--cap-add", capability)
+    else:
+        yield from ("--unshare-user", "--uid", str(NOBODY), "--gid", str(NOBODY))
+    yield from ("--hostname", "grader", "--dev", "/dev", *_scratch(), "--ro-bind", "/usr", "/usr")
+    for name in _SYSTEM:
+        if os.path.islink(name):
+            yield from ("--symlink", os.readlink(name), name)
+        elif os.path.isdir(name):
+            yield from ("--ro-bind", name, name)
+    bound = _outermost([*_pythons(), KIT, *readable])
+    for parent in sorted({parent for path in bound for parent in path.parents} - {Path("/"), Path("/tmp")}):
+        yield from ("--dir", str(parent))  # or bubblewrap makes them itself, for root alone
+    for path in bound:
+        yield from ("--ro-bind", str(path), str(path))
+    if (KIT / "shipped" / "assignments").is_dir():
+        yield from ("--tmpfs", str(KIT / "shipped" / "assignments"))
+    yield from ("--ro-bind", str(folder), str(SUBMISSION), "--chdir", str(SUBMISSION), "--remount-ro", "/", "--")
+
+
+def _scratch() -> list[str]:
+    """Returns options for /tmp, in memory and bounded; with a bubblewrap that cannot bound it, nothing to write on."""
+    if _knows_sizes():
+        return ["--perms", "1777", "--size", str(_SCRATCH_BYTES), "--tmpfs", "/tmp"]
+    return ["--dir", "/tmp"]
+
+
+@lru_cache(maxsize=1)
+def _knows_sizes() -> bool:
+    told = subprocess.run([find_bubblewrap(), "--help"], capture_output=True, text=True, check=False)
+    return "--size" in told.stdout + told.stderr
+
+
+def _pythons() -> list[Path]:
+    """Returns where Python's own library and the installed packages are."""
+    base = Path(sys.base_prefix).resolve()
+    return [path for path in (base, *_packages()) if not path.is_relative_to("/usr")]
+
+
+def _packages() -> list[Path]:
+    """Returns the folders of packages that Python looks into."""
+    entries = [Path(entry).resolve() for entry in sys.path if entry and Path(entry).is_dir()]
+    prefixes = {Path(one).resolve() for one in (sys.prefix, sys.base_prefix)}
+    return [entry for entry in entries if any(entry.is_relative_to(prefix) for prefix in prefixes)]
+
+
+def _search_path() -> list[Path]:
+    """Returns where the child looks for modules: Python's own folders, installed packages and the kit."""
+    return list(dict.fromkeys([*_packages(), KIT.parent]))
+
+
+def _outermost(paths: Sequence[Path]) -> list[Path]:
+    """Returns paths, each once, without those that are in another one."""
+    resolved = sorted({path.resolve() for path in paths})
+    return [path for path in resolved if not any(path != one and path.is_relative_to(one) for one in resolved)]

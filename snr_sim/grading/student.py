@@ -16,7 +16,7 @@ import msgspec
 from snr_sim.grading.child_process import ChildProcess, misbehaved
 from snr_sim.grading.imports import check_imports
 from snr_sim.grading.protocol import ProtocolError, plain_value
-from snr_sim.grading.sandbox import Limits
+from snr_sim.grading.sandbox import Isolation, Limits
 from snr_sim.grading.verdicts import LabFault, Misbehaved
 from snr_sim.prelude.values import encode_value, may_have_marks
 
@@ -42,7 +42,7 @@ class Student:
     def __init__(
         self,
         folder: Path,
-        isolation: str = "none",
+        isolation: Isolation = "none",
         may_import: frozenset[str] = frozenset(),
         limits: Limits | None = None,
         record_to: Path | None = None,
