@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import hashlib
 import importlib
-import importlib.metadata
 import importlib.util
 import os
 import sys
@@ -299,11 +298,13 @@ def hashes_of_files(files: Sequence[tuple[str, Path]]) -> dict[str, str]:
 
 def package_versions() -> dict[str, str]:
     """Returns the versions of the packages that a run depends on, as far as they are installed."""
+    from importlib import metadata  # it takes as long to import as all the rest, and few need it
+
     versions = {}
     for package in _REPORTED_PACKAGES:
         try:
-            versions[package] = importlib.metadata.version(package)
-        except importlib.metadata.PackageNotFoundError:
+            versions[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
             continue
     return versions
 

@@ -12,7 +12,6 @@ import signal
 import socket
 import subprocess
 import tempfile
-import time
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import lru_cache
@@ -21,7 +20,8 @@ from typing import Any
 
 import msgspec
 
-from snr_sim.grading.protocol import MAX_ANSWER_BYTES, Answer, Said, decode_answer, encode
+from snr_sim.grading.patience import Patience
+from snr_sim.grading.protocol import MAX_ANSWER_BYTES, Answer, Ask, Said, decode_answer, encode
 from snr_sim.grading.sandbox import (
     NOBODY,
     Isolation,
@@ -37,6 +37,8 @@ KEPT_BYTES = 8_000  # of what it prints
 MAX_PRINTED_BYTES = 1 << 20
 _END_S = 2.0
 _CHUNK = 1 << 16
+_NEWLINE = 10
+_LOOK_S = 0.5  # so often it is looked at whether a process that does not answer is working
 
 
 class ChildProcess:
@@ -81,6 +83,8 @@ class ChildProcess:
         self._poll.register(self._socket, select.POLLIN)
         self._poll.register(self._output, select.POLLIN)
         self._is_hearing_output = True
+        self._line = here.fileno()
+        self._event = select.POLLIN
 
     @property
     def printed(self) -> str:
@@ -93,17 +97,17 @@ class ChildProcess:
 
         Args:
             do: the child's verb.
-            args: a Struct or a dict of its arguments.
+            args: a Struct, a list or a dict of its arguments.
             cpu_s: how much CPU time it may take; the child itself counts, and the kernel behind it.
 
         Raises:
-            Misbehaved: it ended, was too slow, printed too much, or answered nonsense.
+            Misbehaved: it ended, was too slow, printed too much, or answered what it was not asked.
+            ProtocolError: it answered nonsense.
         """
         self._n += 1
-        line = encode({"n": self._n, "do": do, "args": args, "cpu_s": cpu_s}) + b"\n"
-        give_up_s = time.monotonic() + self._limits.wall_s(cpu_s)
-        self._send(line, give_up_s)
-        answer = decode_answer(self._receive(give_up_s))
+        patience = Patience(self._limits.wall_s(cpu_s), self._process.pid)
+        self._send(encode(Ask(self._n, do, args, cpu_s)) + b"\n", patience)
+        answer = decode_answer(self._receive(patience))
         if answer.n != self._n:
             self.kill()
             raise Misbehaved(
@@ -111,56 +115,66 @@ class ChildProcess:
             )
         return answer
 
-    def _send(self, line: bytes, give_up_s: float) -> None:
+    def _send(self, line: bytes, patience: Patience) -> None:
         view = memoryview(line)
         while True:
             try:
                 view = view[self._socket.send(view) :]
             except BlockingIOError:
-                self._wait(give_up_s, select.POLLIN | select.POLLOUT)
+                self._wait(patience, select.POLLOUT)
             except OSError:
                 return  # it has ended; whoever listens is told
             if not view:
                 return
 
-    def _receive(self, give_up_s: float) -> bytes:
+    def _receive(self, patience: Patience) -> bytes:
+        heard = self._heard
         while True:
+            self._wait(patience, select.POLLIN)
             try:
                 data = self._socket.recv(_CHUNK)
             except BlockingIOError:
-                self._wait(give_up_s, select.POLLIN)
                 continue
             except OSError:
                 data = b""
             if not data:
                 raise self._ended()
-            heard = self._heard
             heard += data
-            if data[-1] == 10:
-                line, rest = (heard, b"") if heard.count(b"\n") == 1 else heard.split(b"\n", 1)
-                self._heard = bytearray(rest)
-                return bytes(line)
+            if data[-1] == _NEWLINE:
+                line = bytes(heard)
+                heard.clear()
+                return line
             if len(heard) > MAX_ANSWER_BYTES:
                 self.kill()
                 raise Misbehaved(
                     f"It answered with more than {MAX_ANSWER_BYTES} bytes.", "Return what was asked for, and no more."
                 )
 
-    def _wait(self, give_up_s: float, events: int) -> None:
-        """Waits for the socket, and hears what is printed meanwhile."""
-        self._poll.modify(self._socket, events)
-        left_s = give_up_s - time.monotonic()
-        ready = dict(self._poll.poll(max(0.0, left_s) * 1000.0)) if left_s > 0 else {}
-        if self._output in ready:
-            self._hear_output()
-        if not ready:
-            self.kill()
-            raise Misbehaved(
-                "It has not answered, and was ended.",
-                "Your program waits for something that does not come: a sleep, an input, a lock?",
-                expected="an answer",
-                actual="none",
-            )
+    def _wait(self, patience: Patience, event: int) -> None:
+        """Waits until the socket is ready, and hears what is printed meanwhile.
+
+        Raises:
+            Misbehaved: that has no end.
+        """
+        if event != self._event:
+            self._event = event
+            self._poll.modify(self._socket, event)
+        while True:
+            ready = self._poll.poll(_LOOK_S * 1000.0)
+            if len(ready) == 1 and ready[0][0] == self._line:
+                return
+            if any(fd == self._output for fd, _ in ready):
+                self._hear_output()
+                if len(ready) > 1:
+                    return
+            elif not ready and patience.is_over():
+                self.kill()
+                raise Misbehaved(
+                    "It has not answered, and was ended.",
+                    "Your program waits for something that does not come: an input, a lock, a line that nobody sends?",
+                    expected="an answer",
+                    actual="none",
+                )
 
     def _hear_output(self) -> None:
         while self._is_hearing_output:

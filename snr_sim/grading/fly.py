@@ -24,7 +24,7 @@ from snr_sim.recording.folder import write_result
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import ErrorRecord, PageRecord, TruthRecord
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
-from snr_sim.simulation import Request, Simulation, prepare
+from snr_sim.simulation import Request, Simulation, controlled_roles, prepare
 
 if TYPE_CHECKING:
     from snr_sim.grading.student import Student
@@ -127,7 +127,7 @@ def _prepared(
         path = Path(str(request.controller))
         module = remote.controller(path, robots)
         base, standard = _base(request, getattr(module, "ROLES", None))
-        check_options(request.options, base.robot_file, module)
+        _check_names(base, module, request.options)
         read = partial(_read_files, remote, path.parent, robots)
         simulation = base.with_controller(module, standard, request, read)
         plant = simulation.plant()
@@ -143,6 +143,21 @@ def _prepared(
         lambda recorder: Flight(simulation, plant, config, recorder),
         lambda folder: TraceWriter(folder / FILE_NAME, simulation.header(plant, config), simulation.opening()),
     )
+
+
+def _check_names(base: Simulation, module: ModuleType, options: dict[str, str]) -> None:
+    """Checks the student's ROLES, and its OPTIONS with what is asked for.
+
+    Raises:
+        Misbehaved: they are not what they should be.
+    """
+    try:
+        roles = controlled_roles(module, base.robot_file)
+        check_options(options, base.robot_file, module)
+    except SnrError as error:
+        raise Misbehaved(str(error), "Look at ROLES and OPTIONS of your file.") from error
+    if len(set(roles)) < len(roles):
+        raise Misbehaved(f"ROLES is {roles!r}.", "Name each role once in ROLES.")
 
 
 def _read_files(remote: Remote, submission: Path, robots: list[tuple[str, Path]]) -> dict[str, Path]:
@@ -222,7 +237,8 @@ def _robot_of(scenario: str) -> library.Found:
 
 def _base(request: Request, roles: Any) -> tuple[Simulation, ModuleType | None]:
     """Returns a scenario with its robot, loaded once for many flights, and who controls what the student does not."""
-    what = (request.scenario, request.engine, request.io, None if roles is None else tuple(map(str, roles)))
+    named = tuple(map(str, roles)) if isinstance(roles, list) else None
+    what = (request.scenario, request.engine, request.io, named)
     base, standard = _loaded(*what)
     if sys.modules.get(base.robot_file.__name__) is not base.robot_file:  # somebody has loaded another one since
         _loaded.cache_clear()

@@ -135,10 +135,8 @@ class _Grading:
         student = Student(self._folder, self._isolation, self._lab.may_import, self._limits, run)
         error = ""
         try:
-            try:
+            with student:
                 verdict = check.judge(student, case)
-            finally:
-                student.close()
         except Misbehaved as wrong:
             error = wrong.message
             verdict = Verdict(0.0, wrong.hint, wrong.expected, wrong.actual)

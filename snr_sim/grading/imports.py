@@ -11,6 +11,7 @@ from snr_sim.grading.verdicts import Misbehaved
 _NO_NETWORK = "there is no network in the grader"
 _ONE_PROCESS = "a submission has one process and one thread, which the grader starts"
 _PYTHON_ONLY = "a submission is plain Python"
+_LONGEST_BYTES = 1 << 20
 REFUSED = {
     **dict.fromkeys(("socket", "socketserver", "ssl", "urllib", "http", "requests", "ftplib", "smtplib"), _NO_NETWORK),
     **dict.fromkeys(("subprocess", "multiprocessing", "concurrent", "pty"), _ONE_PROCESS),
@@ -54,7 +55,8 @@ def _refused(module: str, may_import: frozenset[str]) -> str:
 
 def _imported(path: Path) -> Iterator[tuple[str, int]]:
     try:
-        tree = ast.parse(path.read_bytes())
+        with path.open("rb") as opened:
+            tree = ast.parse(opened.read(_LONGEST_BYTES))
     except (OSError, SyntaxError, ValueError, RecursionError, MemoryError):
         return  # whoever reads it to run it says what is wrong
     for node in ast.walk(tree):

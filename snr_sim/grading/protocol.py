@@ -33,6 +33,15 @@ class Ask(msgspec.Struct, frozen=True):
 
     n: int
     do: str
+    args: Any
+    cpu_s: float
+
+
+class Asked(msgspec.Struct, frozen=True):
+    """The same as the child hears it: the arguments are for the verb to read."""
+
+    n: int
+    do: str
     args: msgspec.Raw
     cpu_s: float
 
@@ -74,7 +83,7 @@ class ProtocolError(SnrError):
 
 
 encode = msgspec.json.Encoder().encode
-decode_ask = msgspec.json.Decoder(Ask).decode
+decode_ask = msgspec.json.Decoder(Asked).decode
 _decode_answer = msgspec.json.Decoder(Answer).decode
 T = TypeVar("T")
 

@@ -29,7 +29,7 @@ CALL_CPU_S = 10.0
 
 
 class Student:
-    """One submission, for one case.
+    """One submission, for one case; close it in the end, or use `with`.
 
     Args:
         folder: of the submission.
@@ -57,6 +57,12 @@ class Student:
         self._child: ChildProcess | None = None
         self._printed: list[str] = []
 
+    def __enter__(self) -> Student:
+        return self
+
+    def __exit__(self, *why: object) -> None:
+        self.close()
+
     def source(self, file: str) -> str:
         """Returns the text of a submitted file.
 
@@ -65,11 +71,12 @@ class Student:
         """
         path = self._path(file)
         try:
-            data = path.read_bytes()
+            with path.open("rb") as opened:
+                data = opened.read(MAX_SOURCE_BYTES + 1)
         except OSError:
             raise Misbehaved(f"There is no file {file}.", f"Hand in a file called {file}.", expected=file) from None
         if len(data) > MAX_SOURCE_BYTES:
-            raise Misbehaved(f"{file} has {len(data)} bytes.", "Hand in the program alone.")
+            raise Misbehaved(f"{file} has more than {MAX_SOURCE_BYTES} bytes.", "Hand in the program alone.")
         try:
             return data.decode()
         except UnicodeDecodeError as error:
@@ -191,9 +198,11 @@ class Student:
             self.done_with(child)
 
     def _path(self, file: str) -> Path:
+        if Path(file).is_absolute() or ".." in Path(file).parts:
+            raise LabFault(f"A check asks for {file!r}, which is outside of the submission.")
         path = (self.folder / file).resolve()
         if not path.is_relative_to(self.folder):
-            raise LabFault(f"A check asks for {file!r}, which is outside of the submission.")
+            raise Misbehaved(f"{file} is a link to elsewhere.", f"Hand in {file} itself, not a link.")
         return path
 
     def _ask(self, do: str, args: Any, budget_s: float) -> msgspec.Raw:
@@ -218,9 +227,14 @@ class Host:
     def ask(
         self, method: str, *args: Any, returns: Any = Any, finite: bool = True, budget_s: float = CALL_CPU_S
     ) -> Any:
-        """Calls a method of the object; arguments, answer and errors as for `Student.call`."""
-        values = msgspec.Raw(encode_value([self._number, method, *args]))
-        raw = self._student._ask("ask", values, budget_s)
+        """Calls a method of the object; answer and errors as for `Student.call`.
+
+        Args:
+            method: its name.
+            args: finite numbers, texts, lists, dicts: encoded without a second look, and tuples become lists.
+            returns, finite, budget_s: as for `Student.call`.
+        """
+        raw = self._student._ask("ask", [self._number, method, *args], budget_s)
         return _checked(f"{self._file}: {method}(...)", raw, returns, finite)
 
 

@@ -1,0 +1,156 @@
+"""What a submission may do wrong: each ends as a failed case with a hint, and the student's own line first."""
+
+from pathlib import Path
+
+import pytest
+
+from snr_sim.grading import Given, Student
+from snr_sim.grading.sandbox import Limits
+from snr_sim.grading.verdicts import Misbehaved
+
+CONTROLLER = """
+from snr_sim import Endpoint, EndpointFactory, Loop, LoopFactory, Task, TaskType, tasks
+from snr_sim.prelude.page import Page
+
+def factories(robot):
+    return [MineFactory()]
+
+class MineFactory(EndpointFactory):
+    def get(self, parent):
+        return Mine(self, parent, "mine")
+
+class Mine(Endpoint):
+    def __init__(self, factory, parent, name):
+        super().__init__(factory, parent, name)
+        self.task_handlers = {(TaskType.process_data, "radar"): self.on_radar, (TaskType.event, "again"): self.on_radar}
+
+    def on_radar(self, task, task_id):
+        BODY
+"""
+
+
+def misbehaviour(folder: Path, source: str, **limits: int) -> Misbehaved:
+    """How a call of `f` in this program ends."""
+    (folder / "mine.py").write_text(source)
+    with Student(folder, limits=Limits(**limits)) as student, pytest.raises(Misbehaved) as caught:
+        student.call("mine.py", "f", 1.0, returns=float, budget_s=1.0)
+    return caught.value
+
+
+@pytest.mark.parametrize(
+    ("source", "first_line", "hint"),
+    [
+        ("def f(x)\n    return x", "mine.py, line 1: def f(x)", "read"),
+        ("", "mine.py has no function `f`.", "look at the line named"),
+        ("f = 3", "mine.py: `f` is 3, not a function.", "look at the line named"),
+        ("def g(x):\n    return x", "mine.py has no function `f`.", "look at the line named"),
+        ("import nowhere", "mine.py, line 1: import nowhere", "read"),
+        ("def f():\n    return 1.0", "mine.py, line 1: def f():", "look at the line named"),
+        ("def f(x):\n    return x / 0", "mine.py, line 2: return x / 0", "look at the line named"),
+        ("def f(x):\n    raise SystemExit(0)", "mine.py, line 2: raise SystemExit(0)", "look at the line named"),
+        ("exit(0)", "mine.py, line 1: exit(0)", "read"),
+        ("import os\ndef f(x):\n    os._exit(0)", "It ended with exit status 0 instead of answering.", "no exit()"),
+        ("def f(x):\n    return 'three'", "mine.py: f(...) returned 'three'.", "float"),
+        ("def f(x):\n    return None", "mine.py: f(...) returned None.", "float"),
+        ("def f(x):\n    return [x]", "mine.py: f(...) returned [1.0].", "float"),
+        ("def f(x):\n    return float('nan')", "mine.py: f(...) returned nan among its numbers.", "finite"),
+        ("def f(x):\n    return object()", "mine.py, line 1: def f(x):", "Return numbers"),
+        ("def f(x):\n    return {1: 2}", "mine.py, line 1: def f(x):", "Return numbers"),
+        ("def f(x):\n    y = []\n    y.append(y)\n    return y", "mine.py, line 1: def f(x):", "Return numbers"),
+        ("def f(x):\n    while True:\n        pass", "mine.py, line ", "loop without an end"),
+        ("while True:\n    pass", "mine.py, line ", "loop without an end"),
+        ("def f(x):\n    return 'y' * 2_000_000", "It answered with more than 1048576 bytes.", "no more"),
+        ("def f(x):\n    while True:\n        print('hello')", "It printed more than a megabyte", "Take out the print"),
+        ("import socket", "mine.py, line 1: imports socket, but there is no network", "Do without importing socket"),
+        ("import beside", "beside.py, line 1: imports subprocess, but", "Do without importing subprocess"),
+        ("import threading\ndef f(x):\n    threading.Thread().start()", "mine.py, line 3: ", "look at the line named"),
+        (
+            "import signal\ndef f(x):\n    signal.sigwait([1])",
+            "It has not answered, and was ended.",
+            "waits for something",
+        ),
+        ("x" * 2_000_000, "mine.py has more than 1048576 bytes.", "program alone"),
+    ],
+)
+def test_what_a_function_does_wrong_is_told_with_its_line_first(
+    source: str, first_line: str, hint: str, tmp_path: Path
+) -> None:
+    (tmp_path / "beside.py").write_text("import subprocess")
+    wrong = misbehaviour(tmp_path, source)
+    assert wrong.message.startswith(first_line)
+    assert hint in wrong.hint
+
+
+def test_a_file_that_is_missing_or_a_link_to_elsewhere_is_told(tmp_path: Path) -> None:
+    (tmp_path / "submission").mkdir()
+    (tmp_path / "secret.py").write_text("def f(x):\n    return x")
+    student = Student(tmp_path / "submission")
+    with pytest.raises(Misbehaved, match=r"There is no file mine\.py"):
+        student.call("mine.py", "f")
+    (tmp_path / "submission" / "mine.py").symlink_to(tmp_path / "secret.py")
+    with pytest.raises(Misbehaved, match=r"mine\.py is a link to elsewhere"):
+        student.source("mine.py")
+
+
+def test_memory_without_end_is_the_students_error(tmp_path: Path) -> None:
+    wrong = misbehaviour(tmp_path, "def f(x):\n    y = [0] * 10**9\n    return x", memory_bytes=1 << 29)
+    assert wrong.message.startswith("mine.py, line 2: y = [0] * 10**9\n  MemoryError")
+
+
+@pytest.mark.parametrize(
+    ("body", "told"),
+    [
+        (
+            "return 1 / 0",
+            "line 18: return 1 / 0\n  ZeroDivisionError: division by zero\n  in on_radar(), component 'mine'",
+        ),
+        ("return 'go'", "'mine.on_radar' returned 'go', which is not a task."),
+        ("return self.store_data_task('radar', 1)", "'mine' stored the page 'radar', which is not its to store."),
+        ("return tasks.event('again')", "set off more than 10000 tasks at one moment"),
+        ("return [tasks.event('x')] * 20_000", "set off more than 10000 tasks at one moment"),
+        ("return tasks.reload_component('radar_sensor')", "asked for a change of components"),
+        ("return tasks.remove_component('radar_sensor')", "asked for a change of components"),
+        ("return Task(TaskType.event, 'finish_node', ['x', 10**9])", "made a task 'finish_node' by itself"),
+        ("return Task(TaskType.store_page, 'a', [Page('a', 1, 'me', 1e9)])", "which is still to come"),
+        ("return Task(TaskType.store_page, 'a', [1])", "does not carry this one page"),
+        ("return self.store_data_task('engine', object())", "a value that cannot leave its process"),
+        ("return self.store_data_task('engine', {'throttle': float('nan')})", "throttle"),
+        ("return self.store_data_task('engine', {'throttle': 'full'})", "throttle"),
+        ("while True: pass", "takes too long"),
+        ("raise SystemExit", "line 18: raise SystemExit"),
+        ("import os; os._exit(0)", "It ended with exit status 0 instead of answering."),
+    ],
+)
+def test_what_a_component_does_wrong_ends_its_flight_and_is_told(body: str, told: str, tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(CONTROLLER.replace("BODY", body))
+    with pytest.raises(Misbehaved) as caught:
+        Student(tmp_path, limits=Limits(cpu_s=4)).fly("lander_vertical", 3, "mine.py")
+    assert told in caught.value.message
+    assert caught.value.hint
+
+
+@pytest.mark.parametrize(
+    ("source", "told"),
+    [
+        ("", "mine.py has no function `factories`"),
+        ("def factories(robot):\n    return 3", "mine.py: factories(robot) returned 3, which is not a list."),
+        ("def factories(robot):\n    return [3]", "returned a list with 3, which is not a factory."),
+        ("def factories():\n    return []", "factories() is called with 1 argument(s)"),
+        (CONTROLLER.replace("def get", "def got"), "MineFactory needs a method get"),
+        (CONTROLLER + "\nROLES = ('captain',)", "the robot has no role 'captain'"),
+        (CONTROLLER + "\nROLES = 3", "ROLES is 3, not a tuple of roles"),
+        (CONTROLLER + "\nOPTIONS = 3", "OPTIONS is 3, not a dict"),
+    ],
+)
+def test_a_controller_that_cannot_be_put_together_is_told(source: str, told: str, tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(source.replace("BODY", "return None"))
+    with pytest.raises(Misbehaved) as caught:
+        Student(tmp_path).fly("lander_vertical", 3, "mine.py")
+    assert told in caught.value.message
+
+
+def test_what_a_component_does_wrong_in_a_bare_node_is_told(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(CONTROLLER.replace("BODY", "return self.get_data('radar')['altitude']"))
+    with pytest.raises(Misbehaved) as caught:
+        Student(tmp_path).feed("mine.py", [Given(0.0, "radar", {"altitude_m": 1.0})], robot="lander")
+    assert caught.value.message.startswith("mine.py, line 18: return self.get_data('radar')['altitude']\n  KeyError")
