@@ -33,6 +33,9 @@ ENVIRONMENTS: dict[str, tuple[str, dict[str, Any]]] = {
     "snr_sim/UrovDepthHold-v0": (f"{UROVS}:UrovDepthHold", {}),
     "snr_sim/UrovStation-v0": (f"{UROVS}:UrovStation", {}),
 }
+# Under LunarLander-v3's definitions, its time limit and its mark for a solved task among them.
+COMPATIBLE = "snr_sim/LunarLanderBox-v0"
+COMPATIBLE_ENTRY = "snr_sim.learning.lunar_box:LunarLanderBox"
 
 
 def box(low: Sequence[float], high: Sequence[float]) -> spaces.Box[np.float32]:
@@ -45,3 +48,5 @@ def make_known() -> None:
     for name, (entry_point, kwargs) in ENVIRONMENTS.items():
         if name not in registry:
             register(id=name, entry_point=entry_point, kwargs=kwargs)
+    if COMPATIBLE not in registry:
+        register(id=COMPATIBLE, entry_point=COMPATIBLE_ENTRY, max_episode_steps=1000, reward_threshold=200)

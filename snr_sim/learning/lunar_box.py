@@ -1,0 +1,219 @@
+"""An environment that is stepped, observed and rewarded as gymnasium's LunarLander-v3 is, without Box2D."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from snr_sim.learning.gym import Env, box, spaces
+from snr_sim.learning.lunar_box_picture import frame_of
+from snr_sim.learning.lunar_box_world import (
+    CHUNKS,
+    HEIGHT,
+    LEG_DOWN,
+    PAD_Y,
+    START_ARM,
+    STEPS_HZ,
+    WIDTH,
+    LunarBoxWorld,
+)
+from snr_sim.prelude.errors import ParameterError
+
+POWERS = {0: (0.0, 0.0), 1: (0.0, -1.0), 2: (1.0, 0.0), 3: (0.0, 1.0)}  # of the main and the orientation engines
+PUSH_MOST = 1000.0  # of what sets the lander moving at the start, either way
+MAIN_COST, SIDE_COST = 0.30, 0.03  # of an engine at full power for a step
+LANDED, CRASHED = 100.0, -100.0  # in place of the last step's reward
+LIMITS = np.array([2.5, 2.5, 10.0, 10.0, 2.0 * math.pi, 10.0, 1.0, 1.0], np.float32)
+
+
+class LunarLanderBox(Env[NDArray[np.float32], Any]):
+    """LunarLander-v3's definitions under pymunk: code written for it runs when its id is changed. 50 steps a second.
+
+    Observation, Box(8), float32, dimensionless:
+        0, 1  x from the pad, y over a lander that stands on it: 1 is half the width, half the height of the world
+        2, 3  their speeds: 1 is 7.5 times the former and 3.75 times the latter in a second
+        4     angle [rad], positive when the nose goes to the left
+        5     angular velocity, times 0.4 s
+        6, 7  whether the left and the right leg touch the ground
+    Angle and speeds are kept within their bounds, where the original lets them go beyond.
+
+    Action, Discrete(4): nothing, left orientation engine, main engine, right orientation engine. With
+    `continuous=True` Box(2): the main engine's throttle (above 0: 50 to 100 %), and the orientation engines' (below
+    -0.5 left, above 0.5 right); what is beyond -1 and 1 counts as that.
+
+    Reward: how much a potential has grown, -100 times the distance from the pad, the speed and the tilt, and 10 for
+    each leg on the ground; less 0.3 for the main engine and 0.03 for an orientation engine at full power. In place of
+    all that, -100 in the step in which the hull touches the ground or the lander leaves the world sideways, and +100
+    when it has come to rest. Both terminate. `make` truncates after 1000 steps, as for the original.
+
+    Ground, first push and the engines' scatter of a seed are the original's, number by number; so a flight is the
+    same until something touches, but for rounding.
+
+    Args:
+        render_mode: None or 'rgb_array'.
+        continuous: which actions.
+        gravity: more than -12, less than 0.
+        enable_wind, wind_power, turbulence_power: as the original has them.
+
+    Raises:
+        ParameterError: an argument cannot be.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": STEPS_HZ}  # noqa: RUF012 - as gymnasium declares it
+
+    def __init__(
+        self,
+        render_mode: str | None = None,
+        continuous: bool = False,
+        gravity: float = -10.0,
+        enable_wind: bool = False,
+        wind_power: float = 15.0,
+        turbulence_power: float = 1.5,
+    ) -> None:
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise ParameterError(f"render_mode={render_mode!r}.", fix="None or 'rgb_array'.")
+        if not -12.0 < gravity < 0.0:
+            raise ParameterError(f"gravity={gravity!r}.", fix="more than -12 and less than 0, such as -10.")
+        for name, power, most in (("wind_power", wind_power, 20.0), ("turbulence_power", turbulence_power, 2.0)):
+            if not 0.0 <= power <= most:
+                raise ParameterError(f"{name}={power!r}.", fix=f"0 to {most:g}.")
+        self.render_mode = render_mode
+        self.continuous = continuous
+        self._gravity = gravity
+        self._wind = (wind_power, turbulence_power) if enable_wind else None
+        self.observation_space = box([*-LIMITS[:6], 0.0, 0.0], LIMITS.tolist())
+        self.action_space = box([-1.0, -1.0], [1.0, 1.0]) if continuous else spaces.Discrete(4)
+        self.world: LunarBoxWorld | None = None
+        self._is_over = True
+        self._power = (0.0, 0.0)  # of the main engine and the orientation engines, in the last step
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Begins an episode: a new world, and a first step in which no engine is on.
+
+        Raises:
+            ParameterError: there are options; it takes none.
+        """
+        super().reset(seed=seed)
+        if options:
+            raise ParameterError(f"reset() was given the options {sorted(options)}.", fix="it takes none.")
+        self._draw = self.np_random.random
+        draw = self.np_random.uniform
+        heights = draw(0.0, HEIGHT / 2.0, size=CHUNKS + 1)
+        heights[CHUNKS // 2 - 2 : CHUNKS // 2 + 3] = PAD_Y
+        around = [0.33 * (heights[i - 1] + heights[i] + heights[i + 1]) for i in range(CHUNKS)]
+        self.world = LunarBoxWorld(around, self._gravity)
+        self.world.kick((draw(-PUSH_MOST, PUSH_MOST), draw(-PUSH_MOST, PUSH_MOST)), arm=START_ARM)
+        if self._wind is not None:
+            self._moments = [int(self.np_random.integers(-9999, 9999)) for _ in range(2)]
+        self._is_over = False
+        self._move(0.0, 0.0)
+        state = self._state()
+        self._potential = potential(state)
+        return self._seen(state), {}
+
+    def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Acts, lets a fiftieth of a second go by, and observes.
+
+        Raises:
+            ParameterError: the episode has not begun or has ended, or it is no action.
+        """
+        if self._is_over or self.world is None:
+            raise ParameterError("step() outside an episode: it has not begun, or has ended.", fix="call reset().")
+        self._move(*self._powers(action))
+        state = self._state()
+        here = potential(state)
+        main, side = self._power
+        reward = here - self._potential - MAIN_COST * main - SIDE_COST * abs(side)
+        self._potential = here
+        if self.world.is_asleep:
+            self._is_over, reward = True, LANDED
+        elif self.world.is_crashed or abs(state[0]) >= 1.0:
+            self._is_over, reward = True, CRASHED
+        return self._seen(state), reward, self._is_over, False, {}
+
+    def render(self) -> Any:
+        """Returns the scene as it is, shape (height, width, 3), dtype uint8; needs no screen and no GPU."""
+        if self.render_mode is None:
+            return None
+        if self.world is None:
+            raise ParameterError("render() before the first reset().", fix="call reset().")
+        return frame_of(self.world, self._power)
+
+    def _powers(self, given: Any) -> tuple[float, float]:
+        """Returns power of the main engine, 0 to 1, and of the orientation engines, negative for the left one."""
+        if not self.continuous:
+            is_one = type(given) is int or self.action_space.contains(given)  # the latter takes as long as the physics
+            powers = POWERS.get(int(given)) if is_one else None
+            if powers is None:
+                raise ParameterError(f"{given!r} is no action: {self.action_space}.", fix="0, 1, 2 or 3.")
+            return powers
+        try:
+            throttle, turn = (float(one) for one in given)
+        except (TypeError, ValueError):
+            throttle = turn = math.nan
+        if not (math.isfinite(throttle) and math.isfinite(turn)):
+            raise ParameterError(f"{given!r} is no action: {self.action_space}.", fix="two numbers from -1 to 1.")
+        main = 0.5 + 0.5 * min(throttle, 1.0) if throttle > 0.0 else 0.0
+        return main, math.copysign(min(abs(turn), 1.0), turn) if abs(turn) > 0.5 else 0.0
+
+    def _move(self, main: float, side: float) -> None:
+        """Has the wind blow and the engines push for a step, and makes it."""
+        world = self.world
+        assert world is not None
+        if self._wind is not None and not any(world.contacts):
+            force, torque = (power * gust(at) for power, at in zip(self._wind, self._moments, strict=True))
+            world.kick((force, 0.0), torque)
+            self._moments = [at + 1 for at in self._moments]
+        spread = 2.0 * self._draw() - 1.0, 2.0 * self._draw() - 1.0
+        if main:
+            world.fire_main(main, spread)
+        if side:
+            world.fire_side(abs(side), math.copysign(1.0, side), spread)
+        self._power = main, side
+        world.step()
+
+    def _state(self) -> tuple[float, ...]:
+        world = self.world
+        assert world is not None
+        hull = world.hull
+        x, y = hull.position
+        vx, vy = world.velocity()
+        left, right = world.contacts
+        return (
+            (x - WIDTH / 2.0) / (WIDTH / 2.0),
+            (y - PAD_Y - LEG_DOWN) / (HEIGHT / 2.0),
+            vx * (WIDTH / 2.0) / STEPS_HZ,
+            vy * (HEIGHT / 2.0) / STEPS_HZ,
+            hull.angle,
+            20.0 * hull.angular_velocity / STEPS_HZ,
+            float(left),
+            float(right),
+        )
+
+    @staticmethod
+    def _seen(state: tuple[float, ...]) -> NDArray[np.float32]:
+        seen = np.array(state, np.float32)
+        x, y, vx, vy, angle, turn, *_ = state
+        if max(abs(x), abs(y)) > 2.5 or max(abs(vx), abs(vy), abs(turn)) > 10.0 or abs(angle) > 6.28:
+            np.clip(seen, -LIMITS, LIMITS, out=seen)
+        return seen
+
+
+def potential(state: tuple[float, ...]) -> float:
+    """Returns how well placed a lander is: 20 where it stands on the pad, less everywhere else.
+
+    >>> potential((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0)), potential((0.3, 0.4, 0.0, 0.0, -0.1, 0.0, 0.0, 0.0))
+    (20.0, -60.0)
+    """
+    x, y, vx, vy, angle, _, left, right = state
+    return -100.0 * (math.hypot(x, y) + math.hypot(vx, vy) + abs(angle)) + 10.0 * (left + right)
+
+
+def gust(moment: int) -> float:
+    """Returns how the wind blows at a moment, -1 to 1; it never repeats itself."""
+    return math.tanh(math.sin(0.02 * moment) + math.sin(math.pi * 0.01 * moment))

@@ -1,0 +1,207 @@
+"""The environment for code that was written for LunarLander-v3: by the book, and how near it is to the original."""
+
+import json
+import math
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import snr_sim.learning  # noqa: F401 - makes the name known
+from snr_sim.learning.lunar_box import LunarLanderBox
+from snr_sim.prelude.errors import ParameterError
+
+NAME = "snr_sim/LunarLanderBox-v0"
+both_actions = pytest.mark.parametrize("continuous", [False, True], ids=["discrete", "continuous"])
+
+
+@both_actions
+def test_gymnasiums_own_checker_has_no_complaint(continuous: bool) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(gymnasium.make(NAME, render_mode="rgb_array", continuous=continuous).unwrapped)
+
+
+def episode(seed: int, continuous: bool) -> list[Any]:
+    env = gymnasium.make(NAME, continuous=continuous, enable_wind=True)
+    env.action_space.seed(seed)
+    observation, _ = env.reset(seed=seed)
+    seen: list[Any] = [observation.tolist()]
+    is_over = False
+    while not is_over:
+        observation, reward, *ended, _ = env.step(env.action_space.sample())
+        assert env.observation_space.contains(observation)
+        seen.append([observation.tolist(), reward, *ended])
+        is_over = any(ended)
+    return seen
+
+
+@both_actions
+def test_the_same_seed_is_the_same_episode_also_in_another_process(continuous: bool) -> None:
+    mine = episode(5, continuous)
+    assert episode(5, continuous) == mine
+    assert episode(6, continuous) != mine
+    code = (
+        "import json, sys; sys.path.insert(0, sys.argv[1])\n"
+        "from test_lunar_box import episode\n"
+        f"print(json.dumps(episode(5, {continuous})))"
+    )
+    printed = subprocess.check_output([sys.executable, "-c", code, str(Path(__file__).parent)], text=True)
+    assert json.loads(printed) == json.loads(json.dumps(mine))
+
+
+# What LunarLander-v3 of gymnasium 1.4 with Box2D 2.3.10 observes at the start, and after 40 steps of 0 2 0 1 2 3.
+ORIGINAL = {
+    0: ([0.0057, 1.399, 0.578, -0.5283, -0.0066, -0.1309], [0.2516, 0.7056, 0.7283, -1.0024, -0.24, -0.0757]),
+    1: ([-0.0027, 1.4173, -0.2753, 0.2835, 0.0032, 0.0624], [-0.129, 1.4473, -0.3854, -0.185, 0.0858, 0.054]),
+    2: ([-0.0011, 1.4144, -0.1089, 0.1554, 0.0013, 0.0247], [-0.0459, 1.3164, -0.1515, -0.3548, 0.0935, 0.0635]),
+}
+
+
+@pytest.mark.parametrize("seed", list(ORIGINAL))
+def test_a_flight_of_a_seed_is_nearly_the_originals_until_something_touches(seed: int) -> None:
+    """Box2D turns the legs out within the first steps, which nudges the hull; each nudge of tilt grows with time."""
+    env = gymnasium.make(NAME)
+    start, later = ORIGINAL[seed]
+    observation, _ = env.reset(seed=seed)
+    np.testing.assert_allclose(observation[:6], start, atol=0.005)
+    for k in range(40):
+        observation, *_ = env.step((0, 2, 0, 1, 2, 3)[k % 6])
+    np.testing.assert_allclose(observation[:2], later[:2], atol=0.005)
+    np.testing.assert_allclose(observation[2:6], later[2:], atol=0.05)
+
+
+def published_policy(seen: Any, continuous: bool) -> Any:
+    """The control law that the original's documentation demonstrates: point towards the pad, fall as fast as is fit."""
+    x, y, vx, vy, angle, turn, left, right = (float(one) for one in seen)
+    lean = max(-0.4, min(0.4, 0.5 * x + vx))
+    turning, climbing = 0.5 * (lean - angle) - turn, 0.5 * (0.55 * abs(x) - y) - 0.5 * vy
+    if left or right:
+        turning, climbing = 0.0, -0.5 * vy
+    if continuous:
+        return np.clip(np.array([20.0 * climbing - 1.0, -20.0 * turning], np.float32), -1.0, 1.0)
+    if climbing > abs(turning) and climbing > 0.05:
+        return 2
+    if turning < -0.05:
+        return 3
+    return 1 if turning > 0.05 else 0
+
+
+@pytest.mark.parametrize(("continuous", "mean", "spread"), [(False, 243.0, 91.0), (True, 283.0, 25.0)])
+def test_the_published_policy_scores_as_it_does_in_the_original(continuous: bool, mean: float, spread: float) -> None:
+    """Means and standard deviations of the original over 1000 seeds; here 60, so a mean may be off by spread / 7.7."""
+    env = gymnasium.make(NAME, continuous=continuous)
+    scores = []
+    for seed in range(60):
+        seen, _ = env.reset(seed=seed)
+        score, ended = 0.0, [False]
+        while not any(ended):
+            seen, reward, *ended, _ = env.step(published_policy(seen, continuous))
+            score += float(reward)
+        scores.append(score)
+    assert abs(float(np.mean(scores)) - mean) < spread
+    assert float(np.mean([score > 200.0 for score in scores])) > 0.8  # the mark for a solved task
+
+
+def test_coming_to_rest_is_worth_100_in_place_of_the_last_reward_and_a_crash_costs_100() -> None:
+    env: Any = gymnasium.make(NAME).unwrapped
+    seen, _ = env.reset(seed=0)
+    is_over = False
+    while not is_over:
+        seen, reward, is_over, _, _ = env.step(published_policy(seen, False))
+    assert reward == 100.0
+    assert seen[6:].tolist() == [1.0, 1.0]
+    assert env.world.is_asleep
+
+    env.reset(seed=0)
+    is_over = False
+    while not is_over:
+        _, reward, is_over, _, _ = env.step(0)
+    assert reward == -100.0
+    assert env.world.is_crashed
+
+
+def test_leaving_the_world_sideways_ends_it() -> None:
+    env: Any = gymnasium.make(NAME, continuous=True).unwrapped
+    env.reset(seed=1)
+    env.world.hull.velocity = 60.0, 20.0
+    is_over = False
+    while not is_over:
+        seen, reward, is_over, _, _ = env.step((-1.0, 0.0))
+    assert (abs(float(seen[0])) >= 1.0, reward) == (True, -100.0)
+    assert not env.world.is_crashed
+
+
+def test_a_reward_is_the_growth_of_the_potential_less_what_engines_cost() -> None:
+    rewards = {}
+    for action in range(4):
+        env: Any = gymnasium.make(NAME).unwrapped
+        env.reset(seed=7)
+        before = env._potential
+        _, reward, *_ = env.step(action)
+        rewards[action] = reward - (env._potential - before)
+    assert rewards == pytest.approx({0: 0.0, 1: -0.03, 2: -0.3, 3: -0.03})
+
+
+def test_a_lander_that_hovers_is_stopped_after_a_thousand_steps() -> None:
+    env: Any = gymnasium.make(NAME, continuous=True)
+    env.reset(seed=0)
+    for step in range(1, 1001):
+        env.unwrapped.world.hull.velocity = 0.0, 0.0  # held up
+        _, _, *ended, _ = env.step((-1.0, 0.0))
+        assert ended == [False, step == 1000]
+
+
+@pytest.mark.parametrize("action", [4, -1, 1.0, "2", None, np.array([1]), math.nan])
+def test_what_is_no_action_is_refused_with_what_is_one(action: Any) -> None:
+    env = gymnasium.make(NAME).unwrapped
+    env.reset(seed=0)
+    with pytest.raises(ParameterError, match="0, 1, 2 or 3"):
+        env.step(action)
+    env.step(np.int64(3))
+
+
+@pytest.mark.parametrize("action", [0, (0.0,), (0.0, 0.0, 0.0), ("a", "b"), (math.nan, 0.0), (0.0, math.inf), None])
+def test_what_are_no_two_numbers_is_refused(action: Any) -> None:
+    env = gymnasium.make(NAME, continuous=True).unwrapped
+    env.reset(seed=0)
+    with pytest.raises(ParameterError, match="two numbers from -1 to 1"):
+        env.step(action)
+    env.step((3.0, -2.0))  # counts as (1, -1), as in the original
+
+
+def test_a_step_outside_an_episode_is_refused() -> None:
+    env = gymnasium.make(NAME).unwrapped
+    with pytest.raises(ParameterError, match="call reset"):
+        env.step(0)
+    env.reset(seed=0)
+    while not env.step(0)[2]:
+        pass
+    with pytest.raises(ParameterError, match="call reset"):
+        env.step(0)
+
+
+@pytest.mark.parametrize(
+    "kwargs",
+    [{"gravity": 1.0}, {"gravity": -12.0}, {"wind_power": 21.0}, {"turbulence_power": -1.0}, {"render_mode": "human"}],
+)
+def test_an_argument_that_cannot_be_is_named(kwargs: dict[str, Any]) -> None:
+    with pytest.raises(ParameterError, match=next(iter(kwargs))):
+        LunarLanderBox(**kwargs)
+
+
+def test_wind_blows_the_lander_aside() -> None:
+    def at_end(enable_wind: bool) -> float:
+        env = gymnasium.make(NAME, enable_wind=enable_wind, wind_power=20.0).unwrapped
+        env.reset(seed=11)
+        for _ in range(60):
+            seen, *_ = env.step(0)
+        return float(seen[0])
+
+    assert abs(at_end(True) - at_end(False)) > 0.05

@@ -1,0 +1,74 @@
+"""Environments as Stable-Baselines3 takes them. It brings torch, 5 GB on Linux, so `dev` does not have it.
+
+pip install -e '.[dev,rl]' && SNR_REQUIRE_SB3=1 python -m pytest tests/learning/test_stable_baselines3.py
+"""
+
+import os
+import warnings
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+import snr_sim.learning  # noqa: F401 - makes the names known
+from snr_sim.learning.gym import ENVIRONMENTS
+
+if os.environ.get("SNR_REQUIRE_SB3"):
+    import stable_baselines3 as sb3
+else:
+    sb3 = pytest.importorskip("stable_baselines3", reason="needs the extra 'rl'")
+
+from stable_baselines3.common.env_checker import check_env
+from stable_baselines3.common.env_util import make_vec_env
+
+pytestmark = pytest.mark.filterwarnings("default")  # torch has warnings of its own
+
+
+@pytest.mark.parametrize("name", list(ENVIRONMENTS))
+def test_its_own_checker_finds_no_error(name: str) -> None:
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        check_env(gymnasium.make(name, render_mode="rgb_array"))
+    words = [str(one.message) for one in said if "snr_sim" in str(one.filename) or "env_checker" in str(one.filename)]
+    # Bounds of continuous actions are what the thing has (a throttle is 0 to 1), not -1 to 1 for each.
+    assert [text for text in words if "symmetric and normalized" not in text] == []
+
+
+@pytest.mark.parametrize("name", list(ENVIRONMENTS))
+def test_ppo_trains_on_each_without_a_wrapper(name: str) -> None:
+    model = sb3.PPO("MlpPolicy", name, n_steps=64, batch_size=64, n_epochs=1, seed=1, device="cpu")
+    before = parameters_of(model)
+    model.learn(128)
+    assert model.num_timesteps == 128
+    assert any(not np.array_equal(one, other) for one, other in zip(before, parameters_of(model), strict=True))
+
+
+def test_ppo_trained_briefly_brakes_better_than_chance() -> None:
+    """The mean return over unseen starts grows: 40 000 steps are not enough to land, and enough to brake."""
+    envs = make_vec_env("snr_sim/LanderVertical-v0", n_envs=8, seed=3)
+    model = sb3.PPO(
+        "MlpPolicy", sb3.common.vec_env.VecNormalize(envs), n_steps=256, batch_size=256, seed=3, device="cpu"
+    )
+    untrained = mean_return(model)
+    model.learn(40_000)
+    assert mean_return(model) > untrained + 20.0
+
+
+def parameters_of(model: Any) -> list[Any]:
+    return [one.detach().numpy().copy() for one in model.policy.parameters()]
+
+
+def mean_return(model: Any, episodes: int = 20) -> float:
+    """Of the policy without exploration, at starts that no training has seen."""
+    env = gymnasium.make("snr_sim/LanderVertical-v0")
+    total = 0.0
+    for start in range(-episodes, 0):
+        seen, _ = env.reset(options={"start": start})
+        is_over = False
+        while not is_over:
+            action, _ = model.predict(model.get_env().normalize_obs(seen), deterministic=True)
+            seen, reward, *ended, _ = env.step(action)
+            total += float(reward) / episodes
+            is_over = any(ended)
+    return total
