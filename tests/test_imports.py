@@ -55,6 +55,7 @@ HEAVY = {
     "scipy",
     "matplotlib",
     "zenoh",
+    "distributed",
 }
 
 

@@ -9,7 +9,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from snr_sim import __version__
-from snr_sim.cli import bench, check, compare, console, doctor, io, listing, new, replay, resim, run, trace, view
+from snr_sim.cli import bench, check, compare, console, doctor, grade, io, listing, new, replay, resim, run, trace, view
 
 app = typer.Typer(
     name="snr",
@@ -44,6 +44,7 @@ app.command("compare")(compare.compare)
 app.command("list")(listing.listing)
 app.command("new")(new.new)
 app.command("check")(check.check)
+app.command("grade")(grade.grade)
 app.command("io")(io.io)
 app.command("doctor")(doctor.doctor)
 app.command("bench")(bench.bench)

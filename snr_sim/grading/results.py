@@ -13,6 +13,7 @@ import msgspec
 
 Status: TypeAlias = Literal["graded", "refused", "fault"]
 Isolation: TypeAlias = Literal["sandbox", "none"]
+Demanded: TypeAlias = Literal["required", "none"]
 Order: TypeAlias = Literal["asc", "desc"]
 
 FULL_POINTS = 100.0

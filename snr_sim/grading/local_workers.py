@@ -1,0 +1,155 @@
+"""Grades a class on this computer: a worker process per core, each with a thread that feeds it and hears it.
+
+A worker that dies, or does not end, costs the submission it had one more try in a fresh one; after that it is a fault,
+which is told, and no mark.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from contextlib import suppress
+from functools import partial
+
+import msgspec
+
+from snr_sim.core.spawn import Spawned, how_it_ended, print_line
+from snr_sim.grading.class_run import ClassRun
+from snr_sim.grading.results import decode_graded
+from snr_sim.grading.worker import Job, without_marks
+
+LIMIT_S = 3600.0  # for one submission; far beyond what the limits of all its cases together allow
+_TRIES = 2
+_WORKER = "snr_sim.grading.worker:serve"
+_LOOK_S = 1.0
+
+
+def grade_here(run: ClassRun, jobs: int, limit_s: float = LIMIT_S, target: str = _WORKER) -> None:
+    """Grades all that a run has; returns when it is done.
+
+    Args:
+        run: gives the submissions and keeps the results.
+        jobs: how many at a time.
+        limit_s: how long one may take on the wall clock.
+        target: what runs in a worker.
+
+    Raises:
+        Exception: whatever went wrong here, such as a full disk; workers are ended before.
+    """
+    feeders = [_Feeder(run, target) for _ in range(jobs)]
+    for feeder in feeders:
+        feeder.start()
+    try:
+        while any(feeder.is_alive() for feeder in feeders):
+            for feeder in feeders:
+                feeder.join(_LOOK_S / jobs)
+                feeder.end_if_later_than(limit_s)
+            failed = next((feeder.failure for feeder in feeders if feeder.failure), None)
+            if failed is not None:
+                raise failed
+    finally:
+        for feeder in feeders:
+            feeder.stop()
+        for feeder in feeders:
+            feeder.join()
+    for feeder in feeders:
+        if feeder.failure is not None:
+            raise feeder.failure
+
+
+class _Feeder(threading.Thread):
+    """Keeps one worker busy, and replaces it when it dies."""
+
+    def __init__(self, run: ClassRun, target: str) -> None:
+        super().__init__(daemon=True)
+        self.failure: BaseException | None = None
+        self._run = run
+        self._target = target
+        self._worker: Spawned | None = None
+        self._job: Job | None = None
+        self._since_s = time.monotonic()
+        self._is_late = False
+        self._is_stopped = False
+        self._changing = threading.Lock()
+
+    def run(self) -> None:
+        """Feeds until there is nothing left."""
+        try:
+            self._take_next()
+            tries = 0
+            while self._job is not None and not self._is_stopped:
+                before = self._job
+                status = self._work()
+                left = self._job_left()
+                if left is None:
+                    break
+                tries = tries + 1 if left is before else 1
+                if tries >= _TRIES or self._is_late:
+                    self._give_up(status)
+                    tries = 0
+        except BaseException as error:
+            self.failure = error
+
+    def _job_left(self) -> Job | None:
+        """Returns the job that the worker has not done, if one is to be done."""
+        return None if self._is_stopped else self._job
+
+    def _work(self) -> int:
+        """Has one worker do what there is; returns how it ended."""
+        with self._changing:
+            if self._is_stopped:
+                return 0
+            said = partial(print_line, sys.stderr)
+            worker = self._worker = Spawned(self._target, out=said, err=said)
+        try:
+            self._ask(worker)
+            return worker.listen(partial(self._hear, worker))
+        finally:
+            with self._changing:
+                self._worker = None
+
+    def _ask(self, worker: Spawned) -> None:
+        self._since_s = time.monotonic()
+        self._is_late = False
+        worker.say(msgspec.json.encode(self._job))
+
+    def _hear(self, worker: Spawned, message: bytes) -> None:
+        try:
+            self._run.keep(decode_graded(message))
+            self._take_next()
+        except BaseException as error:  # not the worker's fault: it is ended, and the error told
+            self.failure = error
+            self.stop()
+            return
+        if self._job is None or self._is_stopped:
+            worker.kill()
+        else:
+            self._ask(worker)
+
+    def _take_next(self) -> None:
+        self._job = None
+        self._job = self._run.next_job()
+        self._since_s = time.monotonic()
+
+    def _give_up(self, status: int) -> None:
+        assert self._job is not None
+        why = "It took too long, and its worker was ended." if self._is_late else f"Its worker {how_it_ended(status)}."
+        words = f"{why} That is a failure of the grader or of the lab; see what it printed."
+        self._run.keep(without_marks(self._job, "fault", words))
+        self._take_next()
+
+    def end_if_later_than(self, limit_s: float) -> None:
+        """Ends the worker if it has had its submission for so long."""
+        with self._changing:
+            if self._worker is not None and time.monotonic() - self._since_s > limit_s:
+                self._is_late = True
+                self._worker.kill()
+
+    def stop(self) -> None:
+        """Ends the worker, and takes nothing more."""
+        with self._changing:
+            self._is_stopped = True
+            if self._worker is not None:
+                with suppress(OSError):
+                    self._worker.kill()

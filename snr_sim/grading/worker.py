@@ -1,0 +1,99 @@
+"""A process that grades one submission after the other. It belongs to the grader: students' programs run below it.
+
+It is asked on the line to its parent and answers there. If the parent is gone, so is it, at once.
+"""
+
+from __future__ import annotations
+
+import os
+import queue
+import threading
+from functools import cache
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+import msgspec
+
+from snr_sim import __version__
+from snr_sim.core.blame import describe_error
+from snr_sim.grading.grade import grade_submission
+from snr_sim.grading.lab import Lab, load_lab
+from snr_sim.grading.results import Demanded, Graded, Status, encode_graded
+
+
+class Job(msgspec.Struct, frozen=True):
+    """A submission to grade.
+
+    Args:
+        name: what it is called.
+        lab: path of the lab's checks.py.
+        folder: of the submission, taken in.
+        secret: from which hidden cases are drawn.
+        isolation: "required" or "none".
+        runs: where recorded runs go.
+    """
+
+    name: str
+    lab: str
+    folder: str
+    secret: bytes
+    isolation: Demanded
+    runs: str
+
+
+def serve(line: Connection) -> int:
+    """Answers jobs until nobody asks any more; `Spawned` calls it."""
+    jobs: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    threading.Thread(target=_listen, args=(line, jobs), daemon=True).start()
+    while True:
+        line.send_bytes(encode_graded(grade(msgspec.json.decode(jobs.get(), type=Job))))
+
+
+def _listen(line: Connection, jobs: queue.SimpleQueue[bytes]) -> None:
+    while True:
+        try:
+            jobs.put(line.recv_bytes())
+        except (EOFError, OSError):
+            os._exit(0)  # the sandboxes die with us
+
+
+def grade(job: Job) -> Graded:
+    """Returns what a job's submission comes to; a failure that is not the student's is in it, as a fault."""
+    title = ""
+    try:
+        lab = _lab(job.lab)
+        title = lab.title
+        runs = Path(job.runs)
+        graded = grade_submission(lab, Path(job.folder), job.secret, job.isolation, name=job.name, out=runs)
+    except Exception as error:
+        return without_marks(
+            job, "fault", describe_error(error, f"while the submission '{job.name}' was graded"), title
+        )
+    return graded
+
+
+@cache
+def _lab(path: str) -> Lab:
+    return load_lab(Path(path))
+
+
+def without_marks(job: Job, status: Status, error: str, title: str = "") -> Graded:
+    """Returns the result of a submission of which nothing was tried.
+
+    Args:
+        job: whose.
+        status: "refused" if that is the student's doing, "fault" if it is ours.
+        error: why.
+        title: of the lab, if it is known.
+    """
+    name = Path(job.lab).parent.name
+    return Graded(
+        submission=job.name,
+        lab=name,
+        title=title or name,
+        isolation="none" if job.isolation == "none" else "sandbox",
+        is_hidden_included=True,
+        kit=__version__,
+        status=status,
+        error=error,
+    )

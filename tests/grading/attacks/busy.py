@@ -1,0 +1,20 @@
+"""Computes for ever, and does not want to be told to stop."""
+
+import contextlib
+import os
+import signal
+
+# Without a sandbox it would hurt whoever tries it: it acts only where the sandbox has it.
+assert os.getcwd() == "/submission"
+for number in set(signal.Signals) - {signal.SIGKILL, signal.SIGSTOP}:
+    with contextlib.suppress(OSError, ValueError):
+        signal.signal(number, signal.SIG_IGN)
+
+
+def double(x):
+    while True:
+        try:
+            while True:
+                pass
+        except BaseException:  # nothing is to end it
+            pass

@@ -1,0 +1,70 @@
+"""The smallest lab there is, for tests of what stands around the checks: double a number."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+CHECKS = '''
+from snr_sim.grading import Lab, Student, check, failed, passed
+
+
+def draw(rng):
+    return [rng.randrange(10, 10**6) for _ in range(2)]
+
+
+@check(points=40)
+def loads(student: Student):
+    """Loads."""
+    if student.call("double.py", "double", 1, budget_s=1.0) != 2:
+        return failed("Try it by hand: double(1).")
+    return passed()
+
+
+@check(points=60, visible=[2, 4], hidden=draw, needs=["loads"])
+def doubles(student: Student, case: int):
+    """Doubles a number."""
+    got = student.call("double.py", "double", case, budget_s=1.0)
+    if got == 13:
+        raise KeyError("a mistake in the lab")
+    if type(got) is not int or got != 2 * case:
+        return failed("Twice a number is the number added to itself.", expected=str(2 * case), actual=str(got))
+    return passed(metrics={"number": float(case)})
+
+
+lab = Lab("Double", files=["double.py"], checks=[loads, doubles])
+'''
+PROGRAMS = {
+    "right": "def double(x):\n    return 2 * x\n",
+    "visible_only": "def double(x):\n    return {1: 2, 2: 4, 4: 8}.get(x, 0)\n",
+    "raises": "def double(x):\n    raise ValueError(f'I got {x}')\n",
+    "finds_a_fault": "def double(x):\n    return 2 if x == 1 else 13\n",
+    "quits": "import sys\n\n\ndef double(x):\n    sys.exit(0)\n",
+}
+
+
+@pytest.fixture
+def double_lab(tmp_path: Path) -> Path:
+    """Where the lab is; it may be written anew."""
+    folder = tmp_path / "assignments" / "01_double"
+    folder.mkdir(parents=True)
+    (folder / "README.md").write_text("# Double\n")
+    (folder / "checks.py").write_text(CHECKS)
+    return folder
+
+
+@pytest.fixture
+def handed_in(tmp_path: Path) -> Callable[..., list[Path]]:
+    """Returns a function that writes a submission for each student=program: a name above, a text, or "" for none."""
+
+    def write(**students: str) -> list[Path]:
+        paths = []
+        for student, program in students.items():
+            path = tmp_path / "submissions" / student
+            path.mkdir(parents=True, exist_ok=True)
+            if program:
+                (path / "double.py").write_text(PROGRAMS.get(program, program))
+            paths.append(path)
+        return paths
+
+    return write

@@ -1,0 +1,301 @@
+"""`snr grade` over a class: every submission a result, whatever becomes of it, and whatever becomes of the grader."""
+
+import csv
+import json
+import os
+import signal
+import stat
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim.grading.class_folder import ClassFolder
+from snr_sim.grading.class_run import ClassRun
+from snr_sim.grading.intake import name_submissions
+from snr_sim.grading.lab import load_lab
+from snr_sim.grading.local_workers import grade_here
+from snr_sim.grading.results import Graded
+from snr_sim.grading.whole_files import write_whole
+from snr_sim.prelude.errors import SnrError
+
+HandedIn = Callable[..., list[Path]]
+SECRET = "correct horse battery staple"
+
+
+def command(lab: Path, given: list[Path], out: Path, *words: object) -> list[str]:
+    secret = out.parent / "the_secret"
+    secret.write_text(SECRET)
+    start = [sys.executable, "-m", "snr_sim", "grade", str(lab), *map(str, given), "--out", str(out)]
+    return [*start, "--isolation", "none", "--secret", str(secret), *map(str, words)]
+
+
+def grade(lab: Path, given: list[Path], out: Path, *words: object) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "PYTHONFAULTHANDLER": "1"}
+    done = subprocess.run(
+        command(lab, given, out, *words), capture_output=True, text=True, timeout=300, env=environment
+    )
+    assert "Traceback" not in done.stderr
+    assert "Fatal" not in done.stderr, done.stderr
+    return done
+
+
+def table(out: Path) -> list[dict[str, str]]:
+    with (out / "class.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def files_under(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+def test_everybody_has_a_result_and_faults_are_no_marks(double_lab: Path, handed_in: HandedIn, tmp_path: Path) -> None:
+    programs = ["right", "visible_only", "raises", "finds_a_fault", "quits", "def double(:", ""]
+    given = handed_in(**{f"s{i}": program for i, program in enumerate(programs)})
+    done = grade(double_lab, given, tmp_path / "out", "--json", "--jobs", 2)
+    assert done.returncode == 1
+    answer = json.loads(done.stdout)
+    assert (answer["faults"], answer["refused"]) == (["s3"], ["s6"])
+    rows = table(tmp_path / "out")
+    assert [(row["submission"], row["points"], row["status"]) for row in rows] == [
+        ("s0", "100", "graded"), ("s1", "70", "graded"), ("s2", "0", "graded"), ("s3", "", "fault"),
+        ("s4", "0", "graded"), ("s5", "0", "graded"), ("s6", "0", "refused"),
+    ]  # fmt: skip
+    assert "a mistake in the lab" in rows[3]["error"]
+    for row in rows:
+        folder = tmp_path / "out" / "students" / row["submission"]
+        assert {"report.md", "results.json", "junit.xml", "check50.json"} <= {path.name for path in folder.iterdir()}
+    assert "a mistake in the lab" not in (tmp_path / "out/students/s3/report.md").read_text()
+    assert (tmp_path / "out" / "distribution.png").is_file()
+
+
+def test_one_at_a_time_or_several_and_again_the_bytes_are_the_same(
+    double_lab: Path, handed_in: HandedIn, tmp_path: Path
+) -> None:
+    given = handed_in(ada="right", bob="visible_only", eve="raises")
+    for name, jobs in (("one", 1), ("more", 3)):
+        assert grade(double_lab, given, tmp_path / name, "--jobs", jobs).returncode == 0
+    one, more = (files_under(tmp_path / name) for name in ("one", "more"))
+    assert one == more
+
+
+def test_killed_anywhere_it_goes_on_where_it_was(double_lab: Path, handed_in: HandedIn, tmp_path: Path) -> None:
+    given = handed_in(**{f"s{i}": "right" if i % 3 else "visible_only" for i in range(7)})
+    out = tmp_path / "out"
+    kept: dict[str, int] = {}
+    for wanted in (1, 3, 5):  # how many results there are when it is killed
+        words = ["--jobs", "2", *(["--resume"] if out.exists() else [])]
+        process = subprocess.Popen(command(double_lab, given, out, *words), stderr=subprocess.PIPE)
+        give_up_s = time.monotonic() + 240
+        while len(list(out.glob("results/*.json"))) < wanted:
+            assert process.poll() is None
+            assert time.monotonic() < give_up_s
+            time.sleep(0.002)
+        os.kill(process.pid, signal.SIGKILL)
+        process.communicate()  # its workers hold the pipe: it ends when they have
+        assert not (out / "class.csv").exists()
+        now = {path.name: path.stat().st_mtime_ns for path in out.glob("results/*.json")}
+        assert kept.items() <= now.items(), "what was done is not done again"
+        kept = now
+    place = Path((out / ".lock").read_text())
+    assert place.is_dir()
+    assert grade(double_lab, given, out, "--resume").returncode == 0
+    assert not place.exists()
+    assert grade(double_lab, given, tmp_path / "whole").returncode == 0
+    left, whole = files_under(out), files_under(tmp_path / "whole")
+    assert left == whole
+
+
+def test_a_submission_that_has_changed_is_graded_again_and_a_late_one_too(
+    double_lab: Path, handed_in: HandedIn, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    assert grade(double_lab, handed_in(ada="visible_only", bob="right"), out).returncode == 0
+    before = (out / "results" / "bob.json").stat().st_mtime_ns
+    given = handed_in(ada="right", bob="right", eve="right")
+    assert grade(double_lab, given, out, "--resume").returncode == 0
+    assert [(row["submission"], row["points"]) for row in table(out)] == [
+        ("ada", "100"),
+        ("bob", "100"),
+        ("eve", "100"),
+    ]
+    assert (out / "results" / "bob.json").stat().st_mtime_ns == before
+
+
+def test_a_fault_is_tried_again(double_lab: Path, handed_in: HandedIn, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    given = handed_in(ada="finds_a_fault")
+    assert grade(double_lab, given, out).returncode == 1
+    given = handed_in(ada="right")
+    assert grade(double_lab, given, out, "--resume").returncode == 0
+
+
+def test_marks_of_two_secrets_or_two_labs_are_not_mixed(double_lab: Path, handed_in: HandedIn, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    given = handed_in(ada="right")
+    assert grade(double_lab, given, out).returncode == 0
+    before = files_under(out)
+    again = grade(double_lab, given, out)
+    assert (again.returncode, "go on with --resume" in again.stderr) == (2, True)
+    other = tmp_path / "other_secret"
+    other.write_text("x" * 20)
+    refused = subprocess.run(
+        [*command(double_lab, given, out, "--resume"), "--secret", str(other)], capture_output=True, text=True
+    )
+    assert refused.returncode == 2
+    assert "another secret" in refused.stderr
+    with (double_lab / "checks.py").open("a") as file:
+        file.write("\n")
+    changed = grade(double_lab, given, out, "--resume")
+    assert (changed.returncode, "another version of the lab" in changed.stderr) == (2, True)
+    assert files_under(out) == before
+
+
+def test_a_secret_is_made_for_the_instructor_alone(double_lab: Path, handed_in: HandedIn, tmp_path: Path) -> None:
+    given = handed_in(ada="right")
+    words = command(double_lab, given, tmp_path / "out")
+    i = words.index("--secret")
+    done = subprocess.run([*words[:i], *words[i + 2 :]], capture_output=True, text=True)
+    assert done.returncode == 0
+    secret = tmp_path / "out" / "secret"
+    assert stat.S_IMODE(secret.stat().st_mode) == 0o600
+    assert str(secret) in done.stderr
+    assert secret.read_text().strip() not in done.stderr + done.stdout + (tmp_path / "out/class.json").read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--isolation", "perhaps"], "--isolation is 'perhaps'"),
+        (["--jobs", "-1"], "--jobs is -1"),
+        (["nobody.zip"], "There is no submission"),
+    ],
+)
+def test_a_wrong_request_writes_nothing(
+    double_lab: Path, handed_in: HandedIn, tmp_path: Path, words: list[str], says: str
+) -> None:
+    done = grade(double_lab, handed_in(ada="right"), tmp_path / "out", *words)
+    assert done.returncode == 2
+    assert says in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_lab_that_cannot_be_read_is_told_before_anything_is_graded(
+    double_lab: Path, handed_in: HandedIn, tmp_path: Path
+) -> None:
+    (double_lab / "checks.py").write_text("lab = 1 / 0\n")
+    done = grade(double_lab, handed_in(ada="right"), tmp_path / "out")
+    assert done.returncode == 2
+    assert "ZeroDivisionError" in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+# Inside
+
+
+class Class:
+    """A class graded in this process, with a worker of the test's choice."""
+
+    def __init__(self, lab: Path, given: list[Path], out: Path) -> None:
+        self.folder = ClassFolder(out, is_resumed=False)
+        self.results: list[Graded] = []
+        submissions = name_submissions(given)
+        terms: Any = dict.fromkeys(("lab", "lab_digest", "kit", "secret_digest", "isolation"), "")
+        from snr_sim.grading.class_folder import Terms
+
+        self.folder.begin(Terms(**terms), submissions)
+        told: Callable[[Graded, bool], None] = lambda graded, was_there: self.results.append(graded)  # noqa: E731
+        self.run = ClassRun(load_lab(lab / "checks.py"), self.folder, submissions, b"x" * 16, "none", told)
+
+    def __enter__(self) -> "Class":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.folder.close()
+
+
+def test_a_worker_that_dies_costs_no_mark_and_stops_nobody(
+    double_lab: Path, handed_in: HandedIn, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dying = tmp_path / "dying.py"
+    dying.write_text(
+        "import os\n"
+        "from snr_sim.grading import worker\n"
+        "grade = worker.grade\n"
+        "def fails(job):\n"
+        "    return os.kill(os.getpid(), 9) if job.name == 'bob' else grade(job)\n"
+        "def serve(line):\n"
+        "    worker.grade = fails\n"
+        "    return worker.serve(line)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    given = handed_in(ada="right", bob="right", eve="right")
+    with Class(double_lab, given, tmp_path / "out") as group:
+        grade_here(group.run, jobs=1, target="dying:serve")
+    found = {graded.submission: graded for graded in group.results}
+    assert {name: graded.status for name, graded in found.items()} == {"ada": "graded", "bob": "fault", "eve": "graded"}
+    assert "ended by SIGKILL" in found["bob"].error
+
+
+def test_a_worker_that_does_not_end_is_ended(
+    double_lab: Path, handed_in: HandedIn, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "hanging.py").write_text("import time\ndef serve(line):\n    line.recv_bytes()\n    time.sleep(1e6)\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with Class(double_lab, handed_in(ada="right"), tmp_path / "out") as group:
+        grade_here(group.run, jobs=1, limit_s=0.0, target="hanging:serve")
+    assert [(graded.status, "took too long" in graded.error) for graded in group.results] == [("fault", True)]
+
+
+def test_a_disk_that_is_full_ends_it_with_a_sentence_and_no_worker_is_left(
+    double_lab: Path, handed_in: HandedIn, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with Class(double_lab, handed_in(ada="right", bob="right"), tmp_path / "out") as group:
+        monkeypatch.setattr("snr_sim.grading.class_folder.write_whole", full)
+        with pytest.raises(OSError, match="No space left"):
+            grade_here(group.run, jobs=2)
+    assert group.results == []
+    assert list((tmp_path / "out" / "results").iterdir()) == []
+
+
+def test_two_do_not_work_in_one_folder(tmp_path: Path) -> None:
+    first = ClassFolder(tmp_path / "out", is_resumed=False)
+    with pytest.raises(SnrError, match="Another snr grade works"):
+        ClassFolder(tmp_path / "out", is_resumed=True)
+    first.close()
+    ClassFolder(tmp_path / "out", is_resumed=True).close()
+
+
+def test_a_folder_of_somebody_elses_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("x")
+    with pytest.raises(SnrError, match="something else"):
+        ClassFolder(tmp_path, is_resumed=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_a_short_secret_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "short").write_text("12345\n")
+    folder = ClassFolder(tmp_path / "out", is_resumed=False)
+    with pytest.raises(SnrError, match="has 5 bytes"):
+        folder.secret(tmp_path / "short")
+    folder.close()
+
+
+def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "class.csv"
+    write_whole(path, b"old")
+
+    def fails(descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", fails)
+    with pytest.raises(OSError, match="No space"):
+        write_whole(path, b"new")
+    assert files_under(tmp_path) == {"class.csv": b"old"}

@@ -1,0 +1,108 @@
+"""The Gradescope container: run here, under another root than /autograder, with the kit that it brings itself."""
+
+import json
+import os
+import re
+import shutil
+import stat
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim.grading.gradescope import requirements
+
+HandedIn = Callable[..., list[Path]]
+
+
+@pytest.fixture
+def container(double_lab: Path, tmp_path: Path) -> Path:
+    """/autograder as Gradescope has it before a submission comes, without what setup.sh installs."""
+    (tmp_path / "the_secret").write_text("correct horse battery staple")
+    words = ["grade", str(double_lab), "--gradescope", str(tmp_path / "made"), "--isolation", "none"]
+    made = subprocess.run(
+        [sys.executable, "-m", "snr_sim", *words, "--secret", str(tmp_path / "the_secret"), "--json"],
+        capture_output=True,
+        text=True,
+    )
+    assert made.returncode == 0, made.stderr
+    assert json.loads(made.stdout) == {"out": str(tmp_path / "made")}
+    shutil.copytree(tmp_path / "made", tmp_path / "autograder" / "source")
+    shutil.rmtree(double_lab)  # the container brings its own
+    return tmp_path / "autograder"
+
+
+def run(root: Path, submission: Path | None, python: str = sys.executable) -> dict[str, Any]:
+    shutil.rmtree(root / "submission", ignore_errors=True)
+    if submission is None:
+        (root / "submission").mkdir()
+    else:
+        shutil.copytree(submission, root / "submission")
+    environment = {**os.environ, "AUTOGRADER_ROOT": str(root), "AUTOGRADER_PYTHON": python}
+    environment["PYTHONPATH"] = str(root / "source" / "kit")
+    subprocess.run(["bash", root / "source" / "run_autograder"], env=environment, check=True, capture_output=True)
+    fields: dict[str, Any] = json.loads((root / "results" / "results.json").read_text())
+    return fields
+
+
+def test_a_submission_in_the_container_has_its_points(container: Path, handed_in: HandedIn) -> None:
+    right, visible_only = handed_in(ada="right", bob="visible_only")
+    first = run(container, right)
+    assert (first["score"], [test["score"] for test in first["tests"]]) == (100.0, [40.0, 60.0])
+    second = run(container, visible_only)
+    assert second["score"] == 70.0
+    assert "0 of 2 passed" in second["tests"][1]["output"]
+    assert "not kept apart" in second["output"]
+
+
+def test_there_is_a_file_whatever_happens(container: Path, handed_in: HandedIn) -> None:
+    assert run(container, None)["score"] == 0
+    assert "empty" in run(container, None)["output"]
+    (fault,) = handed_in(eve="finds_a_fault")
+    told = run(container, fault)
+    assert "score" not in told
+    assert "not you" in told["output"]
+    (container / "results" / "results.json").unlink()
+    broken = run(container, fault, python="/bin/false")
+    assert "score" not in broken
+    assert "not you" in broken["output"]
+
+
+def test_the_container_holds_what_is_needed_and_no_more(container: Path) -> None:
+    source = container / "source"
+    assert stat.S_IMODE((source / "secret").stat().st_mode) == 0o600
+    assert all(os.access(source / name, os.X_OK) for name in ("setup.sh", "run_autograder"))
+    for name in ("setup.sh", "run_autograder"):
+        subprocess.run(["bash", "-n", source / name], check=True)
+    labs = list((source / "kit" / "snr_sim" / "shipped" / "assignments").iterdir())
+    assert [lab.name for lab in labs] == ["01_double"]
+    assert sum(path.stat().st_size for path in source.rglob("*")) < 20e6
+    assert not list(source.rglob("*.pyc"))
+
+
+def test_what_pip_installs_is_the_base_and_what_simulates() -> None:
+    names = {re.split(r"[<>=\[]", line)[0].strip() for line in requirements()}
+    assert {"msgspec", "typer", "rich", "numpy", "pymunk", "mujoco-core"} <= names
+    assert names.isdisjoint({"pytest", "rerun-sdk", "mypy"})
+
+
+def test_it_writes_into_a_new_folder_only(double_lab: Path, tmp_path: Path) -> None:
+    (tmp_path / "made").mkdir()
+    (tmp_path / "made" / "thesis.tex").write_text("x")
+    words = ["grade", str(double_lab), "--gradescope", str(tmp_path / "made")]
+    done = subprocess.run([sys.executable, "-m", "snr_sim", *words], capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "is not empty" in done.stderr
+    assert [path.name for path in (tmp_path / "made").iterdir()] == ["thesis.tex"]
+
+
+def test_an_archive_handed_in_is_opened(container: Path, handed_in: HandedIn, tmp_path: Path) -> None:
+    (right,) = handed_in(ada="right")
+    (tmp_path / "given").mkdir()
+    with zipfile.ZipFile(tmp_path / "given" / "work.zip", "w") as archive:
+        archive.write(right / "double.py", "work/double.py")
+    assert run(container, tmp_path / "given")["score"] == 100.0
