@@ -23,7 +23,7 @@ from snr_sim.core.node import Node
 from snr_sim.devices.commands import command_of
 from snr_sim.devices.loops import ActuatorLoop, ActuatorLoopFactory, configured
 from snr_sim.devices.pwm_backend import STOP_US
-from snr_sim.prelude.device import LEASE_S, PwmOut
+from snr_sim.prelude.device import LEASE_S, Health, PwmOut
 from snr_sim.prelude.errors import CommandError, DeviceError
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.signals import CLAMPED, AppliedPulses, PwmCommand
@@ -34,6 +34,7 @@ REARM_AFTER_S = 0.5  # of commands that are all neutral
 RETRY_EVERY_S = 1.0
 ARMED = ("active", "activating")
 TOLD_EVERY_S = 0.5
+HOW_TO_ARM = f"Neutral until the robot disarms and arms, or has commanded neutral for {REARM_AFTER_S:g} s."
 
 
 class PwmLoopFactory(ActuatorLoopFactory):
@@ -199,17 +200,27 @@ class PwmLoop(ActuatorLoop):
         """Says what becomes of the commands: now and then, and at once when it changes."""
         health = self.out.health()
         if health.state != self._state:
-            is_lost = health.state == "error" or (self._state in ARMED and self._was_armed is not False)
-            if self._state and (is_lost if health.state not in ARMED else health.state == "active" and self._is_told):
-                self._is_told = health.state not in ARMED
-                why = f" {health.why}" if health.why else ""
-                self.parent.note(f"Outputs of '{self.factory.key}', t = {now_s:.2f} s: {health.state}.{why}")
+            if self._state:
+                self._note_change(now_s, health)
             self._state = health.state
         elif applied.why == self._why and now_s < self._told_s + TOLD_EVERY_S - 1e-9:
             return
         self._told_s, self._why = now_s, applied.why
         data = {**msgspec.to_builtins(applied), "state": health.state, "fault": health.why}
         self.store_data(f"{self.factory.key}_applied", data, process=False)
+
+    def _note_change(self, now_s: float, health: Health) -> None:
+        """Notes that outputs were lost or let go by themselves, with what arms them again; and that they are back."""
+        state, before = health.state, self._state
+        is_lost = state not in ARMED and (state == "error" or (before in ARMED and self._was_armed is not False))
+        is_back = self._is_told and (state == "active" or before == "error")
+        if not (is_lost or is_back):
+            return
+        self._is_told = state != "active"
+        what = f"{state}.{f' {health.why}' if health.why else ''}"
+        if state == "inactive":
+            what = f"{'found again, and ' if is_back else ''}{what}\n  {HOW_TO_ARM}"
+        self.parent.note(f"Outputs of '{self.factory.key}', t = {now_s:.2f} s: {what}")
 
     def halt(self) -> None:
         """Goes to neutral."""

@@ -227,7 +227,16 @@ def _lease(bench: PwmBench, out: PwmOut) -> None:
     pilot.ready()
     fast = [STOP_US + 200.0] * out.channels
     pilot.until(fast, lambda applied: not applied.why, "it follows commands")
-    for stamp_s in (bench.now_s() - 2.0 * LEASE_S, math.nan, -math.inf, math.inf, 1e300, None, "now"):
+    for stamp_s in (
+        bench.now_s() - 2.0 * LEASE_S,
+        bench.now_s() + 0.5,
+        math.nan,
+        -math.inf,
+        math.inf,
+        1e300,
+        None,
+        "now",
+    ):
         applied = out.write_us(fast, stamp_s)  # type: ignore[arg-type]
         promise(TOO_OLD in applied.why, f"a command of {stamp_s} at {bench.now_s()} s is too old, but: {applied.why}")
         check_stamp(out, applied, bench.now_s())

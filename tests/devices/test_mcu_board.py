@@ -87,7 +87,7 @@ def test_a_plug_that_is_pulled_in_the_middle_of_a_run_and_put_back(pty_bench: An
     assert max(unpowered) == pytest.approx(1500.0, abs=0.5), "neutral by itself, and it stays so"
     assert pins[-1][1] == pytest.approx(1700.0, abs=0.5), "after neutral it turns again"
     states = [note.split(" s: ")[1].split(".")[0].split(";")[0] for note in node.notes if "Outputs" in note]
-    assert states == ["error", "active"], node.notes
+    assert states == ["error", "found again, and inactive", "active"], node.notes
     assert f"{pty_bench.link} is gone" in next(note for note in node.notes if "error" in note)
     assert out.health().counts["reopened"] >= 1
 

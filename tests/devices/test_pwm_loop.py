@@ -227,6 +227,8 @@ def test_outputs_that_were_lost_are_opened_again_and_armed_only_after_half_a_sec
     assert silent == [], "nothing was put to outputs that are not armed"
     assert [re.sub(r"t = [\d.]+ s", "t", note) for note in node.notes] == [
         "Outputs of 'pwm', t: error. The wire of these outputs is cut.\n  Try: solder.",
+        "Outputs of 'pwm', t: found again, and inactive.\n"
+        "  Neutral until the robot disarms and arms, or has commanded neutral for 0.5 s.",
         "Outputs of 'pwm', t: active.",
     ]
 
@@ -239,9 +241,14 @@ def test_outputs_that_let_go_by_themselves_stay_so_while_the_robot_pushes() -> N
             outputs.state, outputs.why = "inactive", "nobody renewed the command"
         return AHEAD
 
-    run(outputs, pilot(says), end_s=4.0)
+    node = run(outputs, pilot(says), end_s=4.0)
     assert [round(t, 2) for t, what in outputs.changes if what == "activated"] == [0.02]
     assert max(t for t, *_ in outputs.told) < 0.53
+    (note,) = node.notes
+    assert note.endswith(
+        "inactive. nobody renewed the command\n"
+        "  Neutral until the robot disarms and arms, or has commanded neutral for 0.5 s."
+    )
 
 
 def test_what_becomes_of_commands_is_told_at_once_when_it_changes_and_twice_a_second_else() -> None:

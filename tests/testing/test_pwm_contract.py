@@ -186,6 +186,12 @@ class ArmsWithoutAskingForConfigure(Good):
         super().activate()
 
 
+class TakesCommandsOfTimesToCome(Good):
+    def _left_of(self, stamp_s: float, lease_s: float) -> float:
+        is_soon = isinstance(stamp_s, float) and 0.0 < stamp_s - self.now_s() < 10.0
+        return lease_s if is_soon else super()._left_of(stamp_s, lease_s)
+
+
 class CanBeArmedWhenStopped(Good):
     def activate(self) -> None:
         self.is_stopped = False
@@ -249,6 +255,7 @@ class ForgetsThatItIsClosed(Good):
         (GoesOnWhenStopped, r"soon after stop\(\) the pins show"),
         (IsArmedByActivate, "activate\\(\\), told to push all outputs tell \\('activating'"),
         (ArmsWithoutAskingForConfigure, r"activate\(\) before configure\(\) is refused"),
+        (TakesCommandsOfTimesToCome, "a command of .* is too old, but"),
         (CanBeArmedWhenStopped, r"activate\(\) during an emergency stop is refused"),
         (StaysStopped, r"after clear_stop\(\) all outputs tell"),
         (DoesNotFeelThatItsWireIsOut, "a wire that was pulled is told"),

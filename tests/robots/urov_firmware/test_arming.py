@@ -41,6 +41,16 @@ def test_h4_it_is_not_armed_before_the_speed_controllers_have_been_shown_neutral
     assert bench.told.state is State.ARMED
 
 
+def test_h4_a_stop_that_is_cleared_does_not_shorten_the_time_in_which_neutral_is_shown(bench: Bench) -> None:
+    bench.run(20)
+    bench.send(Hello(SESSION))
+    assert bench.ask(EmergencyStop()) is Result.DONE
+    assert bench.ask(ClearStop(SESSION)) is Result.DONE
+    bench.drive(NEUTRAL, 100)
+    assert bench.told.state is State.STARTING
+    assert bench.ask(Arm(SESSION)) is Result.STARTING
+
+
 def test_h3_it_is_not_armed_without_a_command_in_force(bench: Bench) -> None:
     bench.ready()
     assert bench.ask(Arm(SESSION)) is Result.NO_COMMAND
