@@ -54,7 +54,9 @@ def push(opener: str, place: str) -> None:
         if not has_said and pulses is FAST and not applied.why:
             print("pushing", flush=True)
             has_said = True
-        if out.health().state in ("inactive", "error"):
+        if out.health().state == "inactive":
+            out.activate()  # a busy computer: a lease has run out
+        if out.health().state == "error":
             print(out.health(), flush=True)
             return
         time.sleep(0.02)

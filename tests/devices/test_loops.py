@@ -55,6 +55,11 @@ def run(*factories: Any, clock: Callable[[], Any] = SimClock, end_s: float = 0.1
     return node
 
 
+def ends_when(is_so: Callable[[Node], bool]) -> TickerFactory:
+    """Ends the run as soon as something is so: a run by the wall clock lasts as long as its computer needs for it."""
+    return TickerFactory(lambda loop: is_so(loop.parent) and loop.schedule(tasks.terminate("enough")), "ender", 200.0)
+
+
 def commands(*commands: Any, rate_hz: float = 100.0, taken_by: FakeActuator[Any] | None = None) -> TickerFactory:
     """Stores these command pages, one at each tick, and then no more; the next only when the last was taken."""
     left = list(commands)
@@ -78,9 +83,10 @@ def engine(actuator: FakeActuator[Push], rate_hz: float = 100.0, timeout_s: floa
 @CLOCKS
 def test_each_reading_becomes_a_page_and_the_sensor_is_closed_at_the_end(clock: Callable[[], Any]) -> None:
     sensor = FakeSensor([Depth(1.0, 0.0), Depth(2.0, 0.01)])
-    node = run(SensorLoopFactory("depth", lambda: sensor, 100), clock=clock)
+    enough = ends_when(lambda node: node.datastore.stored >= 5)
+    node = run(SensorLoopFactory("depth", lambda: sensor, 100), enough, clock=clock, end_s=60.0)
     assert node.get_data("depth") == {"depth_m": 2.0, "stamp_s": 0.01}
-    assert node.datastore.stored >= 5
+    assert node.exit_reason == "enough"
     assert sensor.is_closed
 
 
@@ -106,9 +112,10 @@ def test_commands_are_written_once_each_and_neutral_comes_first_and_last(clock: 
     actuator = FakeActuator(Push, LIMITS)
     run(
         commands({"thrust_n": 5.0}, {"thrust_n": 6.0, "gimbal_rad": 0.05}, taken_by=actuator),
-        engine(actuator),
+        engine(actuator, timeout_s=20.0),
+        ends_when(lambda node: len(actuator.written) == 2),
         clock=clock,
-        end_s=0.2,
+        end_s=60.0,
     )
     assert actuator.written == [Push(5.0, 0.0), Push(6.0, 0.05)]
     assert actuator.is_neutral
@@ -249,6 +256,7 @@ def test_whatever_fails_the_actuator_goes_to_neutral(clock: Callable[[], Any]) -
             PartFactory({TaskType.event: fail}),
             TimeoutLoopFactory(ms=30, task=tasks.event("go"), name="trigger"),
             clock=clock,
+            end_s=60.0,
         )
     assert actuator.is_neutral
     assert actuator.is_closed
@@ -274,7 +282,7 @@ def test_a_device_that_cannot_be_opened_is_told_and_everything_else_is_halted(cl
         raise DeviceError("There is no device at /dev/ttyUSB7.", fix="ls /dev/tty*")
 
     with pytest.raises(ComponentFailed, match="no device at /dev/ttyUSB7"):
-        run(engine(actuator), SensorLoopFactory("depth", open_nothing, 10), clock=clock, end_s=2.0)
+        run(engine(actuator), SensorLoopFactory("depth", open_nothing, 10), clock=clock, end_s=60.0)
     assert actuator.is_neutral
     # In lock step the actuator is opened before the sensor fails; on threads either may come first.
     assert actuator.is_closed or clock is WallClock
