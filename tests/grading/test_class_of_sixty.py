@@ -1,0 +1,145 @@
+"""A class of sixty: right and wrong programs, attacks, and what is no program. Everybody gets exactly what is due.
+
+Attacks (attacks/README.md) earn nothing, leave nothing behind, and are in nobody's way.
+"""
+
+import csv
+import ctypes
+import os
+import random
+import shutil
+import subprocess
+import sys
+import time
+import zipfile
+from pathlib import Path
+
+ATTACKS = sorted((Path(__file__).parent / "attacks").glob("*.py"))
+TOKEN = f"snr_attack_{os.getpid()}"
+# What is not there earns nothing; these do something that is right as well.
+HONEST_PART = {"visible_only": 70.0}
+PR_SET_CHILD_SUBREAPER = 36
+
+
+WRONG = {  # of each kind two, with their points: 40 for loading, 15 for each of two visible and two hidden cases
+    "return 2": 40.0,
+    "return {1: 2, 2: 4, 4: 8}.get(x, 0)": 70.0,
+    "return 2.0 * x": 40.0,
+    "return x + x if x < 9 else x": 70.0,
+    "return str(2 * x)": 0.0,
+    "return x * 3": 0.0,
+    "print(2 * x)": 0.0,
+    "return 1 / 0": 0.0,
+}
+RIGHT = ("return 2 * x", "return x + x", "return x << 1", "return sum([x, x])")
+
+
+def hand_in(folder: Path, port: int) -> dict[Path, float | None]:
+    """Returns every submission with the points that are its due, None if there is nothing to be graded in it."""
+    due: dict[Path, float | None] = {}
+    for i in range(11):
+        due[write(folder / f"right_{i}", RIGHT[i % len(RIGHT)])] = 100.0
+    for i, (body, points) in enumerate([*WRONG.items()] * 2):
+        due[write(folder / f"wrong_{i}", body)] = points
+    for attack in ATTACKS:
+        path = folder / attack.stem
+        path.mkdir()
+        shutil.copy(attack, path / "double.py")
+        (path / "token.txt").write_text(TOKEN)
+        (path / "port.txt").write_text(str(port))
+        due[path] = HONEST_PART.get(attack.stem, 0.0)
+    shadow = write(folder / "shadows_the_kit", "return None")
+    for name in ("msgspec.py", "json.py", "sitecustomize.py", "usercustomize.py", "snr_sim.py", "os.py", "signal.py"):
+        (shadow / name).write_text(f"import sys\nprint('loaded {name}')\nsys.exit(0)\n")
+    due[shadow] = 0.0
+    due[write(folder / "misspelt", "return 2 * x", "duoble.py")] = None
+    due[write(folder / "elsewhere", "return 2 * x", "essay/text.py")] = None
+    for i in range(3):
+        (folder / f"empty_{i}").mkdir()
+        due[folder / f"empty_{i}"] = None
+    link = folder / "is_a_link"
+    link.mkdir()
+    (link / "double.py").symlink_to(folder / "right_0" / "double.py")
+    due[link] = None
+    for name, entries in (("leads_outside", ["double.py", f"../../{TOKEN}"]), ("zipped", ["work/double.py"])):
+        with zipfile.ZipFile(folder / f"{name}.zip", "w") as archive:
+            for entry in entries:
+                archive.writestr(entry, "def double(x):\n    return 2 * x\n")
+        due[folder / f"{name}.zip"] = 100.0 if name == "zipped" else None
+    (folder / "no_archive.zip").write_bytes(b"Dear professor,")
+    due[folder / "no_archive.zip"] = None
+    everybody = list(due)
+    random.Random(6).shuffle(everybody)
+    return {path: due[path] for path in everybody}
+
+
+def write(folder: Path, body: str, name: str = "double.py") -> Path:
+    path = folder / name
+    path.parent.mkdir(parents=True)
+    path.write_text(f"def double(x):\n    {body}\n")
+    return folder
+
+
+def children() -> set[int]:
+    """Processes whose parent this process is."""
+    found = set()
+    for task in Path("/proc/self/task").iterdir():
+        found |= {int(pid) for pid in (task / "children").read_text().split()}
+    return found
+
+
+def still_alive(before: set[int]) -> set[int]:
+    """Processes that came since and do not end; those that have ended are buried."""
+    give_up_s = time.monotonic() + 60
+    while (left := children() - before) and time.monotonic() < give_up_s:
+        for pid in left:
+            os.waitpid(pid, os.WNOHANG)
+        time.sleep(0.01)
+    return left
+
+
+def left_behind() -> list[str]:
+    places = ("/dev/shm", "/tmp", "/var/tmp", "/run", "/dev/mqueue", "/etc", str(Path.home()))
+    return [str(path) for place in places if Path(place).is_dir() for path in Path(place).glob(f"*{TOKEN}*")]
+
+
+def test_everybody_gets_exactly_what_is_due(
+    sandbox: None, double_lab: Path, listener: tuple[int, list[str]], tmp_path: Path
+) -> None:
+    port, reached = listener
+    (tmp_path / "submissions").mkdir()
+    due = hand_in(tmp_path / "submissions", port)
+    assert len(due) == 60
+    (tmp_path / "the_secret").write_text("correct horse battery staple")
+    (tmp_path / "tmp").mkdir()
+    before, kit = children(), kit_files()
+    ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1)  # who is left without a parent becomes ours, and is seen
+    words = ["grade", str(double_lab), *map(str, due), "--out", str(tmp_path / "out"), "--jobs", "6"]
+    done = subprocess.run(
+        [sys.executable, "-m", "snr_sim", *words, "--secret", str(tmp_path / "the_secret")],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "TMPDIR": str(tmp_path / "tmp")},
+    )
+    ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 0)
+    assert done.returncode == 0, done.stderr + done.stdout
+    with (tmp_path / "out" / "class.csv").open(newline="") as file:
+        rows = {row["submission"]: row for row in csv.DictReader(file)}
+    table = {name: (float(row["points"]), row["status"]) for name, row in rows.items()}
+    wanted = {path.stem: (points or 0.0, "refused" if points is None else "graded") for path, points in due.items()}
+    assert table == wanted
+    for path in (tmp_path / "out" / "results").iterdir():
+        assert "AssertionError" not in path.read_text(), f"{path.stem} has not acted at all"
+    assert reached == []
+    assert still_alive(before) == set()
+    assert list((tmp_path / "tmp").iterdir()) == []
+    assert left_behind() == []
+    assert kit_files() == kit
+
+
+def kit_files() -> set[tuple[str, float]]:
+    """What stands in the kit, and when it was changed."""
+    import snr_sim
+
+    folder = Path(snr_sim.__file__).parent
+    return {(str(path), path.stat().st_mtime) for path in folder.rglob("*.py")}
