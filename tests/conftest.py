@@ -15,6 +15,8 @@ from referencing import Registry, Resource
 
 from snr_sim.devices.emulated.toolchain import ToolsMissing, require_tools
 from snr_sim.flight import Flight
+from snr_sim.grading.child_process import try_sandbox
+from snr_sim.grading.sandbox import IsolationMissing
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.schemas import NAMES, SUFFIX, read_schema
@@ -88,5 +90,16 @@ def emulators() -> None:
         require_tools()
     except ToolsMissing as error:
         if os.environ.get("SNR_REQUIRE_EMULATORS"):
+            raise
+        pytest.skip(str(error))
+
+
+@pytest.fixture(scope="session")
+def sandbox() -> None:
+    """Whoever needs students' programs kept apart is skipped where that cannot be had, but not in CI."""
+    try:
+        try_sandbox()
+    except IsolationMissing as error:
+        if os.environ.get("SNR_REQUIRE_SANDBOX"):
             raise
         pytest.skip(str(error))

@@ -12,7 +12,7 @@ from snr_sim.core.blame import describe_error
 from snr_sim.grading.child_process import try_sandbox
 from snr_sim.grading.lab import Case, Check, Lab
 from snr_sim.grading.results import CaseResult, CheckResult, Graded
-from snr_sim.grading.sandbox import Isolation, Limits
+from snr_sim.grading.sandbox import Isolation, Limits, lent
 from snr_sim.grading.student import Student
 from snr_sim.grading.verdicts import LabFault, Misbehaved, Verdict
 
@@ -46,14 +46,14 @@ def grade_submission(
         IsolationMissing: isolation is required, and cannot be had here.
     """
     sort = sandboxed(isolation)
-    grading = _Grading(lab, folder, secret, sort, out, limits, on_case)
     status: Literal["graded", "fault"] = "graded"
     error = ""
     checks: tuple[CheckResult, ...] = ()
-    try:
-        checks = grading.checks()
-    except LabFault as fault:
-        status, error = "fault", str(fault)
+    with lent(folder.resolve(), sort) as readable:
+        try:
+            checks = _Grading(lab, readable, secret, sort, out, limits, on_case).checks()
+        except LabFault as fault:
+            status, error = "fault", str(fault)
     return Graded(
         submission=name or folder.resolve().name,
         lab=lab.name,

@@ -15,7 +15,9 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -63,6 +65,33 @@ def environment() -> dict[str, str]:
     """Returns the whole environment of a student's process: nothing of ours."""
     threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     return {"PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1", "LC_ALL": "C.UTF-8", **threads}
+
+
+@contextmanager
+def lent(folder: Path, isolation: Isolation) -> Iterator[Path]:
+    """Yields a submission's folder as nobody can read it: itself, or a copy if only its owner may."""
+    if isolation == "none" or not _is_root() or _is_open(folder):
+        yield folder
+        return
+    with tempfile.TemporaryDirectory(prefix="snr-grading-") as name:
+        os.chmod(name, 0o755)
+        copy = Path(name) / folder.name
+        shutil.copytree(folder, copy, symlinks=True, ignore=_what_is_no_file)
+        for path in [copy, *copy.rglob("*")]:
+            if not path.is_symlink():
+                path.chmod(0o755 if path.is_dir() else 0o644)
+        yield copy
+
+
+def _is_open(folder: Path) -> bool:
+    modes = [(path.is_dir(), path.stat().st_mode) for path in [folder, *folder.rglob("*")] if not path.is_symlink()]
+    return all(mode & 0o004 and (mode & 0o001 or not is_folder) for is_folder, mode in modes)
+
+
+def _what_is_no_file(folder: str, names: list[str]) -> list[str]:
+    """Returns what must not be copied: a pipe or a device would be read without end."""
+    paths = {name: Path(folder, name) for name in names}
+    return [name for name, path in paths.items() if not (path.is_symlink() or path.is_dir() or path.is_file())]
 
 
 def start_command(

@@ -1,0 +1,237 @@
+"""The sandbox: what a student's process is, sees and may use. Each is tried from inside."""
+
+import os
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+import snr_sim
+from snr_sim.grading import Student
+from snr_sim.grading.child_process import try_sandbox
+from snr_sim.grading.grade import grade_submission
+from snr_sim.grading.lab import load_lab
+from snr_sim.grading.sandbox import IsolationMissing, Limits, find_bubblewrap, forbidden
+from snr_sim.grading.verdicts import Misbehaved
+
+PROBE = '''
+import errno, os, resource, sys
+
+
+def tried(what, *args):
+    """Returns what comes of a call: "done", or the error's name."""
+    try:
+        what(*args)
+    except OSError as error:
+        return errno.errorcode[error.errno]
+    except Exception as error:
+        return type(error).__name__
+    return "done"
+
+
+def write(path):
+    with open(path, "w") as file:
+        file.write("x" * 1000)
+
+
+def fill(path):
+    with open(path, "wb") as file:
+        for _ in range(40):
+            file.write(bytes(1 << 20))
+
+
+def facts():
+    import _socket
+
+    line = _socket.socket()
+    return {
+        "uid": [os.getuid(), os.geteuid(), os.getgid()],
+        "groups": os.getgroups(),
+        "environment": sorted(os.environ),
+        "arguments": sys.orig_argv[1:],
+        "here": os.getcwd(),
+        "root": sorted(os.listdir("/")),
+        "processes": os.path.exists("/proc/1"),
+        "network": tried(line.connect, ("1.1.1.1", 80)),
+        "loopback": tried(line.connect, ("127.0.0.1", 22)),
+        "submission": tried(write, "mine.py"),
+        "beside": tried(write, "more.py"),
+        "kit": tried(write, os.path.dirname(sys.modules["snr_sim"].__file__) + "/more.py"),
+        "root folder": tried(os.mkdir, "/more"),
+        "scratch": tried(write, "/tmp/more"),
+        "much scratch": tried(fill, "/tmp/much"),
+        "fork": tried(os.fork),
+        "program": tried(os.posix_spawn, sys.executable, ["python"], {}),
+        "root again": tried(os.setuid, 0),
+        "parent": tried(os.kill, os.getppid(), 9),
+        "core": resource.getrlimit(resource.RLIMIT_CORE),
+        "more memory": tried(resource.setrlimit, resource.RLIMIT_AS, (-1, -1)),
+        "open files": len([fd for fd in range(1024) if tried(os.fstat, fd) == "done"]),
+    }
+
+
+def looks(paths):
+    return [tried(os.listdir if path.endswith("/") else open, path) for path in paths]
+
+
+def seen_under(folder):
+    return sorted(os.path.join(at, file) for at, _, files in os.walk(folder) for file in files)
+'''
+
+pytestmark = pytest.mark.usefixtures("sandbox")
+
+
+@pytest.fixture
+def submission(tmp_path: Path) -> Path:
+    folder = tmp_path / "submission"
+    folder.mkdir()
+    folder.chmod(0o755)
+    (folder / "mine.py").write_text(PROBE)
+    return folder
+
+
+def test_a_process_in_the_sandbox_is_nobody_alone_and_can_write_on_little_but_its_scratch(submission: Path) -> None:
+    submission.parent.chmod(0o755)
+    with Student(submission, "sandbox") as student:
+        facts = student.call("mine.py", "facts")
+    assert facts["uid"] == [65534, 65534, 65534]
+    assert facts["groups"] == [] or os.getuid() != 0
+    threads = ["MKL_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"]
+    assert facts["environment"] == sorted([*threads, "LC_ALL", "PWD", "PYTHONDONTWRITEBYTECODE", "PYTHONHASHSEED"])
+    assert facts["here"] == "/submission"
+    assert "proc" not in facts["root"]
+    assert "etc" not in facts["root"]
+    assert "home" not in facts["root"] or Path(sys.base_prefix).is_relative_to("/home")
+    assert not facts["processes"]
+    assert facts["network"] == "ENETUNREACH"
+    assert facts["loopback"] in ("ECONNREFUSED", "ENETUNREACH")
+    for place in ("submission", "beside", "kit", "root folder"):
+        assert facts[place] == "EROFS", place
+    assert facts["scratch"] == "done"
+    assert facts["much scratch"] in ("EFBIG", "ENOSPC")
+    assert facts["fork"] == "EAGAIN"
+    assert facts["program"] == "EAGAIN"
+    assert facts["root again"] == "EPERM"
+    assert facts["parent"] in ("EPERM", "done")  # its parent is the namespace's own first process, or nobody
+    assert facts["core"] == [0, 0]
+    assert facts["more memory"] in ("EPERM", "ValueError")
+    assert facts["open files"] == 5  # the three of every process, its line, and the socket that was tried
+    assert (submission / "mine.py").read_text() == PROBE
+
+
+def test_a_process_sees_nothing_of_the_grader_or_of_other_submissions(submission: Path, tmp_path: Path) -> None:
+    secret = tmp_path / "secret.txt"
+    secret.write_text("do not tell")
+    secret.chmod(0o644)
+    kit = Path(snr_sim.__file__).parent
+    hidden = [
+        str(secret),
+        f"{tmp_path}/",
+        str(Path(__file__)),
+        f"{kit.parent}/tests/",
+        f"{kit.parent}/assignments/",
+        "/etc/passwd",
+        "/proc/self/environ",
+        "/sys/",
+        "/var/",
+    ]
+    with Student(submission, "sandbox") as student:
+        assert student.call("mine.py", "looks", hidden) == ["ENOENT"] * len(hidden)
+        assert student.call("mine.py", "seen_under", "/submission") == ["/submission/mine.py"]
+        assert not any("do not tell" in argument for argument in student.call("mine.py", "facts")["arguments"])
+
+
+def test_what_a_process_knows_does_not_depend_on_the_case(submission: Path) -> None:
+    def told(n: int) -> list[str]:
+        with Student(submission, "sandbox") as student:
+            for _ in range(n):
+                student.call("mine.py", "looks", [])
+            arguments: list[str] = student.call("mine.py", "facts")["arguments"]
+            return [argument for argument in arguments if "main(" not in argument]
+
+    assert told(0) == told(2)
+
+
+def test_a_loop_without_end_is_ended_by_the_kernel_even_if_its_program_will_not_hear_of_it(submission: Path) -> None:
+    (submission / "mine.py").write_text(
+        "import signal\n"
+        "for number in (signal.SIGPROF, signal.SIGXCPU, signal.SIGTERM):\n"
+        "    signal.signal(number, signal.SIG_IGN)\n"
+        "while True:\n    pass\n"
+    )
+    student = Student(submission, "sandbox", limits=Limits(cpu_s=1))
+    with student, pytest.raises(Misbehaved, match="used up its CPU time"):
+        student.call("mine.py", "f")
+
+
+def test_a_submission_that_only_its_owner_may_read_is_graded(submission: Path, tmp_path: Path) -> None:
+    (submission / "mine.py").write_text("def f():\n    return 1\n")
+    (submission / "mine.py").chmod(0o600)
+    submission.chmod(0o700)
+    lab = load_lab(_lab_in(tmp_path))
+    assert grade_submission(lab, submission, b"secret").points == 100.0
+
+
+def test_nothing_of_the_sandbox_is_left_when_a_case_is_over(submission: Path) -> None:
+    before = _running("bwrap")
+    with Student(submission, "sandbox") as student:
+        student.call("mine.py", "looks", [])
+        assert _running("bwrap") > before
+    assert _running("bwrap") <= before
+
+
+def test_official_grading_refuses_to_run_without_bubblewrap_and_says_what_to_install(
+    submission: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lab = load_lab(_lab_in(tmp_path))
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    for cached in (find_bubblewrap, try_sandbox):
+        cached.cache_clear()
+    try:
+        with pytest.raises(IsolationMissing, match="apt install bubblewrap"):
+            grade_submission(lab, submission, b"secret")
+        assert grade_submission(lab, submission, b"secret", "none").isolation == "none"
+    finally:
+        monkeypatch.undo()
+        for cached in (find_bubblewrap, try_sandbox):
+            cached.cache_clear()
+
+
+def test_a_computer_that_forbids_namespaces_is_told_what_allows_them() -> None:
+    assert "kernel.apparmor_restrict_unprivileged_userns=0" in str(
+        forbidden("bwrap: setting up uid map: Permission denied")
+    )
+    assert "readable for everybody" in str(forbidden("ModuleNotFoundError: No module named 'snr_sim'"))
+
+
+def _lab_in(folder: Path) -> Path:
+    path = folder / "01_small" / "checks.py"
+    path.parent.mkdir()
+    path.write_text(
+        "from snr_sim.grading import Lab, check, passed\n\n\n"
+        "@check(points=100)\n"
+        "def one(student):\n"
+        '    """It is one."""\n'
+        '    assert student.call("mine.py", "f") == 1\n'
+        "    return passed()\n\n\n"
+        'lab = Lab("Small", files=["mine.py"], checks=[one])\n'
+    )
+    return path
+
+
+def _running(name: str) -> int:
+    """How many processes of that name this one has started, directly or not."""
+    parents = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            pid, _, rest = stat.read_text().partition(" (")
+        except OSError:
+            continue  # it has just ended
+        command, _, numbers = rest.rpartition(") ")
+        parents[int(pid)] = (int(numbers.split()[1]), command)
+
+    def is_ours(pid: int) -> bool:
+        return pid == os.getpid() or (pid in parents and is_ours(parents[pid][0]))
+
+    return sum(command == name and is_ours(pid) for pid, (_, command) in parents.items())
