@@ -70,6 +70,16 @@ def find(kind: Kind, name: str) -> Found:
     )
 
 
+def find_lab(name: str) -> Found:
+    """Returns where a lab is, by its folder's name, "02_depth_hold", by that without its number, or by a path.
+
+    Raises:
+        UnknownName: nowhere.
+    """
+    matches = [one.name for one in known("assignments") if name and name == one.name.partition("_")[2]]
+    return find("assignments", matches[0] if len(matches) == 1 else name)
+
+
 def known(kind: Kind) -> list[Found]:
     """Returns all that can be found by name; the first of two with one name counts."""
     all_found: dict[str, Found] = {}

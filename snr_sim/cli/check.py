@@ -35,6 +35,12 @@ def check(
     found = find_lab(lab)
     if not folder.is_dir():
         raise UnknownName(f"There is no folder {folder}.", fix="name the folder with your files.")
+    missing = [file for file in found.files if not (folder / file).is_file()]
+    if missing:
+        raise UnknownName(
+            f"There is no {missing[0]} in {folder.resolve()}.",
+            fix=f"name the folder with your files; or begin: snr new lab {lab}",
+        )
     out = _RUNS / f"check_{found.name}"
     with _status(as_json) as tell:
         graded = grade_submission(found, folder, None, "none", out=out.resolve(), on_case=tell)

@@ -1,4 +1,7 @@
-"""`snr new`: a copy to begin with. A student's robot or scenario is found and treated exactly like ours."""
+"""`snr new`: a copy to begin with: of a robot, a scenario, or the files a lab begins with.
+
+A student's robot or scenario is found and treated exactly like ours.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ from typing import Annotated, Literal
 
 import typer
 
+_LAB = "lab"
 _SOURCES: dict[str, tuple[Literal["robots", "scenarios"], str]] = {
     "robot": ("robots", "lander"),
     "scenario": ("scenarios", "lander_vertical"),
@@ -16,20 +20,25 @@ _SOURCES: dict[str, tuple[Literal["robots", "scenarios"], str]] = {
 
 
 def new(
-    what: Annotated[str, typer.Argument(help="robot or scenario.")],
-    name: Annotated[str, typer.Argument(help="Its name: small letters, digits and _.")],
+    what: Annotated[str, typer.Argument(help="robot, scenario or lab.")],
+    name: Annotated[str, typer.Argument(help="Its name: small letters, digits and _. Of a lab: which one.")],
     source: Annotated[str, typer.Option("--from", help="Which one to copy.")] = "",
     robot: Annotated[str, typer.Option(help="Of a scenario: which robot it is for, else the one it was for.")] = "",
 ) -> None:
-    """Begin a robot or scenario of your own.
+    """Begin a robot, a scenario or a lab of your own.
 
-    Makes a copy of one there is, under the current folder.
+    Makes a copy of one there is, or of the files that a lab begins with, under the current folder.
     """
     from snr_sim.library import find, robot_of_scenario
     from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
 
+    if what == _LAB:
+        if source or robot:
+            raise ParameterError("A lab is begun as it is.", fix=f"snr new lab {name}")
+        _begin_lab(name)
+        return
     if what not in _SOURCES:
-        raise UnknownName(f"snr new makes no '{what}'.", fix=nearest(what, _SOURCES))
+        raise UnknownName(f"snr new makes no '{what}'.", fix=nearest(what, [*_SOURCES, _LAB]))
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         raise ParameterError(f"'{name}' is no name for a {what}.", fix="small letters, digits and _, a letter first.")
     kind, default = _SOURCES[what]
@@ -53,6 +62,27 @@ def new(
         if robot:
             _rename(target, robot_of_scenario(found), robot)
         print(f"{target} is a copy of {found.name}; run it: snr run {name}")
+
+
+def _begin_lab(name: str) -> None:
+    """Copies the files that a lab begins with into a folder of the lab's name."""
+    from snr_sim.core.blame import short_path
+    from snr_sim.library import find_lab
+    from snr_sim.prelude.errors import ParameterError, UnknownName
+
+    found = find_lab(name)
+    starter = found.path / "starter"
+    if not starter.is_dir():
+        raise UnknownName(f"The lab '{found.name}' has no files to begin with.", fix="snr list assignments")
+    target = Path(found.name.partition("_")[2] or found.name)
+    if target.exists():
+        raise ParameterError(f"{target} is there already.", fix="go on in it, or rename it; nothing was changed.")
+    shutil.copytree(starter, target, ignore=shutil.ignore_patterns("__pycache__"))
+    print(
+        f"{target}/ has the files that the lab begins with. What it is about: {short_path(str(found.path))}/README.md"
+    )
+    if (found.path / "checks.py").is_file():
+        print(f"Try them: snr check {target} {target}")
 
 
 def _rename(path: Path, old: str, robot: str) -> None:

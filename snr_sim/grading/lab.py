@@ -177,9 +177,7 @@ def find_lab(name: str) -> Lab:
         UnknownName: there is none, or it has no checks.
         LabFault: its checks cannot be read.
     """
-    folders = [one.name for one in library.known("assignments")]
-    matches = [one for one in folders if name == one.partition("_")[2]]
-    found = library.find("assignments", matches[0] if len(matches) == 1 else name)
+    found = library.find_lab(name)
     path = found.path / "checks.py"
     if not path.is_file():
         raise UnknownName(f"The lab '{found.name}' has no checks: there is no {path}.", fix="snr list assignments")

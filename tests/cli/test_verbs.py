@@ -20,7 +20,7 @@ from snr_sim.simulation import Request
 Snr = Callable[..., Any]
 Mine = Callable[..., Path]
 WIRED = '        return self.store_data_task("engine", {"throttle": 0.3})'
-VERBS = ("run", "replay", "resim", "trace", "view", "list", "new", "doctor", "bench")
+VERBS = ("run", "replay", "resim", "trace", "view", "list", "new", "check", "doctor", "bench")
 
 
 @pytest.fixture

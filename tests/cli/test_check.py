@@ -1,0 +1,103 @@
+"""`snr check` and `snr new lab`: what a student is told of a lab, and what to do next."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+CHECKS = '''
+from snr_sim.grading import Lab, Student, Verdict, check, failed, passed
+
+
+@check(points=30, visible=[2])
+def doubles(student: Student, case: int) -> Verdict:
+    """Doubles."""
+    got = student.call("mine.py", "double", case, returns=int)
+    return passed() if got == 2 * case else failed("Twice.", expected=str(2 * case), actual=str(got))
+
+
+@check(points=70, needs=["doubles"])
+def lands(student: Student) -> Verdict:
+    """Lands."""
+    flown = student.fly("lander_vertical", 1, "mine.py")
+    return passed() if flown.success else failed("It fell.", actual=flown.outcome)
+
+
+lab = Lab("Doubling", files=["mine.py"], checks=[doubles, lands])
+'''
+COAST = (Path(__file__).parents[2] / "robots" / "lander" / "controllers" / "coast.py").read_text()
+WRONG = "def double(x):\n    print('doubling', x)\n    return x"
+FALLS = COAST + "\n\ndef double(x):\n    return 2 * x\n"
+
+
+@pytest.fixture
+def lab(here: Path) -> Path:
+    """A lab of one's own, which is found from the current folder."""
+    lab = here / "assignments" / "04_doubling"
+    (lab / "starter").mkdir(parents=True)
+    (lab / "README.md").write_text("# Doubling\n")
+    (lab / "checks.py").write_text(CHECKS)
+    (lab / "starter" / "mine.py").write_text(WRONG)
+    return lab
+
+
+def test_a_lab_is_begun_tried_and_said_to_be_practice(here: Path, lab: Path, snr: Any) -> None:
+    begun = snr("new", "lab", "doubling")
+    assert (begun.status, begun.err) == (0, "")
+    assert "snr check doubling doubling" in begun.out
+    assert (here / "doubling" / "mine.py").read_text() == WRONG
+    tried = snr("check", "doubling", "doubling")
+    assert tried.status == 1
+    told = (
+        "practice",
+        "0 of 30",
+        "Twice.",
+        "expected: 4",
+        "actual:   2",
+        "doubling 2",
+        "not tried",
+        "Next: 'Doubles.'",
+    )
+    assert [words for words in told if words not in tried.out] == []
+    assert snr("new", "lab", "doubling").status == 2
+
+
+def test_a_flight_that_failed_is_kept_and_replays_and_one_that_succeeded_is_not(
+    here: Path, lab: Path, snr: Any
+) -> None:
+    (here / "mine.py").write_text(FALLS)
+    fallen = snr("check", "04_doubling")
+    assert fallen.status == 1
+    run = here / "runs" / "check_04_doubling" / "lands-1" / "flight-1"
+    assert f"snr replay {run.relative_to(here)}" in fallen.out
+    assert snr("replay", run).status == 0
+    (here / "mine.py").write_text(FALLS)
+    (lab / "checks.py").write_text(CHECKS.replace("if flown.success", "if not flown.success"))
+    assert snr("check", "doubling").status == 0
+    assert not run.exists()
+
+
+def test_json_is_the_whole_record(here: Path, lab: Path, snr: Any) -> None:
+    (here / "mine.py").write_text(WRONG)
+    answer = snr("check", "doubling", "--json")
+    record = answer.json
+    assert answer.status == 1
+    assert (record["lab"], record["isolation"], record["is_hidden_included"]) == ("04_doubling", "none", False)
+    assert record["checks"][0]["cases"][0]["printed"] == "doubling 2\n"
+
+
+def test_what_is_missing_is_told_with_what_to_do(here: Path, lab: Path, snr: Any) -> None:
+    answer = snr("check", "doubling")
+    assert answer.status == 2
+    assert "There is no mine.py" in answer.err
+    assert "snr new lab doubling" in answer.err
+    assert snr("check", "dubling").status == 2
+    assert snr("check", "doubling", "nowhere").status == 2
+
+
+def test_a_lab_that_fails_by_itself_is_not_the_students_fault(here: Path, lab: Path, snr: Any) -> None:
+    (here / "mine.py").write_text(FALLS)
+    (lab / "checks.py").write_text(CHECKS.replace('"lander_vertical"', '"lander_nowhere"'))
+    answer = snr("check", "doubling")
+    assert answer.status == 2
+    assert "lander_nowhere" in answer.err

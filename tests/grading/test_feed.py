@@ -1,0 +1,133 @@
+"""Feeding components: what they made of each input, in a bare node on a virtual clock."""
+
+from pathlib import Path
+
+import pytest
+
+from snr_sim import MovingAvgFilterFactory
+from snr_sim.grading import Given, Produced, Student
+from snr_sim.grading.verdicts import Misbehaved
+
+THREE = """
+from snr_sim import Endpoint, EndpointFactory, Loop, LoopFactory, TaskType, tasks
+
+
+class Part(Endpoint):
+    def __init__(self, factory, parent, name):
+        super().__init__(factory, parent, name)
+        self.task_handlers = {
+            (TaskType.process_data, "depth"): self.on_depth,
+            (TaskType.event, "start"): self.on_start,
+        }
+
+    def begin(self):
+        self.schedule(tasks.event("hello", [self.name]))
+
+    def on_depth(self, task, task_id):
+        self.store_data("seen", [self.name, self.get_data("depth"), self.get_time_s(), self.get_age_s("depth")], False)
+        return [tasks.event("heard", [self.get_data("depth_prev")])]
+
+    def on_start(self, task, task_id):
+        self.task_handlers = {(TaskType.process_data, "depth"): self.on_depth_later}
+        self.number = self.rng.random()
+
+    def on_depth_later(self, task, task_id):
+        return self.store_data_task("late", self.number)
+
+
+class PartFactory(EndpointFactory):
+    def __init__(self, name):
+        super().__init__()
+        self.name = name
+
+    def get(self, parent):
+        return Part(self, parent, self.name)
+
+
+class Ticker(Loop):
+    def loop(self):
+        self.store_data("tick", self.get_time_s(), process=False)
+        if self.get_time_s() > 0.25:
+            self.stop()
+
+
+class TickerFactory(LoopFactory):
+    def get(self, parent):
+        return Ticker(self, parent, "ticker", 10.0)
+
+
+def factories(robot):
+    made = {"a": PartFactory("a"), "b": PartFactory("b"), "ticker": TickerFactory()}
+    return [made[name] for name in robot.options["parts"].split()]
+"""
+
+
+def fed(folder: Path, pages: list[Given], parts: str = "a", **details: object) -> list[Produced]:
+    (folder / "mine.py").write_text(THREE)
+    student = Student(folder)
+    return student.feed("mine.py", pages, options={"parts": parts}, **details)
+
+
+def brief(produced: list[Produced]) -> list[tuple[str, str, str, int | None]]:
+    return [(one.component, one.kind, one.name, one.after) for one in produced]
+
+
+def test_what_each_input_caused_is_told_in_order(tmp_path: Path) -> None:
+    produced = fed(tmp_path, [Given(0.0, "depth", 1.5), Given(0.5, "other", 0), Given(1.0, "depth", 2.5)])
+    assert brief(produced) == [
+        ("a", "event", "hello", None),
+        ("a", "store_page", "seen", 0),
+        ("a", "event", "heard", 0),
+        ("a", "store_page", "seen", 2),
+        ("a", "event", "heard", 2),
+    ]
+    assert [one.value for one in produced] == [["a"], ["a", 1.5, 0.0, 0.0], [None], ["a", 2.5, 1.0, 0.0], [1.5]]
+    assert [one.at_s for one in produced] == [0.0, 0.0, 0.0, 1.0, 1.0]
+
+
+def test_components_stand_in_the_order_that_is_asked_for(tmp_path: Path) -> None:
+    depth = [Given(0.0, "depth", 1.0)]
+    names = [one.component for one in fed(tmp_path, depth, "a b") if one.kind == "store_page"]
+    assert names == ["a", "b"]
+    names = [one.component for one in fed(tmp_path, depth, "a b", order=[1, 0]) if one.kind == "store_page"]
+    assert names == ["b", "a"]
+    with pytest.raises(Misbehaved, match="makes 1 components, where 2 were expected"):
+        fed(tmp_path, depth, "a", order=[1, 0])
+
+
+def test_loops_tick_until_they_stop_or_the_time_is_up(tmp_path: Path) -> None:
+    ticks = [one.at_s for one in fed(tmp_path, [Given(0.15, "x", 0)], "ticker")]
+    assert ticks == [0.0, 0.1]
+    produced = fed(tmp_path, [], "ticker", until_s=9.0)
+    assert [one.at_s for one in produced] == pytest.approx([0.0, 0.1, 0.2, 0.3])
+    assert {one.after for one in produced} == {None}
+
+
+def test_handlers_may_change_while_it_runs_and_chance_follows_from_the_seed(tmp_path: Path) -> None:
+    def late(seed: int) -> list[float]:
+        start = Given(0.0, task=("event", "start", []))
+        produced = fed(tmp_path, [start, Given(1.0, "depth", 1.0), Given(2.0, "depth", 1.0)], seed=seed)
+        return [one.value for one in produced if one.name == "late"]
+
+    assert len(late(1)) == 2
+    assert late(1) == late(1) != late(2)
+
+
+def test_parts_of_the_kit_stand_in_the_same_node_and_are_not_told_as_the_students(tmp_path: Path) -> None:
+    part = MovingAvgFilterFactory("raw", "depth", filter_length=2)
+    produced = fed(tmp_path, [Given(0.0, "raw", 1.0), Given(1.0, "raw", 3.0)], with_parts=[part])
+    seen = [one.value[1] for one in produced if one.name == "seen"]
+    assert seen[-1] == 2.0
+    assert {one.component for one in produced} == {"a"}
+    assert [one.after for one in produced if one.name == "seen"][-1] == 1
+
+
+def test_whoever_closes_the_loop_is_told_each_thing_and_may_answer(tmp_path: Path) -> None:
+    def plant(produced: Produced) -> Given | None:
+        if produced.name == "seen" and produced.value[1] < 3.0:
+            return Given(produced.at_s + 0.5, "depth", produced.value[1] + 1.0)
+        return None
+
+    produced = fed(tmp_path, [Given(0.0, "depth", 1.0)], reply=plant, until_s=9.0)
+    seen = [one for one in produced if one.name == "seen"]
+    assert [(one.at_s, one.value[1], one.after) for one in seen] == [(0.0, 1.0, 0), (0.5, 2.0, 1), (1.0, 3.0, 2)]

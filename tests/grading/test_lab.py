@@ -1,0 +1,153 @@
+"""Labs: what they promise is checked when they are read; hidden cases come from the secret; points are shared."""
+
+import random
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from snr_sim.grading import Lab, Student, Verdict, check, failed, partly, passed
+from snr_sim.grading.grade import grade_submission
+from snr_sim.grading.lab import find_lab, load_lab
+from snr_sim.grading.results import Graded
+from snr_sim.grading.verdicts import LabFault
+from snr_sim.prelude.errors import UnknownName
+
+
+@dataclass(frozen=True)
+class Start:
+    start_m: float
+    goal_m: float
+
+
+def draw(rng: random.Random) -> list[int]:
+    return [rng.randrange(10**9) for _ in range(3)]
+
+
+@check(points=100, visible=[1, 2], hidden=draw)
+def doubles(student: Student, case: int) -> Verdict:
+    """Doubles.
+
+    More words.
+    """
+    got = student.call("mine.py", "double", case, returns=int)
+    return passed(metrics={"got": got}) if got == 2 * case else failed("Twice.", expected=str(2 * case))
+
+
+def graded(folder: Path, source: str, *checks: object, secret: bytes | None = None, points: float = 100.0) -> Graded:
+    (folder / "mine.py").write_text(source)
+    lab = Lab("Small", files=["mine.py"], checks=checks)  # type: ignore[arg-type]
+    return grade_submission(lab, folder, secret, "none")
+
+
+def test_points_must_sum_to_a_hundred_and_needs_come_before() -> None:
+    one = check(points=60)(lambda student: passed())
+    with pytest.raises(LabFault, match="give 60 points"):
+        Lab("Small", files=[], checks=[one])
+    late = check(points=40, needs=["doubled"])(doubles.function)
+    with pytest.raises(LabFault, match="needs 'doubled', which does not come before it"):
+        Lab("Small", files=[], checks=[one, late])
+
+
+def test_a_case_is_called_by_its_fields_or_its_label() -> None:
+    one = check(points=100, visible=[Start(1.0, 3.0), 7])(doubles.function)
+    assert [case.label for case in one.cases("small", None)] == ["start_m 1.0, goal_m 3.0", "7"]
+    assert one.title == "Doubles."
+
+
+def test_hidden_cases_are_the_same_for_the_same_secret_and_differ_by_secret_lab_and_check() -> None:
+    def hidden(lab: str, secret: bytes) -> list[int]:
+        return [case.value for case in doubles.cases(lab, secret) if not case.is_visible]
+
+    assert hidden("small", b"a") == hidden("small", b"a")
+    assert len({tuple(hidden(lab, secret)) for lab in ("small", "large") for secret in (b"a", b"b")}) == 4
+    other = check(points=100, hidden=draw)(passed)
+    assert [case.value for case in other.cases("small", b"a")] != hidden("small", b"a")
+
+
+def test_the_grader_tries_hidden_cases_and_practice_does_not(tmp_path: Path) -> None:
+    by_heart = "def double(x):\n    return {1: 2, 2: 4}.get(x, 0)"
+    assert graded(tmp_path, by_heart, doubles).points == 100.0
+    official = graded(tmp_path, by_heart, doubles, secret=b"s")
+    assert official.points == 40.0
+    assert [case.is_visible for case in official.checks[0].cases] == [True, True, False, False, False]
+    assert official.is_hidden_included
+
+
+def test_the_same_submission_lab_and_secret_give_the_same_result(tmp_path: Path) -> None:
+    source = "import random\ndef double(x):\n    print({'a', 'b', 'c'})\n    return 2 * x"
+    assert graded(tmp_path, source, doubles, secret=b"s") == graded(tmp_path, source, doubles, secret=b"s")
+
+
+def test_a_part_of_a_case_gives_a_part_of_its_points_unless_all_or_nothing(tmp_path: Path) -> None:
+    def half(student: Student, case: int) -> Verdict:
+        return partly(0.5, "Half.") if case else passed()
+
+    shared = check(points=50, visible=[0, 1])(half)
+    whole = check(points=50, visible=[0, 1], all_or_nothing=True)(half)
+    with pytest.raises(LabFault, match="Two checks are called 'half'"):
+        graded(tmp_path, "", shared, whole)
+    half.__name__ = "other"
+    both = graded(tmp_path, "", shared, check(points=50, visible=[0, 1], all_or_nothing=True)(lambda s, c: half(s, c)))
+    assert [one.points for one in both.checks] == [37.5, 0.0]
+
+
+def test_a_check_that_needs_another_is_not_tried_without_it(tmp_path: Path) -> None:
+    @check(points=50)
+    def first(student: Student) -> Verdict:
+        return failed("No.")
+
+    @check(points=50, needs=["first"])
+    def second(student: Student) -> Verdict:
+        raise AssertionError
+
+    result = graded(tmp_path, "", first, second)
+    assert result.points == 0.0
+    assert result.checks[1].skipped_because == "'first' comes first, and did not get all its points."
+
+
+def test_a_check_that_fails_by_itself_is_no_mark_and_not_the_students_fault(tmp_path: Path) -> None:
+    @check(points=100)
+    def wrong(student: Student) -> Verdict:
+        return passed(metrics={"one": 1 / 0})
+
+    result = graded(tmp_path, "", wrong)
+    assert (result.status, result.points, result.checks) == ("fault", None, ())
+    assert "ZeroDivisionError" in result.error
+    assert "check 'wrong'" in result.error
+
+
+def test_a_check_that_returns_no_verdict_is_a_fault_of_the_lab(tmp_path: Path) -> None:
+    @check(points=100)
+    def wrong(student: Student) -> Verdict:
+        return True  # type: ignore[return-value]
+
+    assert "returned True, which is no Verdict" in graded(tmp_path, "", wrong).error
+
+
+def test_each_case_has_a_fresh_process(tmp_path: Path) -> None:
+    source = "seen = []\ndef double(x):\n    seen.append(x)\n    return 2 * x if len(seen) == 1 else 0"
+    assert graded(tmp_path, source, doubles, secret=b"s").points == 100.0
+
+
+def test_a_lab_is_found_by_its_name_with_or_without_its_number(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "assignments" / "03_small"
+    folder.mkdir(parents=True)
+    (folder / "README.md").write_text("# Small\n")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UnknownName, match="'03_small' has no checks"):
+        find_lab("small")
+    (folder / "checks.py").write_text(
+        "from snr_sim.grading import Lab, check, passed\n"
+        "lab = Lab('Small', files=[], checks=[check(points=100)(lambda student: passed())])\n"
+    )
+    assert find_lab("small").name == find_lab("03_small").name == find_lab(str(folder)).name == "03_small"
+    with pytest.raises(UnknownName, match="There is no assignment 'smal'"):
+        find_lab("smal")
+
+
+@pytest.mark.parametrize(("text", "told"), [("lab = 3", "has no `lab`"), ("x = 1 / 0", "ZeroDivisionError")])
+def test_checks_that_cannot_be_read_are_a_fault_of_the_lab(text: str, told: str, tmp_path: Path) -> None:
+    (tmp_path / "checks.py").write_text(text)
+    with pytest.raises(LabFault, match=told):
+        load_lab(tmp_path / "checks.py")
