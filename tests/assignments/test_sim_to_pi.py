@@ -18,7 +18,7 @@ from snr_sim.prelude.scenario import Robot
 
 ROOT = Path(__file__).parents[2]
 LAB = ROOT / "assignments" / "08_sim_to_pi"
-REFERENCE = Path(__file__).parent / "sim_to_pi" / "depth_hold.py"
+REFERENCE = Path(__file__).parent / "sim_to_pi" / "reference" / "depth_hold.py"
 DISARMED = {"number": 1, "is_armed": False, "is_stop": False, "clears_stop": False, "depth_m": None}
 ARMED = {**DISARMED, "is_armed": True, "depth_m": 3.0}
 IMU = {"roll_rad": 0.0, "pitch_rad": 0.0, "yaw_rad": 0.0}

@@ -1,0 +1,77 @@
+"""The lab "perception drop-in": its page, its reference with all points, and wrong ones, each with its own loss."""
+
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim.flight import Flight
+from snr_sim.simulation import Request, prepare
+
+LAB = "06_perception_drop_in"
+FOLDER = Path(__file__).parents[2] / "assignments" / LAB
+HERE = Path(__file__).parent / "perception_drop_in"
+SEEDS = int(os.environ.get("SNR_SEEDS", "1"))  # of flights; 50 take three minutes
+
+
+def test_all_commands_of_the_page_do_what_it_says(type_page: Callable[..., dict[str, str]]) -> None:
+    def solve(folder: Path) -> None:
+        shutil.copy(HERE / "reference" / "perception.py", folder / "see_lab")
+
+    printed = type_page(FOLDER / "README.md", {"look.py": solve})
+    assert "what the camera saw at 3.0 s" in next(said for command, said in printed.items() if "look.py" in command)
+    assert "camera" not in next(said for command, said in printed.items() if command.startswith("snr check"))
+
+
+def test_the_reference_gets_all_points_on_hidden_cases_too(mark: Callable[..., Any]) -> None:
+    assert mark(LAB, is_hidden=True) == ({}, "")
+
+
+@pytest.mark.parametrize("seed", range(100, 100 + SEEDS))
+def test_the_reference_has_a_margin_in_flight(seed: int) -> None:
+    controller = str(HERE / "reference" / "perception.py")
+    simulation = prepare(Request(str(FOLDER / "hover.py"), seed=seed, controller=controller))
+    plant = simulation.plant()
+    result = Flight(simulation, plant, simulation.config(plant)).run()
+    assert result.metrics["near_share"] > 0.95  # 0.8 is asked for
+
+
+@pytest.mark.parametrize(
+    ("wrong", "lost", "says"),
+    [
+        (
+            "red_threshold",
+            {"clear": 15.0, "murky": 15.0, "covered": 10.0, "cluttered": 15.0, "lost": 15.0, "hovers": 10.0},
+            "water takes the red first",
+        ),
+        (
+            "fixed_threshold",
+            {"murky": 15.0, "hovers": 10.0},
+            "compare with the rest of the picture, not with a number of yours",
+        ),
+        ("mean_of_all", {"cluttered": 15.0, "lost": 7.5, "hovers": 10.0}, "which pixels touch each other"),
+        (
+            "rows_for_columns",
+            {"clear": 15.0, "murky": 15.0, "covered": 10.0, "cluttered": 15.0, "hovers": 10.0},
+            "the first index of an array is its row",
+        ),
+        ("keeps_the_last", {"lost": 15.0, "hovers": 10.0}, "what it saw last is no longer true"),
+        ("waits_for_ever", {"lost": 15.0, "hovers": 10.0}, "It stops and waits for ever"),
+        ("another_gain", {"unchanged": 10.0, "hovers": 10.0}, "steer.py is not the one of the starter"),
+    ],
+)
+def test_a_wrong_solution_loses_its_own_points(
+    mark: Callable[..., Any], wrong: str, lost: dict[str, float], says: str
+) -> None:
+    found = mark(LAB, wrong)
+    assert found.lost == lost
+    assert says in found.told
+
+
+def test_the_starter_fails_politely(mark: Callable[..., Any]) -> None:
+    found = mark(LAB, starter=True)
+    assert sum(found.lost.values()) == 80.0
+    assert "water takes the red first" in found.told
