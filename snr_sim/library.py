@@ -32,7 +32,7 @@ Kind: TypeAlias = Literal["robots", "scenarios", "assignments"]
 ROBOT_MODULE = "snr_sim_robot_"
 _CONTROLLER_MODULE = "snr_sim_controller_"
 _PROGRAM_MODULE = "snr_sim_program_"
-_SCENARIO_MODULE = "snr_sim_scenario_"
+SCENARIO_MODULE = "snr_sim_scenario_"
 _REPORTED_PACKAGES = ("numpy", "msgspec", "pymunk", "mujoco-core")
 _KIT = Path(__file__).resolve().parent
 
@@ -154,7 +154,7 @@ def load_scenario(found: Found) -> ModuleType:
     Raises:
         ConfigError: it cannot be loaded, or lacks what a scenario promises (`prelude/scenario.py`).
     """
-    scenario = _load(_SCENARIO_MODULE + found.name, found.path, f"the scenario '{found.name}'")
+    scenario = _load(SCENARIO_MODULE + found.name, found.path, f"the scenario '{found.name}'")
     _need(
         scenario,
         found.path,

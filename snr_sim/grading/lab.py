@@ -18,11 +18,10 @@ from typing import Any
 
 from snr_sim import library
 from snr_sim.core.blame import describe_error
+from snr_sim.grading.remote import LAB_MODULE
 from snr_sim.grading.student import Student
 from snr_sim.grading.verdicts import LabFault, Verdict
 from snr_sim.prelude.errors import UnknownName, nearest
-
-_LAB_MODULE = "snr_sim_lab_"
 
 Draw = Callable[[random.Random], Sequence[Any]]
 
@@ -191,7 +190,7 @@ def load_lab(path: Path) -> Lab:
         LabFault: they cannot be read.
     """
     name = path.resolve().parent.name
-    spec = importlib.util.spec_from_file_location(_LAB_MODULE + name, path)
+    spec = importlib.util.spec_from_file_location(LAB_MODULE + name, path)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)

@@ -11,6 +11,7 @@ trace, as if the components were here; but nothing that comes back is taken as i
 from __future__ import annotations
 
 import base64
+import io
 import pickle
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,6 +20,7 @@ from typing import Any
 
 import msgspec
 
+from snr_sim import library
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
@@ -45,6 +47,7 @@ from snr_sim.prelude.page import Page
 from snr_sim.prelude.scenario import Robot
 from snr_sim.prelude.task import SomeTasks, Task, TaskHandler, TaskHandlerMap, TaskId, TaskType
 
+LAB_MODULE = "snr_sim_lab_"  # so begin the names of modules that are the checks of a lab
 STEP_CPU_S = 5.0  # for one handler, or one step of a component's life
 
 
@@ -116,11 +119,7 @@ class Remote:
 
     def factories(self, robot: Robot) -> list[RemoteEndpointFactory | RemoteLoopFactory]:
         """Has the student's `factories(robot)` called; returns a proxy for each of its factories."""
-        try:
-            packed = base64.b64encode(pickle.dumps(robot)).decode()
-        except Exception as error:
-            raise LabFault(f"What the student's `factories` is to get cannot be sent: {error}") from error
-        opened: Opened = _decode(_decode_opened, self.ask("open", Open(self.file, packed), 20.0))
+        opened: Opened = _decode(_decode_opened, self.ask("open", Open(self.file, packed(robot)), 20.0))
         self.files = opened.files
         first, self._made = self._made, self._made + len(opened.are_loops)
         return [
@@ -310,6 +309,37 @@ class RemoteLoop(Loop):
         self.next_tick_at_s = done.next_s
         if done.is_stopped:
             self.stop()
+
+
+def packed(robot: Robot) -> str:
+    """Returns what a student's `factories` gets, for its process to unpack.
+
+    Raises:
+        LabFault: something in it is of a class that the student's process cannot know.
+    """
+    buffer = io.BytesIO()
+    try:
+        _Packing(buffer).dump(robot)
+    except LabFault:
+        raise
+    except Exception as error:
+        raise LabFault(f"What the student's `factories` is to get cannot be sent: {error}") from error
+    return base64.b64encode(buffer.getvalue()).decode()
+
+
+class _Packing(pickle.Pickler):
+    """Refuses what only this process has loaded."""
+
+    def persistent_id(self, value: Any) -> None:
+        module = value.__module__ if isinstance(value, type) else type(value).__module__
+        if str(module).startswith(_ONLY_HERE):
+            raise LabFault(
+                f"What the student's `factories` is to get holds a {value!r}, whose class stands in {module}.",
+                fix="define such classes in the robot's folder, which the student's process may read.",
+            )
+
+
+_ONLY_HERE = (library.SCENARIO_MODULE, LAB_MODULE, "__main__")
 
 
 def _decode(decoder: Any, answer: Answer) -> Any:
