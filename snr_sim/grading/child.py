@@ -15,6 +15,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from types import FrameType, ModuleType
 from typing import Any
@@ -29,6 +30,7 @@ from snr_sim.prelude.values import decode_value, encode_value
 
 _CHUNK = 1 << 20
 _NEWLINE = 10
+_GRACE_S = 0.5  # of CPU time, to end after the time is up
 _FIRST_PRIVATE_FD = 200
 _SHOWN = 200  # characters of a value that cannot cross
 
@@ -195,6 +197,9 @@ def short(value: Any) -> str:
     return text if len(text) <= _SHOWN else text[:_SHOWN] + " ..."
 
 
+_printed = sys.stdout  # the student may put something else in its place
+
+
 def main(line: int, limits: tuple[int, int, int, int], is_alone: bool, user: int | None) -> None:
     """Answers until nobody asks any more. Does not return.
 
@@ -209,11 +214,10 @@ def main(line: int, limits: tuple[int, int, int, int], is_alone: bool, user: int
     if user is not None:
         _become(user)
     _limit(limits, is_alone)
-    sys.stdout.reconfigure(line_buffering=True, errors="backslashreplace")  # type: ignore[union-attr]
+    _printed.reconfigure(line_buffering=True, errors="backslashreplace")  # type: ignore[union-attr]
     threading.Thread.start = _start_nothing  # type: ignore[assignment]
     time.sleep = _do_not_sleep  # type: ignore[assignment]
-    for up in (signal.SIGPROF, signal.SIGXCPU):  # the time for one thing, and for all
-        signal.signal(up, _time_is_up)
+    _heed_time()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     child = Child()
     for asked in _lines(private):
@@ -250,7 +254,7 @@ def _answer(child: Child, asked: bytes) -> bytes:
     ask = decode_ask(asked)
     child.step, child.component = ask.do, ""
     try:
-        signal.setitimer(signal.ITIMER_PROF, ask.cpu_s)
+        signal.setitimer(signal.ITIMER_PROF, ask.cpu_s, _GRACE_S)
         try:
             verb = child.verbs.get(ask.do)
             if verb is None:
@@ -259,6 +263,7 @@ def _answer(child: Child, asked: bytes) -> bytes:
         finally:
             signal.setitimer(signal.ITIMER_PROF, 0.0)
     except BaseException as error:
+        _heed_time()
         return encode(Answer(ask.n, error=_said(child, ask.do, error)))
     return b'{"n":%d,"value":%b}' % (ask.n, value)
 
@@ -296,7 +301,8 @@ def _lines(fd: int) -> Any:
 
 
 def _say(fd: int, line: bytes) -> None:
-    sys.stdout.flush()
+    with suppress(OSError, ValueError):  # it is the student's to close
+        _printed.flush()
     line += b"\n"
     sent = os.write(fd, line)
     while sent < len(line):
@@ -304,7 +310,14 @@ def _say(fd: int, line: bytes) -> None:
         sent = os.write(fd, line)
 
 
+def _heed_time() -> None:
+    for up in (signal.SIGPROF, signal.SIGXCPU):  # the time for one thing, and for all
+        signal.signal(up, _time_is_up)
+
+
 def _time_is_up(number: int, frame: FrameType | None) -> None:
+    """Says so where the program is; if it goes on all the same, ends it."""
+    signal.signal(number, signal.SIG_DFL)
     raise TookTooLong("this takes too long: its CPU time is used up")
 
 

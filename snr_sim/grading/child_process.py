@@ -105,7 +105,7 @@ class ChildProcess:
             ProtocolError: it answered nonsense.
         """
         self._n += 1
-        patience = Patience(self._limits.wall_s(cpu_s), self._process.pid)
+        patience = Patience(self._limits.wall_s(cpu_s), cpu_s, self._process.pid)
         self._send(encode(Ask(self._n, do, args, cpu_s)) + b"\n", patience)
         answer = decode_answer(self._receive(patience))
         if answer.n != self._n:
@@ -169,6 +169,8 @@ class ChildProcess:
                     return
             elif not ready and patience.is_over():
                 self.kill()
+                if patience.is_spent:
+                    raise spent()
                 raise Misbehaved(
                     "It has not answered, and was ended.",
                     "Your program waits for something that does not come: an input, a lock, a line that nobody sends?",
@@ -213,6 +215,12 @@ class ChildProcess:
         with suppress(ProcessLookupError):
             self._process.kill()
 
+    def _wait_for_the_end(self) -> None:
+        """Waits until nobody is left at the far end of the line: with a sandbox, its namespace is dead then."""
+        far_end = select.poll()
+        far_end.register(self._socket, 0)  # that it has gone is always told
+        far_end.poll(_END_S * 1000.0)
+
     def close(self) -> None:
         """Ends it and lets go of everything. Safe to call twice.
 
@@ -223,6 +231,7 @@ class ChildProcess:
             return
         self.kill()
         self._process.wait()
+        self._wait_for_the_end()
         try:
             self._hear_output()
         finally:
@@ -231,14 +240,19 @@ class ChildProcess:
             self._process.stdout.close()
 
 
+def spent() -> Misbehaved:
+    """Returns what there is to say of a process that has used up what it was given."""
+    return Misbehaved(
+        "It used up its CPU time or its memory, and was ended.",
+        "Is there a loop without an end, or a list that grows?",
+    )
+
+
 def ended_badly(status: int | None) -> Misbehaved:
     """Returns what there is to say of a process that ended instead of answering."""
     number = -status if status is not None and status < 0 else (status or 0) - 128
-    if number in (signal.SIGXCPU, signal.SIGKILL):
-        return Misbehaved(
-            "It used up its CPU time or its memory, and was ended.",
-            "Is there a loop without an end, or a list that grows?",
-        )
+    if number in (signal.SIGXCPU, signal.SIGPROF, signal.SIGKILL):
+        return spent()
     if number in (signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE):
         return Misbehaved(f"It crashed with {signal.Signals(number).name}.", "Did it run out of memory?")
     return Misbehaved(

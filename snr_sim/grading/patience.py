@@ -1,4 +1,4 @@
-"""How long to wait for a process that owes an answer: as long as it works, and not while it waits for nothing.
+"""How long to wait for a process that owes an answer: as long as its CPU time lasts, if it does something.
 
 A process with one thread that sleeps without a file or a disk to wait for will not wake by itself. That is seen by
 what the kernel says of it, and not by a clock, so a slow computer does not make a program late.
@@ -6,25 +6,32 @@ what the kernel says of it, and not by a clock, so a slow computer does not make
 
 from __future__ import annotations
 
+import os
 import time
 from pathlib import Path
 
 _IDLE_LOOKS = 6  # so many looks in a row with no work done
+_SLACK_S = 2.0
+_TICKS_HZ = os.sysconf("SC_CLK_TCK")
 
 
 class Patience:
-    """Counts how often a process was seen idle.
+    """Looks at a process now and then.
 
     Args:
         wall_s: the last resort: so long at most.
+        cpu_s: how much CPU time it may take. It heeds that itself; here it is looked at whether it does.
         pid: of the process, or of the one that has started it.
     """
 
-    def __init__(self, wall_s: float, pid: int) -> None:
+    def __init__(self, wall_s: float, cpu_s: float, pid: int) -> None:
         self._give_up_s = time.monotonic() + wall_s
+        self._cpu_s = cpu_s + _SLACK_S
         self._pid = pid
         self._idle = 0
-        self._worked = ""
+        self._first_s: float | None = None
+        self._worked_s = 0.0
+        self.is_spent = False  # whether its CPU time was used up
 
     def is_over(self) -> bool:
         """Looks again; returns whether it is of no use to wait any longer."""
@@ -33,15 +40,17 @@ class Patience:
         seen = _seen(self._pid)
         if seen is None:
             return False
-        is_asleep, worked = seen
-        self._idle = self._idle + 1 if is_asleep and worked == self._worked else 0
-        self._worked = worked
-        return self._idle >= _IDLE_LOOKS
+        is_asleep, worked_s = seen
+        self._idle = self._idle + 1 if is_asleep and worked_s == self._worked_s else 0
+        self._worked_s = worked_s
+        self._first_s = worked_s if self._first_s is None else self._first_s
+        self.is_spent = worked_s - self._first_s > self._cpu_s
+        return self.is_spent or self._idle >= _IDLE_LOOKS
 
 
-def _seen(pid: int) -> tuple[bool, str] | None:
+def _seen(pid: int) -> tuple[bool, float] | None:
     """Returns whether all of a process and its children sleep, and their CPU time; None where nothing tells."""
-    states, times = [], []
+    are_asleep, ticks = True, 0
     waiting = [pid]
     while waiting:
         number = waiting.pop()
@@ -50,7 +59,7 @@ def _seen(pid: int) -> tuple[bool, str] | None:
             children = Path(f"/proc/{number}/task/{number}/children").read_text().split()
         except OSError:
             return None
-        states.append(stat[0])
-        times.append(f"{number}:{stat[11]}+{stat[12]}")
+        are_asleep = are_asleep and stat[0] == "S"
+        ticks += int(stat[11]) + int(stat[12])
         waiting += map(int, children)
-    return all(state == "S" for state in states), " ".join(times)
+    return are_asleep, ticks / _TICKS_HZ

@@ -165,6 +165,14 @@ def test_a_loop_without_end_is_ended_by_the_kernel_even_if_its_program_will_not_
         student.call("mine.py", "f")
 
 
+def test_a_program_that_closes_what_it_prints_to_is_graded_all_the_same(submission: Path) -> None:
+    (submission / "mine.py").write_text(
+        "import os, sys\nsys.stdout = None\nos.close(1)\nos.close(2)\ndef f():\n    return 1\n"
+    )
+    with Student(submission, "sandbox") as student:
+        assert student.call("mine.py", "f") == 1
+
+
 def test_a_submission_that_only_its_owner_may_read_is_graded(submission: Path, tmp_path: Path) -> None:
     (submission / "mine.py").write_text("def f():\n    return 1\n")
     (submission / "mine.py").chmod(0o600)

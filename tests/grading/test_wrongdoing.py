@@ -29,6 +29,25 @@ class Mine(Endpoint):
 """
 
 
+CATCHES_ALL = """
+def f(x):
+    while True:
+        try:
+            while True:
+                pass
+        except BaseException:
+            pass
+"""
+HEARS_NOTHING = """
+import signal
+
+def f(x):
+    signal.signal(signal.SIGPROF, signal.SIG_IGN)
+    while True:
+        pass
+"""
+
+
 def misbehaviour(folder: Path, source: str, **limits: int) -> Misbehaved:
     """How a call of `f` in this program ends."""
     (folder / "mine.py").write_text(source)
@@ -59,6 +78,8 @@ def misbehaviour(folder: Path, source: str, **limits: int) -> Misbehaved:
         ("def f(x):\n    y = []\n    y.append(y)\n    return y", "mine.py, line 1: def f(x):", "Return numbers"),
         ("def f(x):\n    while True:\n        pass", "mine.py, line ", "loop without an end"),
         ("while True:\n    pass", "mine.py, line ", "loop without an end"),
+        (CATCHES_ALL, "It used up its CPU time", "loop without an end"),
+        (HEARS_NOTHING, "It used up its CPU time", "loop without an end"),
         ("def f(x):\n    return 'y' * 2_000_000", "It answered with more than 1048576 bytes.", "no more"),
         ("def f(x):\n    while True:\n        print('hello')", "It printed more than a megabyte", "Take out the print"),
         ("import socket", "mine.py, line 1: imports socket, but there is no network", "Do without importing socket"),
@@ -124,7 +145,7 @@ def test_memory_without_end_is_the_students_error(tmp_path: Path) -> None:
 def test_what_a_component_does_wrong_ends_its_flight_and_is_told(body: str, told: str, tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(CONTROLLER.replace("BODY", body))
     with pytest.raises(Misbehaved) as caught:
-        Student(tmp_path, limits=Limits(cpu_s=4)).fly("lander_vertical", 3, "mine.py")
+        Student(tmp_path, limits=Limits(cpu_s=2)).fly("lander_vertical", 3, "mine.py")
     assert told in caught.value.message
     assert caught.value.hint
 
