@@ -111,6 +111,9 @@ def _grade_class(
             _say(no_picture)
         _tell(folder, submissions, summary, as_json)
         return 1 if summary.faults else 0
+    except KeyboardInterrupt:
+        _say(f"What is done is kept in {folder.path}: go on with --resume.")
+        raise
     finally:
         folder.close()
 

@@ -62,6 +62,10 @@ class _Kept(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     graded: Graded
 
 
+_decode_manifest = msgspec.json.Decoder(_Manifest).decode
+_decode_kept = msgspec.json.Decoder(_Kept).decode
+
+
 class ClassFolder:
     """A class's folder, opened to work in.
 
@@ -116,7 +120,7 @@ class ClassFolder:
 
     def _read_manifest(self) -> _Manifest | None:
         try:
-            return msgspec.json.decode((self.path / "class.json").read_bytes(), type=_Manifest)
+            return _decode_manifest((self.path / "class.json").read_bytes())
         except FileNotFoundError:
             return None
         except (OSError, msgspec.MsgspecError) as error:
@@ -183,7 +187,7 @@ class ClassFolder:
 
     def _kept(self, name: str) -> _Kept | None:
         try:
-            return msgspec.json.decode((self.path / "results" / f"{name}.json").read_bytes(), type=_Kept)
+            return _decode_kept((self.path / "results" / f"{name}.json").read_bytes())
         except (OSError, msgspec.MsgspecError):
             return None
 

@@ -55,6 +55,10 @@ class Returned(msgspec.Struct, frozen=True):
     runs: dict[str, bytes]
 
 
+_decode_parcel = msgspec.msgpack.Decoder(Parcel).decode
+_decode_returned = msgspec.msgpack.Decoder(Returned).decode
+
+
 def grade_on_cluster(run: ClassRun, client: Any) -> None:
     """Grades all that a run has; returns when it is done.
 
@@ -132,7 +136,7 @@ def _unpacked(future: Any, job: Job) -> Graded:
     error = future.exception()
     if error is not None:
         return without_marks(job, "fault", f"The cluster could not grade it: {type(error).__name__}: {error}")
-    returned = msgspec.msgpack.decode(future.result(), type=Returned)
+    returned = _decode_returned(future.result())
     _write(Path(job.runs), returned.runs)
     return decode_graded(returned.graded)
 
@@ -149,11 +153,13 @@ def _write(folder: Path, files: dict[str, bytes]) -> None:
 
 def grade_parcel(parcel: bytes) -> bytes:
     """Grades what came; dask calls it on a worker. The grading itself is done by a process below it."""
-    content = msgspec.msgpack.decode(parcel, type=Parcel)
+    content = _decode_parcel(parcel)
     if content.kit != __version__:
         words = f"This worker has snr_sim {__version__}, and not {content.kit}."
         return _returned(without_marks(content.job, "fault", words), Path("/nonexistent"))
-    place = Path(tempfile.mkdtemp(prefix="snr_grade_"))
+    # In dask's own folder for this worker: what a killed one leaves there is removed by the next.
+    own = importlib.import_module("distributed").get_worker().local_directory
+    place = Path(tempfile.mkdtemp(prefix="snr_grade_", dir=own))
     place.chmod(0o711)
     try:
         lab, runs = place / Path(content.job.lab).parent.name, place / "runs"

@@ -142,4 +142,8 @@ def decode_graded(text: bytes) -> Graded:
     Raises:
         msgspec.ValidationError, msgspec.DecodeError: it is not one.
     """
-    return msgspec.json.decode(text, type=Graded)
+    return _decode(text)
+
+
+# Made once, here: what msgspec learns of a type when it is first used, two threads may not learn at once: 0.22 crashes.
+_decode = msgspec.json.Decoder(Graded).decode

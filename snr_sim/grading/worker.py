@@ -41,12 +41,15 @@ class Job(msgspec.Struct, frozen=True):
     runs: str
 
 
+_decode_job = msgspec.json.Decoder(Job).decode
+
+
 def serve(line: Connection) -> int:
     """Answers jobs until nobody asks any more; `Spawned` calls it."""
     jobs: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(line, jobs), daemon=True).start()
     while True:
-        line.send_bytes(encode_graded(grade(msgspec.json.decode(jobs.get(), type=Job))))
+        line.send_bytes(encode_graded(grade(_decode_job(jobs.get()))))
 
 
 def _listen(line: Connection, jobs: queue.SimpleQueue[bytes]) -> None:

@@ -110,6 +110,27 @@ def test_killed_anywhere_it_goes_on_where_it_was(double_lab: Path, handed_in: Ha
     assert left == whole
 
 
+def test_interrupted_it_says_how_to_go_on_and_leaves_nothing_private(
+    double_lab: Path, handed_in: HandedIn, tmp_path: Path
+) -> None:
+    out, private = tmp_path / "out", tmp_path / "private"
+    private.mkdir()
+    environment = {**os.environ, "TMPDIR": str(private)}
+    words = command(double_lab, handed_in(**{f"s{i}": "right" for i in range(9)}), out)
+    process = subprocess.Popen(words, stderr=subprocess.PIPE, text=True, env=environment)
+    give_up_s = time.monotonic() + 240
+    while not list(out.glob("results/*.json")):
+        assert process.poll() is None
+        assert time.monotonic() < give_up_s
+        time.sleep(0.002)
+    process.send_signal(signal.SIGTERM)
+    told = process.communicate()[1]
+    assert process.returncode == 128 + signal.SIGTERM
+    assert "go on with --resume" in told
+    assert "Traceback" not in told
+    assert list(private.iterdir()) == []
+
+
 def test_a_submission_that_has_changed_is_graded_again_and_a_late_one_too(
     double_lab: Path, handed_in: HandedIn, tmp_path: Path
 ) -> None:
@@ -299,3 +320,12 @@ def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, monkey
     with pytest.raises(OSError, match="No space"):
         write_whole(path, b"new")
     assert files_under(tmp_path) == {"class.csv": b"old"}
+
+
+def test_what_threads_share_decodes_nothing_that_msgspec_would_have_to_learn_first() -> None:
+    """msgspec 0.22 crashes when two threads decode a Struct for the first time; a Decoder made at import does not."""
+    import snr_sim.grading
+
+    folder = Path(snr_sim.grading.__file__).parent
+    for name in ("class_folder", "class_run", "cluster", "gradescope", "local_workers", "results", "worker"):
+        assert "type=" not in (folder / f"{name}.py").read_text().replace("type=graded.status", ""), name
