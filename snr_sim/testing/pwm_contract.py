@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any, Protocol
 
 from snr_sim.prelude.device import LEASE_S, PwmOut
@@ -63,7 +64,7 @@ def check_pwm_out(bench: PwmBench) -> None:
     Raises:
         AssertionError: with the broken promise in words.
     """
-    for check in (_life, _telemetry, _pulses, _nonsense, _lease, _rearm, _unplug):
+    for check in (_life, _telemetry, _pulses, _nonsense, _lease, _rearm, _unplug, _unplug_early):
         out = bench.open()
         try:
             check(bench, out)
@@ -209,7 +210,7 @@ def _nonsense(bench: PwmBench, out: PwmOut) -> None:
     pilot.ready()
     n = out.channels
     fast = [STOP_US + 200.0] * n
-    bad_pulses: list[Any] = [math.nan, math.inf, -math.inf, None, "1500", []]
+    bad_pulses: list[Any] = [math.nan, math.inf, -math.inf, None, "1500", [], True]
     cases: list[tuple[Any, str]] = [
         *(([one, *fast[1:]], NO_PULSE) for one in bad_pulses),
         (fast[1:], WRONG_COUNT),
@@ -306,6 +307,34 @@ def _unplug(bench: PwmBench, out: PwmOut) -> None:
     promise(out.health().state == "inactive", "configure() opens it again, inactive")
     pilot.ready()
     pilot.until(fast, lambda applied: not applied.why, "it follows commands again")
+
+
+def _unplug_early(bench: PwmBench, out: PwmOut) -> None:
+    """Pulls the wire at each step of the life; whatever is called then, only `configure` and `activate` may raise."""
+    if not bench.can_unplug:
+        return
+    steps = {"inactive": out.configure, "activating": out.activate}
+    fast = [STOP_US + 200.0] * out.channels
+    for wanted in ("unconfigured", *steps):
+        for state, step in steps.items():
+            if wanted != "unconfigured" and out.health().state != wanted:
+                step()
+                promise(out.health().state == state, f"on the way to '{wanted}' it is {out.health()}")
+        bench.unplug()
+        for _ in range(round(1.0 / TICK_S)):
+            _is_still(out, out.write_us(fast, bench.now_s()), f"unplugged while {wanted}, told to push,")
+            bench.advance(TICK_S)
+        for call in (out.stop, out.clear_stop, lambda: out.deactivate("checked")):
+            call()
+            check_health(out)
+        for step in steps.values():
+            with suppress(DeviceError):
+                step()
+        _is_still(out, out.write_us(fast, bench.now_s()), f"unplugged while {wanted}, and tried again,")
+        bench.plug_in()
+        out.configure()
+        promise(out.health().state == "inactive", f"plugged in again it is {out.health()}")
+        out.deactivate("checked")
 
 
 def _rests(out: PwmOut, applied: AppliedPulses) -> bool:

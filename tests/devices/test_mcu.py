@@ -9,6 +9,7 @@ import pytest
 
 from snr_sim.devices.emulated.board import PINS
 from snr_sim.devices.mcu import McuPower, McuPwm, PowerScale
+from snr_sim.devices.wire.mcu_messages import State
 from snr_sim.prelude.device import LEASE_S, Stale
 from snr_sim.prelude.errors import DeviceError, ParameterError
 from snr_sim.prelude.signals import LOST, NOT_ACTIVE, SLEWING, STOPPED, TOO_OLD
@@ -91,6 +92,31 @@ def test_a_command_that_nobody_renews_ends_though_somebody_goes_on_sending_it(be
     assert "no new command in time" in out.health().why
     assert pilot.hold(AHEAD, 0.5).pulses_us == STILL  # and it stays so until it is armed again
     assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
+    out.close()
+
+
+def test_the_board_is_told_how_old_a_command_is(bench: Any) -> None:
+    out = bench.open()
+    Pilot(bench, out).arm()
+    bench.advance(0.16)  # a command is not taken that was computed before the last one
+    out.write_us(AHEAD, bench.now_s() - 0.15)
+    bench.advance(0.01)
+    out.write_us(AHEAD, bench.now_s())
+    assert 150 <= out.board.telemetry.command_age_ms < 170
+
+
+def test_a_yes_to_what_was_asked_before_it_was_deactivated_arms_nothing(bench: Any) -> None:
+    out = bench.open()
+    out.configure()
+    bench.advance(1.6)
+    out.activate()
+    out.write_us(STILL, bench.now_s())  # asks, and the answer is on its way
+    out.deactivate("thought better of it")
+    out.activate()
+    bench.advance(0.03)
+    out.write_us(STILL, bench.now_s())
+    assert out.health().state == "activating"
+    assert out.board.telemetry.state == State.DISARMED
     out.close()
 
 

@@ -170,6 +170,20 @@ def test_the_lease_of_a_robot_that_stopped_thinking_runs_out_and_then_neutral_is
     assert page.data["state"] == "active"
 
 
+def test_a_robot_that_hesitates_is_made_neutral_by_the_loop_before_its_lease_runs_out() -> None:
+    """As it is if nobody says otherwise: so outputs that watch for themselves need not be armed anew."""
+    outputs = Outputs()
+    factory = PwmLoopFactory("pwm", lambda: outputs, RATE_HZ)
+    says = pilot(lambda t: AHEAD if t < 0.1 else None)
+    node = Node("r", Config(factories={"r": [says, factory, TimeoutLoopFactory(seconds=1.0)]}), clock=SimClock())
+    outputs.clock = node.get_time_s
+    node.loop()
+    last_s = 0.08
+    first = next((t, stamp_s) for t, pulses, stamp_s, _ in outputs.told if t > last_s and pulses == STILL)
+    assert last_s < first[0] < last_s + LEASE_S - 1e-6
+    assert first[0] == first[1], "neutral is a new command"
+
+
 def test_a_page_that_says_off_or_nothing_is_neutral() -> None:
     for data in ({"pulses_us": AHEAD, "is_on": False}, {"pulses_us": []}, {}):
         outputs = Outputs()

@@ -5,6 +5,7 @@ The firmware is compiled by its own Makefile, so that the emulator runs what `ma
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import shutil
@@ -95,11 +96,21 @@ def _digest(files: Iterable[Path], *words: str) -> str:
 
 def _make(target: Path, name: str, command: list[str]) -> None:
     """Runs a command in a folder of its own, and moves the file of this name from there to its place, in one step."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=target.parent) as folder:
-        words = [word.replace(OUT, folder) for word in command]
-        done = subprocess.run(words, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            said = "\n".join((done.stdout + done.stderr).strip().splitlines()[-20:])
-            raise DeviceError(f"Compiling for the emulator failed:\n  {' '.join(words)}\n{said}", fix=APT)
-        os.replace(Path(folder) / name, target)
+    elsewhere = "XDG_CACHE_HOME=FOLDER before the command names another place for what is compiled."
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=target.parent) as folder:
+            words = [word.replace(OUT, folder) for word in command]
+            done = subprocess.run(words, capture_output=True, text=True, check=False)
+            if done.returncode != 0:
+                said = "\n".join((done.stdout + done.stderr).strip().splitlines()[-20:])
+                is_full = os.strerror(errno.ENOSPC) in said
+                raise DeviceError(
+                    f"Compiling for the emulator failed:\n  {' '.join(words)}\n{said}",
+                    fix=f"make room in {target.parent}; or {elsewhere}" if is_full else APT,
+                )
+            os.replace(Path(folder) / name, target)
+    except OSError as error:
+        raise DeviceError(
+            f"What the emulator needs cannot be compiled into {target.parent}: {error.strerror}.", fix=elsewhere
+        ) from error

@@ -45,6 +45,32 @@ def test_what_was_compiled_once_is_not_compiled_again(cache: Path, monkeypatch: 
     assert sorted(path.name for path in cache.iterdir()) == sorted(path.name for path in made)
 
 
+@pytest.mark.usefixtures("emulators")
+def test_a_cache_that_cannot_be_written_is_told_with_how_to_name_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    with pytest.raises(DeviceError, match=r"cannot be compiled into .*/file/snr_sim/emulated: Not a directory") as e:
+        firmware_elf(FIRMWARE, MCU)
+    assert "XDG_CACHE_HOME=FOLDER" in e.value.fix
+
+
+@pytest.mark.usefixtures("emulators", "cache")
+def test_a_full_disk_is_told_as_that_and_not_as_a_missing_compiler(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "bin"
+    folder.mkdir()
+    for tool in ("gcc", "make", "avr-gcc", "avr-objcopy"):
+        (folder / tool).write_text("#!/bin/sh\necho 'ld: final close failed: No space left on device' >&2\nexit 1\n")
+        (folder / tool).chmod(0o755)
+    monkeypatch.setenv("PATH", str(folder))
+    with pytest.raises(DeviceError, match="No space left on device") as e:
+        firmware_elf(FIRMWARE, MCU)
+    assert e.value.fix.startswith("make room in ")
+
+
 @pytest.mark.usefixtures("emulators", "cache")
 def test_a_change_of_the_firmware_or_its_settings_is_compiled(tmp_path: Path) -> None:
     folder = tmp_path / "firmware"
