@@ -70,18 +70,24 @@ def test_commands_come_from_a_pipe_too(snr: Snr, port: int, monkeypatch: pytest.
     assert (answer.status, answer.out.count("\n")) == (0, 2)
 
 
-def test_a_watch_goes_on_until_the_node_ends(snr: Snr, port: int) -> None:
+def test_a_watch_goes_on_until_the_node_ends(snr: Snr, port: int, capfd: pytest.CaptureFixture[str]) -> None:
+    printed: list[str] = []
+
     def end() -> None:
         from snr_sim import RemoteConsole
 
+        until_s = time.monotonic() + PATIENCE_S
+        while "".join(printed).count("beat = ") < 2 and time.monotonic() < until_s:
+            time.sleep(0.02)
+            printed.append(capfd.readouterr().out)
         RemoteConsole(("127.0.0.1", port), ["exit seen"]).run()
 
-    timer = threading.Timer(0.5, end)
-    timer.start()
+    thread = threading.Thread(target=end)
+    thread.start()
     answer = snr("console", port, "watch", "beat")
-    timer.join()
+    thread.join()
     assert answer.status == 0
-    assert answer.out.count("beat = ") >= 2
+    assert "".join([*printed, answer.out]).count("beat = ") >= 2
 
 
 def test_nobody_there_is_status_2_and_says_what_to_do(snr: Snr) -> None:
