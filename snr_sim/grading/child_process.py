@@ -21,7 +21,7 @@ from typing import Any
 import msgspec
 
 from snr_sim.grading.patience import Patience
-from snr_sim.grading.protocol import MAX_ANSWER_BYTES, Answer, Ask, Said, decode_answer, encode
+from snr_sim.grading.protocol import MAX_ANSWER_BYTES, Answer, Ask, ProtocolError, Said, decode_answer, encode
 from snr_sim.grading.sandbox import (
     NOBODY,
     Isolation,
@@ -38,6 +38,7 @@ MAX_PRINTED_BYTES = 1 << 20
 _END_S = 2.0
 _CHUNK = 1 << 16
 _NEWLINE = 10
+_START_CPU_S = 10.0  # of Python with the kit: about 0.2
 _LOOK_S = 0.5  # so often it is looked at whether a process that does not answer is working
 
 
@@ -103,7 +104,23 @@ class ChildProcess:
         Raises:
             Misbehaved: it ended, was too slow, printed too much, or answered what it was not asked.
             ProtocolError: it answered nonsense.
+            LabFault: it could not even be started.
         """
+        if self._n == 0:
+            self._greet()
+        return self._exchange(do, args, cpu_s)
+
+    def _greet(self) -> None:
+        """Hears whether it is there, before it has read anything of the student's: if not, that is our fault."""
+        try:
+            self._exchange("hello", None, _START_CPU_S)
+        except (Misbehaved, ProtocolError) as error:
+            raise LabFault(
+                f"A student's process could not be started. {error.message} {self.printed}".rstrip(),
+                fix="is the computer out of memory or processes? Grade with fewer --jobs.",
+            ) from error
+
+    def _exchange(self, do: str, args: Any, cpu_s: float) -> Answer:
         self._n += 1
         patience = Patience(self._limits.wall_s(cpu_s), cpu_s, self._process.pid)
         self._send(encode(Ask(self._n, do, args, cpu_s)) + b"\n", patience)
@@ -286,7 +303,7 @@ def try_sandbox() -> None:
         child = ChildProcess(Path(name), "sandbox", Limits())
         try:
             answer = child.ask("hello", None, 10.0)
-        except Misbehaved as error:
+        except LabFault as error:
             raise forbidden(child.printed or error.message) from error
         finally:
             child.close()

@@ -1,0 +1,27 @@
+"""A student's process: what is its fault, and what is ours."""
+
+from pathlib import Path
+
+import pytest
+
+from snr_sim.grading import child_process
+from snr_sim.grading.child_process import ChildProcess
+from snr_sim.grading.sandbox import Limits
+from snr_sim.grading.verdicts import LabFault
+
+
+@pytest.mark.parametrize("ending", ["raise MemoryError('no room for numpy')", "import os; os._exit(3)", "print('hm')"])
+def test_a_process_that_ends_before_it_has_read_the_submission_is_no_fault_of_the_students(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str
+) -> None:
+    start = child_process.start_command
+
+    def broken(*args: object) -> tuple[list[str], Path]:
+        command, folder = start(*args)  # type: ignore[arg-type]
+        return [*command[:-1], ending], folder
+
+    monkeypatch.setattr(child_process, "start_command", broken)
+    child = ChildProcess(tmp_path, "none", Limits())
+    with pytest.raises(LabFault, match="could not be started"):
+        child.ask("call", {"file": "mine.py", "function": "f", "args": []}, 1.0)
+    child.close()
