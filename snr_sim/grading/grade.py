@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -35,7 +35,8 @@ def grade_submission(
     Args:
         lab: what it is tried by.
         folder: of the submission; nothing is written there.
-        secret: from which hidden cases are drawn; without it only visible ones are tried.
+        secret: from which hidden cases are drawn; without it only visible ones are tried, and checks without any are
+            left out.
         isolation: "required" refuses to run what cannot be kept apart; "none" is for practice.
         name: what the submission is called; the folder's name if not given.
         out: where recorded runs of visible cases that failed go, each a folder; nowhere if not given.
@@ -101,11 +102,14 @@ class _Grading:
         self._on_case = on_case
 
     def checks(self) -> tuple[CheckResult, ...]:
-        """Returns what each check came to, in order."""
+        """Returns what each check came to, in order; in practice without those that have hidden cases only."""
         done: dict[str, CheckResult] = {}
         for check in self._lab.checks:
-            missing = [need for need in check.needs if not done[need].is_passed]
-            done[check.name] = self._skipped(check, missing[0]) if missing else self._tried(check)
+            cases = check.cases(self._lab.name, self._secret)
+            if not cases and self._secret is None:
+                continue  # it has hidden cases only
+            missing = [need for need in check.needs if need in done and not done[need].is_passed]
+            done[check.name] = self._skipped(check, missing[0]) if missing else self._tried(check, cases)
         return tuple(done.values())
 
     def _skipped(self, check: Check, need: str) -> CheckResult:
@@ -117,10 +121,9 @@ class _Grading:
             skipped_because=f"'{need}' comes first, and did not get all its points.",
         )
 
-    def _tried(self, check: Check) -> CheckResult:
-        cases = check.cases(self._lab.name, self._secret)
+    def _tried(self, check: Check, cases: Sequence[Case]) -> CheckResult:
         results = [self._case(check, case, number) for number, case in enumerate(cases)]
-        fraction = sum(one.fraction for one in results) / len(results) if results else 1.0
+        fraction = sum(one.fraction for one in results) / len(results)
         if check.all_or_nothing and fraction < 1.0:
             fraction = 0.0
         points = round(check.points * fraction, 6)

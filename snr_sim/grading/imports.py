@@ -40,9 +40,11 @@ def check_imports(folder: Path, file: str, may_import: frozenset[str]) -> None:
                 raise Misbehaved(
                     f"{name}, line {line}: imports {module}, but {reason}.", f"Do without importing {module}: {reason}."
                 )
-            beside = f"{module.partition('.')[0]}.py"
-            if (folder / beside).is_file():
-                waiting.append(beside)
+            top = module.partition(".")[0]
+            if (folder / f"{top}.py").is_file():
+                waiting.append(f"{top}.py")
+            elif (folder / top).is_dir():
+                waiting += [path.relative_to(folder).as_posix() for path in sorted((folder / top).rglob("*.py"))]
 
 
 def _refused(module: str, may_import: frozenset[str]) -> str:

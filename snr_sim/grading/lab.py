@@ -92,10 +92,13 @@ class Check:
         if secret is None:
             return found
         try:
-            return found + [Case(value, False) for value in self.hidden(chance(secret, lab, self.name))]
+            drawn = [Case(value, False) for value in self.hidden(chance(secret, lab, self.name))]
         except Exception as error:
             what = f"while hidden cases were drawn for the check '{self.name}'"
             raise LabFault(describe_error(error, what)) from error
+        if not found + drawn:
+            raise LabFault(f"The check '{self.name}' has no case.", fix="give it visible cases, or draw hidden ones.")
+        return found + drawn
 
     def judge(self, student: Student, case: Case) -> Verdict:
         """Tries a case.

@@ -72,7 +72,8 @@ class Remote:
         self.names: set[str] = set()  # of the student's components
         self._made = 0  # factories, so far
         self._sent: dict[str, dict[str, Page]] = {}
-        self._task: Task | None = None
+        self._task: Task | None = None  # that was sent last, from which node
+        self._node: Node | None = None
         self._answers: dict[str, list[Task]] = {}
         self._failed = ""
         self._failure: StudentFailed | None = None
@@ -136,7 +137,8 @@ class Remote:
     def handle(self, component: RemoteEndpoint, task: Task) -> SomeTasks:
         """Has a task handled; those that stand behind handle it with the same message."""
         name = component.name
-        if self._task is not task or (name not in self._answers and name != self._failed):
+        is_next = self._task is task and self._node is component.parent
+        if not is_next or (name not in self._answers and name != self._failed):
             self._send(component, task)
         if name == self._failed:
             failure, self._failed = self._failure, ""
@@ -146,7 +148,7 @@ class Remote:
 
     def _send(self, component: RemoteEndpoint, task: Task) -> None:
         node = component.parent
-        self._task, self._failed = task, ""
+        self._task, self._node, self._failed = task, node, ""
         self._answers = {}
         self.admission.count(node.machine.now_s)
         pages, came_s = self._new_pages(node)

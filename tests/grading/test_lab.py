@@ -106,6 +106,24 @@ def test_a_check_that_needs_another_is_not_tried_without_it(tmp_path: Path) -> N
     assert result.checks[1].skipped_because == "'first' comes first, and did not get all its points."
 
 
+def test_practice_leaves_out_what_has_hidden_cases_only_and_does_not_wait_for_it(tmp_path: Path) -> None:
+    hidden = check(points=50, hidden=draw)(doubles.function)
+
+    @check(points=50, needs=["doubles"])
+    def after(student: Student) -> Verdict:
+        return passed()
+
+    practice = graded(tmp_path, "", hidden, after)
+    assert [(one.name, one.points) for one in practice.checks] == [("after", 50.0)]
+    official = graded(tmp_path, "", hidden, after, secret=b"s")
+    assert [one.points for one in official.checks] == [0.0, 0.0]
+
+
+def test_a_check_that_draws_no_case_is_a_fault_of_the_lab(tmp_path: Path) -> None:
+    empty = check(points=100, hidden=lambda rng: [])(doubles.function)
+    assert "The check 'doubles' has no case" in graded(tmp_path, "", empty, secret=b"s").error
+
+
 def test_a_check_that_fails_by_itself_is_no_mark_and_not_the_students_fault(tmp_path: Path) -> None:
     @check(points=100)
     def wrong(student: Student) -> Verdict:

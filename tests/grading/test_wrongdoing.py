@@ -83,6 +83,7 @@ def misbehaviour(folder: Path, source: str, **limits: int) -> Misbehaved:
         ("def f(x):\n    return 'y' * 2_000_000", "It answered with more than 1048576 bytes.", "no more"),
         ("def f(x):\n    while True:\n        print('hello')", "It printed more than a megabyte", "Take out the print"),
         ("import socket", "mine.py, line 1: imports socket, but there is no network", "Do without importing socket"),
+        ("import package", "package/inner.py, line 1: imports ctypes", "Do without importing ctypes"),
         ("import beside", "beside.py, line 1: imports subprocess, but", "Do without importing subprocess"),
         ("import threading\ndef f(x):\n    threading.Thread().start()", "mine.py, line 3: ", "look at the line named"),
         (
@@ -97,6 +98,8 @@ def test_what_a_function_does_wrong_is_told_with_its_line_first(
     source: str, first_line: str, hint: str, tmp_path: Path
 ) -> None:
     (tmp_path / "beside.py").write_text("import subprocess")
+    (tmp_path / "package").mkdir()
+    (tmp_path / "package" / "inner.py").write_text("import ctypes")
     wrong = misbehaviour(tmp_path, source)
     assert wrong.message.startswith(first_line)
     assert hint in wrong.hint
