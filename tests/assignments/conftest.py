@@ -1,23 +1,143 @@
-"""Reference solutions and wrong ones stand here, out of the wheel; they run as a student's files, not by themselves."""
+"""Reference solutions and wrong ones stand here, out of the wheel; they run as a student's files, not by themselves.
 
+`mark` grades one as a submission is graded, each case in a process of its own. But a new process takes half a second to
+import the kit, and the labs' tests would need thousands. So one process imports it once, and each case has a copy (a
+fork) of that one, with nothing of a student's in it.
+"""
+
+import io
 import os
 import re
 import shutil
+import signal
+import socket
+import struct
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 
+from snr_sim.grading import child_process
 from snr_sim.grading.grade import grade_submission
-from snr_sim.grading.lab import find_lab
+from snr_sim.grading.lab import Check, find_lab
+from snr_sim.grading.sandbox import environment
 
 collect_ignore_glob = ["*/reference/*", "*/wrong/*"]
 
 ROOT = Path(__file__).parents[2]
 SECRET = b"the secret of these tests"
+
+
+# For each command it is told: a copy of itself, which does what Python would be started with. With the command come two
+# descriptors: the line to answer on, which the command knows by its number, and where prints go.
+WARM = """
+import os, signal, socket, struct, sys
+sys.path[:] = {path!r}
+import numpy
+from snr_sim import Endpoint, EndpointFactory, Loop, LoopFactory, Node, TaskType
+from snr_sim.core import lockstep, runners
+from snr_sim.grading import child, child_node
+signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+asked = socket.socket(fileno={line})
+while True:
+    message, (line, output), _, _ = socket.recv_fds(asked, 1 << 16, 2)
+    copied = os.fork()
+    if copied == 0:
+        folder, number, command = message.decode().split("\\0")
+        os.setsid()
+        asked.close()
+        os.chdir(folder)
+        os.dup2(output, 1), os.dup2(output, 2), os.close(output)
+        if line != int(number):
+            os.dup2(line, int(number)), os.close(line)
+        exec(command)
+        os._exit(1)
+    os.close(line), os.close(output)
+    asked.send(struct.pack("i", copied))
+"""
+
+
+class WarmProcess:
+    """The process that is copied."""
+
+    def __init__(self) -> None:
+        here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        program = WARM.format(path=sys.path, line=there.fileno())
+        command = [sys.executable, "-P", "-s", "-S", "-c", program]
+        # To a pipe, as its copies print: what sys.stdout is was settled when it began.
+        self.process = subprocess.Popen(command, env=environment(), stdout=subprocess.PIPE, pass_fds=(there.fileno(),))
+        self.socket = here
+        there.close()
+
+    def copy(self, folder: Path, command: str, line: int, output: int) -> int:
+        """Returns the number of a copy that does this, in this folder."""
+        socket.send_fds(self.socket, ["\0".join((str(folder), str(line), command)).encode()], [line, output])
+        number: int = struct.unpack("i", self.socket.recv(4))[0]
+        return number
+
+    def close(self) -> None:
+        """Ends it."""
+        self.process.kill()
+        self.process.communicate()
+        self.socket.close()
+
+
+class Copy:
+    """A copy, with what `ChildProcess` asks of a process."""
+
+    def __init__(self, number: int, output: int) -> None:
+        self.pid = number
+        self.stdout = io.FileIO(output)
+
+    def poll(self) -> int | None:
+        """It is no child of this process, so nobody here hears how it ended."""
+        return None
+
+    def wait(self, timeout_s: float = 0.0) -> None:
+        """There is nothing to wait for: whoever kills it is obeyed by the kernel."""
+
+    def kill(self) -> None:
+        """Ends it."""
+        with suppress(ProcessLookupError):
+            os.kill(self.pid, signal.SIGKILL)
+
+
+@pytest.fixture(scope="session")
+def warm() -> Iterator[WarmProcess]:
+    process = WarmProcess()
+    yield process
+    process.close()
+
+
+@pytest.fixture
+def warm_children(warm: WarmProcess, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Has the grader's student processes be copies of the warm one."""
+
+    def popen(command: list[str], cwd: Path, pass_fds: tuple[int], **_: Any) -> Copy:
+        heard, said = os.pipe()
+        number = warm.copy(cwd, command[-1], pass_fds[0], said)
+        os.close(said)
+        return Copy(number, heard)
+
+    class Subprocess:
+        """`subprocess` as `child_process` sees it."""
+
+        Popen, DEVNULL, PIPE, STDOUT = staticmethod(popen), subprocess.DEVNULL, subprocess.PIPE, subprocess.STDOUT
+        TimeoutExpired = subprocess.TimeoutExpired
+
+    monkeypatch.setattr(child_process, "subprocess", Subprocess)
+
+
+def one_hidden(check: Check) -> Check:
+    """Returns a check with one of its hidden cases, and no others."""
+    draw = check.hidden
+    assert draw is not None
+    return replace(check, visible=(), hidden=lambda rng: draw(rng)[:1])
 
 
 class Mark(NamedTuple):
@@ -28,16 +148,21 @@ class Mark(NamedTuple):
 
 
 @pytest.fixture
-def mark(tmp_path: Path) -> Callable[..., Mark]:
-    """Returns a function that grades a lab's reference, or the starter, with the files of a wrong solution over it."""
+def mark(tmp_path: Path, warm_children: None) -> Callable[..., Mark]:
+    """Returns a function that grades a lab's starter, with the reference over it, and a wrong solution over that.
 
-    def mark(lab: str, wrong: str = "", *, starter: bool = False, is_hidden: bool = False) -> Mark:
+    `flown` is a check whose cases are flights, which take long: of these one that is hidden is enough.
+    """
+
+    def mark(lab: str, wrong: str = "", *, starter: bool = False, is_hidden: bool = False, flown: str = "") -> Mark:
         here = Path(__file__).parent / lab.partition("_")[2]
         handed_in = tmp_path / "handed_in"
-        folders = [ROOT / "assignments" / lab / "starter" if starter else here / "reference"]
+        folders = [ROOT / "assignments" / lab / "starter", *([] if starter else [here / "reference"])]
         for folder in [*folders, here / "wrong" / wrong] if wrong else folders:
             shutil.copytree(folder, handed_in, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__"))
-        graded = grade_submission(find_lab(lab), handed_in, SECRET if is_hidden else None, isolation="none")
+        checks = find_lab(lab)
+        checks.checks = tuple(one_hidden(check) if check.name == flown else check for check in checks.checks)
+        graded = grade_submission(checks, handed_in, SECRET if is_hidden else None, isolation="none")
         assert graded.status == "graded", graded.error
         cases = [case for check in graded.checks for case in check.cases if not case.is_passed]
         told = "\n".join(text for case in cases for text in (case.hint, case.error, case.actual))

@@ -17,9 +17,15 @@ HEAVE = [0, 0, 0, 0, +1, -1, -1, +1]
 SURGE = [+1, +1, -1, -1, 0, 0, 0, 0]
 
 
+def counted(stick):
+    """Returns how far a stick counts: 0.0 at rest, and never beyond -1.0 or 1.0."""
+    # Step 4: so far every movement of the hand counts, as it is.
+    return stick
+
+
 def pulses_us(heave, surge):
     """Returns the list of eight pulses for two sticks."""
-    # Your work begins here. So far, whatever the sticks say, all eight thrusters stand still.
+    # Step 3: so far, whatever the sticks say, all eight thrusters stand still.
     pulses = []
     for channel in range(8):
         pulses.append(STOP_US)
@@ -30,7 +36,7 @@ class HelloThruster(Endpoint):
     def on_controls(self, task, task_id):
         controls = self.get_data("controls")
         pulses = pulses_us(controls["heave"], controls["surge"])
-        # Your work goes on here. What if the pilot has not armed the vehicle?
+        # Step 5: what if the pilot has not armed the vehicle?
         return self.store_data_task("pwm", {"pulses_us": pulses, "is_armed": controls["is_armed"]})
 
     task_handlers = {(TaskType.process_data, "controls"): on_controls}
@@ -38,3 +44,10 @@ class HelloThruster(Endpoint):
 
 def factories(robot):
     return wired(HelloThruster)
+
+
+if __name__ == "__main__":  # to try pulses_us without a vehicle: python3 hello_thruster.py
+    print("at rest:   ", pulses_us(0.0, 0.0))
+    print("half down: ", pulses_us(-0.5, 0.0))
+    print("full ahead:", pulses_us(0.0, 1.0))
+    print("too far:   ", pulses_us(1.2, 0.0))

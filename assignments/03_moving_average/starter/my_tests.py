@@ -1,7 +1,7 @@
 """Your tests of a moving average, as data: what goes in, and what must come out.
 
 Each case is a dict: a length, the values that come in, and the means that must come out, one for each value.
-`python my_tests.py` tries them on your own filter.
+`python3 my_tests.py` tries them on your own filter.
 """
 
 

@@ -12,7 +12,7 @@ HEAVE = [0, 0, 0, 0, +1, -1, -1, +1]
 SURGE = [+1, +1, -1, -1, 0, 0, 0, 0]
 
 
-def stick(value):
+def counted(value):
     """Returns how far a stick counts: nothing at rest, and never more than 1."""
     if abs(value) < REST:
         return 0.0
@@ -23,7 +23,7 @@ def pulses_us(heave, surge):
     """Returns the list of eight pulses for two sticks."""
     pulses = []
     for channel in range(8):
-        share = HEAVE[channel] * stick(heave) + SURGE[channel] * stick(surge)
+        share = HEAVE[channel] * counted(heave) + SURGE[channel] * counted(surge)
         pulses.append(STOP_US + FULL_US * share)
     return pulses
 

@@ -1,0 +1,120 @@
+"""The lab "hello thruster": the reference gets all points, each mistake costs its own, the starter is a beginner's."""
+
+from __future__ import annotations
+
+import ast
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+LAB = "01_hello_thruster"
+FOLDER = Path(__file__).parents[2] / "assignments" / LAB
+REFERENCE = Path(__file__).parent / "hello_thruster" / "reference" / "hello_thruster.py"
+STARTER = FOLDER / "starter" / "hello_thruster.py"
+
+# What each wrong solution loses, and a word of the hint that names its mistake.
+WRONG = {
+    "sign_error": ({"heave": 20, "surge": 15, "dives": 15}, "plus and minus are exchanged"),
+    "off_by_one": ({"heave": 20, "surge": 15, "dives": 15}, "the first channel of a list is number 0"),
+    "not_clamped": ({"limits": 10}, "full thrust, and no more"),
+    "no_rest": ({"rest": 10}, "at rest, on either side"),
+    "ignores_arming": ({"disarmed": 15}, "nobody has armed"),
+    "grows": ({"heave": 20, "surge": 15, "rest": 10, "limits": 10, "disarmed": 7.5, "dives": 15}, "it grows"),
+    "too_many_pages": ({"one_page": 10}, "return the page 'pwm' alone"),
+    "only_the_visible": ({"heave": 20 * 2 / 3, "surge": 15 * 2 / 3, "limits": 10, "dives": 15}, "1500 + 400 x stick"),
+}
+
+
+def test_the_reference_gets_all_points(mark: Callable[..., Any]) -> None:
+    result = mark(LAB, is_hidden=True, flown="dives")
+    assert result.lost == {}, result.told
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_each_mistake_loses_its_own_points_and_is_named(wrong: str, mark: Callable[..., Any]) -> None:
+    points, named = WRONG[wrong]
+    result = mark(LAB, wrong, is_hidden=True, flown="dives")
+    assert result.lost == pytest.approx(points, abs=0.001), result.told
+    assert named in result.told
+
+
+def test_the_starter_runs_and_is_told_where_to_begin(mark: Callable[..., Any]) -> None:
+    assert "Your work begins in pulses_us" in mark(LAB, starter=True).told
+
+
+def test_every_wrong_solution_is_tried() -> None:
+    assert {path.name for path in (Path(__file__).parent / "hello_thruster" / "wrong").iterdir()} == set(WRONG)
+
+
+def test_every_command_of_the_page_does_what_it_says(type_page: Callable[..., dict[str, str]]) -> None:
+    def solved(here: Path) -> None:
+        shutil.copy(REFERENCE, here / "hello_thruster")
+
+    printed = type_page(FOLDER / "README.md", after={"--out hello_thruster/first": solved})
+    assert any("went down by 0.00 m" in said for said in printed.values())
+
+
+def concepts(source: str) -> set[str]:
+    """Names that are new to a student: what is imported, what classes derive from, what must be defined for the kit."""
+    tree = ast.parse(source)
+    imported = {name.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) for name in node.names}
+    bases = {ast.unparse(base) for node in ast.walk(tree) if isinstance(node, ast.ClassDef) for base in node.bases}
+    required = {"factories", "get", "__init__", "begin", "setup", "loop", "halt", "terminate"}
+    defined = {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) and node.name in required}
+    return imported | bases | defined
+
+
+# What a first course of Python has: functions, variables, lists, dicts, loops, conditions, calls, and imports.
+FIRST_COURSE = (
+    *(ast.Module, ast.Import, ast.ImportFrom, ast.alias, ast.FunctionDef, ast.arguments, ast.arg, ast.Return),
+    *(ast.Assign, ast.AugAssign, ast.Expr, ast.If, ast.For, ast.While, ast.Call, ast.Name, ast.Attribute),
+    *(ast.Subscript, ast.Slice, ast.Constant, ast.List, ast.Tuple, ast.Dict, ast.Compare, ast.BoolOp, ast.BinOp),
+    *(ast.UnaryOp, ast.expr_context, ast.operator, ast.unaryop, ast.boolop, ast.cmpop),
+)
+
+
+def lines_beyond_a_first_course(source: str) -> set[int]:
+    """Lines that use what a first course has not: classes and what lives in them, or the kit's own types."""
+    beyond: set[int] = set()
+    for node in ast.walk(ast.parse(source)):
+        name = node.id if isinstance(node, ast.Name) else node.arg if isinstance(node, ast.arg) else ""
+        if (not isinstance(node, FIRST_COURSE) or name in ("self", "TaskType")) and hasattr(node, "lineno"):
+            beyond.add(node.lineno)
+    return beyond
+
+
+def lines_of_code(source: str) -> set[int]:
+    """Lines on which something stands that Python does: no docstrings, no remarks."""
+    texts: set[int] = set()
+    code: set[int] = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            texts |= set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
+        elif isinstance(node, ast.stmt | ast.expr):
+            code.add(node.lineno)
+    return code - texts
+
+
+def test_the_starter_has_at_most_four_new_concepts() -> None:
+    assert concepts(STARTER.read_text()) == {"Endpoint", "TaskType", "wired", "factories"}
+
+
+def test_four_fifths_of_the_starters_lines_are_first_course_python() -> None:
+    source = STARTER.read_text()
+    beyond, code = lines_beyond_a_first_course(source), lines_of_code(source)
+    assert beyond < code
+    assert len(beyond) <= 0.2 * len(code), [source.splitlines()[number - 1] for number in sorted(beyond)]
+
+
+def test_what_is_beyond_a_first_course_is_seen() -> None:
+    assert lines_beyond_a_first_course("a = 1\nclass B(C):\n    d = [e for e in a]\n    f = self.g\n") == {2, 3, 4}
+
+
+def test_the_picture_and_the_files_that_the_page_names_are_there() -> None:
+    text = (FOLDER / "README.md").read_text()
+    for name in re.findall(r"\]\((pictures/[^)]*)\)", text):
+        assert (FOLDER / name).is_file(), name

@@ -1,0 +1,86 @@
+"""The lab "moving average": all points for the reference, its own for each mistake, limits far from the spread."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from statistics import fmean, pstdev
+from typing import Any
+
+import pytest
+
+from snr_sim.flight import Flight
+from snr_sim.simulation import Request, prepare
+
+LAB = "03_moving_average"
+FOLDER = Path(__file__).parents[2] / "assignments" / LAB
+REFERENCE = Path(__file__).parent / "moving_average" / "reference"
+SEEDS = int(os.environ.get("SNR_SEEDS", "8"))
+
+# What each wrong solution loses, and some words of the hint that names its mistake.
+WRONG = {
+    "off_by_one": ({"exact": 20}, "one value too long"),
+    "mean_of_all": ({"exact": 20, "in_the_node": 20, "lands": 15}, "never forgets"),
+    "not_warmed_up": ({"warm_up": 10, "in_the_node": 20, "lands": 15}, "divides by the length"),
+    "forgets_the_newest": ({"exact": 20, "in_the_node": 20, "lands": 15}, "wrong end leaves the window"),
+    "window_of_all": ({"fresh": 10, "in_the_node": 20, "lands": 15}, "is shared by all"),
+    "one_filter_for_two": ({"in_the_node": 20, "lands": 15}, "a filter each"),
+    "future": ({"exact": 20, "warm_up": 10}, "values that come later"),
+    "too_short": ({"lands": 15}, "Too few readings"),
+    "only_the_visible": ({"exact": 40 / 3, "warm_up": 20 / 3}, "as they went in"),
+    "weak_tests": ({"catches": 12.5}, "wrong filters pass all your cases"),
+    "wrong_tests": ({"own_tests": 5, "catches": 15}, "would fail a right filter"),
+}
+
+# The touchdown's speed, measured with the reference over 60 seeds: mean, standard deviation, and what the gear takes.
+MEAN_MPS, SD_MPS, LIMIT_MPS = 1.70, 0.24, 3.05
+
+
+def test_the_reference_gets_all_points(mark: Callable[..., Any]) -> None:
+    result = mark(LAB, is_hidden=True, flown="lands")
+    assert result.lost == {}, result.told
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_each_mistake_loses_its_own_points_and_is_named(wrong: str, mark: Callable[..., Any]) -> None:
+    points, named = WRONG[wrong]
+    result = mark(LAB, wrong, is_hidden=True, flown="lands")
+    assert result.lost == pytest.approx(points, abs=0.001), result.told
+    assert named in result.told
+
+
+def test_the_starter_runs_and_is_told_where_to_begin(mark: Callable[..., Any]) -> None:
+    assert "Step 1 begins in MovingAverage.update" in mark(LAB, starter=True).told
+
+
+def test_every_wrong_solution_is_tried() -> None:
+    assert {path.name for path in (Path(__file__).parent / "moving_average" / "wrong").iterdir()} == set(WRONG)
+
+
+def touchdown_mps(file: Path, seed: int) -> float:
+    """The speed of one touchdown."""
+    simulation = prepare(Request("lander_noisy", seed=seed, controller=str(file)))
+    plant = simulation.plant()
+    result = Flight(simulation, plant, simulation.config(plant)).run()
+    assert not result.error
+    return float(result.metrics["touchdown"]["vertical_mps"])
+
+
+def test_the_limit_is_five_standard_deviations_from_what_the_reference_does(tmp_path: Path) -> None:
+    """For all that was measured: SNR_SEEDS=60 python -m pytest tests/assignments/test_moving_average.py -k limit."""
+    shutil.copytree(FOLDER / "starter", tmp_path, dirs_exist_ok=True)
+    shutil.copytree(REFERENCE, tmp_path, dirs_exist_ok=True)
+    speeds = [touchdown_mps(tmp_path / "smooth.py", seed) for seed in range(SEEDS)]
+    assert LIMIT_MPS > MEAN_MPS + 5.0 * SD_MPS
+    assert all(abs(speed - MEAN_MPS) < 4.0 * SD_MPS for speed in speeds)
+    if SEEDS >= 50:
+        assert fmean(speeds) + 5.0 * pstdev(speeds) < LIMIT_MPS
+
+
+def test_the_picture_and_the_files_that_the_page_names_are_there() -> None:
+    text = (FOLDER / "README.md").read_text()
+    for name in re.findall(r"\]\((pictures/[^)]*)\)", text):
+        assert (FOLDER / name).is_file(), name
