@@ -9,38 +9,28 @@ from __future__ import annotations
 import fcntl
 import importlib
 import os
-import resource
 import signal
 import sys
-import threading
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from types import FrameType, ModuleType
+from types import ModuleType
 from typing import Any
 
 import msgspec
 
 from snr_sim import library
-from snr_sim.core.blame import describe_error, place_of, put_place_first, without_addresses
+from snr_sim.core.blame import describe_error, place_of, put_place_first
+from snr_sim.grading.child_limits import TookTooLong, become, heed_time, limit, refuse_company
+from snr_sim.grading.child_values import NoValue, encode_plain, short
 from snr_sim.grading.protocol import Answer, Said, decode_ask, encode
-from snr_sim.prelude.errors import SnrError, ValueEncodingError
-from snr_sim.prelude.values import decode_value, encode_value
+from snr_sim.prelude.errors import SnrError
+from snr_sim.prelude.values import decode_value
 
 _CHUNK = 1 << 20
 _NEWLINE = 10
 _GRACE_S = 0.5  # of CPU time, to end after the time is up
 _FIRST_PRIVATE_FD = 200
-_SHOWN = 200  # characters of a value that cannot cross
-
-
-class TookTooLong(BaseException):
-    """Raised where the student's program is when its CPU time is up; nothing of Python's own catches it."""
-
-
-class NoValue(Exception):
-    """What came back is no value that can cross."""
 
 
 class CallArgs(msgspec.Struct, frozen=True):
@@ -139,64 +129,6 @@ def function_of(module: ModuleType, name: str) -> Callable[..., Any]:
     return function  # type: ignore[no-any-return]
 
 
-def encode_plain(value: Any, what: str, function: object) -> bytes:
-    """Returns JSON of a value that can cross.
-
-    Raises:
-        NoValue: it cannot; says what it is.
-    """
-    try:
-        raw = _encode(value)
-        if b'"$"' not in raw and _decode(raw) == value:
-            return raw  # the way of nearly all: C has carried it there and back
-    except (TypeError, ValueError, OverflowError, RecursionError):
-        pass
-    try:
-        return encode_value(plain(value))
-    except (NoValue, RecursionError, ValueEncodingError) as error:
-        place = place_of(function)
-        reason = error.args[0] if isinstance(error, NoValue) and error.args else "it is nested too deeply"
-        where = f"{place}\n  " if place is not None else ""
-        raise NoValue(f"{where}{what} returned {short(value)}: {reason}.") from None
-
-
-def plain(value: Any) -> Any:
-    """Returns a value as numbers, texts, lists and dicts; numpy's become Python's.
-
-    Raises:
-        NoValue: something in it is none of these.
-    """
-    kind = type(value)
-    if value is None or kind in (bool, int, float, str):
-        return value
-    if kind in (list, tuple):
-        return [plain(item) for item in value]
-    if kind is dict:
-        for key in value:
-            if type(key) is not str:
-                raise NoValue(f"the key {short(key)} of a dict is no text")
-        return {key: plain(item) for key, item in value.items()}
-    if hasattr(value, "dtype") and hasattr(value, "tolist"):
-        return plain(value.tolist())
-    for parent in (bool, int, float, str):
-        if isinstance(value, parent):
-            return parent.__str__(value) if parent is str else parent(value)
-    raise NoValue(f"{short(value)} is {_a(kind.__name__)}, not a number, a text, a list or a dict of these")
-
-
-def _a(word: str) -> str:
-    return f"{'an' if word[:1].lower() in 'aeiou' else 'a'} {word}"
-
-
-def short(value: Any) -> str:
-    """Returns a value as it is shown, cut; it may be anything, and its `repr` may raise."""
-    try:
-        text = without_addresses(repr(value))
-    except Exception as error:
-        text = f"<a {type(value).__name__} whose repr raises {type(error).__name__}>"
-    return text if len(text) <= _SHOWN else text[:_SHOWN] + " ..."
-
-
 _printed = sys.stdout  # the student may put something else in its place
 
 
@@ -212,42 +144,16 @@ def main(line: int, limits: tuple[int, int, int, int], is_alone: bool, user: int
     private = fcntl.fcntl(line, fcntl.F_DUPFD_CLOEXEC, _FIRST_PRIVATE_FD)
     os.close(line)
     if user is not None:
-        _become(user)
-    _limit(limits, is_alone)
+        become(user)
+    limit(limits, is_alone)
     _printed.reconfigure(line_buffering=True, errors="backslashreplace")  # type: ignore[union-attr]
-    threading.Thread.start = _start_nothing  # type: ignore[assignment]
-    time.sleep = _do_not_sleep  # type: ignore[assignment]
-    _heed_time()
+    refuse_company()
+    heed_time()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     child = Child()
     for asked in _lines(private):
         _say(private, _answer(child, asked))
     os._exit(0)
-
-
-def _become(user: int) -> None:
-    os.setgroups([])
-    os.setresgid(user, user, user)
-    os.setresuid(user, user, user)  # with it all of root's rights are gone, for good
-
-
-def _limit(limits: tuple[int, int, int, int], is_alone: bool) -> None:
-    cpu_s, memory_bytes, file_bytes, open_files = limits
-    hard = {
-        resource.RLIMIT_CPU: (cpu_s, cpu_s + 2),
-        resource.RLIMIT_AS: (memory_bytes, memory_bytes),
-        resource.RLIMIT_FSIZE: (file_bytes, file_bytes),
-        resource.RLIMIT_NOFILE: (open_files, open_files),
-        resource.RLIMIT_CORE: (0, 0),
-    }
-    if is_alone:  # else this would count all that the student runs on this computer
-        hard[resource.RLIMIT_NPROC] = (1, 1)
-    for name, value in hard.items():
-        try:
-            resource.setrlimit(name, value)
-        except (OSError, ValueError):
-            if is_alone:
-                raise
 
 
 def _answer(child: Child, asked: bytes) -> bytes:
@@ -263,14 +169,14 @@ def _answer(child: Child, asked: bytes) -> bytes:
         finally:
             signal.setitimer(signal.ITIMER_PROF, 0.0)
     except BaseException as error:
-        _heed_time()
+        heed_time()
         return encode(Answer(ask.n, error=_said(child, ask.do, error)))
     return b'{"n":%d,"value":%b}' % (ask.n, value)
 
 
 def node_verbs(child: Child) -> dict[str, Callable[[msgspec.Raw], bytes]]:
     """Returns the child's verbs with those about nodes, which take long to import and many checks do not need."""
-    from snr_sim.grading.child_node import NodeVerbs
+    from snr_sim.grading.node_verbs import NodeVerbs
 
     NodeVerbs(child)
     return child.verbs
@@ -310,29 +216,5 @@ def _say(fd: int, line: bytes) -> None:
         sent = os.write(fd, line)
 
 
-def _heed_time() -> None:
-    for up in (signal.SIGPROF, signal.SIGXCPU):  # the time for one thing, and for all
-        signal.signal(up, _time_is_up)
-
-
-def _time_is_up(number: int, frame: FrameType | None) -> None:
-    """Says so where the program is; if it goes on all the same, ends it."""
-    signal.signal(number, signal.SIG_DFL)
-    raise TookTooLong("this takes too long: its CPU time is used up")
-
-
-def _start_nothing(thread: threading.Thread) -> None:
-    raise SnrError(
-        f"A thread '{thread.name}' was to be started, but a graded program has one only.",
-        fix="let a Loop do it: in lock step the clock calls it.",
-    )
-
-
-def _do_not_sleep(seconds: float) -> None:
-    """Stands in the place of `time.sleep`: here time is virtual, and a sleep would only make the grader wait."""
-
-
-_encode = msgspec.json.Encoder().encode
-_decode = msgspec.json.Decoder().decode
 _decode_call = msgspec.json.Decoder(CallArgs).decode
 _decode_host = msgspec.json.Decoder(HostArgs).decode

@@ -6,43 +6,29 @@ goes back: so a component cannot tell that sensors, plant and clock are elsewher
 
 from __future__ import annotations
 
-import base64
-import pickle
-import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import msgspec
 
-from snr_sim import library
-from snr_sim.controller import factories_of
 from snr_sim.core.blame import describe_error, place_of
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.config import AnyFactory, Config, Mode
 from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.handlers import handler_name
-from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.loop import Loop
 from snr_sim.core.machine import EventMachine, as_tasks
 from snr_sim.core.node import Node
-from snr_sim.grading.child import Child, TookTooLong, plain
+from snr_sim.grading.child import Child
+from snr_sim.grading.child_limits import TookTooLong
 from snr_sim.grading.node_messages import (
-    SUBMISSION,
-    Handle,
-    Load,
     Made,
-    Make,
-    Open,
-    Opened,
     Returned,
-    Step,
     StepDone,
 )
 from snr_sim.prelude.component import Component
-from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.task import Task
-from snr_sim.prelude.values import encode_value
 
 _AUTHORS_STEPS = ("begin", "join", "halt", "terminate")
 
@@ -169,7 +155,7 @@ class ChildNode(Node):
         if failed is None:
             return answer
         name, failure, handler = failed
-        text, fix = _in_words(failure, place_of(handler))
+        text, fix = in_words(failure, place_of(handler))
         slow = isinstance(failure, TookTooLong)
         return msgspec.structs.replace(answer, failed=name, text=text, fix=fix, is_slow=slow)
 
@@ -213,107 +199,13 @@ class ChildNode(Node):
         return {"entered": entered, "handlers": handlers, "notes": notes, "missed": missed}
 
 
-def _files_read(folders: dict[str, Path]) -> list[tuple[str, str]]:
-    """Returns which files in these folders were read as modules: the folder's name and the path in it."""
-    files = {Path(file).resolve() for one in list(sys.modules.values()) if (file := getattr(one, "__file__", None))}
-    return sorted(
-        (name, file.relative_to(folder).as_posix())
-        for name, folder in folders.items()
-        for file in files
-        if file.is_relative_to(folder)
-    )
-
-
 def _raw(task: Task) -> msgspec.Raw:
     return msgspec.Raw(task.serialize())
 
 
-def _in_words(error: BaseException, begins: Any) -> tuple[str, str]:
+def in_words(error: BaseException, begins: Any) -> tuple[str, str]:
     """Returns what happened with the student's line first, and what to try; where it was the grader adds."""
     text = describe_error(error, "\0", begins)
     before, _, after = text.partition("\n  \0")
     fix = after.partition("Try: ")[2]
     return before.replace("TookTooLong: ", ""), fix
-
-
-class NodeVerbs:
-    """The verbs of a student's process that are about nodes.
-
-    Args:
-        child: the other verbs.
-    """
-
-    def __init__(self, child: Child) -> None:
-        self._child = child
-        self._factories: list[AnyFactory] = []
-        self._nodes: dict[str, ChildNode] = {}
-        self._folders = {SUBMISSION: Path.cwd()}
-        child.verbs |= {
-            "load": self.load,
-            "open": self.open,
-            "make": self.make,
-            "handle": self.handle,
-            "step": self.step,
-        }
-
-    def load(self, raw: msgspec.Raw) -> bytes:
-        """Reads a file; returns its OPTIONS and ROLES, if it has any."""
-        args = _decode_load(raw)
-        for name, folder in args.robots:
-            self._folders[name] = Path(folder)
-            library.name_robot(name, Path(folder))
-        module = self._child.module(args.file)
-        if not callable(getattr(module, "factories", None)):
-            raise SnrError(
-                f"{args.file} has no function `factories`, which a controller needs.",
-                fix="def factories(robot): return [MyEndpointFactory()].",
-            )
-        return encode_value(
-            {"options": plain(getattr(module, "OPTIONS", None)), "roles": plain(getattr(module, "ROLES", None))}
-        )
-
-    def open(self, raw: msgspec.Raw) -> bytes:
-        """Has a file make its factories; returns for each whether it makes a loop."""
-        args = _decode_open(raw)
-        module = self._child.module(args.file)
-        robot = pickle.loads(base64.b64decode(args.robot))  # the grader's word, not a stranger's
-        made = factories_of(module, robot)
-        self._factories += made
-        return _encode(Opened([isinstance(one, LoopFactory) for one in made], _files_read(self._folders)))
-
-    def make(self, raw: msgspec.Raw) -> bytes:
-        """Makes the component of a factory in a node; returns what the grader needs to know of it."""
-        args = _decode_make(raw)
-        if args.node not in self._nodes:
-            self._nodes[args.node] = ChildNode(args.node, args.chance)
-        return msgspec.json.encode(self._nodes[args.node].add(self._factories[args.factory]))
-
-    def handle(self, raw: msgspec.Raw) -> bytes:
-        """Has the components of a node handle a task."""
-        args = _decode_handle(raw)
-        node = self._nodes[args.node]
-        node.bring(args.now_s, args.pages, args.came_s)
-        return _encode(node.handle(Task.deserialize(bytes(args.task)), args.component, self._child))
-
-    def step(self, raw: msgspec.Raw) -> bytes:
-        """Has a component of a node do a step of its life."""
-        args = _decode_step(raw)
-        node = self._nodes[args.node]
-        node.bring(args.now_s, args.pages, args.came_s)
-        self._child.component = args.component
-        self._child.step = args.step
-        try:
-            return _encode(node.step(node.components[args.component], args.step))
-        except TookTooLong:
-            raise
-        except BaseException as error:
-            text, fix = _in_words(error, None)
-            raise SnrError(text, fix) from None
-
-
-_encode = msgspec.json.Encoder().encode
-_decode_load = msgspec.json.Decoder(Load).decode
-_decode_open = msgspec.json.Decoder(Open).decode
-_decode_make = msgspec.json.Decoder(Make).decode
-_decode_handle = msgspec.json.Decoder(Handle).decode
-_decode_step = msgspec.json.Decoder(Step).decode

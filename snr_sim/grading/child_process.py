@@ -20,8 +20,9 @@ from typing import Any
 
 import msgspec
 
+from snr_sim.grading.endings import ended_badly, spent
 from snr_sim.grading.patience import Patience
-from snr_sim.grading.protocol import MAX_ANSWER_BYTES, Answer, Ask, ProtocolError, Said, decode_answer, encode
+from snr_sim.grading.protocol import MAX_ANSWER_BYTES, Answer, Ask, ProtocolError, decode_answer, encode
 from snr_sim.grading.sandbox import (
     NOBODY,
     Isolation,
@@ -255,39 +256,6 @@ class ChildProcess:
             self._socket.close()
             assert self._process.stdout is not None
             self._process.stdout.close()
-
-
-def spent() -> Misbehaved:
-    """Returns what there is to say of a process that has used up what it was given."""
-    return Misbehaved(
-        "It used up its CPU time or its memory, and was ended.",
-        "Is there a loop without an end, or a list that grows?",
-    )
-
-
-def ended_badly(status: int | None) -> Misbehaved:
-    """Returns what there is to say of a process that ended instead of answering."""
-    number = -status if status is not None and status < 0 else (status or 0) - 128
-    if number in (signal.SIGXCPU, signal.SIGPROF, signal.SIGKILL):
-        return spent()
-    if number in (signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE):
-        return Misbehaved(f"It crashed with {signal.Signals(number).name}.", "Did it run out of memory?")
-    return Misbehaved(
-        f"It ended with exit status {status} instead of answering.",
-        "Do not end the program: no exit() and no quit(). Return from your function instead.",
-    )
-
-
-def misbehaved(said: Said) -> Misbehaved:
-    """Returns what the child says of the student's program as an exception; its words are the program's."""
-    text = f"{said.text}\n  Try: {said.fix}" if said.fix else said.text
-    if said.is_value:
-        return Misbehaved(text, "Return numbers, texts, lists, or dicts of these.")
-    hints = {
-        "load": "Your file could not be read to its end: run it with Python, and look at the line named.",
-        "slow": "That took too long: is there a loop without an end?",
-    }
-    return Misbehaved(text, hints.get(said.step, "Your program raised an error: look at the line named."))
 
 
 @lru_cache(maxsize=1)

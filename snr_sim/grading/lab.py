@@ -18,7 +18,7 @@ from typing import Any
 
 from snr_sim import library
 from snr_sim.core.blame import describe_error
-from snr_sim.grading.remote import LAB_MODULE
+from snr_sim.grading.packing import LAB_MODULE
 from snr_sim.grading.student import Student
 from snr_sim.grading.verdicts import LabFault, Verdict
 from snr_sim.prelude.errors import UnknownName, nearest

@@ -10,9 +10,6 @@ trace, as if the components were here; but nothing that comes back is taken as i
 
 from __future__ import annotations
 
-import base64
-import io
-import pickle
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
@@ -20,15 +17,12 @@ from typing import Any
 
 import msgspec
 
-from snr_sim import library
-from snr_sim.core.endpoint import Endpoint, EndpointFactory
-from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.grading.admission import Admission
-from snr_sim.grading.child_process import ChildProcess, misbehaved
+from snr_sim.grading.child_process import ChildProcess
+from snr_sim.grading.endings import misbehaved
 from snr_sim.grading.node_messages import (
     Handle,
-    HandlerRow,
     Load,
     Loaded,
     Made,
@@ -40,14 +34,15 @@ from snr_sim.grading.node_messages import (
     StepDone,
     Told,
 )
+from snr_sim.grading.packing import packed
 from snr_sim.grading.protocol import Answer, ProtocolError, decode_as
-from snr_sim.grading.verdicts import LabFault, Misbehaved
+from snr_sim.grading.proxies import RemoteEndpoint, RemoteEndpointFactory, RemoteLoop, RemoteLoopFactory
+from snr_sim.grading.verdicts import Misbehaved
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.scenario import Robot
-from snr_sim.prelude.task import SomeTasks, Task, TaskHandler, TaskHandlerMap, TaskId, TaskType
+from snr_sim.prelude.task import SomeTasks, Task
 
-LAB_MODULE = "snr_sim_lab_"  # so begin the names of modules that are the checks of a lab
 STEP_CPU_S = 5.0  # for one handler, or one step of a component's life
 
 
@@ -209,139 +204,6 @@ class Remote:
             if page.origin != node.name:
                 came_s[key] = node.came_at_s(key)
         return pages, came_s
-
-
-class RemoteEndpointFactory(EndpointFactory):
-    """Makes the proxy of an endpoint."""
-
-    def __init__(self, remote: Remote, number: int) -> None:
-        super().__init__()
-        self.remote = remote
-        self._number = number
-
-    def get(self, parent: Node) -> Endpoint:
-        """Returns a proxy; the student's own endpoint is made in its process."""
-        return RemoteEndpoint(self, parent, self.remote.make(self._number, parent))
-
-
-class RemoteEndpoint(Endpoint):
-    """Stands for an endpoint of the student's."""
-
-    factory: RemoteEndpointFactory
-
-    def __init__(self, factory: RemoteEndpointFactory, parent: Node, made: Made) -> None:
-        super().__init__(factory, parent, made.name)
-        self._steps = {"join" if step == "halt" else step for step in made.steps}
-        self.task_handlers = self.handlers_of(made.handlers)
-
-    def handlers_of(self, rows: Sequence[HandlerRow]) -> TaskHandlerMap:
-        """Returns handlers that have the student's called."""
-        handlers: TaskHandlerMap = {}
-        for kind, name, label in rows:
-            task_type = TaskType(kind)
-            handlers[task_type if name is None else (task_type, name)] = self._handler(label)
-        return handlers
-
-    def _handler(self, label: str) -> TaskHandler:
-        def handle(task: Task, task_id: TaskId) -> SomeTasks:
-            return self.factory.remote.handle(self, task)
-
-        handle.__name__ = label
-        return handle
-
-    def begin(self) -> None:
-        """Has the student's `begin` called, if there is one."""
-        self._do("begin")
-
-    def join(self) -> None:
-        """Has the student's `halt` called, if there is one."""
-        self._do("join")
-
-    def terminate(self) -> None:
-        """Has the student's `terminate` called, if there is one."""
-        self._do("terminate")
-
-    def _do(self, step: str) -> None:
-        if step in self._steps:
-            done = self.factory.remote.step(self, step)
-            self.schedule(self.factory.remote.admission.tasks(done.scheduled, self.parent, self.name))
-
-
-class RemoteLoopFactory(LoopFactory):
-    """Makes the proxy of a loop."""
-
-    def __init__(self, remote: Remote, number: int) -> None:
-        super().__init__()
-        self.remote = remote
-        self._number = number
-
-    def get(self, parent: Node) -> Loop:
-        """Returns a proxy; the student's own loop is made in its process."""
-        return RemoteLoop(self, parent, self.remote.make(self._number, parent))
-
-
-class RemoteLoop(Loop):
-    """Stands for a loop of the student's: the grader's clock says when it ticks."""
-
-    factory: RemoteLoopFactory
-
-    def __init__(self, factory: RemoteLoopFactory, parent: Node, made: Made) -> None:
-        super().__init__(factory, parent, made.name, made.rate_hz)
-        self.first_tick_after_s = made.first_s
-        self.next_tick_at_s = made.next_s
-
-    def setup(self) -> None:
-        """Has the student's `setup` called."""
-        self._do("setup")
-
-    def loop(self) -> None:
-        """Has the student's `loop` called."""
-        self._do("loop")
-
-    def halt(self) -> None:
-        """Has the student's `halt` called."""
-        self._do("join")
-
-    def terminate(self) -> None:
-        """Has the student's `terminate` called."""
-        self._do("terminate")
-
-    def _do(self, step: str) -> None:
-        done = self.factory.remote.step(self, step)
-        self.next_tick_at_s = done.next_s
-        if done.is_stopped:
-            self.stop()
-
-
-def packed(robot: Robot) -> str:
-    """Returns what a student's `factories` gets, for its process to unpack.
-
-    Raises:
-        LabFault: something in it is of a class that the student's process cannot know.
-    """
-    buffer = io.BytesIO()
-    try:
-        _Packing(buffer).dump(robot)
-    except LabFault:
-        raise
-    except Exception as error:
-        raise LabFault(f"What the student's `factories` is to get cannot be sent: {error}") from error
-    return base64.b64encode(buffer.getvalue()).decode()
-
-
-class _Packing(pickle.Pickler):
-    """Refuses what only this process has loaded."""
-
-    def persistent_id(self, value: Any) -> None:
-        module = value.__module__ if isinstance(value, type) else type(value).__module__
-        if str(module).startswith(_ONLY_HERE):
-            raise LabFault(
-                f"What the student's `factories` is to get holds a {value!r}, whose class stands in {module}.",
-                fix="define such classes in the robot's folder, which the student's process may read.",
-            )
-
-
-_ONLY_HERE = (library.SCENARIO_MODULE, LAB_MODULE, "__main__")
 
 
 def _decode(decoder: Any, answer: Answer) -> Any:

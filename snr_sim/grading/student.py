@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from snr_sim.grading.child_process import ChildProcess, misbehaved
+from snr_sim.grading.child_process import ChildProcess
+from snr_sim.grading.endings import misbehaved
 from snr_sim.grading.imports import check_imports
 from snr_sim.grading.protocol import ProtocolError, plain_value
 from snr_sim.grading.sandbox import Isolation, Limits

@@ -1,0 +1,77 @@
+"""What a student's process does to itself before it reads the submission: gives rights away, and takes limits on."""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+import threading
+import time
+from types import FrameType
+
+from snr_sim.prelude.errors import SnrError
+
+
+class TookTooLong(BaseException):
+    """Raised where the student's program is when its CPU time is up; nothing of Python's own catches it."""
+
+
+def become(user: int) -> None:
+    """Becomes this user, for good."""
+    os.setgroups([])
+    os.setresgid(user, user, user)
+    os.setresuid(user, user, user)  # with it all of root's rights are gone, for good
+
+
+def limit(limits: tuple[int, int, int, int], is_alone: bool) -> None:
+    """Takes limits on; they can only be lowered from here.
+
+    Args:
+        limits: seconds of CPU time, bytes of memory, bytes of a file, open files.
+        is_alone: whether it has a namespace of its own, in which it may start nothing.
+    """
+    cpu_s, memory_bytes, file_bytes, open_files = limits
+    hard = {
+        resource.RLIMIT_CPU: (cpu_s, cpu_s + 2),
+        resource.RLIMIT_AS: (memory_bytes, memory_bytes),
+        resource.RLIMIT_FSIZE: (file_bytes, file_bytes),
+        resource.RLIMIT_NOFILE: (open_files, open_files),
+        resource.RLIMIT_CORE: (0, 0),
+    }
+    if is_alone:  # else this would count all that the student runs on this computer
+        hard[resource.RLIMIT_NPROC] = (1, 1)
+    for name, value in hard.items():
+        try:
+            resource.setrlimit(name, value)
+        except (OSError, ValueError):
+            if is_alone:
+                raise
+
+
+def refuse_company() -> None:
+    """Has threads refused with a reason, and sleeps return at once: time is virtual here."""
+    threading.Thread.start = _start_nothing  # type: ignore[assignment]
+    time.sleep = _do_not_sleep  # type: ignore[assignment]
+
+
+def heed_time() -> None:
+    """Has `TookTooLong` raised where the program is when a signal says that its time is up."""
+    for up in (signal.SIGPROF, signal.SIGXCPU):  # the time for one thing, and for all
+        signal.signal(up, _time_is_up)
+
+
+def _time_is_up(number: int, frame: FrameType | None) -> None:
+    """Says so where the program is; if it goes on all the same, ends it."""
+    signal.signal(number, signal.SIG_DFL)
+    raise TookTooLong("this takes too long: its CPU time is used up")
+
+
+def _start_nothing(thread: threading.Thread) -> None:
+    raise SnrError(
+        f"A thread '{thread.name}' was to be started, but a graded program has one only.",
+        fix="let a Loop do it: in lock step the clock calls it.",
+    )
+
+
+def _do_not_sleep(seconds: float) -> None:
+    """Returns at once."""

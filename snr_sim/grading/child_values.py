@@ -1,0 +1,79 @@
+"""Values of the student's as they cross to the grader: numbers, texts, lists and dicts, and nothing else."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+
+from snr_sim.core.blame import place_of, without_addresses
+from snr_sim.prelude.errors import ValueEncodingError
+from snr_sim.prelude.values import encode_value
+
+_SHOWN = 200  # characters of a value that cannot cross
+
+
+class NoValue(Exception):
+    """What came back is no value that can cross."""
+
+
+def encode_plain(value: Any, what: str, function: object) -> bytes:
+    """Returns JSON of a value that can cross.
+
+    Raises:
+        NoValue: it cannot; says what it is.
+    """
+    try:
+        raw = _encode(value)
+        if b'"$"' not in raw and _decode(raw) == value:
+            return raw  # the way of nearly all: C has carried it there and back
+    except (TypeError, ValueError, OverflowError, RecursionError):
+        pass
+    try:
+        return encode_value(plain(value))
+    except (NoValue, RecursionError, ValueEncodingError) as error:
+        place = place_of(function)
+        reason = error.args[0] if isinstance(error, NoValue) and error.args else "it is nested too deeply"
+        where = f"{place}\n  " if place is not None else ""
+        raise NoValue(f"{where}{what} returned {short(value)}: {reason}.") from None
+
+
+def plain(value: Any) -> Any:
+    """Returns a value as numbers, texts, lists and dicts; numpy's become Python's.
+
+    Raises:
+        NoValue: something in it is none of these.
+    """
+    kind = type(value)
+    if value is None or kind in (bool, int, float, str):
+        return value
+    if kind in (list, tuple):
+        return [plain(item) for item in value]
+    if kind is dict:
+        for key in value:
+            if type(key) is not str:
+                raise NoValue(f"the key {short(key)} of a dict is no text")
+        return {key: plain(item) for key, item in value.items()}
+    if hasattr(value, "dtype") and hasattr(value, "tolist"):
+        return plain(value.tolist())
+    for parent in (bool, int, float, str):
+        if isinstance(value, parent):
+            return parent.__str__(value) if parent is str else parent(value)
+    raise NoValue(f"{short(value)} is {_a(kind.__name__)}, not a number, a text, a list or a dict of these")
+
+
+def _a(word: str) -> str:
+    return f"{'an' if word[:1].lower() in 'aeiou' else 'a'} {word}"
+
+
+def short(value: Any) -> str:
+    """Returns a value as it is shown, cut; it may be anything, and its `repr` may raise."""
+    try:
+        text = without_addresses(repr(value))
+    except Exception as error:
+        text = f"<a {type(value).__name__} whose repr raises {type(error).__name__}>"
+    return text if len(text) <= _SHOWN else text[:_SHOWN] + " ..."
+
+
+_encode = msgspec.json.Encoder().encode
+_decode = msgspec.json.Decoder().decode
