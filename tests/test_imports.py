@@ -31,7 +31,7 @@ FLOOR = {
     "supervision": 3,
     "testing": 3,
     "simulation": 4,
-    "learning": 6,
+    "learning": 5,
     "flight": 5,
     "program": 5,
     "role_run": 6,

@@ -1,0 +1,433 @@
+"""What lab 10 is graded by: functions one by one, exactly; then what they learn, and what was handed in."""
+
+from __future__ import annotations
+
+import random
+import zipfile
+from dataclasses import dataclass
+from typing import Any
+
+from snr_sim.grading import Lab, Student, Verdict, check, failed, partly, passed
+from snr_sim.grading.learning import PILOT, ByTable, World, fly, train
+from snr_sim.grading.pilot import ACTIONS, Table, Transition
+from snr_sim.grading.verdicts import Misbehaved
+from snr_sim.learning.batch_training import ENVIRONMENT
+from snr_sim.learning.q_table import QTable
+from snr_sim.prelude.errors import RecordingError
+
+FILE, POLICY = "q_lander.py", "policy.npz"
+DISCOUNT, LEAST_STEP = 0.95, 0.02
+MOST_BYTES = 1_000_000
+HOVERS = (
+    "It hovers until its two minutes are over. What does your reward pay for: being on the ground, or being up there?"
+)
+
+
+@dataclass(frozen=True)
+class Seed:
+    """Where a case's chance comes from."""
+
+    seed: int
+
+
+@dataclass(frozen=True)
+class Starts:
+    """So many starts, drawn from a seed."""
+
+    count: int
+    seed: int
+
+
+SEEN = Starts(10, 1)
+
+
+@dataclass(frozen=True)
+class Elsewhere:
+    """A flight where the Moon or the engine is not as usual; gravity and thrust as shares."""
+
+    gravity: float
+    thrust: float
+    seed: int
+
+
+def one(rng: random.Random) -> list[Seed]:
+    """A hidden case."""
+    return [Seed(rng.getrandbits(63))]
+
+
+def three(rng: random.Random) -> list[Seed]:
+    """Three hidden cases."""
+    return [one(rng)[0] for _ in range(3)]
+
+
+# -- the state --------------------------------------------------------------------------------------------------------
+
+
+@check(points=10, visible=[Seed(1)], hidden=one)
+def encodes(student: Student, case: Seed) -> Verdict:
+    """encode() tells high from low, and rising from falling."""
+    pilot, rng = student.host(FILE, PILOT), random.Random(case.seed)
+    if pilot.ask("count", returns=int) == 1:
+        return failed("STATES is 1: then it does the same everywhere. Cut heights and velocities into intervals.")
+    speeds = [-60.0 + 0.5 * i for i in range(161)]
+    for _ in range(6):
+        height = 10.0 ** rng.uniform(-0.5, 3.0)
+        states = pilot.ask("encode", [height] * len(speeds), speeds, returns=list[int])
+        if states != pilot.ask("encode", [height] * len(speeds), speeds, returns=list[int]):
+            return failed("encode() gives another number for the same two numbers: it must go by them alone.")
+        if len(set(states)) < 2:
+            return failed(
+                "At one height encode() does not tell any velocity from another.",
+                "2 states or more from -60 to 20 m/s",
+                "1 state",
+            )
+        folded = came_back(states)
+        if folded is not None:
+            return failed(
+                "Two velocities far apart are one state, with other states between them: did the sign get lost? abs()?",
+                "each state is one interval of velocities",
+                f"{speeds[folded[0]]:g} and {speeds[folded[1]]:g} m/s are state {states[folded[1]]}",
+            )
+    heights = [0.3 * 1.1**i for i in range(88)]
+    if len(set(pilot.ask("encode", heights, [-5.0] * len(heights), returns=list[int]))) < 2:
+        return failed("encode() does not tell any height from another: at -5 m/s, 0.3 m and 1300 m are one state.")
+    return passed()
+
+
+def came_back(states: list[int]) -> tuple[int, int] | None:
+    """Returns two places of one state that was left in between, or None."""
+    last: dict[int, int] = {}
+    for i, state in enumerate(states):
+        if state in last and last[state] != i - 1:
+            return last[state], i
+        last[state] = i
+    return None
+
+
+# -- what is done -----------------------------------------------------------------------------------------------------
+
+
+@check(points=15, visible=[Seed(1)], hidden=one)
+def chooses(student: Student, case: Seed) -> Verdict:
+    """choose() takes the best of what was tried, explores as often as epsilon says, and changes nothing."""
+    pilot, rng = student.host(FILE, PILOT), random.Random(case.seed)
+    count = pilot.ask("count", returns=int)
+    table = drawn_table(count, rng)
+    states = [rng.randrange(count) for _ in range(200)]
+
+    def choices(epsilon: float, seed: int, of: list[int] = states) -> list[int]:
+        answer = pilot.ask("choices", table.plain(), of, epsilon, seed)
+        if answer["table"] != table.plain():
+            raise Misbehaved("choose() has changed the table.", "choose() looks, and update() learns: not both in one.")
+        actions: list[int] = answer["actions"]
+        return actions
+
+    greedy = choices(0.0, 1)
+    if greedy != choices(0.0, 1):
+        return failed(
+            "Same table, same states, same chance, and yet another action: choose() must go by its arguments."
+        )
+    if any(choices(0.0, seed) != greedy for seed in range(2, 6)):
+        return failed(
+            "With epsilon 0 it still explores. An evaluation with chance in it does not tell what was learned."
+        )
+    for state, action in zip(states, greedy, strict=True):
+        if action != best(table, state):
+            return failed(why_not(table, state, action), f"{best(table, state)}", f"{action}" + shown(table, state))
+    everywhere = choices(1.0, 6, states * 5)
+    if min(everywhere.count(action) for action in range(ACTIONS)) < 170:
+        return failed("With epsilon 1 each action should come equally often: rng.randrange(ACTIONS).")
+    often = choices(0.4, 7, states * 5)
+    share = sum(a == b for a, b in zip(often, greedy * 5, strict=True)) / len(often)
+    if not 0.63 < share < 0.77:  # 0.7, and nearly five standard deviations to either side
+        return failed(
+            "With epsilon 0.4 it does not explore four times in ten.",
+            "the best action in 70 % (60 %, and a quarter of 40 %)",
+            f"{share:.0%}",
+        )
+    return passed()
+
+
+def drawn_table(states: int, rng: random.Random) -> Table:
+    """Returns a table with negative values, ties, and actions that nobody has tried."""
+    table = Table(states)
+    for state in range(states):
+        for action in range(ACTIONS):
+            if rng.random() < 0.7:
+                table.visits[state][action] = rng.randrange(1, 40)
+                table.values[state][action] = float(rng.choice([-8, -4, -4, -2, -1, 1, 3])) * rng.choice(
+                    [1.0, 1.0, 1.5]
+                )
+    return table
+
+
+def tried(table: Table, state: int) -> list[int]:
+    """Returns the actions that were tried in a state."""
+    return [action for action in range(ACTIONS) if table.visits[state][action]]
+
+
+def best(table: Table, state: int) -> int:
+    """Returns the action that is right with epsilon 0."""
+    return max(tried(table, state), key=lambda action: table.values[state][action], default=0)
+
+
+def why_not(table: Table, state: int, action: int) -> str:
+    """Returns what is wrong with an action."""
+    seen, values = tried(table, state), table.values[state]
+    if not seen:
+        return "Where nothing was tried yet, take action 0, the first."
+    if action not in seen:
+        return "It takes an action that was never tried: its 0 is no experience. Choose among those with visits."
+    if values[action] == values[best(table, state)]:
+        return "Two actions are worth the same: take the first of them, so that everybody gets the same flight."
+    return "That is not the action of most worth in this row of the table."
+
+
+def shown(table: Table, state: int) -> str:
+    """Returns a row of a table in words."""
+    return f", of values {table.values[state]} with visits {table.visits[state]}"
+
+
+# -- what is learned --------------------------------------------------------------------------------------------------
+
+
+@check(points=20, visible=[Seed(1)], hidden=lambda rng: three(rng)[:2])
+def updates(student: Student, case: Seed) -> Verdict:
+    """update() learns from 40 transitions exactly what Q-learning learns."""
+    pilot, rng = student.host(FILE, PILOT), random.Random(case.seed)
+    count = max(12, pilot.ask("count", returns=int))
+    table = drawn_table(count, rng)
+    transitions = [drawn_transition(rng) for _ in range(40)]
+    learned = pilot.ask("replay", table.plain(), [list(one) for one in transitions])
+    for transition in transitions:
+        before = Table.of(table.plain())
+        learn(table, transition)
+        if not is_same(learned_of(pilot, before, transition), table):
+            now = learned_of(pilot, before, transition)
+            return failed(diagnosis(before, transition, table, now), *numbers(transition, table, now))
+    if not is_same(Table.of(learned), table):
+        return failed("Each transition alone is learned rightly, but not all in a row: what does it keep in between?")
+    return passed()
+
+
+def learned_of(pilot: Any, before: Table, transition: Transition) -> Table:
+    """Returns what the student makes of one transition."""
+    return Table.of(pilot.ask("replay", before.plain(), [list(transition)], returns=dict[str, list[list[float]]]))
+
+
+def drawn_transition(rng: random.Random) -> Transition:
+    """Returns a transition between the first twelve states; every third ends an episode."""
+    end = rng.choice(["", "", "", "terminated", "truncated", ""])
+    state, next_state = rng.sample(range(12), 2)
+    return Transition(
+        state,
+        rng.randrange(ACTIONS),
+        round(rng.uniform(-3.0, 3.0), 2),
+        next_state,
+        end == "terminated",
+        end == "truncated",
+    )
+
+
+def learn(table: Table, step: Transition) -> None:
+    """Learns from one transition, rightly."""
+    visits, values = table.visits[step.state], table.values[step.state]
+    visits[step.action] += 1
+    values[step.action] += size_of(visits[step.action]) * (target(table, step) - values[step.action])
+
+
+def size_of(visits: int) -> float:
+    """Returns by which share a value moves at a visit; the first is 1."""
+    return max(LEAST_STEP, 1.0 / visits)
+
+
+def target(table: Table, step: Transition) -> float:
+    """Returns where a value moves to."""
+    if step.is_terminated:
+        return step.reward
+    expected = max((table.values[step.next_state][action] for action in tried(table, step.next_state)), default=0.0)
+    return step.reward + DISCOUNT * expected
+
+
+def is_same(one: Table, other: Table) -> bool:
+    """Whether two tables are alike, values to 1e-9."""
+    if one.visits != other.visits or [len(row) for row in one.values] != [len(row) for row in other.values]:
+        return False
+    pairs = zip(one.values, other.values, strict=True)
+    return all(abs(a - b) <= 1e-9 for rows in pairs for a, b in zip(*rows, strict=True))
+
+
+def numbers(step: Transition, right: Table, now: Table) -> tuple[str, str]:
+    """Returns what the value should be, and what it is."""
+    return tuple(f"values[state][action] = {table.values[step.state][step.action]:.6g}" for table in (right, now))  # type: ignore[return-value]
+
+
+def diagnosis(before: Table, step: Transition, right: Table, now: Table) -> str:
+    """Returns which mistake makes such a table of one transition."""
+    old, new = before.values[step.state][step.action], now.values[step.state][step.action]
+    changed = {
+        (state, action)
+        for state, rows in enumerate(zip(before.values, now.values, strict=True))
+        for action, (a, b) in enumerate(zip(*rows, strict=True))
+        if a != b
+    }
+    if not changed and before.visits == now.visits:
+        return "update() changes nothing: move values[state][action] towards what was seen, and count the visit."
+    if changed and all(state == step.next_state for state, _ in changed):
+        return "It changes the row of the next state. What was learned is about the state where the action was taken."
+    if changed - {(step.state, step.action)}:
+        return "It changes more than values[state][action]."
+    if now.visits != right.visits:
+        return "Count the visit: visits[state][action] grows by 1, and nothing else."
+    size, row = size_of(right.visits[step.state][step.action]), before.values[step.next_state]
+    seen = [row[action] for action in tried(before, step.next_state)]
+
+    def is_from(towards: float) -> bool:
+        return abs(old + size * (towards - old) - new) <= 1e-9
+
+    if step.is_terminated and (
+        is_from(step.reward + DISCOUNT * max(seen, default=0.0)) or is_from(step.reward + DISCOUNT * max(row))
+    ):
+        return "After a touchdown nothing comes: is_terminated means that no value of a next state is added."
+    if step.is_truncated and is_from(step.reward):
+        return "is_truncated means only that time was up: it would have flown on, so the next state's value counts."
+    if is_from(step.reward + DISCOUNT * max(row)):
+        return "The best of the next state is taken over actions that were never tried: their 0 is no experience."
+    if is_from(step.reward + max(seen, default=0.0)):
+        return "The next state's value is not discounted: multiply it by DISCOUNT."
+    moved = (new - old) / (target(before, step) - old) if target(before, step) != old else 0.0
+    visits = right.visits[step.state][step.action]
+    if 0.0 <= moved < size:
+        return (
+            f"At visit {visits} a value moves by {moved:.2g} of the way, and should by {size:.2g}: with a step that "
+            "falls so soon it stops to learn. The step is 1 / visits, and never less than LEAST_STEP."
+        )
+    if size < moved <= 1.0:
+        return f"At visit {visits} a value moves by {moved:.2g} of the way, and should by {size:.2g}: 1 / visits."
+    return "The value moves towards reward + DISCOUNT * (best tried value of the next state), by the step."
+
+
+# -- what was handed in -----------------------------------------------------------------------------------------------
+
+
+def policy_of(student: Student) -> QTable | None:
+    """Returns the table that was handed in; None if there is none.
+
+    Raises:
+        Misbehaved: it cannot be used.
+    """
+    path = (student.folder / POLICY).resolve()
+    if not path.is_file() or not path.is_relative_to(student.folder):
+        return None
+    with path.open("rb") as file:
+        begin = file.read(2)
+    if begin[:1] == b"\x80":
+        raise Misbehaved(
+            f"{POLICY} is a pickle.",
+            "Whoever opens a pickle runs what is in it, so nobody here does. learn.py saves numbers alone.",
+        )
+    if path.stat().st_size > MOST_BYTES:
+        raise Misbehaved(f"{POLICY} has {path.stat().st_size} bytes.", f"A table has less than {MOST_BYTES} bytes.")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            size = sum(member.file_size for member in archive.infolist())
+    except (zipfile.BadZipFile, OSError):
+        raise Misbehaved(
+            f"{POLICY} is no npz file, or only a part of one.",
+            "Let learn.py write it again, and copy all of it."
+            if begin == b"PK"
+            else "Hand in what learn.py has saved.",
+        ) from None
+    if size > MOST_BYTES:
+        raise Misbehaved(f"{POLICY} unpacks to {size} bytes.", f"A table has less than {MOST_BYTES} bytes.")
+    try:
+        table = QTable.load(path, ENVIRONMENT)
+    except RecordingError as error:
+        raise Misbehaved(str(error).replace(str(path), POLICY), "Hand in what learn.py has saved, unchanged.") from None
+    if len(table.discretiser.names) != 2 or len(table.actions) != ACTIONS:
+        raise Misbehaved(
+            f"{POLICY} is about {', '.join(table.discretiser.names)}, with {len(table.actions)} actions.",
+            f"It is flown by altitude_m and velocity_mps, with {ACTIONS} actions.",
+        )
+    return table
+
+
+@check(points=5)
+def policy_file(student: Student) -> Verdict:
+    """policy.npz is a table of numbers, of less than a megabyte."""
+    table = policy_of(student)
+    if table is None:
+        return failed(
+            "There is no policy.npz: python learn.py makes it. Without it, what q_lander.py learns here flies."
+        )
+    return passed()
+
+
+def pilot_of(student: Student) -> Any:
+    """Returns who flies: the table that was handed in, or without one what the file learns here."""
+    table = policy_of(student)
+    if table is not None:
+        return ByTable(table)
+    pilot = student.host(FILE, PILOT)
+    train(pilot, 0)
+    return pilot
+
+
+@check(points=25, visible=[SEEN], hidden=lambda rng: [Starts(100, case.seed) for case in three(rng)])
+def lands(student: Student, case: Starts) -> Verdict:
+    """The policy lands: all points from 95 of 100 starts, none below 50."""
+    pilot = pilot_of(student)
+    flown = fly(pilot, case.seed, case.count)
+    metrics = {"landed": flown.share} | ({"fuel_kg": flown.fuel_kg} if any(flown.landed) else {})
+    if flown.share >= 0.95:
+        return passed(metrics=metrics)
+    hint = why_down(flown)
+    if flown.share < 0.75 and fly(pilot, SEEN.seed, SEEN.count).share > flown.share + 0.2:
+        hint = "It lands the starts that you can see and not others: it was trained on what it is tested with."
+    return partly((flown.share - 0.5) / 0.45, hint, "95 of 100 or more", f"{flown.outcomes}", metrics)
+
+
+def why_down(flown: Any) -> str:
+    """Returns what to think about when landings fail."""
+    if flown.outcomes["timeout"] > 0.1 * len(flown.landed):
+        return HOVERS
+    return (
+        f"It comes down at {flown.touchdown_mps:.1f} m/s on average; the legs take 3.05. Finer states near the ground?"
+    )
+
+
+@check(points=15, visible=[Seed(1)], hidden=three, needs=["encodes", "chooses", "updates"], all_or_nothing=True)
+def learns(student: Student, case: Seed) -> Verdict:
+    """Trained here, for 40 000 steps, the file lands 80 of 100 starts: from every seed."""
+    pilot = student.host(FILE, PILOT)
+    trained = train(pilot, case.seed)
+    learned = pilot.ask("learned")
+    flown = fly(pilot, case.seed + 1, 100)
+    if pilot.ask("learned") != learned:
+        return failed("The table changed while it was only flown: an evaluation does not learn.")
+    if flown.share >= 0.8:
+        return passed(metrics={"landed_after_training": flown.share})
+    hint = why_down(flown)
+    if sum(trained.landed[-100:]) > 60:
+        hint += " (In training it landed more often than in this test.)"
+    return failed(hint, "80 of 100 or more", f"{flown.outcomes} after {trained.episodes} episodes")
+
+
+@check(
+    points=10,
+    visible=[Elsewhere(1.1, 0.9, 1)],
+    hidden=lambda rng: [Elsewhere(g, t, rng.getrandbits(63)) for g in (0.9, 1.1) for t in (0.9, 1.1)],
+)
+def is_sturdy(student: Student, case: Elsewhere) -> Verdict:
+    """It also lands where gravity and thrust are a tenth more or less: all points from 75 of 100, none below 40."""
+    flown = fly(pilot_of(student), case.seed, 100, World(case.gravity, case.thrust))
+    if flown.share >= 0.75:
+        return passed()
+    return partly((flown.share - 0.4) / 0.35, why_down(flown), "75 of 100 or more", f"{flown.outcomes}")
+
+
+lab = Lab(
+    "Lunar lander: Q-learning",
+    files=[FILE, POLICY],
+    checks=[encodes, chooses, updates, policy_file, lands, learns, is_sturdy],
+)

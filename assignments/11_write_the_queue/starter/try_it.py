@@ -1,0 +1,42 @@
+"""Puts your queue into a real node and shows what it does: python try_it.py
+
+Needs no change of yours, and is not graded.
+"""
+
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+from snr_sim.grading.queue_bench import PlainQueue, QueueBench
+from snr_sim.library import load_program
+from snr_sim.prelude.errors import SnrError
+
+MOST = 5
+FIRST = [["event", "tick"], ["process_data", "depth"], ["event", "tock"], ["event", "late"]]
+ANSWERS = {
+    "tick": [["event", "light"], ["process_data", "imu"], ["event", "dark"]],
+    "depth": [["event", "push"]],
+    "imu": [["event", "turn"], ["process_data", "power"]],
+    "light": [["terminate", "enough"], ["event", "never"]],
+}
+
+
+def main():
+    """Runs the node with your queue, and with one that is right and slow."""
+    yours = QueueBench(load_program(str(Path(__file__).parent / "task_queue.py")))
+    right = QueueBench(SimpleNamespace(TaskQueue=PlainQueue))
+    for name, bench in (("yours", yours), ("right", right)):
+        done = bench.run_node(MOST, ANSWERS, FIRST)
+        print(f"{name:6s} handled {' '.join(done['handled'])}")
+        print(f"       dropped {' '.join(done['dropped']) or '-'}")
+    for size in (40, 240):
+        steps = [["put", "event", f"e{i}", i * 7919 % 1000] for i in range(size)]
+        steps += [["take"] if i % 2 else ["put", "event", f"f{i}", i * 7907 % 1000] for i in range(size)]
+        print(f"with {size:3d} tasks one operation is {yours.work(size, steps):6.1f} comparisons and moves")
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except SnrError as error:
+        sys.exit(f"Error: {error}")

@@ -1,0 +1,272 @@
+"""The grader's side of lab 10: many landers fly at once here, and the student's file says by message what they do.
+
+    parent (here)                                   child (`grading/pilot.py`)
+    Landers, chance, budget, score   -- observations of all, what came of the last step -->   encode, reward, update
+                                     <-- an action for each --------------------------------   choose
+
+One message a step for all of them, so the pipe costs little beside the student's own functions. How many steps and
+episodes there are, from where, and which of them landed, only this side knows.
+"""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from dataclasses import dataclass
+from functools import cache
+from types import ModuleType
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from snr_sim.grading.pilot import ACTIONS, CRASHED, LANDED, TIMEOUT, Pilot, digits_of, rows_of
+from snr_sim.learning.batch_training import CEILING_M, MOST_STEPS, STEP_S, Course, course_of, new_table
+from snr_sim.learning.lander_envs import VERTICAL_THROTTLES, LanderVertical
+from snr_sim.learning.q_table import QTable
+from snr_sim.learning.vertical_batch import Floats, Landers, step
+from snr_sim.plants.gear import APOLLO_GEAR
+
+LANDERS = 128  # that fly at once in training: with more of them fewer reach the ground, with fewer the pipe costs more
+FLIGHT_STEPS = 600  # two minutes; free fall from the highest start takes 50 s
+PILOT = "snr_sim.grading.pilot:Pilot"
+
+
+class Asked(Protocol):
+    """The student's file: in its own process, or here (`Here`)."""
+
+    def ask(self, method: str, *args: Any, returns: Any = Any) -> Any:
+        """Returns what a method of `Pilot` returns."""
+        ...
+
+
+class Here:
+    """A student's file in this process: for practice, and to measure what the process costs.
+
+    Args:
+        module: the file.
+    """
+
+    def __init__(self, module: ModuleType) -> None:
+        self.pilot = Pilot(module)
+
+    def ask(self, method: str, *args: Any, returns: Any = Any) -> Any:
+        """Returns what a method of `Pilot` returns."""
+        return getattr(self.pilot, method)(*args)
+
+
+@dataclass(frozen=True)
+class Budget:
+    """How long a training may be; it ends with whichever comes first.
+
+    Args:
+        steps: of all landers together.
+        episodes: of all landers together, begun.
+    """
+
+    steps: int = 40_000
+    episodes: int = 1500
+
+
+@dataclass(frozen=True)
+class World:
+    """How the Moon and the engine differ from what was trained with.
+
+    Args:
+        gravity, thrust: as shares of the usual.
+    """
+
+    gravity: float = 1.0
+    thrust: float = 1.0
+
+
+@dataclass(frozen=True)
+class Trained:
+    """What a training took.
+
+    Args:
+        steps, episodes: of all landers together.
+        landed: of each episode that ended, in that order, whether it landed: the learning curve.
+    """
+
+    steps: int
+    episodes: int
+    landed: list[bool]
+
+
+@dataclass(frozen=True)
+class Flights:
+    """What came of flying.
+
+    Args:
+        landed: of each start, whether it landed.
+        outcomes: how often what happened.
+        fuel_kg: mean propellant of those that landed; 0 if none did.
+        touchdown_mps: mean speed at the ground, of those that came there; 0 if none did.
+    """
+
+    landed: list[bool]
+    outcomes: dict[str, int]
+    fuel_kg: float
+    touchdown_mps: float
+
+    @property
+    def share(self) -> float:
+        """How many of all landed, 0 to 1."""
+        return sum(self.landed) / len(self.landed)
+
+
+@cache
+def course() -> Course:
+    """Returns the vertical landing of the scenario `lander_vertical`."""
+    env = LanderVertical()
+    env.reset(options={"start": 0})
+    return course_of(env)
+
+
+def train(student: Asked, seed: int, budget: Budget | None = None) -> Trained:
+    """Lets a student's file learn, in landings that begin anywhere on the way down.
+
+    Args:
+        student: learns; what it has learned it keeps.
+        seed: of the starts, of the radar's noise and of the student's chance.
+        budget: how long.
+    """
+    limits, given = budget or Budget(), course()
+    rng = np.random.default_rng([seed, 2])
+    throttles = np.array(VERTICAL_THROTTLES)
+    student.ask("begin", int(rng.integers(2**31)))  # not the seed itself: who knew it would know the starts
+    landers = _starts(given, LANDERS, rng)
+    told = _told(given, landers, rng)
+    flown, episodes, ended = np.zeros(LANDERS, np.int64), LANDERS, list[bool]()
+    burned_kg: list[Floats] = []  # of the last step, once there was one
+    ends: list[list[Any]] = []  # lists: a tuple would have to be told apart on its way
+    steps = -(-limits.steps // LANDERS)
+    for i in range(steps):
+        share = max(i / steps, min(1.0, (episodes - LANDERS) / limits.episodes))
+        answer = student.ask("learn", share, _packed(told.T, landers[:2], *burned_kg), ends, returns=str)
+        actions = _actions(answer, LANDERS)
+        before = Landers(*landers)
+        after, touches, speeds = step(before, throttles[actions], given.engine, STEP_S)
+        told = _told(given, landers, rng)  # the radar tells it a step late
+        landers, burned_kg, ends = np.stack(after), [before.fuel_kg - after.fuel_kg], []
+        flown += 1
+        over = np.flatnonzero(touches | (after.height_m > CEILING_M) | (flown > MOST_STEPS))
+        for lander in over.tolist():
+            is_down, speed = bool(touches[lander]), round(float(speeds[lander]), 2)
+            is_landed = is_down and bool(speeds[lander] <= APOLLO_GEAR.vertical_mps)
+            ended.append(is_landed)
+            last = [0.0, -speed] if is_down else landers[:2, lander].tolist()
+            ends.append([lander, *last, (LANDED if is_landed else CRASHED) if is_down else TIMEOUT])
+        if len(over):
+            landers[:, over], flown[over] = _starts(given, len(over), rng), 0
+            told[over] = _told(given, landers[:, over], rng)
+            episodes += len(over)
+            if episodes > limits.episodes:
+                break
+    return Trained((i + 1) * LANDERS, episodes, ended)
+
+
+def fly(student: Asked, seed: int, count: int, world: World | None = None) -> Flights:
+    """Lets a student's file land what it has learned, without learning and without chance.
+
+    Args:
+        student: flies.
+        seed: of the starts and of the radar's noise. They begin as the scenario does, 600 to 1500 m up.
+        count: of starts.
+        world: what is different.
+    """
+    place, given = world or World(), course()
+    usual = given.engine
+    engine = usual._replace(gravity_mps2=usual.gravity_mps2 * place.gravity, thrust_n=usual.thrust_n * place.thrust)
+    rng = np.random.default_rng([seed, 3])
+    throttles = np.array(VERTICAL_THROTTLES)
+    landers = given.proper(count, rng)
+    tank_kg = landers[3].copy()
+    told, who = _told(given, landers, rng), np.arange(count)
+    speed_mps, fuel_kg = np.full(count, np.nan), np.zeros(count)
+    for _ in range(FLIGHT_STEPS):
+        actions = _actions(student.ask("act", _packed(told.T), returns=str), len(who))
+        after, touches, speeds = step(Landers(*landers), throttles[actions], engine, STEP_S)
+        told = _told(given, landers, rng)
+        speed_mps[who[touches]] = speeds[touches]
+        fuel_kg[who] = tank_kg[who] - after.fuel_kg
+        flies = ~touches
+        landers, told, who = np.stack(after)[:, flies], told[flies], who[flies]
+        if not len(who):
+            break
+    is_down = np.isfinite(speed_mps)
+    landed = is_down & (np.nan_to_num(speed_mps, nan=1e9) <= APOLLO_GEAR.vertical_mps)
+    outcomes = {LANDED: landed, CRASHED: is_down & ~landed, TIMEOUT: ~is_down}
+    return Flights(
+        landed.tolist(),
+        {name: int(which.sum()) for name, which in outcomes.items()},
+        float(fuel_kg[landed].mean()) if landed.any() else 0.0,
+        float(speed_mps[is_down].mean()) if is_down.any() else 0.0,
+    )
+
+
+def _starts(given: Course, count: int, rng: np.random.Generator) -> Floats:
+    """Returns starts anywhere on the way down, shape (4, count), half of them in the last 25 m.
+
+    There it is decided, and from high above few come there in time: with half of them in the last 400 m, states near
+    the ground were seen a few dozen times in a training, and of 57 trained references one landed 88 of 100.
+    """
+    height = 1500.0 * rng.random(count) ** 6
+    speed = given.suitable(height) + rng.uniform(-25.0, 25.0, count) * np.minimum(1.0, 0.2 + height / 200.0)
+    mass = rng.uniform(7000.0, 8500.0, count)
+    return np.stack([height, speed, mass, mass - given.dry_kg])
+
+
+def _told(given: Course, landers: Floats, rng: np.random.Generator) -> Floats:
+    """Returns what the radar tells, in its steps of a centimetre."""
+    told: Floats = np.round(given.told(landers[0], landers[1], rng), 2)
+    return told
+
+
+def _packed(*rows: Floats) -> str:
+    """Returns rows of numbers as a text, for `pilot.rows_of`."""
+    return b64encode(np.vstack(rows).tobytes()).decode()
+
+
+def _actions(answer: str, count: int) -> NDArray[np.intp]:
+    """Returns the actions in an answer. What is none does not fly: the engine is off."""
+    digits = np.frombuffer(answer.encode()[:count].ljust(count, b"0"), np.uint8).astype(np.intp) - ord("0")
+    return np.where((digits >= 0) & (digits < ACTIONS), digits, 0)
+
+
+class ByTable:
+    """A table that was handed in, flown as the node's controller 'q' flies it: none of the student's code runs.
+
+    Args:
+        table: over the two numbers of the radar.
+    """
+
+    def __init__(self, table: QTable) -> None:
+        self._cells = table.discretiser.cells
+        values = np.where(table.visits > 0, table.values, -np.inf)
+        self._greedy = np.argmax(values, axis=1)  # 0 where nothing was tried
+
+    def ask(self, method: str, *args: Any, returns: Any = Any) -> Any:
+        """Returns the actions for many observations; it can do nothing else."""
+        assert method == "act"
+        told = np.array(rows_of(args[0], 2)).T
+        return digits_of(self._greedy[self._cells(told)].tolist())
+
+
+def as_policy(student: Asked) -> QTable:
+    """Returns what a student's file has learned as a table that `--controller q` flies.
+
+    Each cell of the kit's grid gets the row of the state that `encode` finds in its middle.
+    """
+    policy = new_table()
+    heights, speeds = ([2.0 * edges[0] - edges[1], *edges] for edges in policy.discretiser.edges)
+    middles = [
+        [a + 0.5 * (b - a) for a, b in zip(one, [*one[1:], 2.0 * one[-1] - one[-2]], strict=True)]
+        for one in (heights, speeds)
+    ]
+    grid = np.meshgrid(*middles, indexing="ij")
+    states = student.ask("encode", *(axis.ravel().tolist() for axis in grid), returns=list[int])
+    learned = student.ask("learned")
+    policy.values[:] = np.array(learned["values"])[states]
+    policy.visits[:] = np.array(learned["visits"])[states]
+    return policy

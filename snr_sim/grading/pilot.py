@@ -1,0 +1,197 @@
+"""The student's side of lab 10: asks the functions of a file for many landers at a time, and keeps their table.
+
+It stands in the student's process and speaks for the file there. What flies, how often, from where, and what came of
+it, the grader's process knows alone (`grading/learning.py`).
+"""
+
+from __future__ import annotations
+
+import random
+from array import array
+from base64 import b64decode
+from collections.abc import Sequence
+from types import ModuleType
+from typing import Any, NamedTuple
+
+from snr_sim.prelude.errors import ParameterError
+
+ACTIONS = 4
+MOST_STATES = 5000
+LANDED, CRASHED, TIMEOUT = "landed", "crashed", "timeout"
+FUNCTIONS = ("encode", "reward", "epsilon", "choose", "update")
+
+
+class Transition(NamedTuple):
+    """One step of one lander, as `update` gets it.
+
+    Args:
+        state, action: where it was, and what was done.
+        reward: for it.
+        next_state: where that led.
+        is_terminated: it has touched the ground: nothing comes after.
+        is_truncated: only the time was up: it would have gone on.
+    """
+
+    state: int
+    action: int
+    reward: float
+    next_state: int
+    is_terminated: bool
+    is_truncated: bool
+
+
+class Table:
+    """What has been learned.
+
+    Args:
+        states: how many rows.
+
+    Attributes:
+        values: `values[state][action]` is what an action is worth there.
+        visits: `visits[state][action]` is how often it was tried there.
+    """
+
+    def __init__(self, states: int) -> None:
+        self.values = [[0.0] * ACTIONS for _ in range(states)]
+        self.visits = [[0] * ACTIONS for _ in range(states)]
+
+    def plain(self) -> dict[str, Any]:
+        """Returns it as lists, as it crosses to the grader."""
+        return {"values": self.values, "visits": self.visits}
+
+    @classmethod
+    def of(cls, plain: dict[str, Any]) -> Table:
+        """Returns a new table from such lists."""
+        table = cls(0)
+        table.values = [list(row) for row in plain["values"]]
+        table.visits = [list(row) for row in plain["visits"]]
+        return table
+
+
+class Pilot:
+    """The functions of a student's file, for many landers at once.
+
+    Args:
+        module: the file: STATES, and the functions named in `FUNCTIONS`.
+
+    Raises:
+        ParameterError: one of them is missing, or STATES is no sensible number.
+    """
+
+    def __init__(self, module: ModuleType) -> None:
+        for name in FUNCTIONS:
+            if not callable(getattr(module, name, None)):
+                raise ParameterError(f"The file has no function {name}().", fix="keep all that the starter has.")
+        states = getattr(module, "STATES", None)
+        if type(states) is not int or not 1 <= states <= MOST_STATES:
+            raise ParameterError(
+                f"STATES is {states!r}.",
+                fix=f"a whole number from 1 to {MOST_STATES}: how many different numbers encode() returns.",
+            )
+        self.module: Any = module
+        self.states = states
+        self.begin(0)
+
+    def count(self) -> int:
+        """Returns how many states there are."""
+        return self.states
+
+    def begin(self, seed: int) -> None:
+        """Forgets everything, and begins to learn."""
+        self.rng = random.Random(seed)
+        self.table = Table(self.states)
+        self._here: list[int] = []
+        self._truth: list[tuple[float, float]] = []
+        self._actions: list[int] = []
+
+    def encode(self, heights_m: Sequence[float], speeds_mps: Sequence[float]) -> list[int]:
+        """Returns the states of many observations.
+
+        Raises:
+            ParameterError: encode() returned something that is no state.
+        """
+        encode, count = self.module.encode, self.states
+        found = []
+        for height_m, speed_mps in zip(heights_m, speeds_mps, strict=True):
+            state = encode(height_m, speed_mps)
+            if type(state) is not int or not 0 <= state < count:
+                raise ParameterError(
+                    f"encode({height_m:g}, {speed_mps:g}) returned {state!r}.",
+                    fix=f"a whole number from 0 to STATES - 1, which is {count - 1}.",
+                )
+            found.append(state)
+        return found
+
+    def learn(self, share: float, packed: str, ends: Sequence[Sequence[Any]]) -> str:
+        """Learns from what came of the last actions, and returns the next ones.
+
+        Args:
+            share: how much of the training is over, 0 to 1.
+            packed: of all landers, one that has ended has begun anew: heights and speeds as the radar tells them,
+                heights and speeds as they are; and propellant of the last step, but not at first, when there is
+                nothing to learn from.
+            ends: of landers whose episode has ended: which, its last height and speed, and the outcome.
+        """
+        update, reward, table = self.module.update, self.module.reward, self.table
+        told_m, told_mps, heights_m, speeds_mps, *burned = rows_of(packed, 5 if self._here else 4)
+        now, here = self.encode(told_m, told_mps), list(zip(heights_m, speeds_mps, strict=True))
+        if burned:
+            then, after, outcomes = list(now), list(here), [""] * len(now)
+            for i, height_m, speed_mps, outcome in ends:
+                then[i] = self.encode([height_m], [speed_mps])[0]
+                after[i], outcomes[i] = (height_m, speed_mps), outcome
+            rows = zip(self._here, self._actions, then, self._truth, after, burned[0], outcomes, strict=True)
+            for state, action, next_state, was, came, burned_kg, outcome in rows:
+                worth = reward(*was, *came, burned_kg, outcome)
+                is_truncated = outcome == TIMEOUT
+                is_terminated = outcome != "" and not is_truncated
+                update(table, Transition(state, action, worth, next_state, is_terminated, is_truncated))
+        self._here, self._truth = now, here
+        self._actions = self._chosen(now, self.module.epsilon(share))
+        return digits_of(self._actions)
+
+    def act(self, packed: str) -> str:
+        """Returns the actions for many observations, without chance and without learning."""
+        return digits_of(self._chosen(self.encode(*rows_of(packed, 2)), 0.0))
+
+    def _chosen(self, states: Sequence[int], epsilon: float) -> list[int]:
+        choose, table, rng = self.module.choose, self.table, self.rng
+        actions = [choose(table, state, epsilon, rng) for state in states]
+        for action in actions:
+            if type(action) is not int or not 0 <= action < ACTIONS:
+                raise ParameterError(f"choose() returned {action!r}.", fix=f"a whole number from 0 to {ACTIONS - 1}.")
+        return actions
+
+    def learned(self) -> dict[str, Any]:
+        """Returns the table."""
+        return self.table.plain()
+
+    def is_learned(self) -> bool:
+        """Returns whether anything was tried, as the table says."""
+        return any(map(any, self.table.visits))
+
+    def choices(self, plain: dict[str, Any], states: Sequence[int], epsilon: float, seed: int) -> dict[str, Any]:
+        """Returns what is chosen in states of a given table, and what that did to table and chance."""
+        self.table, self.rng = Table.of(plain), random.Random(seed)
+        before = self.rng.getstate()
+        actions = self._chosen(states, epsilon)
+        return {"actions": actions, "is_drawn": self.rng.getstate() != before, "table": self.table.plain()}
+
+    def replay(self, plain: dict[str, Any], transitions: Sequence[Sequence[Any]]) -> dict[str, Any]:
+        """Returns a given table after some transitions."""
+        table = Table.of(plain)
+        for one in transitions:
+            self.module.update(table, Transition(*one))
+        return table.plain()
+
+
+def rows_of(packed: str, count: int) -> list[list[float]]:
+    """Returns rows of numbers that were sent as the bytes of doubles, in base64; as JSON they cost three times this."""
+    numbers = array("d", b64decode(packed)).tolist()
+    each = len(numbers) // count
+    return [numbers[i * each : (i + 1) * each] for i in range(count)]
+
+
+def digits_of(actions: Sequence[int]) -> str:
+    """Returns actions as a text of digits."""
+    return "".join(map(str, actions))

@@ -1,0 +1,231 @@
+"""The lab "lunar lander: Q-learning": its reference gets all points, each wrong solution loses those of its mistake.
+
+How sure its reference is of its points (`learning.train` and `fly` over seeds that no test has):
+
+- `lands` asks for 95 of 100: policy.npz landed 10 000 of 10 000 starts; `is_sturdy` asks for 75: it landed 10 000 of
+  10 000 in each of its four worlds. So at most 3 in 10 000 fail (95 % sure), and 6 of 100 less than once in 1e11.
+- `learns` asks for 80 of 100 from each of four seeds: of 70 trainings the worst landed 199 of 200, all others 200.
+  That all four come to 80 is beyond what can be tried out: of 57 under other starts, the worst landed 88.
+"""
+
+import pickle
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from snr_sim.grading.grade import grade_submission
+from snr_sim.grading.lab import load_lab
+from snr_sim.grading.learning import PILOT, Budget, ByTable, Here, World, fly, train
+from snr_sim.grading.results import Graded
+from snr_sim.grading.student import Student
+from snr_sim.grading.verdicts import Misbehaved
+from snr_sim.learning.q_table import QTable
+from snr_sim.library import load_program
+
+LAB = Path(__file__).parents[2] / "assignments" / "10_lunar_lander_q"
+HERE = Path(__file__).parent / "lunar_lander_q"
+REFERENCE = HERE / "reference"
+UNTRAINED = {"learns": 15}  # what is wrong in a part is not trained
+
+# What each wrong solution loses, and what its student is told.
+WRONG = {
+    "bootstraps_through_terminal": ({"updates": 20, **UNTRAINED}, "After a touchdown nothing comes"),
+    "stops_at_truncation": ({"updates": 20, **UNTRAINED}, "is_truncated means only that time was up"),
+    "learns_from_the_untried": ({"updates": 20, **UNTRAINED}, "taken over actions that were never tried"),
+    "stops_learning": ({"updates": 20, **UNTRAINED}, "a step that falls so soon"),
+    "changes_the_next_state": ({"updates": 20, **UNTRAINED}, "It changes the row of the next state"),
+    "explores_when_evaluated": ({"chooses": 15, **UNTRAINED}, "With epsilon 0 it still explores"),
+    "chooses_the_untried": ({"chooses": 15, **UNTRAINED}, "It takes an action that was never tried"),
+    "plays_a_recording": ({"chooses": 15, **UNTRAINED}, "choose() must go by its arguments"),
+    "loses_the_sign": ({"encodes": 10, **UNTRAINED}, "did the sign get lost?"),
+    "is_paid_for_hovering": ({"lands": 25, "learns": 15, "is_sturdy": 10}, "It hovers until its two minutes are over"),
+}
+# Policies that were handed in; the rest of these submissions is the reference.
+HANDED_IN = {"policy_file": 5, "lands": 25, "is_sturdy": 10}
+
+
+def submission(folder: Path, wrong: str = "") -> Path:
+    """The reference, with the files of a wrong solution in the place of its own."""
+    shutil.copytree(REFERENCE, folder, dirs_exist_ok=True)
+    if wrong:
+        shutil.copytree(HERE / "wrong" / wrong, folder, dirs_exist_ok=True)
+    return folder
+
+
+def graded(folder: Path, secret: bytes | None = None) -> Graded:
+    return grade_submission(load_lab(LAB / "checks.py"), folder, secret, "none")
+
+
+def lost(result: Graded) -> dict[str, float]:
+    return {check.name: check.of - check.points for check in result.checks if check.points < check.of}
+
+
+def told(result: Graded) -> str:
+    return "\n".join(f"{case.hint} {case.error}" for check in result.checks for case in check.cases)
+
+
+def handed_in(folder: Path, secret: bytes | None = None) -> dict[str, Any]:
+    """What each check that looks at policy.npz alone says, of all its cases."""
+    lab, said = load_lab(LAB / "checks.py"), {}
+    for check in lab.checks:
+        if check.name in HANDED_IN:
+            fractions, words = [], []
+            for case in check.cases("10_lunar_lander_q", secret):
+                student = Student(folder)
+                try:
+                    verdict = check.judge(student, case)
+                    fractions.append(verdict.fraction)
+                    words.append(verdict.hint)
+                except Misbehaved as wrong:
+                    fractions.append(0.0)
+                    words.append(f"{wrong.message} {wrong.hint}")
+                finally:
+                    student.close()
+            said[check.name] = (sum(fractions) / len(fractions), " ".join(words))
+    return said
+
+
+def test_the_reference_gets_all_points_also_of_hidden_cases() -> None:
+    result = graded(REFERENCE, b"secret")
+    assert (result.status, lost(result), result.points) == ("graded", {}, 100.0)
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_solution_loses_the_points_of_its_mistake_and_is_told_it(name: str, tmp_path: Path) -> None:
+    result = graded(submission(tmp_path, name))
+    points, hint = WRONG[name]
+    assert result.status == "graded"
+    assert lost(result) == points
+    assert hint in told(result)
+
+
+def test_every_wrong_solution_is_tried() -> None:
+    assert {one.name for one in (HERE / "wrong").iterdir()} == {*WRONG, "trained_on_the_test"}
+
+
+def test_a_policy_that_was_trained_on_the_visible_starts_lands_those_alone_and_is_told_so(tmp_path: Path) -> None:
+    submission(tmp_path, "trained_on_the_test")
+    assert handed_in(tmp_path)["lands"] == (1.0, "")
+    share, words = handed_in(tmp_path, b"secret")["lands"]
+    assert share < 0.3
+    assert "it was trained on what it is tested with" in words
+
+
+def cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-900])
+
+
+def pickled(path: Path) -> None:
+    path.write_bytes(pickle.dumps(np.zeros((63, 4))))
+
+
+def rewritten(path: Path, **changed: Any) -> None:
+    with np.load(path) as arrays:
+        kept = dict(arrays)
+    np.savez_compressed(path, **{**kept, **changed})
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (pickled, "Whoever opens a pickle runs what is in it"),
+        (cut, "copy all of it"),
+        (lambda path: rewritten(path, values=np.full((7360, 4), np.nan)), "not finite"),
+        (lambda path: rewritten(path, values=np.zeros((63, 4))), "is float64 of shape (63, 4)"),
+        (lambda path: rewritten(path, more=np.zeros(200_000)), "less than 1000000 bytes"),
+        (lambda path: path.write_text("no table"), "no npz file"),
+    ],
+)
+def test_a_policy_that_is_none_is_told_and_loses_what_it_would_have_flown(
+    spoil: Any, words: str, tmp_path: Path
+) -> None:
+    spoil(submission(tmp_path) / "policy.npz")
+    said = handed_in(tmp_path)
+    assert {name: share for name, (share, _) in said.items()} == dict.fromkeys(HANDED_IN, 0.0)
+    assert words in said["policy_file"][1]
+
+
+def test_a_pickle_is_not_opened(tmp_path: Path) -> None:
+    class Payload:
+        def __reduce__(self) -> tuple[Any, ...]:
+            return (Path.touch, (tmp_path / "ran",))
+
+    for data in (pickle.dumps(Payload()), b"PK" + pickle.dumps(Payload())):
+        (submission(tmp_path) / "policy.npz").write_bytes(data)
+        assert handed_in(tmp_path)["policy_file"][0] == 0.0
+    np.savez(tmp_path / "policy.npz", about=np.array([Payload()], object), values=1, visits=1)
+    assert "no table of action values" in handed_in(tmp_path)["policy_file"][1]
+    assert not (tmp_path / "ran").exists()
+
+
+def test_without_a_policy_what_the_file_learns_here_flies(tmp_path: Path) -> None:
+    (submission(tmp_path) / "policy.npz").unlink()
+    said = handed_in(tmp_path)
+    assert said["policy_file"][0] == 0.0
+    assert said["lands"][0] > 0.9
+
+
+def test_the_starter_learns_nothing_says_so_and_is_told_what_it_lacks(tmp_path: Path) -> None:
+    shutil.copytree(LAB / "starter", tmp_path, dirs_exist_ok=True)
+    done = subprocess.run([sys.executable, tmp_path / "learn.py"], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "update() has changed nothing yet" in done.stdout
+    assert (tmp_path / "curve.svg").read_text().startswith("<svg")
+    result = graded(tmp_path)
+    assert result.points == 0.0
+    assert not [case.error for check in result.checks for case in check.cases if case.error]
+
+
+def test_the_reference_learns_at_home_and_its_policy_flies_in_a_node(tmp_path: Path) -> None:
+    shutil.copytree(LAB / "starter", tmp_path, dirs_exist_ok=True)
+    shutil.copy(REFERENCE / "q_lander.py", tmp_path)
+    done = subprocess.run([sys.executable, tmp_path / "learn.py", "--seed", "2"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    command = done.stdout.splitlines()[-1].split()
+    assert command[:4] == ["snr", "run", "lander_vertical", "--seed"]
+    flown = subprocess.run(
+        [sys.executable, "-m", "snr_sim", *command[1:], "--no-rrd", "--out", tmp_path / "runs"],
+        capture_output=True,
+        text=True,
+    )
+    assert flown.returncode == 0, flown.stderr
+    (run,) = (tmp_path / "runs").iterdir()
+    again = subprocess.run([sys.executable, "-m", "snr_sim", "replay", run, "--check"], capture_output=True, text=True)
+    assert again.returncode == 0, again.stdout + again.stderr
+
+
+def test_a_policy_flies_alike_apart_and_here_and_training_keeps_to_its_budget() -> None:
+    """The student's process knows neither the seeds nor the starts, and gives the same table for the same seed."""
+    budget = Budget(steps=2560, episodes=10_000)
+    here = Here(load_program(str(REFERENCE / "q_lander.py")))
+    student = Student(REFERENCE)
+    try:
+        apart = student.host("q_lander.py", PILOT)
+        trained = [train(one, 7, budget) for one in (here, apart)]
+        assert trained[0] == trained[1]
+        assert trained[0].steps == 2560
+        assert here.ask("learned") == apart.ask("learned")
+        assert fly(here, 3, 20) == fly(apart, 3, 20)
+        assert here.ask("learned") == apart.ask("learned")
+    finally:
+        student.close()
+    few = train(here, 7, Budget(steps=10_000_000, episodes=150))
+    assert 150 < few.episodes < 150 + 128
+
+
+def test_flights_in_the_batch_end_as_those_of_the_scenario(tmp_path: Path) -> None:
+    """The same table in the environment that a node's run is equal to, and in the batch: both land."""
+    from snr_sim.learning.lander_envs import LanderVertical
+    from snr_sim.learning.tabular import evaluate
+
+    table = QTable.load(REFERENCE / "policy.npz")
+    ends = evaluate(LanderVertical(), table.act, range(1, 11))
+    flights = fly(ByTable(table), 1, 100)
+    assert sum(end["success"] for end in ends) == 10
+    assert flights.share == 1.0
+    assert fly(ByTable(table), 1, 100, World(gravity=3.0, thrust=0.5)).share < 0.5

@@ -1,0 +1,130 @@
+"""The lab "write the queue": its reference gets all points, and each wrong solution loses those of its mistake."""
+
+import random
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from snr_sim.grading.grade import grade_submission
+from snr_sim.grading.lab import load_lab
+from snr_sim.grading.queue_bench import PlainQueue, QueueBench
+from snr_sim.library import load_program
+from snr_sim.prelude.errors import SnrError
+
+LAB = Path(__file__).parents[2] / "assignments" / "11_write_the_queue"
+HERE = Path(__file__).parent / "write_the_queue"
+REFERENCE = HERE / "reference" / "task_queue.py"
+
+# What each wrong solution loses, and what its student is told.
+WRONG = {
+    "is_a_stack": ({"keeps_order": 15, "is_bounded": 20, "drives_a_node": 15}, "that is a stack"),
+    "heap_without_number": ({"keeps_order": 15, "is_bounded": 20, "drives_a_node": 15}, "a heap compare names"),
+    "terminate_waits": ({"terminate_first": 10, "drives_a_node": 15}, "told to end does not finish its queue first"),
+    "turns_news_away": ({"is_bounded": 20, "drives_a_node": 15}, "The new task is turned away"),
+    "tells_nobody": ({"is_bounded": 20, "drives_a_node": 15}, "whoever called is told which"),
+    "grows_without_end": ({"is_bounded": 20, "forgets": 10, "drives_a_node": 15}, "The queue is full, and put()"),
+    "leaves_lines_behind": ({"forgets": 10}, "priorities in a heap that nobody has"),
+    "one_sorted_list": ({"is_quick": 15}, "go through a whole list"),
+}
+
+
+def graded(folder: Path, secret: bytes | None = None) -> Any:
+    return grade_submission(load_lab(LAB / "checks.py"), folder, secret, "none")
+
+
+def lost(result: Any) -> dict[str, float]:
+    return {check.name: check.of - check.points for check in result.checks if check.points < check.of}
+
+
+def hints(result: Any) -> str:
+    return "\n".join(case.hint for check in result.checks for case in check.cases)
+
+
+def test_the_reference_gets_all_points_also_of_hidden_cases() -> None:
+    result = graded(REFERENCE.parent, b"secret")
+    assert (result.status, result.points, hints(result).strip()) == ("graded", 100.0, "")
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_solution_loses_the_points_of_its_mistake_and_is_told_it(name: str) -> None:
+    result = graded(HERE / "wrong" / name)
+    points, hint = WRONG[name]
+    assert result.status == "graded"
+    assert lost(result) == points
+    assert hint in hints(result)
+
+
+def test_every_wrong_solution_is_tried() -> None:
+    assert {one.name for one in (HERE / "wrong").iterdir()} == set(WRONG)
+
+
+def test_the_starter_runs_before_it_is_edited_and_is_told_what_it_lacks(tmp_path: Path) -> None:
+    shutil.copytree(LAB / "starter", tmp_path, dirs_exist_ok=True)
+    done = subprocess.run([sys.executable, tmp_path / "try_it.py"], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "with 240 tasks one operation is  121.0 comparisons and moves" in done.stdout
+    result = graded(tmp_path)
+    assert result.points == 15
+    assert not [case.error for check in result.checks for case in check.cases if case.error]
+
+
+def test_a_file_without_the_class_or_with_answers_of_another_kind_is_told_so(tmp_path: Path) -> None:
+    file = tmp_path / "task_queue.py"
+    for text, told in (
+        ("x = 1\n", "no class TaskQueue"),
+        ("class TaskQueue:\n    pass\n", "no method put"),
+        (REFERENCE.read_text().replace("return task\n", "return task.name\n"), "take() returned 'event"),
+    ):
+        file.write_text(text)
+        result = graded(tmp_path)
+        assert result.points == 0
+        assert told in result.checks[0].cases[0].error
+
+
+def test_a_node_that_gets_a_task_for_ever_ends_with_a_message(tmp_path: Path) -> None:
+    file = tmp_path / "task_queue.py"
+    file.write_text(
+        "class TaskQueue:\n    def __init__(self, most): self.task = None\n    def __len__(self): return 1\n"
+        "    def put(self, task, priority): self.task = task\n    def take(self): return self.task\n"
+    )
+    bench = QueueBench(load_program(str(file)))
+    with pytest.raises(SnrError, match="The node has no end"):
+        bench.run_node(5, {}, [["event", "again"]])
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_reference_answers_as_the_plain_queue_does(seed: int) -> None:
+    rng = random.Random(seed)
+    most, asked = rng.randrange(1, 9), list[list[Any]]()
+    for i in range(300):
+        put = ["put", rng.choice(["event", "event", "terminate"]), f"t{i}", rng.randrange(-3, 4)]
+        asked.append(rng.choice([put, put, ["take"], ["len"]]))
+    plain = ModuleType("plain")
+    plain.TaskQueue = PlainQueue  # type: ignore[attr-defined]
+    student = QueueBench(load_program(str(REFERENCE)))
+    assert student.answers(most, asked) == QueueBench(plain).answers(most, asked)
+
+
+def test_work_is_counted_and_does_not_depend_on_the_computer(tmp_path: Path) -> None:
+    def work(text: str, size: int) -> float:
+        file = tmp_path / f"queue_{abs(hash(text))}.py"
+        file.write_text(text)
+        asked: list[list[Any]] = [["put", "event", f"e{i}", i * 31 % 97] for i in range(size)]
+        asked += [["take"] if i % 2 else ["put", "event", f"f{i}", i * 37 % 97] for i in range(size)]
+        return QueueBench(load_program(str(file))).work(size, asked)
+
+    begin = "class TaskQueue:\n    def __init__(self, most): self.waiting = []\n    def __len__(self): return 0\n"
+    put = "    def put(self, task, priority): self.waiting.append((priority, task))\n"
+    front = begin + put + "    def take(self): self.waiting.pop(0)\n"
+    scan = begin + put + "    def take(self): min(self.waiting, key=lambda one: one[0]); self.waiting.pop()\n"
+    copy = begin + put + "    def take(self): self.waiting = self.waiting[:-1]\n"
+    end = begin + put + "    def take(self): self.waiting.pop()\n"
+    for slow in (front, scan, copy):
+        assert work(slow, 200) > 5 * work(slow, 30)
+    assert work(end, 200) < 5
+    assert work(end, 200) == work(end, 200)
