@@ -11,6 +11,9 @@ import pytest
 from snr_sim.grading.child_process import try_sandbox
 from snr_sim.grading.sandbox import IsolationMissing
 
+# They run in the sandbox, and never in pytest, which imports whatever it collects.
+collect_ignore_glob = ["attacks/*"]
+
 CHECKS = '''
 from snr_sim.grading import Lab, Student, check, failed, passed
 

@@ -52,3 +52,10 @@ def test_what_a_program_says_in_a_hidden_case_reaches_no_student(
         assert "given" not in text
         assert "printed 5" not in text
         assert "0 of 2 passed" in text
+
+
+def test_what_is_handed_in_is_never_imported_by_pytest(pytestconfig: pytest.Config) -> None:
+    """It imports whatever it collects, to look for doctests: attacks would be in its own process."""
+    conftest = pytestconfig.pluginmanager.get_plugin(str(Path(__file__).parent / "conftest.py"))
+    assert conftest is not None
+    assert conftest.collect_ignore_glob == ["attacks/*"]
