@@ -98,8 +98,7 @@ class ClassRun:
     def keep(self, graded: Graded) -> None:
         """Keeps what somebody made of a job, with its reports."""
         taken = self._taken.pop(graded.submission)
-        ranked = getattr(self._lab, "leaderboard", {})
-        whole = msgspec.structs.replace(_with_runs(graded), notes=taken.notes, leaderboard=dict(ranked))
+        whole = msgspec.structs.replace(_with_runs(graded), notes=taken.notes)
         self._keep(whole, taken.digest)
         remove(taken.folder)
 

@@ -65,6 +65,7 @@ def grade_submission(
         kit=__version__,
         status=status,
         error=error,
+        leaderboard=lab.leaderboard,
     )
 
 

@@ -143,8 +143,7 @@ def _graded(job: Job, given: Path) -> Graded:
         return without_marks(job, "refused", str(refused), lab.title)
     except Exception:
         return without_marks(job, "fault", traceback.format_exc())
-    ranked = getattr(lab, "leaderboard", {})
-    return msgspec.structs.replace(_without_runs(grade(job)), notes=taken.notes, leaderboard=dict(ranked))
+    return msgspec.structs.replace(_without_runs(grade(job)), notes=taken.notes)
 
 
 def _without_runs(graded: Graded) -> Graded:

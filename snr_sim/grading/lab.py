@@ -11,7 +11,7 @@ import importlib.util
 import inspect
 import random
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from typing import Any
 from snr_sim import library
 from snr_sim.core.blame import describe_error
 from snr_sim.grading.packing import LAB_MODULE
+from snr_sim.grading.results import Order
 from snr_sim.grading.student import Student
 from snr_sim.grading.verdicts import LabFault, Verdict
 from snr_sim.prelude.errors import UnknownName, nearest
@@ -142,18 +143,25 @@ class Lab:
         files: what a submission must hold.
         checks: in the order in which they are tried and shown.
         may_import: modules that are else refused, such as "socket".
+        leaderboard: metrics that are ranked, "<check>.<metric>", and whether the least ("asc") or the most is best.
 
     Raises:
         LabFault: points do not sum to 100, or a check needs one that does not come before it.
     """
 
     def __init__(
-        self, title: str, files: Sequence[str], checks: Sequence[Check], may_import: Sequence[str] = ()
+        self,
+        title: str,
+        files: Sequence[str],
+        checks: Sequence[Check],
+        may_import: Sequence[str] = (),
+        leaderboard: Mapping[str, Order] | None = None,
     ) -> None:
         self.title = title
         self.files = tuple(files)
         self.checks = tuple(checks)
         self.may_import = frozenset(may_import)
+        self.leaderboard = dict(leaderboard or {})
         self.name = title  # of its folder, once it was found
         self.folder: Path | None = None
         total = sum(one.points for one in checks)
@@ -170,6 +178,12 @@ class Lab:
             if one.name in before:
                 raise LabFault(f"Two checks are called '{one.name}'.", fix="give each a name of its own.")
             before.append(one.name)
+        for metric, order in self.leaderboard.items():
+            if metric.partition(".")[0] not in before or order not in ("asc", "desc"):
+                raise LabFault(
+                    f"The leaderboard ranks '{metric}' by '{order}'.",
+                    fix='a check and its metric, and which is best: {"lands.fuel_kg": "asc"} ranks the least first.',
+                )
 
 
 def find_lab(name: str) -> Lab:

@@ -41,7 +41,7 @@ def doubles(student: Student, case: int):
     return passed(metrics={"number": float(case)})
 
 
-lab = Lab("Double", files=["double.py"], checks=[loads, doubles])
+lab = Lab("Double", files=["double.py"], checks=[loads, doubles], leaderboard={"doubles.number": "desc"})
 '''
 PROGRAMS = {
     "right": "def double(x):\n    return 2 * x\n",

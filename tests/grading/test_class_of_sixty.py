@@ -5,6 +5,7 @@ Attacks (attacks/README.md) earn nothing, leave nothing behind, and are in nobod
 
 import csv
 import ctypes
+import json
 import os
 import random
 import shutil
@@ -135,6 +136,21 @@ def test_everybody_gets_exactly_what_is_due(
     assert list((tmp_path / "tmp").iterdir()) == []
     assert left_behind() == []
     assert kit_files() == kit
+
+
+def test_a_lab_of_the_course_gives_in_the_sandbox_what_its_own_tests_say(sandbox: None, tmp_path: Path) -> None:
+    lab = Path(__file__).parents[1] / "assignments" / "debug_by_replay"
+    due = {"reference": 100.0, "first_command": 90.0, "not_toml": 5.0}
+    given = []
+    for name in due:
+        given.append(tmp_path / "submissions" / name)
+        shutil.copytree(lab / "reference", given[-1])
+        if name != "reference":
+            shutil.copytree(lab / "wrong" / name, given[-1], dirs_exist_ok=True)
+    words = ["grade", "debug_by_replay", *map(str, given), "--out", str(tmp_path / "out")]
+    done = subprocess.run([sys.executable, "-m", "snr_sim", *words, "--json"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert {one["submission"]: one["points"] for one in json.loads(done.stdout)["submissions"]} == due
 
 
 def kit_files() -> set[tuple[str, float]]:

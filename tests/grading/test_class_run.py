@@ -71,6 +71,8 @@ def test_everybody_has_a_result_and_faults_are_no_marks(double_lab: Path, handed
         assert {"report.md", "results.json", "junit.xml", "check50.json"} <= {path.name for path in folder.iterdir()}
     assert "a mistake in the lab" not in (tmp_path / "out/students/s3/report.md").read_text()
     assert (tmp_path / "out" / "distribution.png").is_file()
+    with (tmp_path / "out" / "leaderboard.csv").open(newline="") as file:
+        assert [row["submission"] for row in csv.DictReader(file)] == ["s0", "s1"]
 
 
 def test_one_at_a_time_or_several_and_again_the_bytes_are_the_same(

@@ -3,6 +3,7 @@
 import random
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -169,3 +170,14 @@ def test_checks_that_cannot_be_read_are_a_fault_of_the_lab(text: str, told: str,
     (tmp_path / "checks.py").write_text(text)
     with pytest.raises(LabFault, match=told):
         load_lab(tmp_path / "checks.py")
+
+
+@pytest.mark.parametrize("leaderboard", [{"land.fuel_kg": "asc"}, {"lands.fuel_kg": "least"}, {"fuel_kg": "asc"}])
+def test_a_leaderboard_ranks_what_a_check_measures(leaderboard: dict[str, Any]) -> None:
+    @check(points=100)
+    def lands(student: Student) -> Verdict:
+        return passed(metrics={"fuel_kg": 3.0})
+
+    assert Lab("L", ["a.py"], [lands], leaderboard={"lands.fuel_kg": "asc"}).leaderboard == {"lands.fuel_kg": "asc"}
+    with pytest.raises(LabFault, match="The leaderboard ranks"):
+        Lab("L", ["a.py"], [lands], leaderboard=leaderboard)
