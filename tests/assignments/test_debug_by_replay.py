@@ -1,11 +1,16 @@
 """The lab "debug by replay": its page, its reference with all points, and wrong ones, each with its own loss."""
 
 import shutil
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from snr_sim.flight import Flight
+from snr_sim.grading.lab import find_lab
+from snr_sim.simulation import Request, Simulation, prepare
 
 LAB = "09_debug_by_replay"
 PAGE = Path(__file__).parents[2] / "assignments" / LAB / "README.md"
@@ -24,6 +29,36 @@ def test_all_commands_of_the_page_do_what_it_says(type_page: Callable[..., dict[
 
 def test_the_reference_gets_all_points_on_hidden_cases_too(mark: Callable[..., Any]) -> None:
     assert mark(LAB, is_hidden=True) == ({}, "")
+
+
+def test_the_reference_has_a_margin_from_fifty_starts_and_each_mistake_breaks_a_rule() -> None:
+    checks = sys.modules[find_lab(LAB).checks[0].function.__module__]
+    for repairs in ("1,2,3", "1,2", "1,3", "2,3"):
+        request = Request(
+            "lander_vertical", controller=str(HERE / "reference" / "repaired.py"), options={"repairs": repairs}
+        )
+        simulation = prepare(request)
+        for seed in range(300, 350 if repairs == "1,2,3" else 310):
+            speed_mps, low_mps = descent(simulation.with_seed(seed), checks.LOW_M)
+            if repairs == "1,2,3":
+                assert speed_mps < checks.SOFT_MPS - 0.25, seed
+                assert low_mps < checks.LOW_MPS - 0.5, seed
+            else:
+                assert speed_mps > checks.SOFT_MPS + 0.2 or low_mps > checks.LOW_MPS + 0.5, (repairs, seed)
+
+
+def descent(simulation: Simulation, low_m: float) -> tuple[float, float]:
+    """How fast a module touched down, and how fast it was at most below a height."""
+    plant: Any = simulation.plant()
+    speeds = [0.0]
+
+    def look(time_s: float) -> None:
+        values = plant.truth()["values"]
+        if values["altitude_m"] < low_m:
+            speeds.append(-values["vertical_mps"])
+
+    result = Flight(simulation, plant, simulation.config(plant), on_advance=look).run()
+    return abs(result.metrics["touchdown"]["vertical_mps"]), max(speeds)
 
 
 @pytest.mark.parametrize(

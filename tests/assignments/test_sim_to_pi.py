@@ -4,51 +4,96 @@ import math
 import os
 import re
 import shutil
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
 from typer.main import get_command
 
 from snr_sim import Config, Endpoint, EndpointFactory, Loop, LoopFactory, SimRunner, TaskType
 from snr_sim.cli.main import app
+from snr_sim.devices.emulated.toolchain import ToolsMissing
+from snr_sim.flight import Flight
+from snr_sim.grading.lab import Case, find_lab
+from snr_sim.grading.student import Student
+from snr_sim.grading.verdicts import LabFault
 from snr_sim.library import load_controller
 from snr_sim.prelude.scenario import Robot
+from snr_sim.simulation import Request, prepare
 
 ROOT = Path(__file__).parents[2]
-LAB = ROOT / "assignments" / "08_sim_to_pi"
+NAME = "08_sim_to_pi"
+LAB = ROOT / "assignments" / NAME
+SEEDS = int(os.environ.get("SNR_SEEDS", "1"))  # of flights; 50 take a minute and a half
 REFERENCE = Path(__file__).parent / "sim_to_pi" / "reference" / "depth_hold.py"
 DISARMED = {"number": 1, "is_armed": False, "is_stop": False, "clears_stop": False, "depth_m": None}
 ARMED = {**DISARMED, "is_armed": True, "depth_m": 3.0}
 IMU = {"roll_rad": 0.0, "pitch_rad": 0.0, "yaw_rad": 0.0}
 
 
-def commands(page: str) -> list[tuple[str, str]]:
-    """The lines of a page's shell blocks, each with its remark."""
-    lines = [line for block in re.findall(r"```sh\n(.*?)```", page, flags=re.DOTALL) for line in block.splitlines()]
-    return [(command.strip(), remark) for command, _, remark in (line.partition("  #") for line in lines)]
+def test_all_commands_of_the_lab_do_what_it_says_and_the_reference_holds(
+    type_page: Callable[..., dict[str, str]], emulators: None
+) -> None:
+    def solve(folder: Path) -> None:
+        for name in ("depth_hold.py", "answers.md"):
+            shutil.copy(REFERENCE.parent / name, folder / "depth_lab")
+
+    printed = type_page(LAB / "README.md", {"snr trace depth_lab/first": solve})
+    assert "settled never after the step" in next(said for line, said in printed.items() if "depth_lab/first" in line)
+    compared = next(said for line, said in printed.items() if line.endswith("emulated/*"))
+    assert re.search(r"0 \| 20 ms *\n? *after the command", compared)
 
 
-def test_all_commands_of_the_lab_do_what_it_says_and_the_reference_holds(tmp_path: Path, emulators: None) -> None:
-    (tmp_path / "assignments").symlink_to(ROOT / "assignments")
-    (tmp_path / "bin").mkdir()
-    snr = tmp_path / "bin" / "snr"
-    snr.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m snr_sim "$@"\n')
-    snr.chmod(0o755)
-    path = f"{snr.parent}{os.pathsep}{os.environ['PATH']}"
-    for command, remark in commands((LAB / "README.md").read_text()):
-        line = re.sub(r"^snr run (?!.*--no-rrd)", "snr run --no-rrd ", command)  # a view for each would take long
-        done = subprocess.run(
-            line, shell=True, cwd=tmp_path, env={**os.environ, "PATH": path}, capture_output=True, text=True
-        )
-        assert done.returncode == (1 if "exit status 1" in remark else 0), (command, done.stdout, done.stderr)
-        if "depth_lab/first" in command and command.startswith("snr run"):
-            assert "settled never after the step" in done.stderr
-            shutil.copy(REFERENCE, tmp_path / "depth_lab" / "depth_hold.py")  # the student has done the work
-        if command.endswith("emulated/*"):
-            assert re.search(r"0 \| 20 ms *\n? *after the command", done.stdout)
-    assert (tmp_path / "depth_lab" / "both.png").read_bytes()[:4] == b"\x89PNG"
+def test_the_reference_gets_all_points(mark: Callable[..., Any], emulators: None) -> None:
+    assert mark(NAME) == ({}, "")
+
+
+@pytest.mark.parametrize("seed", range(200, 200 + SEEDS))
+def test_the_reference_has_a_margin_in_simulation(seed: int) -> None:
+    simulation = prepare(Request("urov_depth_hold", seed=seed, controller=str(REFERENCE)))
+    plant = simulation.plant()
+    result = Flight(simulation, plant, simulation.config(plant)).run()
+    assert result.success
+    assert result.metrics["settling_s"] < 10.0  # of 12
+    assert result.metrics["overshoot_m"] < 0.1  # of 0.2
+    assert result.metrics["steady_error_m"] < 0.03  # of 0.05
+
+
+@pytest.mark.parametrize(
+    ("wrong", "lost", "says"),
+    [
+        ("no_ages", {"stale": 10.0, "no_jump": 2.5}, "the last one of a dead cable looks like any other"),
+        ("stop_ends_by_itself", {"stop": 10.0}, "keep it in `self.is_stopped`"),
+        ("clears_while_armed", {"stop": 3.333}, "counts only if it is disarmed"),
+        ("looks_at_the_newest_only", {"stop": 3.333}, "A stop that stood in one page alone was missed"),
+        ("never_lets_go", {"no_jump": 5.0}, "let go of it while nothing may push"),
+        ("proportional_only", {"holds": 35.0}, "what knows how long it has been wrong"),
+        ("in_the_dead_band", {"holds": 35.0}, "are the pulses beyond the dead band"),
+    ],
+)
+def test_a_wrong_solution_loses_its_own_points_and_is_kept_off_the_board(
+    mark: Callable[..., Any], wrong: str, lost: dict[str, float], says: str
+) -> None:
+    found = mark(NAME, wrong)
+    assert found.lost == {**lost, "holds_on_the_board": 20.0}
+    assert says in found.told
+
+
+def test_the_starter_fails_politely(mark: Callable[..., Any]) -> None:
+    found = mark(NAME, starter=True)
+    assert set(found.lost) == {"stale", "stop", "holds", "holds_on_the_board", "answered"}
+    assert "are the pulses beyond the dead band" in found.told
+
+
+def test_missing_packages_of_the_emulator_are_no_fault_of_the_student(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*args: Any) -> None:
+        raise ToolsMissing("The emulated microcontroller needs gcc-avr.", fix="apt install gcc-avr")
+
+    monkeypatch.setattr("snr_sim.devices.emulated.board.Board.__init__", refuse)
+    on_the_board = next(one for one in find_lab(NAME).checks if one.name == "holds_on_the_board")
+    with Student(REFERENCE.parent) as student, pytest.raises(LabFault, match="gcc-avr"):
+        on_the_board.judge(student, Case(0, is_visible=True))
 
 
 def test_every_command_and_picture_that_the_pages_name_is_there() -> None:
