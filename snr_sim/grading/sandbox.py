@@ -145,8 +145,10 @@ def forbidden(words: str) -> IsolationMissing:
     if "setting up uid map" in words or "ermission" in words or "not permitted" in words:
         return IsolationMissing(
             f"This computer does not let bubblewrap make namespaces: {words.strip()}",
-            fix="run the grader as root; or allow user namespaces (on Ubuntu: sysctl -w "
-            "kernel.apparmor_restrict_unprivileged_userns=0); a container needs --privileged.",
+            fix="a container needs --privileged."
+            if _is_root()
+            else "run the grader as root; or allow user namespaces, on Ubuntu: sysctl -w "
+            "kernel.apparmor_restrict_unprivileged_userns=0",
         )
     return IsolationMissing(
         f"bubblewrap could not start Python: {words.strip()}",

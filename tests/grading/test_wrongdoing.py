@@ -52,7 +52,7 @@ def misbehaviour(folder: Path, source: str, **limits: int) -> Misbehaved:
     """How a call of `f` in this program ends."""
     (folder / "mine.py").write_text(source)
     with Student(folder, limits=Limits(**limits)) as student, pytest.raises(Misbehaved) as caught:
-        student.call("mine.py", "f", 1.0, returns=float, budget_s=1.0)
+        student.call("mine.py", "f", 1.0, returns=float, budget_s=0.3)
     return caught.value
 
 
@@ -81,7 +81,11 @@ def misbehaviour(folder: Path, source: str, **limits: int) -> Misbehaved:
         (CATCHES_ALL, "It used up its CPU time", "loop without an end"),
         (HEARS_NOTHING, "It used up its CPU time", "loop without an end"),
         ("def f(x):\n    return 'y' * 2_000_000", "It answered with more than 1048576 bytes.", "no more"),
-        ("def f(x):\n    while True:\n        print('hello')", "It printed more than a megabyte", "Take out the print"),
+        (
+            "def f(x):\n    while True:\n        print('hello' * 1000)",
+            "It printed more than a megabyte",
+            "Take out the print",
+        ),
         ("import socket", "mine.py, line 1: imports socket, but there is no network", "Do without importing socket"),
         ("import package", "package/inner.py, line 1: imports ctypes", "Do without importing ctypes"),
         ("import beside", "beside.py, line 1: imports subprocess, but", "Do without importing subprocess"),
