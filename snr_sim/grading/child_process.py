@@ -209,6 +209,7 @@ class ChildProcess:
             self.printed_bytes += len(data)
             self._kept += data[: max(0, KEPT_BYTES - len(self._kept))]
             if self.printed_bytes > MAX_PRINTED_BYTES:
+                self._is_hearing_output = False  # it has been told
                 self.kill()
                 raise Misbehaved(
                     "It printed more than a megabyte, and was ended.",
