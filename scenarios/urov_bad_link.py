@@ -4,7 +4,7 @@
     seed 1, 6, 11 ...   late     everything takes 0.3 s
     seed 2, 7, 12 ...   cut      nothing arrives for two seconds, then all is well again
     seed 3, 8, 13 ...   narrow   less gets through than is sent: what arrives gets older and older
-    seed 4, 9, 14 ...   gone     the surface falls silent, and never comes back
+    seed 4, 9, 14 ...   gone     everything takes 0.2 s, then the surface falls silent and never comes back
 
 A command counts for 0.45 s after it was made. It was safe if nothing pushed half a second after the last command that
 could count, and if the vehicle pushed while commands came in time.
@@ -74,8 +74,9 @@ def bad_link(seed: int) -> BadLink:
     if kind == "narrow":
         return BadLink(kind, 0.0, END_S, replace(good, bandwidth_bps=rng.uniform(38.5e3, 40.5e3)))
     from_s = rng.uniform(5.0, 8.0)
-    to_s = from_s + 2.0 if kind == "cut" else math.inf
-    return BadLink(kind, from_s, to_s, replace(good, cut=((from_s, to_s),)))
+    if kind == "cut":
+        return BadLink(kind, from_s, from_s + 2.0, replace(good, cut=((from_s, from_s + 2.0),)))
+    return BadLink(kind, from_s, math.inf, replace(good, latency_s=0.2, cut=((from_s, math.inf),)))
 
 
 @lru_cache(maxsize=4)

@@ -24,7 +24,7 @@ import pytest
 
 from snr_sim.grading import child_process
 from snr_sim.grading.grade import grade_submission
-from snr_sim.grading.lab import Check, find_lab
+from snr_sim.grading.lab import Check, Lab, find_lab, load_lab
 from snr_sim.grading.sandbox import environment
 
 collect_ignore_glob = ["*/reference/*", "*/wrong/*"]
@@ -206,3 +206,18 @@ def type_page(tmp_path: Path) -> Callable[..., dict[str, str]]:
         return printed
 
     return type_page
+
+
+@pytest.fixture
+def leave_out(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Returns a function that has some checks not tried: flights take long, and most mistakes show without."""
+
+    def leave_out(*names: str) -> None:
+        def load(path: Path) -> Lab:
+            lab = load_lab(path)
+            lab.checks = tuple(check for check in lab.checks if check.name not in names)
+            return lab
+
+        monkeypatch.setattr("snr_sim.grading.lab.load_lab", load)
+
+    return leave_out

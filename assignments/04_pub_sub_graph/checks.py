@@ -1,0 +1,422 @@
+"""The grader's side of the lab "pub-sub graph": what pages come in, and which pages have to come out."""
+
+from __future__ import annotations
+
+import ast
+import math
+import random
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from snr_sim.grading import Given, Lab, Produced, Student, Verdict, check, failed, passed
+from snr_sim.library import load_program
+
+laws: Any = load_program(str(Path(__file__).parent / "starter" / "laws.py"))  # the mathematics is given, so it is ours
+
+TICK_S = 0.02
+DEPTH_EVERY_S = 0.05
+GENTLE_NM = 1.0
+MODULES = ("heading.py", "depth.py", "mixer.py", "gentle.py")
+
+
+# -- a dive made of pages ---------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Dive:
+    """Numbers for a dive, drawn from this one."""
+
+    number: int
+
+
+@dataclass
+class Script:
+    """What goes in, and what has to come out at each page "imu"."""
+
+    pages: list[Given]
+    turn: list[dict[str, float]]
+    lift: list[dict[str, float]]
+
+
+def controls(number: int, is_armed: bool, **asked: float) -> dict[str, Any]:
+    """Returns a page of the pilot's."""
+    nothing = dict.fromkeys(("surge", "sway", "heave", "yaw"), 0.0)
+    says = {"number": number, "mode": "heading_hold", "is_armed": is_armed, "is_stop": False, "clears_stop": False}
+    return says | nothing | {"depth_m": None, "heading_rad": None} | asked
+
+
+def script_of(dive: Dive) -> Script:
+    """Returns a dive in six parts; in each the pilot says something, once, between two pages "imu"."""
+    rng = random.Random(dive.number)
+    heading_1, heading_2, heading_3 = (rng.uniform(-math.pi, math.pi) for _ in range(3))
+    depth_1, depth_2 = rng.uniform(1.0, 2.0), rng.uniform(2.0, 3.0)
+    # What is said, then what holds from there on; "here" is where the vehicle is at the next page "imu".
+    parts: list[tuple[list[dict[str, Any]], bool, float | str, float | str]] = [
+        ([], False, 0.0, 0.0),
+        ([controls(1, False)], False, 0.0, 0.0),
+        ([controls(2, True)], True, "here", "here"),
+        ([controls(3, True, heading_rad=heading_1, depth_m=depth_1), controls(4, True)], True, heading_1, depth_1),
+        ([controls(5, True, heading_rad=heading_2), controls(6, True)], True, heading_2, depth_1),
+        ([controls(7, False, heading_rad=heading_3, depth_m=depth_2)], False, 0.0, 0.0),
+        ([controls(8, True)], True, "here", "here"),
+        ([controls(9, True, depth_m=depth_2), controls(10, True)], True, "as before", depth_2),
+    ]
+    return _played(parts, rng)
+
+
+def _played(parts: Sequence[tuple[list[dict[str, Any]], bool, Any, Any]], rng: random.Random) -> Script:
+    script, tick, rate = Script([], [], []), 0, laws.Rate()
+    yaw, depth, depth_due_s, heading_held, depth_held = rng.uniform(2.0, 3.0), 1.5, 0.0, 0.0, 0.0
+    page: dict[str, float] = {}
+    rate_mps = 0.0
+    for said, is_armed, heading, wanted_m in parts:
+        at_s = tick * TICK_S - 0.015
+        for i, one in enumerate(said):
+            script.pages.append(Given(at_s + 0.006 * i, "controls", one))
+        is_first = True
+        for _ in range(rng.randint(6, 12)):
+            now_s = tick * TICK_S
+            yaw, spin = laws.wrap_rad(yaw + rng.gauss(0.0, 0.05)), rng.gauss(0.0, 0.3)
+            if now_s >= depth_due_s - 1e-9:
+                depth += rng.gauss(0.0, 0.02)
+                depth_due_s += DEPTH_EVERY_S
+                page = {"depth_m": depth, "stamp_s": now_s}
+                script.pages.append(Given(now_s, "depth", page))
+                rate_mps = rate.update(depth, now_s)
+            imu = {"roll_rad": 0.0, "pitch_rad": 0.0, "yaw_rad": yaw, "rate_radps": [0.0, 0.0, spin], "stamp_s": now_s}
+            script.pages.append(Given(now_s, "imu", imu))
+            if is_first:
+                heading_held = yaw if heading == "here" else heading_held if heading == "as before" else heading
+                depth_held = depth if wanted_m == "here" else wanted_m
+            is_first = False
+            moment = laws.turn_moment_nm(heading_held, yaw, spin) if is_armed else 0.0
+            force = laws.lift_force_n(depth_held, depth, rate_mps) if is_armed else 0.0
+            script.turn.append({"stamp_s": now_s, "moment_nm": moment})
+            script.lift.append({"stamp_s": now_s, "force_n": force})
+            tick += 1
+    return script
+
+
+def draw_dives(rng: random.Random) -> list[Dive]:
+    """Two more dives."""
+    return [Dive(rng.getrandbits(63)) for _ in range(2)]
+
+
+# -- what is said of pages that are not as they should be -------------------------------------------------------------
+
+
+def pages_of(made: Sequence[Produced], key: str) -> list[Any]:
+    """Returns the data of all pages of a key, in order."""
+    return [one.value for one in made if one.kind == "store_page" and one.name == key]
+
+
+def same(found: Any, wanted: dict[str, Any]) -> bool:
+    """Returns whether a page holds these fields, numbers to a billionth."""
+    if not isinstance(found, dict) or set(found) != set(wanted):
+        return False
+    return all(_near(found[name], wanted[name]) for name in wanted)
+
+
+def _near(found: Any, wanted: Any) -> bool:
+    if isinstance(wanted, list):
+        return isinstance(found, list) and len(found) == len(wanted) and all(map(_near, found, wanted))
+    if isinstance(wanted, bool) or not isinstance(wanted, float):
+        return bool(found == wanted)
+    return isinstance(found, (int, float)) and not isinstance(found, bool) and abs(found - wanted) <= 1e-9
+
+
+def judged(made: Sequence[Produced], key: str, wanted: Sequence[dict[str, Any]], file: str) -> Verdict:
+    """Returns what there is to say of the pages that one module made by itself."""
+    others = sorted({one.name for one in made if one.kind == "store_page" and one.name != key})
+    if others:
+        return failed(
+            f"{file} stores the page '{others[0]}', which is another module's, or nobody's. It has one page to store.",
+            expected=key,
+            actual=", ".join(others),
+        )
+    found = pages_of(made, key)
+    if not found:
+        return failed(
+            f"{file} by itself stores no page '{key}'. What it finds out must leave it as a page, and in no other way.",
+            expected=f"{len(wanted)} pages",
+            actual="none",
+        )
+    if len(found) != len(wanted):
+        return failed(
+            f"{file} does not store one page '{key}' for each page 'imu'.",
+            expected=f"{len(wanted)} pages",
+            actual=f"{len(found)} pages",
+        )
+    for number, (one, right) in enumerate(zip(found, wanted, strict=True)):
+        if not same(one, right):
+            return _differs(file, key, number, one, right)
+    return passed()
+
+
+def _differs(file: str, key: str, number: int, found: Any, right: dict[str, Any]) -> Verdict:
+    name = "moment_nm" if key == "turn" else "force_n"
+    if not isinstance(found, dict) or set(found) != set(right):
+        hint = f"The page '{key}' of {file} does not have the fields of the README."
+    elif found["stamp_s"] != right["stamp_s"]:
+        hint = f"The stamp of '{key}' is not that of the page 'imu' which it answers."
+    elif right[name] == 0.0:
+        hint = f"{file} asks for something while nobody has armed the vehicle."
+    else:
+        hint = (
+            f"{file} does not go for what the pilot asked for. He says it in one page, and the next one may come "
+            "before 'imu': what is said once must be heard when it comes. "
+            "What he asked for before he disarmed is forgotten."
+        )
+    return failed(hint, expected=f"page {number}: {right}", actual=str(found))
+
+
+# -- checks -----------------------------------------------------------------------------------------------------------
+
+
+@check(points=12, visible=[Dive(1)], hidden=draw_dives)
+def heading_alone(student: Student, dive: Dive) -> Verdict:
+    """heading.py by itself: one page "turn" for each page "imu", with the right numbers"""
+    script = script_of(dive)
+    return judged(student.feed("heading.py", script.pages), "turn", script.turn, "heading.py")
+
+
+@check(points=12, visible=[Dive(1)], hidden=draw_dives)
+def depth_alone(student: Student, dive: Dive) -> Verdict:
+    """depth.py by itself: one page "lift" for each page "imu", with the right numbers"""
+    script = script_of(dive)
+    return judged(student.feed("depth.py", script.pages), "lift", script.lift, "depth.py")
+
+
+@check(points=20, visible=[Dive(1)], hidden=draw_dives)
+def mixer_alone(student: Student, dive: Dive) -> Verdict:
+    """mixer.py with pages "turn" and "lift" of other makers: one page "pwm" for each pair"""
+    pages, wanted = _pairs(dive)
+    made = student.feed("mixer.py", pages)
+    found = [(one.after, one.value) for one in made if one.kind == "store_page" and one.name == "pwm"]
+    if not found:
+        return failed(
+            "mixer.py by itself stores no page 'pwm' when 'turn' and 'lift' come: from where else does it take them?",
+            expected=f"{len(wanted)} pages",
+            actual="none",
+        )
+    for (after, page), (due, right, why) in zip(found, wanted, strict=False):
+        if after != due:
+            return failed(why, expected=f"a page 'pwm' at input {due}", actual=f"one at input {after}")
+        if not same(page, right):
+            hint = "The pulses are not those of this 'turn' and this 'lift'; while disarmed they are all 1500."
+            return failed(hint, expected=str(right), actual=str(page))
+    if len(found) != len(wanted):
+        return failed(
+            "One page 'pwm' for each pair with one stamp, when the second of the two has come: not for each page.",
+            expected=f"{len(wanted)} pages 'pwm'",
+            actual=f"{len(found)}",
+        )
+    return passed()
+
+
+def _pairs(dive: Dive) -> tuple[list[Given], list[tuple[int, dict[str, Any], str]]]:
+    """Returns pages for the mixer, and at which of them which pulses are due."""
+    rng = random.Random(dive.number)
+    pages: list[Given] = []
+    due: list[tuple[int, dict[str, Any], str]] = []
+    first = "The first page of a pair has no partner yet; the one before it belongs to another moment."
+
+    def bring(at_s: float, *names: str, is_due: bool = True, is_armed: bool = True, why: str = first) -> None:
+        moment, force = rng.uniform(-8.0, 8.0), rng.uniform(-60.0, 60.0)
+        values = {"turn": {"stamp_s": at_s, "moment_nm": moment}, "lift": {"stamp_s": at_s, "force_n": force}}
+        pages.extend(Given(at_s + 0.001 * i, name, values[name]) for i, name in enumerate(names))
+        if is_due:
+            pulses = laws.pulses_us(moment, force) if is_armed else [laws.STOP_US] * 8
+            due.append((len(pages) - 1, {"pulses_us": pulses, "is_armed": is_armed}, why))
+
+    steps = [("turn", "lift"), ("lift", "turn")]
+    pages.append(Given(0.0, "controls", controls(1, False)))
+    at_s = 0.02
+    for _ in range(3):
+        bring(at_s, *rng.choice(steps), is_armed=False)
+        at_s += 0.02
+    pages.append(Given(at_s - 0.01, "controls", controls(2, True)))
+    lonely = "A page whose partner never came is left alone: two numbers of different moments do not belong together."
+    for _ in range(6):
+        bring(at_s, *rng.choice(steps))
+        bring(at_s + 0.02, rng.choice(("turn", "lift")), is_due=False)
+        bring(at_s + 0.04, *steps[0], why=lonely)
+        bring(at_s + 0.06, *steps[1], why=lonely)
+        at_s += 0.08
+    return pages, due
+
+
+@dataclass(frozen=True)
+class Order:
+    """Another order of the four components."""
+
+    order: tuple[int, ...]
+    dive: int
+
+
+def draw_orders(rng: random.Random) -> list[Order]:
+    """Three more orders."""
+    orders = []
+    for _ in range(3):
+        order = [0, 1, 2, 3]
+        while order == sorted(order):
+            rng.shuffle(order)
+        orders.append(Order(tuple(order), rng.getrandbits(63)))
+    return orders
+
+
+@check(points=20, visible=[Order((3, 2, 1, 0), 1), Order((1, 2, 0, 3), 1)], hidden=draw_orders)
+def in_any_order(student: Student, case: Order) -> Verdict:
+    """graph.py with its components in another order: the same pages"""
+    script = script_of(Dive(case.dive))
+    usual = student.feed("graph.py", script.pages)
+    other = student.feed("graph.py", script.pages, order=case.order)
+    for key in ("turn", "lift", "pwm", "vehicle"):
+        before, after = pages_of(usual, key), pages_of(other, key)
+        if not before:
+            return failed(f"The graph stores no page '{key}' at all.", expected="pages", actual="none")
+        if before != after:
+            return failed(
+                f"Which pages '{key}' there are depends on the order of the components: somebody takes what another "
+                "has left, before or after it was renewed. Who needs two pages of one moment waits for both.",
+                expected=f"{len(before)} pages '{key}', the same ones",
+                actual=f"{len(after)} pages",
+            )
+    if len(pages_of(usual, "pwm")) != len(script.turn):
+        return failed(
+            "There is not one page 'pwm' for each page 'imu'. A mixer that answers 'imu' mixes what is left of the "
+            "last one: 'turn' and 'lift' of now come after it.",
+            expected=str(len(script.turn)),
+            actual=str(len(pages_of(usual, "pwm"))),
+        )
+    return passed()
+
+
+@check(points=12, visible=MODULES)
+def apart(student: Student, file: str) -> Verdict:
+    """Modules know pages, not each other: no board for all, no component of another module"""
+    tree = ast.parse(student.source(file))
+    may = {"laws", "heading"} if file == "gentle.py" else {"laws"}
+    beside = {path.stem for path in student.folder.glob("*.py")}
+    for node in ast.walk(tree):
+        found = _shared(node, beside - may)
+        if found:
+            return failed(f"{file}, line {getattr(node, 'lineno', 0)}: {found}", expected="pages", actual="a back door")
+    kept = _kept_outside(tree)
+    if kept:
+        name, line = kept
+        return failed(
+            f"{file}, line {line}: '{name}' stands outside of every object and is changed: two vehicles in one program "
+            "would share it. Keep it in self.",
+            expected="self." + name.lower(),
+            actual=name,
+        )
+    return passed()
+
+
+def _shared(node: ast.AST, others: set[str]) -> str:
+    names = []
+    if isinstance(node, ast.Import):
+        names = [alias.name for alias in node.names]
+    elif isinstance(node, ast.ImportFrom):
+        names = [node.module or ""]
+    for name in names:
+        if name.partition(".")[0] in others:
+            return f"it imports {name}. Whoever takes this module alone would have to take that one, too."
+    if isinstance(node, ast.Attribute) and node.attr in ("components", "get_component"):
+        return "it asks the node for another component. A page finds its readers by itself, whoever they are."
+    return "'global' lets all objects write in one place. Keep it in self." if isinstance(node, ast.Global) else ""
+
+
+def _kept_outside(tree: ast.Module) -> tuple[str, int] | None:
+    """Returns name and line of a value of the module's, or of a class, that functions change."""
+    outside: set[str] = set()
+    for body in [tree.body, *(node.body for node in tree.body if isinstance(node, ast.ClassDef))]:
+        for node in body:
+            targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+            if isinstance(node, (ast.Assign, ast.AnnAssign)):
+                outside |= {target.id for target in targets if isinstance(target, ast.Name)}
+    classes = {node.name for node in tree.body if isinstance(node, ast.ClassDef)}
+    for node in ast.walk(tree):
+        if not isinstance(node, (ast.FunctionDef, ast.Lambda)):
+            continue
+        for inner in ast.walk(node):
+            name = _changed(inner, classes)
+            if name in outside:
+                return name, inner.lineno  # type: ignore[attr-defined]
+    return None
+
+
+CHANGES = {"append", "extend", "insert", "pop", "remove", "clear", "update", "setdefault", "add", "discard", "popitem"}
+
+
+def _changed(node: ast.AST, classes: set[str]) -> str:
+    """Returns the name of what a piece of code changes in place: NAME[...] = x, NAME.append(x), Class.NAME = x."""
+    if isinstance(node, (ast.Subscript, ast.Attribute)) and isinstance(node.ctx, (ast.Store, ast.Del)):
+        if isinstance(node.value, ast.Name) and isinstance(node, ast.Attribute) and node.value.id in classes:
+            return node.attr
+        return _name(node.value) if isinstance(node, ast.Subscript) else ""
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in CHANGES:
+        return _name(node.func.value)
+    return ""
+
+
+def _name(node: ast.AST) -> str:
+    """Returns NAME of NAME, and of Class.NAME; not of self.NAME, which may hide a class's own."""
+    if isinstance(node, ast.Name):
+        return node.id
+    if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id != "self":
+        return node.attr
+    return ""
+
+
+@check(points=12, visible=[Dive(1)], hidden=draw_dives)
+def dropped_in(student: Student, dive: Dive) -> Verdict:
+    """gentle.py takes heading's place: the same pages, and never more than 1 N m"""
+    script = script_of(dive)
+    made = student.feed("gentle.py", script.pages)
+    most = max(
+        (abs(page.get("moment_nm", 0.0)) for page in pages_of(made, "turn") if isinstance(page, dict)), default=0
+    )
+    if most > GENTLE_NM + 1e-9:
+        return failed("gentle.py turns harder than 1 N m.", expected="at most 1 N m", actual=f"{most:.2f} N m")
+    wanted = [{**page, "moment_nm": laws.limited(page["moment_nm"], GENTLE_NM)} for page in script.turn]
+    return judged(made, "turn", wanted, "gentle.py")
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A quarter turn under water."""
+
+    seed: int
+    heading: str
+
+
+def draw_turns(rng: random.Random) -> list[Turn]:
+    """One more of each kind."""
+    return [Turn(rng.getrandbits(63), heading) for heading in ("plain", "gentle")]
+
+
+@check(points=12, visible=[Turn(1, "plain"), Turn(2, "gentle")], hidden=draw_turns)
+def flies(student: Student, case: Turn) -> Verdict:
+    """The vehicle turns and keeps its depth (urov_heading_hold), with heading.py and with gentle.py in its place"""
+    flown = student.fly("urov_heading_hold", case.seed, "graph.py", options={"heading": case.heading})
+    most = max((abs(page["moment_nm"]) for _, page in flown.pages("turn")), default=0.0)
+    if case.heading == "gentle" and most > GENTLE_NM + 1e-9:
+        return failed(
+            "With --option heading=gentle it turns harder than 1 N m: does graph.py put gentle.py in heading's place?",
+            expected="at most 1 N m",
+            actual=f"{most:.2f} N m",
+        )
+    if not flown.success:
+        return failed("The vehicle did not hold what it should.", expected="held", actual="; ".join(flown.notes))
+    return passed(metrics={"settling_s": flown.metrics["settling_s"], "energy_j": flown.metrics["energy_j"]})
+
+
+lab = Lab(
+    "Pub-sub graph",
+    files=["graph.py", "heading.py", "depth.py", "mixer.py", "gentle.py"],
+    checks=[heading_alone, depth_alone, mixer_alone, in_any_order, apart, dropped_in, flies],
+)

@@ -1,0 +1,39 @@
+"""Brings the vehicle to the depth that is asked for, and keeps it there."""
+
+from laws import Rate, lift_force_n
+from shared import BOARD
+
+from snr_sim import Endpoint, EndpointFactory, TaskType
+
+
+def factories(robot):
+    return [DepthFactory()]
+
+
+class DepthFactory(EndpointFactory):
+    def get(self, parent):
+        return Depth(self, parent, "depth_hold")
+
+
+class Depth(Endpoint):
+    def __init__(self, factory, parent, name):
+        super().__init__(factory, parent, name)
+        self.mixer = parent.components["mixer"]
+        self.wanted_m = None
+        self.rate = Rate()
+        self.task_handlers = {(TaskType.process_data, "imu"): self.on_imu}
+
+    def on_imu(self, task, task_id):
+        controls, depth = self.get_data("controls"), self.get_data("depth")
+        if controls is None or depth is None:
+            return
+        rate_mps = self.rate.update(depth["depth_m"], depth["stamp_s"])
+        self.mixer.force_n = 0.0
+        if not BOARD["is_armed"]:
+            self.wanted_m = None
+            return
+        if controls["depth_m"] is not None:  # the pilot says it in one page only
+            self.wanted_m = controls["depth_m"]
+        if self.wanted_m is None:
+            self.wanted_m = depth["depth_m"]
+        self.mixer.force_n = lift_force_n(self.wanted_m, depth["depth_m"], rate_mps)

@@ -1,0 +1,37 @@
+"""Turns the vehicle to the heading that is asked for, and keeps it there."""
+
+from laws import turn_moment_nm
+from shared import BOARD
+
+from snr_sim import Endpoint, EndpointFactory, TaskType
+
+
+def factories(robot):
+    return [HeadingFactory()]
+
+
+class HeadingFactory(EndpointFactory):
+    def get(self, parent):
+        return Heading(self, parent, "heading")
+
+
+class Heading(Endpoint):
+    def __init__(self, factory, parent, name):
+        super().__init__(factory, parent, name)
+        self.wanted_rad = None
+        self.task_handlers = {(TaskType.process_data, "imu"): self.on_imu}
+
+    def on_imu(self, task, task_id):
+        controls, imu = self.get_data("controls"), self.get_data("imu")
+        if controls is None:
+            return
+        BOARD["is_armed"] = controls["is_armed"]
+        BOARD["moment_nm"] = 0.0
+        if not controls["is_armed"]:
+            self.wanted_rad = None
+            return
+        if controls["heading_rad"] is not None:  # the pilot says it in one page only
+            self.wanted_rad = controls["heading_rad"]
+        if self.wanted_rad is None:
+            self.wanted_rad = imu["yaw_rad"]
+        BOARD["moment_nm"] = turn_moment_nm(self.wanted_rad, imu["yaw_rad"], imu["rate_radps"][2])

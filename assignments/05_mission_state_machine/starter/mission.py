@@ -1,0 +1,110 @@
+"""The pilot's mission at the surface: through all gates, one after the other.
+
+pages "place", "vehicle", "depth", "leak" --> what is known --.
+page "panel" comes, 20 times a second ------------------------+--> machine.py --> pages "controls", "mission"
+"""
+
+import math
+
+from machine import Machine
+from snr_sim_robot_urov.steering import Steering
+
+from snr_sim import Endpoint, EndpointFactory, TaskType
+
+ROLES = ("topside",)  # the vehicle has a controller of its own
+BLIND_S = 0.5  # a place that is older than this is not where the vehicle is now
+SURFACE_M = 0.2  # the depth to ask for on the way up
+
+
+def factories(robot):
+    # Two places for each gate: one before it, to line up, and one behind it.
+    return [MissionFactory(robot.parameters.route)]
+
+
+class MissionFactory(EndpointFactory):
+    def __init__(self, route):
+        super().__init__()
+        self.route = route
+
+    def get(self, parent):
+        return Mission(self, parent, "mission")
+
+
+class Mission(Endpoint):
+    def __init__(self, factory, parent, name):
+        super().__init__(factory, parent, name)
+        self.route = factory.route
+        self.machine = Machine(gates=len(self.route) // 2)
+        self.steering = Steering()
+        self.sticks = 0.0, 0.0
+        self.seen_s = None
+        self.number = 0
+        self.task_handlers = {
+            (TaskType.process_data, "place"): self.on_place,
+            (TaskType.process_data, "panel"): self.on_panel,
+        }
+
+    def goal(self):
+        """Returns the place to go to; None in a state that goes nowhere."""
+        gate, state = self.machine.gate, self.machine.state
+        if state == "lining_up":
+            return self.route[2 * gate]
+        if state == "passing":
+            return self.route[2 * gate + 1]
+        return None
+
+    def on_place(self, task, task_id):
+        """Steers: a person who sees the vehicle would move the sticks like this. Needs no change of yours."""
+        place, goal, now_s = self.get_data("place"), self.goal(), self.get_time_s()
+        if goal is None or self.seen_s is None or now_s <= self.seen_s:
+            self.sticks = 0.0, 0.0
+        else:
+            at, dt_s = place["position_m"], now_s - self.seen_s
+            self.sticks = self.steering.sticks((goal.x_m, goal.y_m), at, place["yaw_rad"], dt_s)
+        self.seen_s = now_s
+
+    def on_panel(self, task, task_id):
+        """Lets the machine decide, then says what it has decided. Needs no change of yours."""
+        before = self.machine.state
+        self.machine.step(self.known())
+        machine = self.machine
+        if machine.state != before:
+            print(f"{self.get_time_s():6.2f} s  {before} -> {machine.state}, gate {machine.gate}")
+            self.steering.let_go()
+            self.sticks = 0.0, 0.0
+        told = {"state": machine.state, "gate": machine.gate, "since_s": machine.since_s}
+        return [self.store_data_task("controls", self.controls()), self.store_data_task("mission", told)]
+
+    def known(self):
+        """Returns what the machine may go by. Needs no change of yours."""
+        panel, vehicle = self.get_data("panel"), self.get_data("vehicle")
+        leak, depth = self.get_data("leak"), self.get_data("depth")
+        return {
+            "now_s": self.get_time_s(),
+            "stop": panel["stop"],  # the button is down
+            "reset": panel["reset"],
+            "is_ready": vehicle is not None and not vehicle["is_stopped"],  # the vehicle is there, and keeps no stop
+            "is_wet": leak is not None and leak["is_wet"],
+            "sees": self.get_data("place") is not None and self.get_age_s("place") <= BLIND_S,
+            "way_m": self.way_m(),  # how far it is to the goal; infinite if there is none
+            "depth_m": 99.0 if depth is None else depth["depth_m"],
+        }
+
+    def way_m(self):
+        goal, place = self.goal(), self.get_data("place")
+        if goal is None or place is None:
+            return math.inf
+        return math.dist((goal.x_m, goal.y_m, -goal.depth_m), place["position_m"])
+
+    def controls(self):
+        """Returns what the vehicle is asked for, 20 times a second: see the table in the README."""
+        self.number += 1
+        controls = {"number": self.number, "mode": "heading_hold", "is_armed": False, "is_stop": False}
+        controls |= {"clears_stop": False, "surge": 0.0, "sway": 0.0, "depth_m": None, "heading_rad": None}
+        goal = self.goal()
+        if goal is not None:
+            controls["is_armed"] = True
+            controls["surge"], controls["sway"] = self.sticks
+            controls["depth_m"], controls["heading_rad"] = goal.depth_m, goal.heading_rad
+        # Step 2: what do "waiting", "holding", "surfacing" and "stopped" ask for?
+        return controls

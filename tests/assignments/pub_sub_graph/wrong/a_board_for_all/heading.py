@@ -1,0 +1,50 @@
+"""Turns the vehicle to the heading that is asked for, and keeps it there.
+
+page "controls" --> the heading wanted --.
+page "imu" comes, 50 times a second -----+--> page "turn"
+"""
+
+from laws import turn_moment_nm
+from shared import BOARD
+
+from snr_sim import Endpoint, EndpointFactory, TaskType
+
+
+def factories(robot):
+    return [HeadingFactory()]
+
+
+class HeadingFactory(EndpointFactory):
+    def get(self, parent):
+        return Heading(self, parent, "heading")
+
+
+class Heading(Endpoint):
+    def __init__(self, factory, parent, name):
+        super().__init__(factory, parent, name)
+        self.wanted_rad = None
+        self.is_armed = False
+        self.task_handlers = {
+            (TaskType.process_data, "controls"): self.on_controls,
+            (TaskType.process_data, "imu"): self.on_imu,
+        }
+
+    def on_controls(self, task, task_id):
+        controls = self.get_data("controls")
+        self.is_armed = controls["is_armed"]
+        if not self.is_armed:
+            self.wanted_rad = None
+        elif controls["heading_rad"] is not None:
+            self.wanted_rad = controls["heading_rad"]
+
+    def on_imu(self, task, task_id):
+        imu = self.get_data("imu")
+        BOARD["stamp_s"], BOARD["moment_nm"] = imu["stamp_s"], self.moment_nm(imu)
+        return self.store_data_task("turn", dict(BOARD))
+
+    def moment_nm(self, imu):
+        if not self.is_armed:
+            return 0.0
+        if self.wanted_rad is None:
+            self.wanted_rad = imu["yaw_rad"]
+        return turn_moment_nm(self.wanted_rad, imu["yaw_rad"], imu["rate_radps"][2])

@@ -1,0 +1,93 @@
+"""The lab "mission state machine": its page, its reference with all points, and wrong ones, each with its own loss."""
+
+import math
+import os
+import re
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.main import get_command
+
+from snr_sim.cli.main import app
+from snr_sim.flight import Flight
+from snr_sim.simulation import Request, prepare
+
+LAB = "05_mission_state_machine"
+FOLDER = Path(__file__).parents[2] / "assignments" / LAB
+HERE = Path(__file__).parent / "mission_state_machine"
+FLIGHTS = ("swims", "stops_in_the_water")
+SEEDS = int(os.environ.get("SNR_SEEDS", "1"))  # of swims; 50 take four minutes
+
+
+def test_every_command_and_picture_that_the_page_names_is_there() -> None:
+    verbs: dict[str, Any] = get_command(app).commands  # type: ignore[attr-defined]
+    text = (FOLDER / "README.md").read_text()
+    for picture in re.findall(r"\]\((pictures/[^)]*)\)", text):
+        assert (FOLDER / picture).exists(), picture
+    for verb, rest in re.findall(r"^ *snr (\w+)(.*)$", text, flags=re.MULTILINE):
+        known = {option for parameter in verbs[verb].params for option in parameter.opts}
+        assert set(re.findall(r" (--[a-z-]+)", rest.partition("  #")[0])) <= known, rest
+
+
+def test_the_reference_gets_all_points_on_hidden_cases_too(mark: Callable[..., Any], leave_out: Any) -> None:
+    leave_out(*FLIGHTS)
+    assert mark(LAB, is_hidden=True) == ({}, "")
+
+
+def test_the_reference_is_stopped_in_the_water_and_swims_on(mark: Callable[..., Any], leave_out: Any) -> None:
+    leave_out("follows_the_picture", "asks", "time_outs", "trouble", "stops", "recovers", "swims")
+    assert mark(LAB) == ({}, "")
+
+
+@pytest.mark.parametrize("seed", range(100, 100 + SEEDS))
+def test_the_reference_has_a_margin_at_every_gate(seed: int) -> None:
+    simulation = prepare(Request("urov_gate", seed=seed, controller=str(HERE / "reference" / "mission.py")))
+    plant = simulation.plant()
+    result = Flight(simulation, plant, simulation.config(plant)).run()
+    assert (result.error, result.outcome) == ("", "swum")
+    assert max(off_m(simulation.scenario, plant)) < 0.2  # the frame is touched from about 0.4 m on
+
+
+def off_m(scenario: Any, plant: Any) -> list[float]:
+    """How far beside the middle of each gate the vehicle went through it."""
+    found = []
+    for gate in plant.pool.gates:
+        seen = [scenario._seen_from(gate, sample.position_m) for sample in plant.course]
+        found += [math.hypot(after[1], after[2]) for before, after in pairwise(seen) if before[0] < 0.0 <= after[0]]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("wrong", "lost", "says"),
+    [
+        ("stops_while_pressed", {"stops": 15.0, "recovers": 10.0}, "Nobody has pressed reset"),
+        ("stops_in_some_states", {"stops": 7.5}, "the emergency stop counts in every state"),
+        ("stops_with_sticks_at_zero", {"asks": 8.0, "stops": 15.0}, "Sticks at 0 are no stop"),
+        (
+            "counts_from_the_start",
+            {"time_outs": 12.5, "trouble": 6.667, "stops": 1.875},
+            "counted from when 'passing' began",
+        ),
+        ("holds_for_ever", {"time_outs": 7.5}, "'holding' for more than 5 s"),
+        ("adds_up_short_stays", {"follows_the_picture": 6.0}, "two short stays are none"),
+        ("goes_on_where_it_was", {"recovers": 10.0, "arrows": 10.0}, "there is no such arrow"),
+        ("remembers_an_early_reset", {"recovers": 4.0}, "A reset from before the stop does not count"),
+    ],
+)
+def test_a_wrong_solution_loses_its_own_points(
+    mark: Callable[..., Any], leave_out: Any, wrong: str, lost: dict[str, float], says: str
+) -> None:
+    leave_out(*FLIGHTS)
+    found = mark(LAB, wrong, is_hidden=wrong in ("counts_from_the_start", "remembers_an_early_reset"))
+    assert found.lost == lost
+    assert says in found.told
+
+
+def test_the_starter_fails_politely(mark: Callable[..., Any], leave_out: Any) -> None:
+    leave_out(*FLIGHTS)
+    found = mark(LAB, starter=True)
+    assert sum(found.lost.values()) == 80.0
+    assert "the emergency stop counts in every state" in found.told

@@ -1,0 +1,61 @@
+"""The lab "pub-sub graph": its page, its reference with all points, and wrong ones, each with its own loss."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+LAB = "04_pub_sub_graph"
+PAGE = Path(__file__).parents[2] / "assignments" / LAB / "README.md"
+HERE = Path(__file__).parent / "pub_sub_graph"
+
+
+def test_all_commands_of_the_page_do_what_it_says(type_page: Callable[..., dict[str, str]]) -> None:
+    def solve(folder: Path) -> None:
+        shutil.copytree(HERE / "reference", folder / "graph_lab", dirs_exist_ok=True)
+
+    printed = type_page(PAGE, {"snr check": solve})
+    assert any(
+        "held" in said for command, said in printed.items() if command.endswith("heading=gentle --out graph_lab/gentle")
+    )
+
+
+def test_the_reference_gets_all_points_on_hidden_cases_too(mark: Callable[..., Any], leave_out: Any) -> None:
+    leave_out("flies")  # the page's commands have shown that it does
+    assert mark(LAB, is_hidden=True) == ({}, "")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "lost", "says"),
+    [
+        ("a_board_for_all", {"mixer_alone": 20.0, "in_any_order": 20.0, "apart": 6.0}, "it imports shared"),
+        (
+            "passes_by_the_mixer",
+            {"depth_alone": 12.0, "in_any_order": 20.0, "apart": 3.0},
+            "it asks the node for another component",
+        ),
+        ("looks_up_what_is_said_once", {"heading_alone": 12.0, "dropped_in": 12.0}, "said once must be heard"),
+        ("keeps_what_was_asked_before", {"depth_alone": 12.0}, "What he asked for before he disarmed is forgotten"),
+        ("mixes_at_every_imu", {"mixer_alone": 20.0, "in_any_order": 20.0}, "from where else does it take them?"),
+        ("mixes_with_the_last_one", {"mixer_alone": 20.0}, "The first page of a pair has no partner yet"),
+        ("one_for_all_vehicles", {"apart": 3.0}, "'WAITING' stands outside of every object"),
+        ("forgets_to_limit", {"dropped_in": 12.0}, "gentle.py turns harder than 1 N m"),
+    ],
+)
+def test_a_wrong_solution_loses_its_own_points(
+    mark: Callable[..., Any], leave_out: Any, wrong: str, lost: dict[str, float], says: str
+) -> None:
+    leave_out("flies")
+    found = mark(LAB, wrong)
+    assert found.lost == lost
+    assert says in found.told
+
+
+def test_the_starter_flies_and_fails_politely(mark: Callable[..., Any], leave_out: Any) -> None:
+    leave_out("flies")
+    found = mark(LAB, starter=True)
+    assert sum(found.lost.values()) == 85.0
+    assert "by itself stores no page 'turn'" in found.told
+    assert "it imports shared" in found.told

@@ -1,0 +1,56 @@
+"""At the vehicle: obeys the surface, as long as its commands are fresh.
+
+page "controls" --> the newest command --.
+page "imu" comes, 50 times a second ------+--> page "pwm", and five times less often page "vehicle"
+"""
+
+import math
+
+from telling import told
+from thrusters import neutral_us, pulses_us
+
+from snr_sim import Endpoint, EndpointFactory, TaskType
+
+COUNTS_S = 0.45  # how long a command counts after it was made
+TELL_EVERY = 5  # answers to "imu"
+
+
+class VehicleFactory(EndpointFactory):
+    def get(self, parent):
+        return Vehicle(self, parent, "vehicle")
+
+
+class Vehicle(Endpoint):
+    def __init__(self, factory, parent, name):
+        super().__init__(factory, parent, name)
+        self.command = None
+        self.made_s = -math.inf
+        self.answers = 0
+        self.task_handlers = {
+            (TaskType.process_data, "controls"): self.on_controls,
+            (TaskType.process_data, "imu"): self.on_imu,
+        }
+
+    def on_controls(self, task, task_id):
+        made_s = self.get_time_s() - self.get_age_s("controls")
+        if made_s > self.made_s:
+            self.command, self.made_s = self.get_data("controls"), made_s
+        return self.store_data_task("pwm", self.pwm(), process=False)
+
+    def pwm(self):
+        pulses = pulses_us(self.command["surge"], self.command["yaw"]) if self.counts() else neutral_us()
+        return {"pulses_us": pulses, "is_armed": self.command is not None and self.command["is_armed"]}
+
+    def on_imu(self, task, task_id):
+        counts = self.counts()
+        answer = [self.store_data_task("pwm", self.pwm(), process=False)]
+        self.answers += 1
+        if self.answers % TELL_EVERY == 1:
+            answer.append(self.store_data_task("vehicle", told(self.command, counts, self.get_data("imu"))))
+        return answer
+
+    def counts(self):
+        """Returns whether the newest command counts now."""
+        if self.command is None or not self.command["is_armed"]:
+            return False
+        return self.get_time_s() - self.made_s <= COUNTS_S
