@@ -112,9 +112,14 @@ def misshapen(page: Any) -> str:
         )
     if len(pulses) < 8:
         return f"There are {len(pulses)} pulses for eight thrusters. Which channels did the loop leave out?"
-    if not all(isinstance(pulse, int | float) and not isinstance(pulse, bool) for pulse in pulses):
+    if not all(is_number(pulse) for pulse in pulses):
         return "Not every pulse is a number."
     return ""
+
+
+def is_number(value: Any) -> bool:
+    """Returns whether it is a number that can be reckoned with: nan, for one, is not."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and -1e6 < value < 1e6
 
 
 def compared(pages: list[Any], wanted: list[list[float]]) -> Verdict:

@@ -97,32 +97,36 @@ def first_failure(verdicts: Iterable[Verdict]) -> Verdict:
 
 
 def is_number(value: Any) -> bool:
-    """Returns whether it is one."""
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    """Returns whether it is a number that can be reckoned with: nan, for one, is not."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and -1e6 < value < 1e6
 
 
-def answered(student: Student, said: Said) -> list[Any]:
-    """Returns the pages "pwm" after each of the pilot's pages, none if there was none."""
+def answered(student: Student, said: Said) -> list[list[float]] | None:
+    """Returns the pulses after each of the pilot's pages; nothing if there were not eight each time."""
     level = {"roll_rad": 0.0, "pitch_rad": 0.0, "yaw_rad": 0.0}
     pages = [Given(0.01, "depth", {"depth_m": HERE_M, "stamp_s": 0.01})]
     for number, (is_armed, goal_m) in enumerate(zip(said.is_armed, said.goal_m, strict=True), start=1):
         controls = {"number": number, "mode": "depth_hold", "is_armed": is_armed, "depth_m": goal_m}
         pages += [Given(0.05 * number, "controls", controls), Given(0.05 * number + 0.01, "imu", level)]
-    found: dict[int, Any] = {}
+    found: dict[Any, Any] = {}
     for produced in student.feed(FILE, pages, robot="urov", role="urov"):
-        if produced.kind == "store_page" and produced.name == "pwm":
-            found[produced.after] = produced.value
-    return [found.get(2 * number + 2) for number in range(len(said.is_armed))]
+        if produced.kind == "store_page" and produced.name == "pwm" and isinstance(produced.value, dict):
+            found[produced.after] = produced.value.get("pulses_us")
+    pulses = [found.get(2 * number + 2) for number in range(len(said.is_armed))]
+    return pulses if all(is_eight(one) for one in pulses) else None  # type: ignore[return-value]
 
 
-def is_still(page: Any) -> bool:
-    """Returns whether a page stops all thrusters."""
-    return isinstance(page, dict) and all(pulse == STOP_US for pulse in page.get("pulses_us", [0.0]))
+def is_eight(pulses: Any) -> bool:
+    """Returns whether these are eight pulses."""
+    return isinstance(pulses, list) and len(pulses) == 8 and all(map(is_number, pulses))
 
 
-def vertical_us(page: Any) -> float:
-    """Returns how far the first vertical thruster is from its stop."""
-    return float(page["pulses_us"][4]) - STOP_US
+NO_PULSES = "After each page 'imu' there is a page 'pwm' with eight pulses. Does on_tick return it?"
+
+
+def is_still(pulses: list[float]) -> bool:
+    """Returns whether all thrusters are stopped."""
+    return all(pulse == STOP_US for pulse in pulses)
 
 
 @check(points=5, visible=[Depths(3.5, 3.0)])
@@ -265,39 +269,40 @@ def rounded(pulses: list[float]) -> list[float]:
 @check(points=10, visible=[Said((True,) * 4, (3.0, None, None, None))], hidden=goals, needs=["loads"])
 def keeps_goal(student: Student, case: Said) -> Verdict:
     """Keeps the goal that the pilot said once."""
+    pages = answered(student, case)
+    if pages is None:
+        return failed(NO_PULSES)
     wanted_m: float | None = None
-    deeper_us: float | None = None  # which way it pushed when the goal was below it
-    for number, (page, said_m) in enumerate(zip(answered(student, case), case.goal_m, strict=True), start=1):
+    deeper_us: float | None = None  # how far from its stop a thruster was when the goal was below
+    for number, (got, said_m) in enumerate(zip(pages, case.goal_m, strict=True), start=1):
         wanted_m = wanted_m if said_m is None else said_m
-        if not isinstance(page, dict):
-            return failed("There is no page 'pwm' after a page 'imu'.", expected="a page 'pwm'", actual=repr(page))
         if wanted_m is None:
             continue
-        what = f"a push to {wanted_m:.1f} m in page {number}"
-        if is_still(page):
+        what, from_stop_us = f"a push to {wanted_m:.1f} m in page {number}", got[4] - STOP_US
+        if is_still(got):
             hint = "It knows a goal and its depth, it is armed, and it does not push."
             if said_m is None:
                 hint = "It has forgotten its goal: the pilot says it in one page, and None in the next is not a goal."
             return failed(hint, expected=what, actual="all still")
         if wanted_m > HERE_M:
-            deeper_us = deeper_us or vertical_us(page)
-        elif deeper_us is not None and vertical_us(page) * deeper_us > 0.0:
-            return failed("The pilot has said another goal, and it still goes to the old one.", what, str(page))
+            deeper_us = deeper_us or from_stop_us
+        elif deeper_us is not None and from_stop_us * deeper_us > 0.0:
+            return failed("The pilot has said another goal, and it still goes to the old one.", what, str(got))
     return passed()
 
 
 @check(points=5, visible=[Said((False, True, False), (3.0, None, None))], hidden=armings, needs=["loads"])
 def disarmed(student: Student, case: Said) -> Verdict:
     """Stands still while the pilot has not armed it, and before it has a goal."""
-    for page, is_armed in zip(answered(student, case), case.is_armed, strict=True):
-        if not is_armed and not is_still(page):
-            hint = (
-                "Nobody has armed the vehicle, and its thrusters turn: all eight pulses are 1500 until somebody does."
-            )
-            return failed(hint, expected="1500 us", actual=str(page))
-    if not is_still(answered(student, Said((True, True), (None, None)))[-1]):
-        hint = "Nobody has said a goal yet, and its thrusters turn."
-        return failed(hint, expected="1500 us", actual="thrusters turn")
+    pages, aimless = answered(student, case), answered(student, Said((True, True), (None, None)))
+    if pages is None or aimless is None:
+        return failed(NO_PULSES)
+    for got, is_armed in zip(pages, case.is_armed, strict=True):
+        if not is_armed and not is_still(got):
+            hint = "Nobody has armed the vehicle and thrusters turn: all eight pulses are 1500 until somebody does."
+            return failed(hint, expected="1500 us", actual=str(got))
+    if not is_still(aimless[-1]):
+        return failed("Nobody has said a goal yet, and its thrusters turn.", "1500 us", str(aimless[-1]))
     return passed()
 
 

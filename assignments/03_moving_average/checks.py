@@ -148,8 +148,8 @@ def same(one: Sequence[Any], other: Sequence[float]) -> bool:
 
 
 def is_number(value: Any) -> bool:
-    """Returns whether it is a finite one."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    """Returns whether it is a number that can be reckoned with: nan, for one, is not."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and -1e15 < value < 1e15
 
 
 HINTS = {
@@ -281,7 +281,7 @@ def cases_of(student: Student) -> tuple[list[Series], list[list[float]], str]:
             return [], [], f"Case {number} is no dict with 'length', 'values' and 'means'."
         length, values, wanted = case["length"], case["values"], case["means"]
         if not isinstance(length, int) or isinstance(length, bool) or not 1 <= length <= LONGEST:
-            return [], [], f"Case {number}: its length is {length!r}, not a whole number from 1 up."
+            return [], [], f"Case {number}: its length is not a whole number from 1 to {LONGEST}."
         if not all(isinstance(one, list) and len(one) <= 1000 and all(map(is_number, one)) for one in (values, wanted)):
             return [], [], f"Case {number}: its values and its means are lists of numbers, 1000 at most."
         if not values or len(values) != len(wanted):
