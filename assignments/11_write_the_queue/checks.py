@@ -231,4 +231,5 @@ lab = Lab(
     "Write the queue",
     files=[FILE],
     checks=[keeps_order, urgent_first, terminate_first, is_bounded, forgets, is_quick, drives_a_node],
+    leaderboard={"is_quick.work": "asc"},
 )
