@@ -95,6 +95,17 @@ def test_a_command_that_nobody_renews_ends_though_somebody_goes_on_sending_it(be
     out.close()
 
 
+def test_a_program_that_ends_and_has_closed_nothing_says_farewell(bench: Any) -> None:
+    out = bench.open()
+    pilot = Pilot(bench, out)
+    pilot.arm()
+    pilot.hold(AHEAD, 0.5)
+    out.board._farewell()  # which Python calls at the end of a program
+    bench.advance(TICK_S)
+    assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
+    out.close()
+
+
 def test_the_board_is_told_how_old_a_command_is(bench: Any) -> None:
     out = bench.open()
     Pilot(bench, out).arm()
