@@ -27,7 +27,7 @@ from snr_sim.grading.protocol import Answer, Said, decode_ask, encode
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.values import decode_value
 
-_CHUNK = 1 << 20
+_CHUNK = 1 << 16  # much more would be given to the system and taken back at each read
 _NEWLINE = 10
 _GRACE_S = 0.5  # of CPU time, to end after the time is up
 _FIRST_PRIVATE_FD = 200
