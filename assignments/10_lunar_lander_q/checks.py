@@ -7,6 +7,8 @@ import zipfile
 from dataclasses import dataclass
 from typing import Any
 
+import msgspec
+
 from snr_sim.grading import Lab, Student, Verdict, check, failed, partly, passed
 from snr_sim.grading.learning import PILOT, ByTable, World, fly, train
 from snr_sim.grading.pilot import ACTIONS, Table, Transition
@@ -21,6 +23,21 @@ MOST_BYTES = 1_000_000
 HOVERS = (
     "It hovers until its two minutes are over. What does your reward pay for: being on the ground, or being up there?"
 )
+
+
+class Rows(msgspec.Struct):
+    """A table as it comes back."""
+
+    values: list[list[float]]
+    visits: list[list[int]]
+
+
+class Chosen(msgspec.Struct):
+    """What choose() did."""
+
+    actions: list[int]
+    is_drawn: bool
+    table: Rows
 
 
 @dataclass(frozen=True)
@@ -72,8 +89,8 @@ def encodes(student: Student, case: Seed) -> Verdict:
     speeds = [-60.0 + 0.5 * i for i in range(161)]
     for _ in range(6):
         height = 10.0 ** rng.uniform(-0.5, 3.0)
-        states = pilot.ask("encode", [height] * len(speeds), speeds, returns=list[int])
-        if states != pilot.ask("encode", [height] * len(speeds), speeds, returns=list[int]):
+        states, again = (pilot.ask("encode", [height] * len(speeds), speeds, returns=list[int]) for _ in range(2))
+        if states != again or len(states) != len(speeds):
             return failed("encode() gives another number for the same two numbers: it must go by them alone.")
         if len(set(states)) < 2:
             return failed(
@@ -116,10 +133,12 @@ def chooses(student: Student, case: Seed) -> Verdict:
     states = [rng.randrange(count) for _ in range(200)]
 
     def choices(epsilon: float, seed: int, of: list[int] = states) -> list[int]:
-        answer = pilot.ask("choices", table.plain(), of, epsilon, seed)
-        if answer["table"] != table.plain():
+        answer = pilot.ask("choices", table.plain(), of, epsilon, seed, returns=Chosen)
+        if (answer.table.values, answer.table.visits) != (table.values, table.visits):
             raise Misbehaved("choose() has changed the table.", "choose() looks, and update() learns: not both in one.")
-        actions: list[int] = answer["actions"]
+        if len(answer.actions) != len(of):
+            raise Misbehaved("There is not an action for each state.", "Return one action.")
+        actions: list[int] = answer.actions
         return actions
 
     greedy = choices(0.0, 1)
@@ -198,21 +217,33 @@ def updates(student: Student, case: Seed) -> Verdict:
     count = max(12, pilot.ask("count", returns=int))
     table = drawn_table(count, rng)
     transitions = [drawn_transition(rng) for _ in range(40)]
-    learned = pilot.ask("replay", table.plain(), [list(one) for one in transitions])
+    learned = replayed(pilot, table, transitions)
     for transition in transitions:
         before = Table.of(table.plain())
         learn(table, transition)
-        if not is_same(learned_of(pilot, before, transition), table):
-            now = learned_of(pilot, before, transition)
+        now = replayed(pilot, before, [transition])
+        if not is_same(now, table):
             return failed(diagnosis(before, transition, table, now), *numbers(transition, table, now))
-    if not is_same(Table.of(learned), table):
+    if not is_same(learned, table):
         return failed("Each transition alone is learned rightly, but not all in a row: what does it keep in between?")
     return passed()
 
 
-def learned_of(pilot: Any, before: Table, transition: Transition) -> Table:
-    """Returns what the student makes of one transition."""
-    return Table.of(pilot.ask("replay", before.plain(), [list(transition)], returns=dict[str, list[list[float]]]))
+def replayed(pilot: Any, before: Table, transitions: list[Transition]) -> Table:
+    """Returns what the student makes of a table by some transitions.
+
+    Raises:
+        Misbehaved: it has other rows than before.
+    """
+    rows = pilot.ask("replay", before.plain(), [list(one) for one in transitions], returns=Rows)
+    shapes = [[len(row) for row in each] for each in (rows.values, rows.visits)]
+    if shapes != [[len(row) for row in before.values]] * 2:
+        raise Misbehaved(
+            "update() has made the table larger or smaller.", "Change numbers that stand in the table: no append."
+        )
+    table = Table(0)
+    table.values, table.visits = rows.values, rows.visits
+    return table
 
 
 def drawn_transition(rng: random.Random) -> Transition:
@@ -251,7 +282,7 @@ def target(table: Table, step: Transition) -> float:
 
 def is_same(one: Table, other: Table) -> bool:
     """Whether two tables are alike, values to 1e-9."""
-    if one.visits != other.visits or [len(row) for row in one.values] != [len(row) for row in other.values]:
+    if one.visits != other.visits:
         return False
     pairs = zip(one.values, other.values, strict=True)
     return all(abs(a - b) <= 1e-9 for rows in pairs for a, b in zip(*rows, strict=True))

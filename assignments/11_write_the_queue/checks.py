@@ -57,7 +57,7 @@ def right(most: int, asked: list[list[Any]]) -> list[Any]:
 def first_wrong(student: Student, most: int, asked: list[list[Any]]) -> tuple[int, Any, Any] | None:
     """Returns which answer of the student's is the first wrong one, with the right one and theirs; or None."""
     answers = student.host(FILE, BENCH).ask("answers", most, asked, returns=list[str | int | None])
-    pairs = zip(right(most, asked), answers, strict=True)
+    pairs = zip(right(most, asked), [*answers, *asked][: len(asked)], strict=True)  # what is missing is wrong
     return next(((i, a, b) for i, (a, b) in enumerate(pairs) if a != b or type(a) is not type(b)), None)
 
 
@@ -216,11 +216,11 @@ def drives_a_node(student: Student, case: Seed) -> Verdict:
     came = student.host(FILE, BENCH).ask("run_node", most, answers, first, returns=dict[str, list[str]])
     if came == wanted:
         return passed()
-    order, theirs = wanted["handled"], came["handled"]
+    order, theirs = wanted["handled"], came.get("handled", [])
     i = next((i for i, (a, b) in enumerate(zip(order, theirs, strict=False)) if a != b), min(len(order), len(theirs)))
     if order == theirs:
         hint = "The node handles the right tasks, but put() does not return those that had to leave."
-        return failed(hint, f"{len(wanted['dropped'])} tasks that had to leave", f"{len(came['dropped'])}")
+        return failed(hint, f"{len(wanted['dropped'])} tasks that had to leave", f"{len(came.get('dropped', []))}")
     hint = "The node handles its tasks in another order than their priorities say."
     if order[i : i + 1] == ["enough"]:
         hint = "The node should have ended here: terminate waits behind others."

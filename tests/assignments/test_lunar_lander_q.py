@@ -151,6 +151,22 @@ def test_a_policy_that_is_none_is_told_and_loses_what_it_would_have_flown(
     assert words in said["policy_file"][1]
 
 
+def test_an_update_that_makes_rows_longer_is_told_and_is_no_fault_of_the_lab(tmp_path: Path) -> None:
+    file = submission(tmp_path) / "q_lander.py"
+    file.write_text(
+        file.read_text().replace(
+            "    expected = 0.0\n", "    table.values[step.state].append(0.0)\n    expected = 0.0\n"
+        )
+    )
+    (check,) = [one for one in load_lab(LAB / "checks.py").checks if one.name == "updates"]
+    student = Student(tmp_path)
+    try:
+        with pytest.raises(Misbehaved, match="larger or smaller"):
+            check.judge(student, check.cases("10_lunar_lander_q", None)[0])
+    finally:
+        student.close()
+
+
 def test_a_pickle_is_not_opened(tmp_path: Path) -> None:
     class Payload:
         def __reduce__(self) -> tuple[Any, ...]:
