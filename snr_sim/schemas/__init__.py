@@ -1,4 +1,4 @@
-"""JSON Schemas (draft 2020-12) of what leaves this kit as text: traces, pages, links, consoles, results.
+"""JSON Schemas (draft 2020-12) of what leaves this kit as text: traces, pages, links, consoles, results, marks.
 
 They ship beside this file, for programs in any language; docs/formats.md says what schemas cannot. The code does not
 need them: it refuses by itself what they refuse, and tests hold the two against each other.
@@ -12,7 +12,7 @@ from typing import Any
 
 FOLDER = Path(__file__).parent
 SUFFIX = ".schema.json"
-NAMES = ("console", "page", "result", "trace", "value", "wire")
+NAMES = ("console", "graded", "page", "result", "trace", "value", "wire")
 
 
 def read_schema(name: str) -> dict[str, Any]:

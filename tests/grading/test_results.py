@@ -1,9 +1,15 @@
 """The record of a graded submission: the same bytes for the same result, and back again."""
 
+import inspect
+import json
+from collections.abc import Callable
+from typing import Any
+
 import msgspec
 import pytest
 
 from snr_sim.grading.results import CaseResult, CheckResult, Graded, decode_graded, encode_graded
+from snr_sim.schemas import read_schema
 
 
 def graded(**changes: object) -> Graded:
@@ -54,3 +60,16 @@ def test_a_skipped_check_is_not_passed_even_if_it_is_worth_nothing() -> None:
 def test_half_a_record_is_none(text: bytes) -> None:
     with pytest.raises(msgspec.MsgspecError):
         decode_graded(text)
+
+
+def test_the_schema_that_ships_is_the_records(validator: Callable[..., Callable[[Any], bool]]) -> None:
+    made = json.loads(json.dumps(msgspec.json.schema(Graded)))
+    for definition in made["$defs"].values():
+        definition["description"] = inspect.cleandoc(definition["description"])
+    shipped = read_schema("graded")
+    assert {name: shipped[name] for name in made} == made, "put it into snr_sim/schemas/graded.schema.json"
+    fields = json.loads(encode_graded(graded()))
+    is_valid = validator("graded")
+    assert is_valid(fields)
+    assert not is_valid(fields | {"more": 1})
+    assert not is_valid(fields | {"status": "fine"})
