@@ -19,6 +19,7 @@ LAB = "05_mission_state_machine"
 FOLDER = Path(__file__).parents[2] / "assignments" / LAB
 HERE = Path(__file__).parent / "mission_state_machine"
 FLIGHTS = ("swims", "stops_in_the_water")
+# Measured over 19 seeds from 100 on: 0.035 m off the middle, deviation 0.013, so 0.2 m is twelve deviations away.
 SEEDS = int(os.environ.get("SNR_SEEDS", "1"))  # of swims; 50 take four minutes
 
 
