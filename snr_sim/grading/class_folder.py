@@ -81,7 +81,7 @@ class ClassFolder:
         self.path = path
         self._manifest: _Manifest | None = None
         try:
-            path.mkdir(parents=True, exist_ok=True)
+            path.mkdir(mode=0o700, parents=True, exist_ok=True)  # hidden cases stand in its tables
             if any(path.iterdir()) and not (path / "class.json").is_file() and not _only_ours(path):
                 raise SnrError(f"{path} holds something else than results.", fix="name a new folder with --out.")
             if (path / "class.json").exists() and not is_resumed:

@@ -72,9 +72,13 @@ def name_submissions(given: Iterable[Path], known: Sequence[Submission] = ()) ->
     """
     named = {submission.given: submission for submission in known}
     taken = {submission.id.casefold() for submission in known}
+    # The class's folder may have been moved since: then who is gone from there is who comes from here.
+    moved = {_safe_name(one.given): one for one in reversed(known) if not one.given.exists()}
     wanted = list(dict.fromkeys(Path(os.path.abspath(path)) for path in given))
     for path in wanted:
         _need_submission(path)
+        if path not in named and (before := moved.pop(_safe_name(path), None)):
+            named[path] = Submission(before.id, path)
         if path not in named:
             named[path] = Submission(_free_name(_safe_name(path), taken), path)
             taken.add(named[path].id.casefold())

@@ -186,6 +186,7 @@ def test_a_secret_is_made_for_the_instructor_alone(double_lab: Path, handed_in: 
     assert done.returncode == 0
     secret = tmp_path / "out" / "secret"
     assert stat.S_IMODE(secret.stat().st_mode) == 0o600
+    assert stat.S_IMODE(secret.parent.stat().st_mode) == 0o700
     assert str(secret) in done.stderr
     assert secret.read_text().strip() not in done.stderr + done.stdout + (tmp_path / "out/class.json").read_text()
 

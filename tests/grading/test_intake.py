@@ -298,6 +298,13 @@ def test_a_name_stays_when_submissions_are_added(tmp_path: Path) -> None:
     assert [one.id for one in name_submissions([late, first], known)] == ["ada-2", "ada"]
 
 
+def test_a_class_that_was_moved_is_the_same_class(tmp_path: Path) -> None:
+    (tmp_path / "a" / "ada").mkdir(parents=True)
+    known = name_submissions([tmp_path / "a" / "ada"])
+    (tmp_path / "a").rename(tmp_path / "b")
+    assert [one.id for one in name_submissions([tmp_path / "b" / "ada"], known)] == ["ada"]
+
+
 def test_a_folder_of_submissions_is_not_one(tmp_path: Path) -> None:
     for name in ("ada", "bob"):
         (tmp_path / "class" / name).mkdir(parents=True)
