@@ -19,7 +19,7 @@ from snr_sim.grading import Lab, Student, check, failed, passed
 
 
 def draw(rng):
-    return [rng.randrange(10, 10**6) for _ in range(2)]
+    return [rng.randrange(10, 10**6) for _ in range(1)]
 
 
 @check(points=40)
@@ -30,7 +30,7 @@ def loads(student: Student):
     return passed()
 
 
-@check(points=60, visible=[2, 4], hidden=draw, needs=["loads"])
+@check(points=60, visible=[2], hidden=draw, needs=["loads"])
 def doubles(student: Student, case: int):
     """Doubles a number."""
     got = student.call("double.py", "double", case, budget_s=1.0)

@@ -22,7 +22,7 @@ HONEST_PART = {"visible_only": 70.0}
 PR_SET_CHILD_SUBREAPER = 36
 
 
-WRONG = {  # of each kind two, with their points: 40 for loading, 15 for each of two visible and two hidden cases
+WRONG = {  # of each kind two, with their points: 40 for loading, 30 for a visible and a hidden case
     "return 2": 40.0,
     "return {1: 2, 2: 4, 4: 8}.get(x, 0)": 70.0,
     "return 2.0 * x": 40.0,
@@ -140,7 +140,7 @@ def test_everybody_gets_exactly_what_is_due(
 
 def test_a_lab_of_the_course_gives_in_the_sandbox_what_its_own_tests_say(sandbox: None, tmp_path: Path) -> None:
     lab = Path(__file__).parents[1] / "assignments" / "debug_by_replay"
-    due = {"reference": 100.0, "first_command": 90.0, "not_toml": 5.0}
+    due = {"reference": 100.0, "not_toml": 5.0}
     given = []
     for name in due:
         given.append(tmp_path / "submissions" / name)
