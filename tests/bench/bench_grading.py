@@ -22,6 +22,7 @@ from statistics import mean
 from types import ModuleType
 from typing import Any
 
+import msgspec
 from harness import Row, report
 
 from snr_sim import library
@@ -43,9 +44,10 @@ class BareHost:
     def __init__(self, made: Any) -> None:
         self._made = made
 
-    def ask(self, method: str, *args: Any, **_: Any) -> Any:
-        """Calls a method."""
-        return getattr(self._made, method)(*args)
+    def ask(self, method: str, *args: Any, returns: Any = Any, **_: Any) -> Any:
+        """Calls a method; a dict becomes the class that the lab asked for."""
+        value = getattr(self._made, method)(*args)
+        return msgspec.convert(value, returns) if isinstance(value, dict) and returns is not Any else value
 
 
 class Bare(Student):
