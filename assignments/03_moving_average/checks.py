@@ -1,7 +1,7 @@
 """How "moving average" is graded. Hidden values and starts are drawn from the instructor's secret, not from here.
 
 A landing's limit is that of the scenario `lander_noisy`: a touchdown of 3.05 m/s. Measured with one solution of length
-60 over 60 seeds: 1.70 +- 0.24 m/s. `tests/assignments/test_moving_average.py` measures that again.
+60 over 40 seeds: 1.70 +- 0.24 m/s. `tests/assignments/test_moving_average.py` measures that again.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ import numpy as np
 from snr_sim.learning.gym import box, spaces
 from snr_sim.learning.scenario_env import ScenarioEnv
 from snr_sim.prelude.scenario import Verdict
-from snr_sim.prelude.signals import EngineCommand, RadarReading
+from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
 
 VERTICAL_THROTTLES = (0.0, 0.25, 0.5, 1.0)
 VERTICAL_LOW, VERTICAL_HIGH = (-20.0, -250.0), (5000.0, 250.0)
@@ -20,6 +20,8 @@ PAD_THROTTLES = (
     0.6,
 )  # off (which the engine does not stay for long), about hovering, the most it gives steadily
 PAD_TURNS = (-1.0, 0.0, 1.0)
+PAD_LOW = (-500.0, -20.0, -100.0, -100.0, -math.pi, -5.0, 0.0, 0.0, -10.0)
+PAD_HIGH = (500.0, 1000.0, 100.0, 100.0, math.pi, 5.0, 1.0, 1.0, 1000.0)
 
 LANDED, NOT_LANDED = 100.0, -100.0
 FUEL_WEIGHT = 50.0  # for all of the propellant
@@ -115,6 +117,33 @@ class LanderVertical(LanderEnv):
         self.actuators["engine"].write(EngineCommand(throttle))
 
 
+def seen_in_the_plane(radar: RadarReading, inertial: InertialReading) -> list[float]:
+    """Returns what `LanderPad` observes of readings, to the last bit: a policy in a node looks through the same."""
+    left, right = inertial.contact
+    seen = [
+        inertial.position_m[0],
+        radar.altitude_m,
+        *inertial.velocity_mps,
+        inertial.attitude_rad,
+        inertial.rate_radps,
+        float(left),
+        float(right),
+        inertial.fuel_kg,
+    ]
+    within: list[float] = np.clip(np.array(seen, np.float32), PAD_LOW, PAD_HIGH).tolist()
+    return within
+
+
+def pad_command(action: int) -> EngineCommand:
+    """Returns what a discrete action of `LanderPad` tells the engine.
+
+    >>> pad_command(8)
+    EngineCommand(throttle=0.6, gimbal_rad=0.0, attitude=1.0)
+    """
+    throttle, turn = divmod(action, len(PAD_TURNS))
+    return EngineCommand(PAD_THROTTLES[throttle], 0.0, PAD_TURNS[turn])
+
+
 class LanderPad(LanderEnv):
     """Scenario lander_pad: in the plane, above gentle hills, to the pad at x = 0. 10 steps a second; at most 180 s.
 
@@ -144,8 +173,7 @@ class LanderPad(LanderEnv):
 
     def __init__(self, is_continuous: bool = False, engine: str | None = None, render_mode: str | None = None) -> None:
         super().__init__("lander_pad", engine, render_mode)
-        low = [-500.0, -20.0, -100.0, -100.0, -math.pi, -5.0, 0.0, 0.0, -10.0]
-        self.observation_space = box(low, [500.0, 1000.0, 100.0, 100.0, math.pi, 5.0, 1.0, 1.0, 1000.0])
+        self.observation_space = box(PAD_LOW, PAD_HIGH)
         self.is_continuous = is_continuous
         self.action_space = (
             box([0.0, -1.0, -1.0], [1.0, 1.0, 1.0])
@@ -155,18 +183,7 @@ class LanderPad(LanderEnv):
 
     def observe(self) -> list[float]:
         """Returns what the sensors read."""
-        radar, inertial = self.sensors["radar"].read(), self.sensors["inertial"].read()
-        left, right = inertial.contact
-        return [
-            inertial.position_m[0],
-            radar.altitude_m,
-            *inertial.velocity_mps,
-            inertial.attitude_rad,
-            inertial.rate_radps,
-            float(left),
-            float(right),
-            inertial.fuel_kg,
-        ]
+        return seen_in_the_plane(self.sensors["radar"].read(), self.sensors["inertial"].read())
 
     def act(self, action: Any) -> None:
         """Sets throttle, gimbal and jets."""
@@ -175,8 +192,7 @@ class LanderPad(LanderEnv):
             _, most_rad = self.actuators["engine"].limits["gimbal_rad"]
             command = EngineCommand(throttle, gimbal * most_rad, turn)
         else:
-            throttle_index, turn_index = divmod(int(action), len(PAD_TURNS))
-            command = EngineCommand(PAD_THROTTLES[throttle_index], 0.0, PAD_TURNS[turn_index])
+            command = pad_command(int(action))
         self.actuators["engine"].write(command)
 
     def potential(self) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snr_sim.learning.discretiser import Discretiser
+from snr_sim.learning.number_file import check_array, read_numbers, write_numbers
 from snr_sim.prelude.errors import ParameterError, RecordingError
 
 FORMAT = 1
-MOST_BYTES = 256 * 2**20  # of a table that is read: nobody's file fills the memory
+MAKER = "QTable.save"
 
 
 class About(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -81,12 +81,7 @@ class QTable:
         """
         grid = self.discretiser
         about = About(self.environment, grid.names, grid.edges, self.actions, self.made_by)
-        text = np.frombuffer(msgspec.json.encode(about), np.uint8)
-        try:
-            with Path(path).open("wb") as file:
-                np.savez_compressed(file, about=text, values=self.values, visits=self.visits)
-        except OSError as error:
-            raise RecordingError(f"{path} cannot be written: {error.strerror or error}.") from error
+        write_numbers(path, about, {"values": self.values, "visits": self.visits})
 
     @classmethod
     def load(cls, path: str | Path, environment: str = "") -> QTable:
@@ -100,24 +95,7 @@ class QTable:
             RecordingError: there is no such file, it is none of these (a pickle is refused, not opened), it is cut, or
                 it is for something else.
         """
-        place = Path(path)
-        try:
-            size = place.stat().st_size
-            with zipfile.ZipFile(place) as archive:
-                unpacked = sum(info.file_size for info in archive.infolist())
-            if max(size, unpacked) > MOST_BYTES:
-                raise RecordingError(f"{path} holds {unpacked} bytes.", fix=f"a table of at most {MOST_BYTES} bytes.")
-            with np.load(place, allow_pickle=False) as arrays:
-                about = msgspec.json.decode(arrays["about"].tobytes(), type=About)
-                values, visits = arrays["values"], arrays["visits"]
-        except FileNotFoundError:
-            raise RecordingError(
-                f"There is no file {path}.", fix="save the table first, or look for its path."
-            ) from None
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, msgspec.MsgspecError) as error:
-            raise RecordingError(
-                f"{path} is no table of action values: {error}.", fix="a file that QTable.save has written."
-            ) from error
+        about, arrays = read_numbers(path, About, ("values", "visits"), "table of action values", MAKER)
         if about.version != FORMAT:
             raise RecordingError(f"{path} has version {about.version}; this kit reads {FORMAT}.", fix="train it again.")
         if environment and about.environment != environment:
@@ -126,14 +104,7 @@ class QTable:
             )
         table = cls(Discretiser(about.names, about.edges), about.actions, about.environment)
         table.made_by = about.made_by
-        for name, array, kind in (("values", values, np.floating), ("visits", visits, np.integer)):
-            if array.shape != table.values.shape or not np.issubdtype(array.dtype, kind):
-                raise RecordingError(
-                    f"{path}: '{name}' is {array.dtype} of shape {array.shape}, its edges and actions make "
-                    f"{table.values.shape}.",
-                    fix="a file that QTable.save has written.",
-                )
-        if not np.isfinite(values).all():
-            raise RecordingError(f"{path} has values that are not finite.", fix="train it again, more slowly.")
-        table.values, table.visits = values.astype(np.float64), visits.astype(np.int64)
+        for name, like in (("values", table.values), ("visits", table.visits)):
+            check_array(path, name, arrays[name], like, MAKER)
+        table.values, table.visits = arrays["values"].astype(np.float64), arrays["visits"].astype(np.int64)
         return table

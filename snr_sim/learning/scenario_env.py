@@ -55,7 +55,7 @@ class ScenarioEnv(Env[NDArray[np.float32], Any]):
         self.render_mode = render_mode
         self._simulation = prepare(Request(scenario, engine=engine))
         self.plant: Plant = self._simulation.plant()
-        self._limit_s = float(self._simulation.scenario.TIME_LIMIT_S)
+        self.limit_s = float(self._simulation.scenario.TIME_LIMIT_S)
         self._frame: Frame | None = None
         self._steps = -1  # none until the first reset
         self.verdict: Verdict | None = None
@@ -108,7 +108,7 @@ class ScenarioEnv(Env[NDArray[np.float32], Any]):
         if self.verdict is not None:
             info |= {"outcome": self.verdict.outcome, "success": self.verdict.success, "why": self.verdict.why}
         elif is_over:
-            info |= {"outcome": "timeout", "success": False, "why": f"longer than {self._limit_s:g} s"}
+            info |= {"outcome": "timeout", "success": False, "why": f"longer than {self.limit_s:g} s"}
         is_ended = self.verdict is not None and not self.ends_by_clock
         return observation, float(self.reward(self.verdict)), is_ended, is_over, info
 
@@ -175,4 +175,4 @@ class ScenarioEnv(Env[NDArray[np.float32], Any]):
         return self.begins_s + self._steps / self.rate_hz
 
     def _is_over(self) -> bool:
-        return self._time_s >= self._limit_s - 1e-9
+        return self._time_s >= self.limit_s - 1e-9

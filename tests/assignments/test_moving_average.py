@@ -35,7 +35,7 @@ WRONG = {
     "wrong_tests": ({"own_tests": 5, "catches": 15}, "would fail a right filter"),
 }
 
-# The touchdown's speed, measured with the reference over 60 seeds: mean, standard deviation, and what the gear takes.
+# The touchdown's speed, measured with the reference over 40 seeds: mean, standard deviation, and what the gear takes.
 MEAN_MPS, SD_MPS, LIMIT_MPS = 1.70, 0.24, 3.05
 
 

@@ -17,6 +17,7 @@ from harness import Row, compare, cpu_time_of, report
 import snr_sim.learning  # noqa: F401 - makes the names known
 from snr_sim.learning.batch_training import course_of, new_table, train_vertical
 from snr_sim.learning.gym import COMPATIBLE
+from snr_sim.learning.pad_training import PadPolicy, train_pad
 from snr_sim.learning.tabular import evaluate
 
 ORIGINAL = "LunarLander-v3"
@@ -80,6 +81,20 @@ def measure(is_quick: bool) -> Iterator[Row]:
         limit=5.0,
         note=f"{landed} of {len(UNSEEN)} unseen starts land",
     )
+    if not is_quick:
+        env = gymnasium.make("snr_sim/LanderPad-v0").unwrapped
+        policy = PadPolicy()
+        start_s = time.process_time()
+        train_pad(policy, env)
+        took_s = time.process_time() - start_s
+        landed = sum(end["success"] for end in evaluate(env, policy.act, UNSEEN))
+        yield Row(
+            name="LanderPad: training by tiles",
+            value=took_s,
+            unit="s",
+            limit=300.0,
+            note=f"{landed} of {len(UNSEEN)} unseen starts land",
+        )
 
 
 if __name__ == "__main__":

@@ -1,34 +1,38 @@
-"""Lands as a learned table of action values says: `snr run lander_vertical --controller q --policy FILE`.
+"""Lands as a learned policy says: `snr run lander_vertical --controller q --policy FILE`, or lander_pad.
 
-The table is one that `snr_sim.learning` has saved (robots/lander/learn.py makes one). It chooses, and learns no more.
+The file is one that `snr_sim.learning` has saved: a table for the way straight down (robots/lander/learn.py makes one),
+tiles for the plane (learn_pad.py). The controller chooses, and learns no more.
 """
 
 from __future__ import annotations
 
 from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
-from snr_sim.learning.lander_envs import VERTICAL_THROTTLES, seen_by_radar
+from snr_sim.learning.lander_envs import VERTICAL_THROTTLES, pad_command, seen_by_radar, seen_in_the_plane
+from snr_sim.learning.pad_training import PadPolicy
 from snr_sim.learning.q_table import QTable
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.scenario import Robot
-from snr_sim.prelude.signals import RadarReading
+from snr_sim.prelude.signals import InertialReading, RadarReading
 
-OPTIONS = {"policy": "file of the table, as QTable.save writes it"}
+OPTIONS = {"policy": "file of what was learned, as QTable.save or PadPolicy.save writes it"}
 ENVIRONMENT = "snr_sim/LanderVertical-v0"
 
 
 def factories(robot: Robot) -> list[EndpointFactory]:
     """Returns what makes the controller's components."""
+    is_in_plane = robot.parameters.inertial is not None
     path = robot.options.get("policy")
     if path is None:
-        raise ParameterError(
-            "The controller 'q' needs a table to go by.",
-            fix="--policy FILE; python robots/lander/learn.py --out policy.npz makes one in seconds.",
+        maker = (
+            "learn_pad.py --out policy.npz makes one in two minutes"
+            if is_in_plane
+            else ("learn.py --out policy.npz makes one in seconds")
         )
-    if robot.parameters.inertial is not None:
         raise ParameterError(
-            f"The controller 'q' flies straight down, and {robot.scenario} is in the plane.",
-            fix="snr run lander_vertical --controller q --policy FILE.",
+            "The controller 'q' needs a file to go by.", fix=f"--policy FILE; python robots/lander/{maker}."
         )
+    if is_in_plane:
+        return [TilesControllerFactory(PadPolicy.load(path))]
     return [QLearningControllerFactory(QTable.load(path, ENVIRONMENT))]
 
 
@@ -63,3 +67,40 @@ class QLearningControllerEndpoint(Endpoint):
         observation = seen_by_radar(RadarReading(**self.get_data("radar")))
         throttle = VERTICAL_THROTTLES[self.table.act(observation)]
         return self.store_data_task("engine", {"throttle": throttle}, process=False)
+
+
+class TilesControllerFactory(EndpointFactory):
+    """Makes the pilot in the plane.
+
+    Args:
+        policy: what it goes by.
+    """
+
+    def __init__(self, policy: PadPolicy) -> None:
+        super().__init__()
+        self.policy = policy
+
+    def get(self, parent: Node) -> TilesControllerEndpoint:
+        """Returns a new one."""
+        return TilesControllerEndpoint(self, parent, "q_controller")
+
+
+class TilesControllerEndpoint(Endpoint):
+    """Answers every inertial reading with throttle and jets; the radar's page of the same moment is there already."""
+
+    factory: TilesControllerFactory
+
+    def __init__(self, factory: TilesControllerFactory, parent: Node, name: str) -> None:
+        super().__init__(factory, parent, name)
+        self.policy = factory.policy
+        self.task_handlers = {(TaskType.process_data, "inertial"): self.on_inertial}
+
+    def on_inertial(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Looks the readings up."""
+        radar = self.get_data("radar")
+        if radar is None:
+            return None
+        seen = seen_in_the_plane(RadarReading(**radar), InertialReading(**self.get_data("inertial")))
+        command = pad_command(self.policy.act(seen))
+        engine = {"throttle": command.throttle, "gimbal_rad": command.gimbal_rad, "attitude": command.attitude}
+        return self.store_data_task("engine", engine, process=False)

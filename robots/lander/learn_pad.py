@@ -1,0 +1,57 @@
+"""Learns to land in the plane, and writes the policy to a file: python robots/lander/learn_pad.py --out policy.npz
+
+    --steps N --seed N     how long, and which chance
+
+Afterwards the policy lands 100 starts that it has never seen, and the way there is in policy.csv, the learning curve.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+from pathlib import Path
+
+import gymnasium
+from rich.console import Console
+from rich.progress import Progress
+
+import snr_sim.learning
+from snr_sim.learning.pad_training import PadPolicy, PadTraining, train_pad
+from snr_sim.learning.tabular import evaluate
+from snr_sim.prelude.errors import SnrError
+
+UNSEEN = range(1, 101)  # seeds of the scenario; training draws its starts from other numbers
+
+
+def main() -> int:
+    """Learns, tries and saves; returns the exit status."""
+    parser = argparse.ArgumentParser(description="Learns to land in the plane.")
+    parser.add_argument("--out", type=Path, default=Path("policy.npz"))
+    parser.add_argument("--steps", type=int, default=PadTraining.steps)
+    parser.add_argument("--seed", type=int, default=0)
+    asked = parser.parse_args()
+    assert snr_sim.learning is not None  # imported for what it makes known to gymnasium
+    env = gymnasium.make("snr_sim/LanderPad-v0").unwrapped
+    policy, console = PadPolicy(), Console(stderr=True)
+    how = PadTraining(steps=asked.steps, seed=asked.seed)
+    with Progress(console=console, disable=not console.is_terminal) as progress:
+        bar = progress.add_task("learning", total=how.steps)
+        trials = train_pad(policy, env, how, on_step=lambda: progress.advance(bar))
+    policy.save(asked.out)
+    with asked.out.with_suffix(".csv").open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(("trial", "slow", "straight", "landed"))
+        writer.writerows((i, *trial) for i, trial in enumerate(trials))
+    ends = evaluate(env, policy.act, UNSEEN)
+    landed = sum(end["success"] for end in ends)
+    print(f"{asked.out}: lands {landed} of {len(ends)} starts that it has not seen.")
+    print(f"snr run lander_pad --seed 7 --controller q --policy {asked.out}")
+    return 0
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except SnrError as error:
+        sys.exit(f"Error: {error}")

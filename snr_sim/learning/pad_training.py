@@ -1,0 +1,368 @@
+"""Q-learning of the landing in the plane, by tiles: two questions, learned from the same flights.
+
+How hard to burn is decided by height and vertical speed, how to lean by sideways speed, tilt and turning: each has a
+`TiledValues` of its own, with a reward of its own. That the engine pushes less upwards when the module leans, and
+sideways the more the harder it burns, is for each of them part of the weather. A plain table over all five numbers
+would need a hundred times as many cells, and never see most of them.
+
+    burn   100 for a touchdown that is slow enough, -100 for any other, less 50 for a full tank; and the growth of a
+           potential, 0.2 for each metre per second nearer to the speed that suits the height (`lander_envs.py`)
+    lean   a cost of every moment, for sideways speed, tilt and turning; 20 for a touchdown that is straight, else -20
+
+A thousand landers fly at once (`plane_batch.py`), from starts anywhere on the way down. What is learned keeps moving to
+and fro a little, as long as there is anything to learn from; its mean over the second half of the training does not,
+and that is the policy. Now and then it tries a few hundred landings without chance; of each question the best answers
+so far are kept. Whether it lands is found out by flying the environment itself, in the real plant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from snr_sim.learning.lander_envs import (
+    FUEL_WEIGHT,
+    LANDED,
+    NOT_LANDED,
+    PAD_THROTTLES,
+    PAD_TURNS,
+    SPEED_WEIGHT,
+    LanderPad,
+)
+from snr_sim.learning.number_file import check_array, read_numbers, write_numbers
+from snr_sim.learning.plane_batch import PlaneLanders, step, touches
+from snr_sim.learning.tile_coding import Axis, TileCoder, TiledValues
+from snr_sim.plants.module import LunarModule
+from snr_sim.prelude.errors import RecordingError
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
+
+ENVIRONMENT = "snr_sim/LanderPad-v0"
+FORMAT = 1
+STEP_S = 0.1
+TILINGS = 8
+BURN_AXES = (Axis("altitude_m", 0.0, 200.0, 30), Axis("vz_mps", -25.0, 6.0, 50))
+LEAN_AXES = (Axis("vx_mps", -12.0, 12.0, 16), Axis("attitude_rad", -0.4, 0.4, 14), Axis("rate_radps", -0.2, 0.2, 12))
+ALTITUDE, VX, VZ, ATTITUDE, RATE, LEFT, RIGHT = range(1, 8)  # places in what LanderPad observes
+ALL_OFF = PAD_THROTTLES.index(0.0) * len(PAD_TURNS) + PAD_TURNS.index(0.0)
+
+FORESIGHT_BURN, FORESIGHT_LEAN = 0.99, 0.985  # discount of a step: 10 s and 7 s
+LEAN_COST = (0.1, 0.3, 0.2)  # of a step, for each m/s, rad and rad/s
+STRAIGHT = 20.0
+MARGIN = 0.8  # of the gear's limits: what is learned keeps off them
+CEILING_M, FAST_MPS, LEANING_RAD, MOST_STEPS = 250.0, 14.0, 0.6, 400  # beyond these a lander begins anew
+MEAN_EVERY = 10  # steps
+MAKER = "PadPolicy.save"
+
+
+class About(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a policy's file says beside its numbers.
+
+    Args:
+        environment: what it was learned in.
+        burn, lean: the axes of the tiles.
+        tilings: of each.
+        made_by: numbers of the training.
+        version: of this format.
+    """
+
+    environment: str
+    burn: tuple[Axis, ...]
+    lean: tuple[Axis, ...]
+    tilings: int
+    made_by: str = ""
+    version: int = FORMAT
+
+
+class PadPolicy:
+    """How hard to burn and how to lean, by tiles.
+
+    Args:
+        burn, lean: axes of the tiles.
+        tilings: of each.
+    """
+
+    def __init__(
+        self, burn: Sequence[Axis] = BURN_AXES, lean: Sequence[Axis] = LEAN_AXES, tilings: int = TILINGS
+    ) -> None:
+        self.burn = TiledValues(TileCoder(burn, tilings), len(PAD_THROTTLES))
+        self.lean = TiledValues(TileCoder(lean, tilings), len(PAD_TURNS))
+        self.made_by = ""
+
+    def act(self, observation: Sequence[float]) -> int:
+        """Returns the action of `LanderPad` that is worth most for what it observes. Changes nothing.
+
+        Once a foot touches, all is off: what was learned ends there, and so did the crews at the contact light.
+        """
+        if observation[LEFT] or observation[RIGHT]:
+            return ALL_OFF
+        seen = np.array(observation, np.float64)
+        throttle = int(self.burn.best(seen[None, [ALTITUDE, VZ]])[0])
+        turn = int(self.lean.best(seen[None, [VX, ATTITUDE, RATE]])[0])
+        return throttle * len(PAD_TURNS) + turn
+
+    def save(self, path: str | Path) -> None:
+        """Writes the policy as npz: arrays of numbers, and a line of JSON about them.
+
+        Raises:
+            RecordingError: it cannot be written there.
+        """
+        burn, lean = self.burn.coder, self.lean.coder
+        about = About(ENVIRONMENT, burn.axes, lean.axes, burn.tilings, self.made_by)
+        write_numbers(path, about, {"burn": self.burn.weights, "lean": self.lean.weights})
+
+    @classmethod
+    def load(cls, path: str | Path) -> PadPolicy:
+        """Returns the policy in a file.
+
+        Raises:
+            RecordingError: there is no such file, it is none of these, it is cut, or it is for something else.
+        """
+        about, arrays = read_numbers(path, About, ("burn", "lean"), "policy of tiles", MAKER)
+        if about.version != FORMAT:
+            raise RecordingError(f"{path} has version {about.version}; this kit reads {FORMAT}.", fix="train it again.")
+        if about.environment != ENVIRONMENT:
+            raise RecordingError(
+                f"{path} was learned in {about.environment}, not in {ENVIRONMENT}.", fix="train one for it."
+            )
+        policy = cls(about.burn, about.lean, about.tilings)
+        for name, values in (("burn", policy.burn), ("lean", policy.lean)):
+            check_array(path, name, arrays[name], values.weights, MAKER)
+            values.weights = arrays[name].astype(np.float64)
+        policy.made_by = about.made_by
+        return policy
+
+
+@dataclass(frozen=True)
+class PadTraining:
+    """How the policy is learned.
+
+    Args:
+        landers: that fly at once.
+        steps: of all of them.
+        seed: of all chance.
+        epsilon: how often an action is taken at random: at first, and at least.
+        least_step: how far a value moves at least towards what was seen: at first, and at last.
+        tried: landers that try the policy without chance.
+        try_every: steps between two such trials, in the second half of the training.
+    """
+
+    landers: int = 1024
+    steps: int = 9_000
+    seed: int = 0
+    epsilon: tuple[float, float] = (0.4, 0.05)
+    least_step: tuple[float, float] = (0.05, 0.004)
+    tried: int = 400
+    try_every: int = 250
+
+
+class Trial(NamedTuple):
+    """What came of trying a policy in the batch: shares of all landers.
+
+    Args:
+        slow: touched down slowly enough.
+        straight: touched down straight enough.
+        landed: both.
+    """
+
+    slow: float
+    straight: float
+    landed: float
+
+
+class Sky:
+    """Where landers fly, in a batch: the module, its starts and its sensors.
+
+    Args:
+        env: the environment that the policy is for.
+        seed: of all chance.
+    """
+
+    def __init__(self, env: LanderPad, seed: int | Sequence[int]) -> None:
+        plant: Any = env.plant
+        self.module: LunarModule = plant.module
+        self.dry_kg: float = plant.mass_kg - plant.fuel_kg
+        parameters: Any = env.run.robot.parameters
+        radar, inertial = parameters.radar.errors.noise, parameters.inertial.errors.noise
+        height, speed = radar["altitude_m"], inertial["velocity_mps"]
+        self._noise = np.array([height, speed, speed, inertial["attitude_rad"], inertial["rate_radps"]])
+        self.rng = np.random.default_rng(seed)
+
+    def exploring(self, count: int) -> PlaneLanders:
+        """Returns starts anywhere on the way down, most of them low, and most of them nearly straight."""
+        draw = self.rng.uniform
+        height = 180.0 * self.rng.random(count) ** 2
+        near = np.minimum(1.0, 0.2 + height / 50.0)
+        fuel, throttle = draw(200.0, 700.0, count), self.rng.choice(np.array(PAD_THROTTLES), count)
+        vz = self.suitable(height) + draw(-8.0, 8.0, count) * near
+        attitude, rate = (most * draw(-1.0, 1.0, count) ** 3 for most in (0.35, 0.15))
+        vx = draw(-9.0, 9.0, count) * self.rng.random(count)
+        return PlaneLanders(height, vz, vx, attitude, rate, self.dry_kg + fuel, fuel, throttle)
+
+    def proper(self, count: int) -> PlaneLanders:
+        """Returns starts as the scenario draws them."""
+        draw = self.rng.uniform
+        height, vz, vx = draw(116.0, 178.0, count), draw(-8.0, -2.0, count), draw(-6.0, 6.0, count)
+        attitude, rate = np.radians(draw(-6.0, 6.0, count)), np.radians(draw(-1.0, 1.0, count))
+        fuel = draw(500.0, 700.0, count)
+        return PlaneLanders(height, vz, vx, attitude, rate, self.dry_kg + fuel, fuel, np.zeros(count))
+
+    def suitable(self, height: Floats) -> Floats:
+        """Returns the speed that suits each height, as the environment reckons (`suitable_mps`)."""
+        speeds: Floats = -np.sqrt(1.0 + 2.0 * self.module.gravity_mps2 * np.maximum(0.0, height))
+        return speeds
+
+    def told(self, landers: PlaneLanders) -> tuple[Floats, Floats]:
+        """Returns what the sensors tell: height and vz, shape (n, 2); vx, attitude and rate, shape (n, 3)."""
+        truth = np.stack(landers[:5], axis=1)
+        truth += self.rng.normal(size=truth.shape) * self._noise
+        return truth[:, :2], truth[:, 2:]
+
+    def is_slow(self, landers: PlaneLanders, share: float = 1.0) -> Bools:
+        """Returns whether the gear would take the vertical speed of each, or a share of it."""
+        gear = self.module.gear
+        slides = np.minimum(1.0, np.abs(landers.vx_mps) / gear.lateral_mps)
+        takes: Bools = -landers.vz_mps <= share * (
+            gear.vertical_mps - slides * (gear.vertical_mps - gear.vertical_sliding_mps)
+        )
+        return takes
+
+    def is_straight(self, landers: PlaneLanders, share: float = 1.0) -> Bools:
+        """Returns whether the gear would take the rest of each one's motion, or a share of it."""
+        gear = self.module.gear
+        takes: Bools = (
+            (np.abs(landers.vx_mps) <= share * gear.lateral_mps)
+            & (np.abs(landers.attitude_rad) <= share * gear.attitude_rad)
+            & (np.abs(landers.rate_radps) <= share * gear.rate_radps)
+        )
+        return takes
+
+    def burn_rewards(self, before: PlaneLanders, after: PlaneLanders, down: Bools) -> Floats:
+        """Returns what a step was worth to who burns."""
+        tank_kg = 600.0  # about what they start with
+        was = -SPEED_WEIGHT * np.abs(before.vz_mps - self.suitable(before.height_m))
+        then = -SPEED_WEIGHT * np.abs(after.vz_mps - self.suitable(after.height_m))
+        ends = np.where(self.is_slow(after, MARGIN), LANDED, NOT_LANDED)
+        burned: Floats = (before.fuel_kg - after.fuel_kg) / tank_kg
+        worth: Floats = np.where(down, ends, FORESIGHT_BURN * then) - was - FUEL_WEIGHT * burned
+        return worth
+
+    def lean_rewards(self, after: PlaneLanders, down: Bools) -> Floats:
+        """Returns what a step was worth to who leans."""
+        motion = (after.vx_mps, after.attitude_rad, after.rate_radps)
+        cost = sum(weight * np.abs(one) for weight, one in zip(LEAN_COST, motion, strict=True))
+        ends = np.where(self.is_straight(after, MARGIN), STRAIGHT, -STRAIGHT)
+        worth: Floats = np.where(down, ends, 0.0) - cost
+        return worth
+
+
+def train_pad(
+    policy: PadPolicy,
+    env: LanderPad,
+    training: PadTraining | None = None,
+    on_step: Callable[[], None] = lambda: None,
+) -> list[Trial]:
+    """Learns to land in the plane; returns the trials on the way, which are the learning curve.
+
+    Args:
+        policy: is changed; afterwards it has the best answers that were tried.
+        env: what it is for: its module, sensors and masses.
+        training: how.
+        on_step: is called after each step.
+    """
+    how = training or PadTraining()
+    sky = Sky(env, how.seed)
+    rng, burn, lean = sky.rng, policy.burn, policy.lean
+    throttles, turns = np.array(PAD_THROTTLES), np.array(PAD_TURNS)
+    landers, flown = sky.exploring(how.landers), np.zeros(how.landers, np.int64)
+    burn_tiles, lean_tiles = _tiles(policy, sky, landers)
+    trials: list[Trial] = []
+    mean = PadPolicy(burn.coder.axes, lean.coder.axes, burn.coder.tilings)
+    pairs, means = ((mean.burn, burn), (mean.lean, lean)), 0
+    kept = [(-1.0, burn.weights), (-1.0, lean.weights)]
+    for i in range(how.steps):
+        epsilon = max(how.epsilon[1], how.epsilon[0] * (1.0 - i / (0.7 * how.steps)))
+        least_step = max(how.least_step[1], how.least_step[0] * (1.0 - i / (0.8 * how.steps)))
+        throttle, turn = _explored(burn.of(burn_tiles), epsilon, rng), _explored(lean.of(lean_tiles), epsilon, rng)
+        after = step(landers, throttles[throttle], turns[turn], sky.module, STEP_S)
+        down = touches(after)
+        next_burn, next_lean = _tiles(policy, sky, landers)  # the sensors tell it a step late
+        burn_worth = np.where(down, 0.0, FORESIGHT_BURN * burn.of(next_burn).max(axis=1))
+        lean_worth = np.where(down, 0.0, FORESIGHT_LEAN * lean.of(next_lean).max(axis=1))
+        burn.learn(burn_tiles, throttle, sky.burn_rewards(landers, after, down) + burn_worth, least_step)
+        lean.learn(lean_tiles, turn, sky.lean_rewards(after, down) + lean_worth, least_step)
+        flown += 1
+        landers, burn_tiles, lean_tiles = after, next_burn, next_lean
+        over = down | _is_lost(after) | (flown > MOST_STEPS)
+        if over.any():
+            fresh = sky.exploring(int(over.sum()))
+            for array, begins in zip(landers, fresh, strict=True):
+                array[over] = begins
+            flown[over] = 0
+            burn_tiles[over], lean_tiles[over] = _tiles(policy, sky, fresh)
+        on_step()
+        if i >= how.steps // 2 and i % MEAN_EVERY == 0:
+            means += 1
+            for one, learned in pairs:
+                one.weights += (learned.weights - one.weights) / means
+        if means and ((i + 1) % how.try_every == 0 or i + 1 == how.steps):
+            trial = try_pad(mean, env, how.tried, seed=how.seed)
+            trials.append(trial)
+            for k, share in enumerate((trial.slow, trial.straight)):
+                if share >= kept[k][0]:
+                    kept[k] = share, pairs[k][0].weights.copy()
+    burn.weights, lean.weights = kept[0][1], kept[1][1]
+    policy.made_by = repr(how)
+    return trials
+
+
+def try_pad(policy: PadPolicy, env: LanderPad, count: int, seed: int) -> Trial:
+    """Returns what comes of landing by a policy in the batch, without exploring and without learning."""
+    sky = Sky(env, [seed, 1])
+    throttles, turns = np.array(PAD_THROTTLES), np.array(PAD_TURNS)
+    landers = sky.proper(count)
+    told = sky.told(landers)
+    found = np.zeros(3)
+    for _ in range(int(env.limit_s / STEP_S)):
+        actions = throttles[policy.burn.best(told[0])], turns[policy.lean.best(told[1])]
+        told = sky.told(landers)
+        landers = step(landers, *actions, sky.module, STEP_S)
+        down = touches(landers)
+        slow, straight = down & sky.is_slow(landers), down & sky.is_straight(landers)
+        found += slow.sum(), straight.sum(), (slow & straight).sum()
+        flies = ~(down | _is_lost(landers))
+        if not flies.any():
+            break
+        landers, told = PlaneLanders(*(one[flies] for one in landers)), (told[0][flies], told[1][flies])
+    return Trial(*(found / count).tolist())
+
+
+def _tiles(policy: PadPolicy, sky: Sky, landers: PlaneLanders) -> tuple[Ints, Ints]:
+    """Returns the tiles of both questions where sensors see landers."""
+    burn, lean = sky.told(landers)
+    return policy.burn.coder.tiles(burn), policy.lean.coder.tiles(lean)
+
+
+def _explored(values: Floats, epsilon: float, rng: np.random.Generator) -> Ints:
+    """Returns the action that is worth most of each row, now and then another one."""
+    actions: Ints = np.argmax(values, axis=1)
+    explores = rng.random(len(actions)) < epsilon
+    actions[explores] = rng.integers(0, values.shape[1], int(explores.sum()))
+    return actions
+
+
+def _is_lost(landers: PlaneLanders) -> Bools:
+    lost: Bools = (
+        (landers.height_m > CEILING_M)
+        | (np.abs(landers.vx_mps) > FAST_MPS)
+        | (np.abs(landers.attitude_rad) > LEANING_RAD)
+    )
+    return lost

@@ -1,0 +1,142 @@
+"""Tile coding: values of actions that generalise to places nearby (Sutton and Barto, second edition, section 9.5.4).
+
+A table knows nothing of a cell that it has not been in. Here several grids, each shifted a little against the others,
+cover the same numbers; an observation lies in one tile of each, and what it is worth is the sum over its tiles. So what
+is learned in one place counts in part for all places that share tiles with it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from snr_sim.prelude.errors import ParameterError
+
+Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
+MOST_TILES = 10_000_000
+
+
+class Axis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How one number is cut.
+
+    Args:
+        name: of the number.
+        low, high: what is outside counts as the end.
+        intervals: how many.
+        is_rooted: cut at equal steps of its square root, so finer near 0, on either side.
+    """
+
+    name: str
+    low: float
+    high: float
+    intervals: int
+    is_rooted: bool = True
+
+
+class TileCoder:
+    """Grids over the same numbers.
+
+    Args:
+        axes: how each number is cut.
+        tilings: how many grids; shifted by 1, 3, 5, ... parts of an interval in the first, second, third number.
+
+    Raises:
+        ParameterError: an axis is empty, or there are no tilings, or too many tiles.
+
+    >>> coder = TileCoder([Axis("speed_mps", -4.0, 4.0, 4)], tilings=2)
+    >>> coder.tiles(np.array([[0.5], [0.9], [100.0]])).tolist()
+    [[2, 8], [2, 8], [3, 9]]
+    """
+
+    def __init__(self, axes: Sequence[Axis], tilings: int) -> None:
+        for axis in axes:
+            if (
+                not (math.isfinite(axis.low) and math.isfinite(axis.high) and axis.low < axis.high)
+                or axis.intervals < 1
+            ):
+                raise ParameterError(f"The axis {axis} is empty.", fix="low below high, and one interval or more.")
+        self.axes = tuple(axes)
+        self.tilings = tilings
+        sizes = [axis.intervals + 1 for axis in axes]  # one more, as all but the first grid are shifted
+        self.count = tilings * math.prod(sizes)
+        if not axes or tilings < 1 or self.count > MOST_TILES:
+            raise ParameterError(
+                f"{tilings} grids of {math.prod(sizes)} tiles.",
+                fix=f"1 to {MOST_TILES} tiles in all, of one number or more.",
+            )
+        self._low, self._high = (
+            np.array([_cut(axis, end) for axis, end in zip(axes, ends, strict=True)])
+            for ends in ([axis.low for axis in axes], [axis.high for axis in axes])
+        )
+        self._rooted = np.array([axis.is_rooted for axis in axes])
+        self._intervals = np.array([axis.intervals for axis in axes])
+        odd = 2 * np.arange(len(axes)) + 1
+        self._shifts = (np.arange(tilings)[:, None] * odd % tilings) / tilings
+        self._strides = np.cumprod([1, *sizes[:-1]])
+        self._firsts = np.arange(tilings) * math.prod(sizes)
+
+    def tiles(self, observations: Floats) -> Ints:
+        """Returns the tiles of observations, shape (n, axes), as numbers of shape (n, tilings)."""
+        rooted = np.where(self._rooted, np.sign(observations) * np.sqrt(np.abs(observations)), observations)
+        shares = np.clip((rooted - self._low) / (self._high - self._low), 0.0, 1.0 - 1e-9)
+        places = (shares * self._intervals)[:, None, :] + self._shifts
+        tiles: Ints = places.astype(np.int64) @ self._strides + self._firsts
+        return tiles
+
+
+class TiledValues:
+    """What actions are worth, by tiles.
+
+    Args:
+        coder: makes tiles of observations.
+        actions: how many there are.
+
+    Attributes:
+        weights: shape (tiles, actions); a value is the sum over the tiles.
+        visits: shape (tiles, actions), how often a weight was learned.
+    """
+
+    def __init__(self, coder: TileCoder, actions: int) -> None:
+        self.coder = coder
+        self.actions = actions
+        self.weights: Floats = np.zeros((coder.count, actions))
+        self.visits: Ints = np.zeros((coder.count, actions), np.int64)
+
+    def of(self, tiles: Ints) -> Floats:
+        """Returns the values of all actions, shape (n, actions), where the tiles are, shape (n, tilings)."""
+        values: Floats = self.weights[tiles].sum(axis=1)
+        return values
+
+    def best(self, observations: Floats) -> Ints:
+        """Returns the action that is worth most for each observation, shape (n,); the first of several."""
+        chosen: Ints = np.argmax(self.of(self.coder.tiles(observations)), axis=1)
+        return chosen
+
+    def learn(self, tiles: Ints, actions: Ints, targets: Floats, least_step: float) -> None:
+        """Moves values towards targets; of several for one weight, by their mean.
+
+        Args:
+            tiles: where, shape (n, tilings).
+            actions: of which, shape (n,).
+            targets: what they should have been, shape (n,).
+            least_step: share of the way that a value moves at least; at first nearly all, and less from visit to visit.
+        """
+        places = tiles * self.actions + actions[:, None]
+        weights, visits = self.weights.reshape(-1), self.visits.reshape(-1)
+        misses = np.repeat((targets - weights[places].sum(axis=1)) / self.coder.tilings, self.coder.tilings)
+        places = places.ravel()
+        counts = np.bincount(places, minlength=len(weights))
+        sums = np.bincount(places, misses, minlength=len(weights))
+        hit = np.flatnonzero(counts)
+        visits[hit] += counts[hit]
+        steps = np.maximum(least_step, (1.0 + visits[hit] / 30.0) ** -0.7)
+        weights[hit] += steps * sums[hit] / counts[hit]
+
+
+def _cut(axis: Axis, value: float) -> float:
+    return math.copysign(math.sqrt(abs(value)), value) if axis.is_rooted else value

@@ -1,0 +1,123 @@
+"""Learning to land in the plane by tiles: it learns, its file is safe, and it flies in a node as it did here.
+
+How well it lands after two minutes of learning is measured by `snr bench learning`: too long for a test.
+"""
+
+import pickle
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+import snr_sim.learning  # noqa: F401 - makes the names known
+from snr_sim.flight import Flight
+from snr_sim.learning.lander_envs import PAD_THROTTLES, PAD_TURNS, pad_command
+from snr_sim.learning.pad_training import PadPolicy, PadTraining, train_pad, try_pad
+from snr_sim.learning.q_table import QTable
+from snr_sim.prelude.errors import ParameterError, RecordingError
+from snr_sim.simulation import Request, prepare
+
+SHORT = PadTraining(landers=192, steps=500, tried=100)
+
+
+@pytest.fixture(scope="module")
+def env() -> Any:
+    return gymnasium.make("snr_sim/LanderPad-v0").unwrapped
+
+
+@pytest.fixture(scope="module")
+def learned(env: Any) -> PadPolicy:
+    policy = PadPolicy()
+    train_pad(policy, env, SHORT)
+    return policy
+
+
+def test_a_short_training_already_comes_down_more_slowly_or_straighter_than_none(env: Any, learned: PadPolicy) -> None:
+    before, after = (try_pad(policy, env, 200, seed=3) for policy in (PadPolicy(), learned))
+    assert before.slow + before.straight < 0.1
+    assert after.slow + after.straight > before.slow + before.straight + 0.1
+
+
+def test_the_same_seed_learns_the_same_and_another_seed_another(env: Any, learned: PadPolicy) -> None:
+    again, other = PadPolicy(), PadPolicy()
+    train_pad(again, env, SHORT)
+    train_pad(other, env, PadTraining(landers=192, steps=500, tried=100, seed=1))
+    assert np.array_equal(again.burn.weights, learned.burn.weights)
+    assert np.array_equal(again.lean.weights, learned.lean.weights)
+    assert not np.array_equal(other.lean.weights, learned.lean.weights)
+
+
+def test_all_is_off_once_a_foot_touches(learned: PadPolicy) -> None:
+    learned.lean.weights[:, 2] += 100.0  # it would turn, if it were asked
+    try:
+        for contact in ((1.0, 0.0), (0.0, 1.0), (1.0, 1.0)):
+            command = pad_command(learned.act([0.0, 0.1, 0.0, -1.0, 0.0, 0.0, *contact, 100.0]))
+            assert (command.throttle, command.attitude) == (0.0, 0.0)
+        assert pad_command(learned.act([0.0, 0.1, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 100.0])).attitude == 1.0
+    finally:
+        learned.lean.weights[:, 2] -= 100.0
+
+
+def test_a_policy_comes_back_from_its_file_as_it_was(learned: PadPolicy, tmp_path: Path) -> None:
+    learned.save(tmp_path / "policy.npz")
+    found = PadPolicy.load(tmp_path / "policy.npz")
+    assert np.array_equal(found.burn.weights, learned.burn.weights)
+    assert np.array_equal(found.lean.weights, learned.lean.weights)
+    assert found.burn.coder.axes == learned.burn.coder.axes
+    assert found.made_by == repr(SHORT)
+
+
+def test_a_file_that_is_no_policy_is_refused_and_never_unpickled(tmp_path: Path, learned: PadPolicy) -> None:
+    class Trap:
+        def __reduce__(self) -> Any:
+            return (Path(tmp_path / "sprung").touch, ())
+
+    pickled = tmp_path / "pickled.npz"
+    pickled.write_bytes(pickle.dumps(Trap()))
+    held = tmp_path / "held.npz"
+    np.savez(held, about=np.array([Trap()], object), burn=np.zeros(1), lean=np.zeros(1))
+    table = tmp_path / "table.npz"
+    from snr_sim.learning.batch_training import new_table
+
+    new_table().save(table)
+    learned.save(tmp_path / "whole.npz")
+    cut = tmp_path / "cut.npz"
+    cut.write_bytes((tmp_path / "whole.npz").read_bytes()[:-40])
+    for path in (pickled, held, table, cut, tmp_path / "missing.npz", tmp_path):
+        with pytest.raises(RecordingError):
+            PadPolicy.load(path)
+    assert not (tmp_path / "sprung").exists()
+    with pytest.raises(RecordingError, match="table of action values"):
+        QTable.load(tmp_path / "whole.npz")
+
+
+def test_a_policy_flies_in_a_node_just_as_it_did_here_to_the_last_bit(
+    env: Any, learned: PadPolicy, tmp_path: Path
+) -> None:
+    observation, _ = env.reset(options={"start": 5})
+    over = False
+    while not over:
+        observation, _, *ended, info = env.step(learned.act(observation.tolist()))
+        over = any(ended)
+    learned.save(tmp_path / "policy.npz")
+    options = {"policy": str(tmp_path / "policy.npz")}
+    simulation = prepare(Request("lander_pad", seed=5, controller="q", options=options))
+    plant: Any = simulation.plant()
+    result = Flight(simulation, plant, simulation.config(plant)).run()
+    assert result.outcome == info["outcome"]
+    assert plant.touchdown == env.plant.touchdown
+    assert plant.fuel_kg == env.plant.fuel_kg
+
+
+def test_without_a_file_the_controller_says_what_makes_one() -> None:
+    simulation = prepare(Request("lander_pad", controller="q"))
+    with pytest.raises(ParameterError, match=r"learn_pad\.py"):
+        simulation.config(simulation.plant())
+
+
+def test_actions_are_what_the_environment_says() -> None:
+    commands = [pad_command(action) for action in range(9)]
+    assert [command.throttle for command in commands] == [one for one in PAD_THROTTLES for _ in PAD_TURNS]
+    assert [command.attitude for command in commands] == list(PAD_TURNS) * 3

@@ -1,0 +1,38 @@
+"""The notebooks run from top to bottom, as they stand in the repository: without outputs, and without hidden state."""
+
+import json
+from pathlib import Path
+
+import nbformat
+import pytest
+from nbclient import NotebookClient
+
+FOLDER = Path(__file__).parents[2] / "notebooks"
+NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
+
+
+def test_there_are_five_and_a_page_that_says_how_to_begin() -> None:
+    assert [one.stem[3:] for one in NOTEBOOKS] == ["landing", "underwater", "filters", "replay", "grading"]
+    page = (FOLDER / "README.md").read_text(encoding="utf-8")
+    assert all(one.name in page for one in NOTEBOOKS)
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_is_kept_without_outputs(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    notebook = json.loads(text)
+    nbformat.validate(nbformat.reads(text, 4))
+    for cell in notebook["cells"]:
+        if cell["cell_type"] == "code":
+            assert (cell["outputs"], cell["execution_count"]) == ([], None)
+
+
+@pytest.mark.filterwarnings("default")  # those of jupyter's own parts
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_runs_and_shows_pictures(path: Path) -> None:
+    notebook = nbformat.read(path, 4)
+    # A cell that takes minutes is not for a class; the limit is far above, for a busy computer.
+    NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(FOLDER)}}).execute()
+    shown = [output for cell in notebook.cells for output in cell.get("outputs", [])]
+    assert not [output for output in shown if output.output_type == "error"]
+    assert sum("image/png" in output.get("data", {}) for output in shown) >= 1
