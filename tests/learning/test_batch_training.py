@@ -116,10 +116,12 @@ def test_the_table_goes_back_into_a_node_and_lands_there_as_it_did_here(
 
 
 def test_without_a_table_or_with_another_the_controller_says_what_it_needs(tmp_path: Path) -> None:
-    with pytest.raises(ParameterError, match="needs a table to go by"):
+    with pytest.raises(ParameterError, match="needs a file to go by"):
         run()
     with pytest.raises(RecordingError, match="There is no file"):
         run(policy=str(tmp_path / "none.npz"))
-    in_the_plane = prepare(Request("lander_pad", controller="q", options={"policy": "x"}))
-    with pytest.raises(ParameterError, match="flies straight down, and lander_pad is in the plane"):
+    table = tmp_path / "table.npz"
+    new_table().save(table)
+    in_the_plane = prepare(Request("lander_pad", controller="q", options={"policy": str(table)}))
+    with pytest.raises(RecordingError, match=r"table\.npz is no policy of tiles"):
         in_the_plane.config(in_the_plane.plant())
