@@ -19,7 +19,7 @@ from snr_sim.core.interrupts import Interrupted, orderly
 from snr_sim.prelude.errors import ComponentFailed
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
-COUNT = 150  # ten of each kind
+COUNT = 225  # fifteen of each kind
 HERE = Path(__file__).parent
 
 
@@ -32,9 +32,11 @@ def test_weakness_1_nodes_interrupted_at_random_moments_all_halt_in_order_and_so
     assert [child for child in children if child["status"] is None] == []  # had to be killed
     # b: begun, h: halted, t: terminated.
     assert [child for child in children if not child["wrote"].startswith("bht")] == []
+    slow = [child for child in children if child["took_s"] > 1.0]
+    assert len(slow) <= COUNT // 50, slow  # a busy computer may hold one up
     for kind in {child["kind"] for child in children}:
         took_s = [child["took_s"] for child in children if child["kind"] == kind]
-        assert median(took_s) < 1.0, kind  # a busy computer may hold one up; a hang holds up all of its kind
+        assert median(took_s) < 1.0, kind  # a hang holds up all of its kind
 
 
 def sends(*numbers: int) -> TickerFactory:

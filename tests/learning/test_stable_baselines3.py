@@ -45,14 +45,14 @@ def test_ppo_trains_on_each_without_a_wrapper(name: str) -> None:
 
 
 def test_ppo_trained_briefly_brakes_better_than_chance() -> None:
-    """The mean return over unseen starts grows, by 13.5 when measured: 40 000 steps are not enough to land."""
+    """The mean return over unseen starts grows. Measured: 13.5 in 40 000 steps, so this is missed still."""
     envs = make_vec_env("snr_sim/LanderVertical-v0", n_envs=8, seed=3)
     model = sb3.PPO(
         "MlpPolicy", sb3.common.vec_env.VecNormalize(envs), n_steps=256, batch_size=256, seed=3, device="cpu"
     )
     untrained = mean_return(model)
     model.learn(40_000)
-    assert mean_return(model) > untrained + 5.0
+    assert mean_return(model) > untrained + 20.0
 
 
 def parameters_of(model: Any) -> list[Any]:

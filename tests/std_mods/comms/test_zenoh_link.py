@@ -349,10 +349,10 @@ def test_a_process_that_hangs_neither_holds_up_a_node_nor_its_end(
     shore.store("x", "after")
     with friend.news:
         assert friend.news.wait_for(lambda: friend.stored.get("x", [""])[-1] == "after", LIMIT_S)
-    assert len(friend.stored["x"]) > 2000  # nearly all where nothing else runs: who is slower loses more
+    assert len(friend.stored["x"]) > 10_000  # nearly all, if not all: this machine may be slow, too
     began_s = time.monotonic()
     shore.end()
-    assert time.monotonic() - began_s < 6.0  # 0.3 s where nothing else runs; Zenoh itself takes 6 s and more
+    assert time.monotonic() - began_s < 3.0  # 0.3 s, and this machine's load; Zenoh itself takes 6 s and more
 
 
 def test_twenty_links_leave_neither_threads_nor_descriptors_behind(start: Start, net: ZenohNet) -> None:
