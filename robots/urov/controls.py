@@ -8,6 +8,7 @@ from typing import Any
 import msgspec
 
 from snr_sim.prelude.errors import CommandError, UnknownName, nearest
+from snr_sim.prelude.structs import learned
 
 # Each mode does what those before it do, too; "manual" is the sticks alone.
 MODES = ("manual", "stabilise", "depth_hold", "heading_hold")
@@ -51,7 +52,7 @@ def controls_of(data: Any) -> Controls:
         UnknownName: there is no such mode.
     """
     try:
-        controls = msgspec.convert(data, Controls)
+        controls = msgspec.convert(data, learned(Controls))
     except msgspec.ValidationError as error:
         raise CommandError(f"These are no controls: {error}.", fix="store the fields of Controls.") from error
     if controls.mode not in MODES:

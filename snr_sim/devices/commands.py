@@ -7,6 +7,7 @@ from typing import Any, get_args, get_origin
 import msgspec
 
 from snr_sim.prelude.errors import CommandError, nearest
+from snr_sim.prelude.structs import learned
 
 Limits = dict[str, tuple[float, float]]
 
@@ -27,11 +28,11 @@ def command_of(data: Any, wanted: type[Any], limits: Limits) -> Any:
     if type(data) is wanted:
         return data
     try:
-        return msgspec.convert(data, wanted)
+        return msgspec.convert(data, learned(wanted))
     except msgspec.ValidationError:
         pass
     try:
-        return msgspec.convert(_plain(data), wanted)
+        return msgspec.convert(_plain(data), learned(wanted))
     except msgspec.ValidationError as error:
         raise _what_is_wrong(data, wanted, limits) from error
 
@@ -76,7 +77,7 @@ def _wrong_value(place: str, value: Any, kind: Any) -> tuple[str, Any] | None:
         inside = (_wrong_value(f"{place}[{i}]", one, get_args(kind)[0]) for i, one in enumerate(value))
         return next((found for found in inside if found is not None), None)
     try:
-        msgspec.convert(_plain(value), kind)
+        msgspec.convert(_plain(value), learned(kind))
     except msgspec.ValidationError:
         return place, value
     return None

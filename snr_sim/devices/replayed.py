@@ -11,6 +11,7 @@ from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError, SensorLost
 from snr_sim.prelude.life_cycle import LifeCycle
 from snr_sim.prelude.page import Page
+from snr_sim.prelude.structs import learned
 
 _ROUNDING_S = 1e-6
 
@@ -55,7 +56,7 @@ class ReplayedSensor(LifeCycle):
 
     def _reading(self, page: Page) -> Any:
         try:
-            return msgspec.convert(page.data, self._type)
+            return msgspec.convert(page.data, learned(self._type))
         except msgspec.ValidationError as error:
             raise DeviceError(
                 f"{self.title}: the page of {page.created_at_s:g} s holds no {self._type.__name__}: {error}.",

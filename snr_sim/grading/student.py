@@ -19,6 +19,7 @@ from snr_sim.grading.imports import check_imports
 from snr_sim.grading.protocol import ProtocolError, plain_value
 from snr_sim.grading.sandbox import Isolation, Limits
 from snr_sim.grading.verdicts import LabFault, Misbehaved
+from snr_sim.prelude.structs import learned
 from snr_sim.prelude.values import encode_value, may_have_marks
 
 if TYPE_CHECKING:
@@ -255,7 +256,7 @@ def _checked(what: str, raw: msgspec.Raw, returns: Any, finite: bool) -> Any:
     if returns is Any:
         return value
     try:
-        return msgspec.convert(value, returns, strict=True)
+        return msgspec.convert(value, learned(returns), strict=True)
     except msgspec.ValidationError as error:
         raise Misbehaved(
             f"{what} returned {reprlib.repr(value)}.",

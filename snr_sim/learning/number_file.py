@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snr_sim.prelude.errors import RecordingError
+from snr_sim.prelude.structs import learned
 
 MOST_BYTES = 256 * 2**20  # of a file that is read: nobody's fills the memory
 
@@ -54,7 +55,7 @@ def read_numbers(
         if max(size, unpacked) > MOST_BYTES:
             raise RecordingError(f"{path} holds {unpacked} bytes.", fix=f"{what} of at most {MOST_BYTES} bytes.")
         with np.load(place, allow_pickle=False) as arrays:
-            about = msgspec.json.decode(arrays["about"].tobytes(), type=kind)
+            about = msgspec.json.decode(arrays["about"].tobytes(), type=learned(kind))
             return about, {name: arrays[name] for name in names}
     except FileNotFoundError:
         raise RecordingError(f"There is no file {path}.", fix="save it first, or look for its path.") from None

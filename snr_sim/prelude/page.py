@@ -7,6 +7,7 @@ from typing import Any, TypeAlias
 import msgspec
 
 from snr_sim.prelude.errors import ValueEncodingError
+from snr_sim.prelude.structs import learned
 from snr_sim.prelude.values import MARK, decode_value, encode_with_marks, may_have_marks
 
 DataKey: TypeAlias = str
@@ -81,7 +82,7 @@ _decode_data = msgspec.json.Decoder(_DataOfPage).decode
 
 
 def _page_of(**fields: Any) -> Page:
-    return msgspec.convert(fields, Page)
+    return msgspec.convert(fields, learned(Page))
 
 
 # The marks that tasks and traces know beside the plain ones of prelude/values.py.

@@ -121,7 +121,7 @@ class PageReader:
         if line.startswith(b'{"kind":'):
             return self._of_trace(line)
         if line.startswith(_START_LINE):
-            self._times.start(msgspec.json.decode(line, type=_Start).node)
+            self._times.start(_decode_start(line).node)
             return None
         page = Page.deserialize(line)
         return Stored(self._times.of(page), page)
@@ -129,7 +129,7 @@ class PageReader:
     def _of_trace(self, line: bytes) -> Stored | None:
         if not line.startswith(b'{"kind":"page"'):
             return None
-        record = msgspec.json.decode(line, type=_PageRecord)
+        record = _decode_page_record(line)
         if self._node not in ("", record.node):
             return None
         return Stored(record.t, Page.deserialize(bytes(record.values[0])))
@@ -153,6 +153,10 @@ class _PageRecord(msgspec.Struct):
     node: str
     t: float
     values: list[msgspec.Raw]
+
+
+_decode_start = msgspec.json.Decoder(_Start).decode
+_decode_page_record = msgspec.json.Decoder(_PageRecord).decode
 
 
 class _Times:

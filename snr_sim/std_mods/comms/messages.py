@@ -11,6 +11,7 @@ from typing import Annotated, Any, TypeAlias
 import msgspec
 
 from snr_sim.prelude.page import Page
+from snr_sim.prelude.structs import learned
 from snr_sim.prelude.values import MARK, may_have_marks
 
 PROTOCOL = "snr"
@@ -123,5 +124,5 @@ def decoder_of(*others: Any) -> Callable[[bytes], Any]:
     kinds: Any = Control
     for other in others:
         kinds |= other
-    decode: Callable[[bytes], Any] = msgspec.json.Decoder(kinds).decode
+    decode: Callable[[bytes], Any] = msgspec.json.Decoder(learned(kinds)).decode
     return decode
