@@ -21,6 +21,7 @@ from typing import Any
 import msgspec
 
 from snr_sim.grading.endings import ended_badly, spent
+from snr_sim.grading.nursery import Copied, Nursery
 from snr_sim.grading.patience import Patience
 from snr_sim.grading.protocol import MAX_ANSWER_BYTES, Answer, Ask, ProtocolError, decode_answer, encode
 from snr_sim.grading.sandbox import (
@@ -51,9 +52,17 @@ class ChildProcess:
         isolation: "sandbox", or "none".
         limits: what it may use.
         readable: further folders it may read: of robots.
+        nursery: where it may be a copy, if it needs no more than the submission.
     """
 
-    def __init__(self, folder: Path, isolation: Isolation, limits: Limits, readable: Sequence[Path] = ()) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        isolation: Isolation,
+        limits: Limits,
+        readable: Sequence[Path] = (),
+        nursery: Nursery | None = None,
+    ) -> None:
         self._limits = limits
         self._n = 0
         self._heard = bytearray()
@@ -61,23 +70,15 @@ class ChildProcess:
         self.printed_bytes = 0
         here, there = socket.socketpair()
         self._socket = here
+        self._process: subprocess.Popen[bytes] | Copied
         here.setblocking(False)
         with there:
-            command, cwd = start_command(folder, isolation, there.fileno(), limits, readable)
             try:
-                self._process = subprocess.Popen(
-                    command,
-                    cwd=cwd,
-                    env=environment(),
-                    stdin=subprocess.DEVNULL,
-                    stdout=subprocess.PIPE,
-                    stderr=subprocess.STDOUT,
-                    pass_fds=(there.fileno(),),
-                    start_new_session=True,
-                )
-            except OSError as error:
+                copied = nursery.copy(there.fileno()) if nursery is not None and not readable else None
+                self._process = copied or _started(folder, isolation, there.fileno(), limits, readable)
+            except LabFault:
                 here.close()
-                raise LabFault(f"A student's process could not be started: {error}.") from error
+                raise
         assert self._process.stdout is not None
         self._output = self._process.stdout.fileno()
         os.set_blocking(self._output, False)
@@ -257,6 +258,30 @@ class ChildProcess:
             self._socket.close()
             assert self._process.stdout is not None
             self._process.stdout.close()
+
+
+def _started(
+    folder: Path, isolation: Isolation, line: int, limits: Limits, readable: Sequence[Path]
+) -> subprocess.Popen[bytes]:
+    """Returns a process, with a Python and a sandbox of its own.
+
+    Raises:
+        LabFault: it cannot be started.
+    """
+    command, cwd = start_command(folder, isolation, line, limits, readable)
+    try:
+        return subprocess.Popen(
+            command,
+            cwd=cwd,
+            env=environment(),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            pass_fds=(line,),
+            start_new_session=True,
+        )
+    except OSError as error:
+        raise LabFault(f"A student's process could not be started: {error}.") from error
 
 
 @lru_cache(maxsize=1)

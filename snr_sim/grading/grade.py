@@ -11,6 +11,7 @@ from snr_sim import __version__
 from snr_sim.core.blame import describe_error
 from snr_sim.grading.child_process import try_sandbox
 from snr_sim.grading.lab import Case, Check, Lab
+from snr_sim.grading.nursery import Nursery
 from snr_sim.grading.results import CaseResult, CheckResult, Graded
 from snr_sim.grading.sandbox import Isolation, Limits, lent
 from snr_sim.grading.student import Student
@@ -50,9 +51,9 @@ def grade_submission(
     status: Literal["graded", "fault"] = "graded"
     error = ""
     checks: tuple[CheckResult, ...] = ()
-    with lent(folder.resolve(), sort) as readable:
+    with lent(folder.resolve(), sort) as readable, Nursery(readable, sort, limits or Limits()) as nursery:
         try:
-            checks = _Grading(lab, readable, secret, sort, out, limits, on_case).checks()
+            checks = _Grading(lab, readable, secret, sort, out, limits, on_case, nursery).checks()
         except LabFault as fault:
             status, error = "fault", str(fault)
     return Graded(
@@ -93,6 +94,7 @@ class _Grading:
         out: Path | None,
         limits: Limits | None,
         on_case: OnCase | None,
+        nursery: Nursery,
     ) -> None:
         self._lab = lab
         self._folder = folder
@@ -101,6 +103,7 @@ class _Grading:
         self._out = out
         self._limits = limits
         self._on_case = on_case
+        self._nursery = nursery
 
     def checks(self) -> tuple[CheckResult, ...]:
         """Returns what each check came to, in order; in practice without those that have hidden cases only."""
@@ -136,7 +139,7 @@ class _Grading:
         run = None if self._out is None or not case.is_visible else self._out / f"{check.name}-{number + 1}"
         if run is not None:
             shutil.rmtree(run, ignore_errors=True)
-        student = Student(self._folder, self._isolation, self._lab.may_import, self._limits, run)
+        student = Student(self._folder, self._isolation, self._lab.may_import, self._limits, run, self._nursery)
         error = ""
         try:
             with student:

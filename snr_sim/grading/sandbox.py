@@ -70,7 +70,7 @@ def environment() -> dict[str, str]:
 @contextmanager
 def lent(folder: Path, isolation: Isolation) -> Iterator[Path]:
     """Yields a submission's folder as nobody can read it: itself, or a copy if only its owner may."""
-    if isolation == "none" or not _is_root() or _is_open(folder):
+    if isolation == "none" or not is_root() or _is_open(folder):
         yield folder
         return
     with tempfile.TemporaryDirectory(prefix="snr-grading-") as name:
@@ -95,7 +95,7 @@ def _what_is_no_file(folder: str, names: list[str]) -> list[str]:
 
 
 def start_command(
-    folder: Path, isolation: Isolation, line: int, limits: Limits, readable: Sequence[Path]
+    folder: Path, isolation: Isolation, line: int, limits: Limits, readable: Sequence[Path], makes_copies: bool = False
 ) -> tuple[list[str], Path]:
     """Returns the command that starts a student's process, and the folder to start it in.
 
@@ -107,19 +107,21 @@ def start_command(
         line: the file descriptor it answers on.
         limits: what it may use.
         readable: further folders that it may read.
+        makes_copies: it is `nursery_process.py`, whose copies are the student's processes.
     """
+    place = "nursery_process" if makes_copies else "child"
     limited = (limits.cpu_s, limits.memory_bytes, limits.file_bytes, limits.open_files)
-    drops_to = NOBODY if isolation == "sandbox" and _is_root() else None
+    drops_to = NOBODY if isolation == "sandbox" and is_root() else None
     path = [str(one) for one in _search_path()]
     begin = (
         f"import sys; sys.path[:] = {path!r}; "
-        f"from snr_sim.grading.child import main; main({line}, {limited}, {isolation == 'sandbox'}, {drops_to})"
+        f"from snr_sim.grading.{place} import main; main({line}, {limited}, {isolation == 'sandbox'}, {drops_to})"
     )
     # What -I is, but for PYTHONHASHSEED, which it would not read: there is nothing else in the environment.
     python = [os.path.realpath(sys.executable), "-P", "-s", "-S", "-c", begin]
     if isolation == "none":
         return python, folder
-    return [*_wrapping(folder, readable), *python], Path("/")
+    return [*_wrapping(folder, readable, makes_copies), *python], Path("/")
 
 
 @lru_cache(maxsize=1)
@@ -146,7 +148,7 @@ def forbidden(words: str) -> IsolationMissing:
         return IsolationMissing(
             f"This computer does not let bubblewrap make namespaces: {words.strip()}",
             fix="a container needs --privileged."
-            if _is_root()
+            if is_root()
             else "run the grader as root; or allow user namespaces, on Ubuntu: sysctl -w "
             "kernel.apparmor_restrict_unprivileged_userns=0",
         )
@@ -156,18 +158,20 @@ def forbidden(words: str) -> IsolationMissing:
     )
 
 
-def _is_root() -> bool:
+def is_root() -> bool:
+    """Returns whether we are root, as in a container."""
     return os.geteuid() == 0
 
 
-def _wrapping(folder: Path, readable: Sequence[Path]) -> Iterator[str]:
+def _wrapping(folder: Path, readable: Sequence[Path], makes_copies: bool) -> Iterator[str]:
     """Yields bubblewrap with its options."""
     yield from (str(find_bubblewrap()), "--die-with-parent", "--new-session", "--clearenv", "--cap-drop", "ALL")
     yield from ("--unshare-ipc", "--unshare-pid", "--unshare-net", "--unshare-uts", "--unshare-cgroup-try")
     for name, value in environment().items():
         yield from ("--setenv", name, value)
-    if _is_root():
-        for capability in ("CAP_SETUID", "CAP_SETGID"):  # to become nobody
+    if is_root():
+        more = ["CAP_SYS_ADMIN"] if makes_copies else []  # to give each copy a namespace
+        for capability in ("CAP_SETUID", "CAP_SETGID", *more):  # to become nobody
             yield from ("--cap-add", capability)
     else:
         yield from ("--unshare-user", "--uid", str(NOBODY), "--gid", str(NOBODY))

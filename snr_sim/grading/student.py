@@ -16,6 +16,7 @@ import msgspec
 from snr_sim.grading.child_process import ChildProcess
 from snr_sim.grading.endings import misbehaved
 from snr_sim.grading.imports import check_imports
+from snr_sim.grading.nursery import Nursery
 from snr_sim.grading.protocol import ProtocolError, plain_value
 from snr_sim.grading.sandbox import Isolation, Limits
 from snr_sim.grading.verdicts import LabFault, Misbehaved
@@ -39,6 +40,7 @@ class Student:
         may_import: modules that are else refused.
         limits: of each of its processes.
         record_to: where runs are recorded that the student may see; nowhere if not given.
+        nursery: where its processes may be copies.
     """
 
     def __init__(
@@ -48,6 +50,7 @@ class Student:
         may_import: frozenset[str] = frozenset(),
         limits: Limits | None = None,
         record_to: Path | None = None,
+        nursery: Nursery | None = None,
     ) -> None:
         self.folder = folder.resolve()
         self.isolation = isolation
@@ -56,6 +59,7 @@ class Student:
         self.run_folder: Path | None = None  # of the last flight, if it was recorded
         self.flights = 0
         self._may_import = may_import
+        self._nursery = nursery
         self._child: ChildProcess | None = None
         self._printed: list[str] = []
 
@@ -179,7 +183,7 @@ class Student:
         """
         self.source(file)
         check_imports(self.folder, file, self._may_import)
-        return ChildProcess(self.folder, self.isolation, self.limits, readable)
+        return ChildProcess(self.folder, self.isolation, self.limits, readable, self._nursery)
 
     def done_with(self, child: ChildProcess) -> None:
         """Ends a process, and keeps what it printed."""

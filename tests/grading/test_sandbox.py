@@ -3,6 +3,7 @@
 import os
 import shutil
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,8 @@ from snr_sim.grading import Student
 from snr_sim.grading.child_process import try_sandbox
 from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.lab import load_lab
-from snr_sim.grading.sandbox import IsolationMissing, Limits, find_bubblewrap, forbidden
+from snr_sim.grading.nursery import Nursery
+from snr_sim.grading.sandbox import IsolationMissing, Limits, find_bubblewrap, forbidden, is_root
 from snr_sim.grading.verdicts import Misbehaved
 
 PROBE = '''
@@ -41,6 +43,28 @@ def fill(path):
             file.write(bytes(1 << 20))
 
 
+def rights():
+    """Returns what the kernel says to what only root may; which capabilities there are."""
+    ctypes = __import__("ctypes")  # as a submission would that hides it
+    libc = ctypes.CDLL(None, use_errno=True)
+    refused, own = [], os.pidfd_open(os.getpid())
+    for function, *args in (
+        (libc.unshare, 0x08000000),
+        (libc.unshare, 0x00020000),
+        (libc.setns, own, 0x08000000),
+        (libc.mount, b"x", b"/tmp", b"tmpfs", 0, None),
+        (libc.chroot, b"/tmp"),
+        (libc.setresuid, 0, 0, 0),
+        (libc.sethostname, b"me", 2),
+    ):
+        refused.append(function(*args) == -1 and errno.errorcode[ctypes.get_errno()])
+    os.close(own)
+    header = (ctypes.c_uint32 * 2)(0x20080522, 0)
+    sets = (ctypes.c_uint32 * 6)()
+    libc.capget(header, sets)
+    return [refused, [*sets[:2], *sets[3:5]], libc.prctl(39, 0, 0, 0, 0)]
+
+
 def facts():
     import _socket
 
@@ -64,6 +88,7 @@ def facts():
         "fork": tried(os.fork),
         "program": tried(os.posix_spawn, sys.executable, ["python"], {}),
         "root again": tried(os.setuid, 0),
+        "rights": rights(),
         "parent": tried(os.kill, os.getppid(), 9),
         "core": resource.getrlimit(resource.RLIMIT_CORE),
         "more memory": tried(resource.setrlimit, resource.RLIMIT_AS, (-1, -1)),
@@ -91,9 +116,23 @@ def submission(tmp_path: Path) -> Path:
     return folder
 
 
-def test_a_process_in_the_sandbox_is_nobody_alone_and_can_write_on_little_but_its_scratch(submission: Path) -> None:
+@pytest.fixture(params=["fresh", "copied"])
+def nursery(request: pytest.FixtureRequest, submission: Path) -> Iterator[Nursery | None]:
+    """Where student's processes are copies; none if each gets a sandbox of its own."""
+    if request.param == "fresh":
+        yield None
+        return
+    if not is_root():
+        pytest.skip("there are copies for root alone")
+    with Nursery(submission, "sandbox", Limits(cpu_s=1)) as nursery:
+        yield nursery
+
+
+def test_a_process_in_the_sandbox_is_nobody_alone_and_can_write_on_little_but_its_scratch(
+    submission: Path, nursery: Nursery | None
+) -> None:
     submission.parent.chmod(0o755)
-    with Student(submission, "sandbox") as student:
+    with Student(submission, "sandbox", nursery=nursery) as student:
         facts = student.call("mine.py", "facts")
     assert facts["uid"] == [65534, 65534, 65534]
     assert facts["groups"] == [] or os.getuid() != 0
@@ -112,6 +151,10 @@ def test_a_process_in_the_sandbox_is_nobody_alone_and_can_write_on_little_but_it
     assert facts["much scratch"] in ("EFBIG", "ENOSPC")
     assert facts["fork"] == "EAGAIN"
     assert facts["program"] == "EAGAIN"
+    refused, capabilities, may_gain_no_rights = facts["rights"]
+    assert set(refused) <= {"EPERM", "EINVAL"}, refused  # EINVAL: there is no such user here
+    assert capabilities == [0] * 4
+    assert may_gain_no_rights == 1
     assert facts["root again"] in ("EPERM", "EINVAL")
     assert facts["parent"] in ("EPERM", "done")  # its parent is the namespace's own first process, or nobody
     assert facts["core"] == [0, 0]
@@ -120,7 +163,9 @@ def test_a_process_in_the_sandbox_is_nobody_alone_and_can_write_on_little_but_it
     assert (submission / "mine.py").read_text() == PROBE
 
 
-def test_a_process_sees_nothing_of_the_grader_or_of_other_submissions(submission: Path, tmp_path: Path) -> None:
+def test_a_process_sees_nothing_of_the_grader_or_of_other_submissions(
+    submission: Path, tmp_path: Path, nursery: Nursery | None
+) -> None:
     secret = tmp_path / "secret.txt"
     secret.write_text("do not tell")
     secret.chmod(0o644)
@@ -136,15 +181,15 @@ def test_a_process_sees_nothing_of_the_grader_or_of_other_submissions(submission
         "/sys/",
         "/var/",
     ]
-    with Student(submission, "sandbox") as student:
+    with Student(submission, "sandbox", nursery=nursery) as student:
         assert student.call("mine.py", "looks", hidden) == ["ENOENT"] * len(hidden)
         assert student.call("mine.py", "seen_under", "/submission") == ["/submission/mine.py"]
         assert not any("do not tell" in argument for argument in student.call("mine.py", "facts")["arguments"])
 
 
-def test_what_a_process_knows_does_not_depend_on_the_case(submission: Path) -> None:
+def test_what_a_process_knows_does_not_depend_on_the_case(submission: Path, nursery: Nursery | None) -> None:
     def told(n: int) -> list[str]:
-        with Student(submission, "sandbox") as student:
+        with Student(submission, "sandbox", nursery=nursery) as student:
             for _ in range(n):
                 student.call("mine.py", "looks", [])
             arguments: list[str] = student.call("mine.py", "facts")["arguments"]
@@ -153,23 +198,27 @@ def test_what_a_process_knows_does_not_depend_on_the_case(submission: Path) -> N
     assert told(0) == told(2)
 
 
-def test_a_loop_without_end_is_ended_by_the_kernel_even_if_its_program_will_not_hear_of_it(submission: Path) -> None:
+def test_a_loop_without_end_is_ended_by_the_kernel_even_if_its_program_will_not_hear_of_it(
+    submission: Path, nursery: Nursery | None
+) -> None:
     (submission / "mine.py").write_text(
         "import signal\n"
         "for number in (signal.SIGPROF, signal.SIGXCPU, signal.SIGTERM):\n"
         "    signal.signal(number, signal.SIG_IGN)\n"
         "while True:\n    pass\n"
     )
-    student = Student(submission, "sandbox", limits=Limits(cpu_s=1))
+    student = Student(submission, "sandbox", limits=Limits(cpu_s=1), nursery=nursery)
     with student, pytest.raises(Misbehaved, match="used up its CPU time"):
         student.call("mine.py", "f")
 
 
-def test_a_program_that_closes_what_it_prints_to_is_graded_all_the_same(submission: Path) -> None:
+def test_a_program_that_closes_what_it_prints_to_is_graded_all_the_same(
+    submission: Path, nursery: Nursery | None
+) -> None:
     (submission / "mine.py").write_text(
         "import os, sys\nsys.stdout = None\nos.close(1)\nos.close(2)\ndef f():\n    return 1\n"
     )
-    with Student(submission, "sandbox") as student:
+    with Student(submission, "sandbox", nursery=nursery) as student:
         assert student.call("mine.py", "f") == 1
 
 

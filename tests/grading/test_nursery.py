@@ -1,0 +1,146 @@
+"""Cases of one submission in one sandbox: none meets what another has left, and the sandbox is nobody's to break."""
+
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim.grading import Student
+from snr_sim.grading.nursery import Nursery
+from snr_sim.grading.sandbox import Limits, is_root
+from snr_sim.grading.verdicts import LabFault, Misbehaved
+
+PROGRAM = '''
+import os, sys
+
+kept = []
+
+
+def traces():
+    """What tells one case from another."""
+    libc = __import__("ctypes").CDLL(None)
+    kept.append(1)
+    return {
+        "kept": len(kept),
+        "scratch": os.listdir("/tmp"),
+        "segment": libc.shmget(4711, 4096, 0),
+        "number": [os.getpid(), os.getppid(), os.getsid(0), os.getpgrp()],
+        "modules": sorted(sys.modules),
+        "folder": os.getcwd(),
+    }
+
+
+def leave(what):
+    libc = __import__("ctypes").CDLL(None)
+    if what == "file":
+        open("/tmp/left", "w").close()
+    elif what == "trace of a file":
+        open("/tmp/left", "w").close()
+        os.remove("/tmp/left")
+    elif what == "segment":
+        assert libc.shmget(4711, 4096, 0o1666) >= 0
+    elif what == "module":
+        sys.modules["snr_sim.grading.pilot"] = sys
+
+
+def kill():
+    killed = []
+    for number in (-1, 1, 2, 3, 4, os.getppid()):
+        try:
+            os.kill(number, 9)
+            killed.append(number)
+        except OSError:
+            continue
+    return killed
+
+
+def end(how):
+    if how == "exit":
+        os._exit(7)
+    if how == "abort":
+        os.abort()
+    os.kill(os.getpid(), how)
+    return "alive"
+'''
+
+pytestmark = pytest.mark.usefixtures("sandbox")
+
+
+@pytest.fixture
+def nursery(tmp_path: Path) -> Iterator[Nursery]:
+    if not is_root():
+        pytest.skip("there are copies for root alone")
+    (tmp_path / "mine.py").write_text(PROGRAM)
+    tmp_path.chmod(0o755)
+    with Nursery(tmp_path, "sandbox", Limits()) as nursery:
+        yield nursery
+
+
+def asked(nursery: Nursery, folder: Path, function: str, *args: Any) -> Any:
+    """What a case of its own says."""
+    with Student(folder, "sandbox", nursery=nursery) as student:
+        return student.call("mine.py", function, *args)
+
+
+@pytest.mark.parametrize("what", ["nothing", "file", "trace of a file", "segment", "module"])
+def test_a_case_finds_nothing_that_another_has_left(what: str, nursery: Nursery, tmp_path: Path) -> None:
+    first = asked(nursery, tmp_path, "traces")
+    asked(nursery, tmp_path, "leave", what)
+    assert asked(nursery, tmp_path, "traces") == first
+    assert (first["kept"], first["segment"]) == (1, -1)
+
+
+def test_a_sandbox_is_kept_until_somebody_has_written_in_it(nursery: Nursery, tmp_path: Path) -> None:
+    def sandbox() -> Any:
+        assert nursery._process is not None
+        return nursery._process.pid
+
+    asked(nursery, tmp_path, "traces")
+    first = sandbox()
+    asked(nursery, tmp_path, "traces")
+    assert sandbox() == first
+    asked(nursery, tmp_path, "leave", "file")
+    asked(nursery, tmp_path, "traces")
+    assert sandbox() != first
+
+
+def test_a_case_cannot_end_what_the_next_one_is_a_copy_of(nursery: Nursery, tmp_path: Path) -> None:
+    assert asked(nursery, tmp_path, "kill") in ([1], [1, 0])  # itself, which the kernel lets live
+    assert asked(nursery, tmp_path, "traces")["kept"] == 1
+
+
+@pytest.mark.parametrize(
+    ("how", "told"),
+    [("exit", "exit status 7"), ("abort", "crashed with"), (int(signal.SIGKILL), ""), (int(signal.SIGSEGV), "")],
+)
+def test_how_a_copy_ends_is_told_as_of_any_process(how: str | int, told: str, nursery: Nursery, tmp_path: Path) -> None:
+    for _ in range(2):
+        try:
+            assert asked(nursery, tmp_path, "end", how) == "alive"
+            assert not told  # the first process of a namespace is not ended by its own signal
+        except Misbehaved as wrong:
+            assert told in wrong.message
+    assert asked(nursery, tmp_path, "traces")["kept"] == 1
+
+
+def test_a_second_process_at_once_gets_a_sandbox_of_its_own(nursery: Nursery, tmp_path: Path) -> None:
+    with (
+        Student(tmp_path, "sandbox", nursery=nursery) as one,
+        Student(tmp_path, "sandbox", nursery=nursery) as other,
+    ):
+        one.call("mine.py", "leave", "file")
+        assert "left" not in other.call("mine.py", "traces")["scratch"]
+        assert "left" in one.call("mine.py", "traces")["scratch"]
+
+
+def test_a_sandbox_that_is_gone_is_no_fault_of_the_students(nursery: Nursery, tmp_path: Path) -> None:
+    asked(nursery, tmp_path, "traces")
+    assert nursery._process is not None
+    os.kill(nursery._process.pid, signal.SIGKILL)
+    nursery._process.wait()
+    with pytest.raises(LabFault, match="could not be started"):
+        asked(nursery, tmp_path, "traces")
+    assert asked(nursery, tmp_path, "traces")["kept"] == 1
