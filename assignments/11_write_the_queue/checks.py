@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import random
+import time
+from bisect import insort
+from collections import deque
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
 from snr_sim.grading import Lab, Student, Verdict, check, failed, passed
+from snr_sim.grading.plain_code import what_is_not_plain
 from snr_sim.grading.queue_bench import PlainQueue, QueueBench
 
 FILE, BENCH = "task_queue.py", "snr_sim.grading.queue_bench:QueueBench"
 TERMINATE, KINDS = "terminate", ("event", "event", "store_page", "process_data")
 ROOMY = 10_000
-SMALL, LARGE = 40, 240
+SMALL, LARGE, MANY, MORE = 40, 240, 20_000, 2000
 MORE_WORK = 2.5  # for six times as many tasks: a logarithm makes 1.5 of it, looking through all of them makes 6
 
 
@@ -45,6 +49,18 @@ def all_different(rng: random.Random, asked: list[list[Any]]) -> list[list[Any]]
     """Returns the operations with another priority in each put."""
     different = iter(rng.sample(range(-1000, 1000), len(asked)))
     return [[*one[:3], next(different)] if one[0] == "put" else one for one in asked]
+
+
+def not_plain(student: Student) -> Verdict | None:
+    """Returns that the program could reach what counts it, or None: then its count is worth something."""
+    what = what_is_not_plain(student.source(FILE))
+    if not what:
+        return None
+    return failed(
+        "Work and memory are counted only of a plain program: lists, dicts, deque, heapq, and classes of your own.",
+        "nothing that reaches out of the file",
+        f"{FILE}, {what}",
+    )
 
 
 def right(most: int, asked: list[list[Any]]) -> list[Any]:
@@ -160,6 +176,9 @@ def is_bounded(student: Student, case: Seed) -> Verdict:
 @check(points=10, visible=[Seed(1)], hidden=one, needs=["urgent_first"])
 def forgets(student: Student, case: Seed) -> Verdict:
     """What has left leaves nothing behind: after 2000 operations no more memory is held than after 200."""
+    refused = not_plain(student)
+    if refused is not None:
+        return refused
     rng = random.Random(case.seed)
     most = 20
     asked: list[list[Any]] = []
@@ -181,6 +200,9 @@ def forgets(student: Student, case: Seed) -> Verdict:
 @check(points=15, visible=[Seed(1)], hidden=one, needs=["urgent_first"])
 def is_quick(student: Student, case: Seed) -> Verdict:
     """With six times as many tasks one operation is hardly more work."""
+    refused = not_plain(student)
+    if refused is not None:
+        return refused
     bench, rng = student.host(FILE, BENCH), random.Random(case.seed)
     work = {}
     for size in (SMALL, LARGE):
@@ -188,12 +210,70 @@ def is_quick(student: Student, case: Seed) -> Verdict:
         asked += [["take"] if i % 2 else ["put", "event", f"f{i}", rng.randrange(10_000)] for i in range(size)]
         work[size] = bench.ask("work", size, asked, returns=float)
     if work[LARGE] <= MORE_WORK * work[SMALL] + 5.0:
-        return passed(metrics={"work": work[LARGE]})
+        return goes_on(student, rng) or passed(metrics={"work": work[LARGE]})
     return failed(
         "The more tasks wait, the more work each is: pop(0), insert, sort, min, max and `in` go through a whole list.",
         f"with {LARGE} tasks at most {MORE_WORK:g} times the work of {SMALL}",
         f"{work[SMALL]:.0f} comparisons and moves with {SMALL} tasks, {work[LARGE]:.0f} with {LARGE}",
     )
+
+
+def goes_on(student: Student, rng: random.Random) -> Verdict | None:
+    """Returns what is wrong while very many tasks wait, or None.
+
+    Who makes plain numbers of priorities compares them unseen. But to look through 20 000 takes a hundred times as long
+    as a good operation. So CPU time tells, as the kernel counts it, beside what a line at a baker's takes here and now.
+    """
+    asked = [["put", "event", f"e{i}", rng.getrandbits(40)] for i in range(MANY)]
+    more = [["put", "event", f"f{i}", rng.getrandbits(40)] if i % 2 else ["take"] for i in range(MORE)]
+    bench = student.host(FILE, BENCH)
+    bench.ask("answers", MANY + MORE, asked)
+    before_s = student.worked_s
+    came = bench.ask("more_answers", more, budget_s=30.0)
+    after_s = student.worked_s
+    waiting = sorted((one[3], -i, one[2]) for i, one in enumerate(asked))
+    wanted: list[str | None] = []
+    for i, one in enumerate(more):
+        if one[0] == "put":
+            insort(waiting, (one[3], -MANY - i, one[2]))
+        wanted.append(None if one[0] == "put" else waiting.pop()[2])
+    if came != wanted:
+        return failed("With very many tasks others leave than with few.", f"{MORE} right answers", "others")
+    limit_s = 0.05 + of_a_line_s(asked)
+    if before_s is None or after_s is None or after_s - before_s <= limit_s:
+        return None
+    return failed(
+        "The more tasks wait, the longer each takes: something looks through all of them.",
+        f"{MORE} operations with {MANY} tasks in no more CPU time than {MANY} of a plain line: {limit_s:.2f} s",
+        f"{after_s - before_s:.2f} s",
+    )
+
+
+def of_a_line_s(asked: list[list[Any]]) -> float:
+    """Returns the CPU time in which a line that is deaf to priorities takes some tasks in, and gives them back."""
+    module: Any = ModuleType("line")
+    module.TaskQueue = Line
+    before_s = time.process_time()
+    QueueBench(module).answers(0, [*asked, *[["take"]] * len(asked)])
+    return time.process_time() - before_s
+
+
+class Line:
+    """First come, first served."""
+
+    def __init__(self, most: int) -> None:
+        self._waiting: deque[Any] = deque()
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    def put(self, task: Any, priority: int) -> None:
+        """Lets a task in."""
+        self._waiting.append(task)
+
+    def take(self) -> Any:
+        """Returns the oldest."""
+        return self._waiting.popleft()
 
 
 @check(points=15, visible=[Seed(1)], hidden=one)

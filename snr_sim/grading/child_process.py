@@ -22,7 +22,7 @@ import msgspec
 
 from snr_sim.grading.endings import ended_badly, spent
 from snr_sim.grading.nursery import Copied, Nursery
-from snr_sim.grading.patience import Patience
+from snr_sim.grading.patience import Patience, seen_of
 from snr_sim.grading.protocol import MAX_ANSWER_BYTES, Answer, Ask, ProtocolError, decode_answer, encode
 from snr_sim.grading.sandbox import (
     NOBODY,
@@ -94,6 +94,12 @@ class ChildProcess:
         """What it has printed, as far as it is kept."""
         text = bytes(self._kept).decode(errors="replace")
         return text + "\n..." if self.printed_bytes > len(self._kept) else text
+
+    @property
+    def worked_s(self) -> float | None:
+        """CPU time that the kernel has counted for it, in steps of about 10 ms; None where nothing tells."""
+        seen = seen_of(self._process.pid)
+        return None if seen is None else seen[1]
 
     def ask(self, do: str, args: Any, cpu_s: float) -> Answer:
         """Asks, and returns the answer.

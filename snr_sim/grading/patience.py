@@ -37,7 +37,7 @@ class Patience:
         """Looks again; returns whether it is of no use to wait any longer."""
         if time.monotonic() > self._give_up_s:
             return True
-        seen = _seen(self._pid)
+        seen = seen_of(self._pid)
         if seen is None:
             return False
         is_asleep, worked_s = seen
@@ -48,7 +48,7 @@ class Patience:
         return self.is_spent or self._idle >= _IDLE_LOOKS
 
 
-def _seen(pid: int) -> tuple[bool, float] | None:
+def seen_of(pid: int) -> tuple[bool, float] | None:
     """Returns whether all of a process and its children sleep, and their CPU time; None where nothing tells."""
     are_asleep, ticks = True, 0
     waiting = [pid]

@@ -2,16 +2,18 @@
 
 It stands in the student's process; what should have come the grader knows alone. Work is counted, not timed: every
 comparison of priorities, and every place in the queue's own lists, dicts and deques that holds something else than
-before. So the count is the same on any computer.
+before. So the count is the same on any computer. A program that could reach this counter is found by reading it
+(`plain_code.py`), and one that compares without being seen by the CPU time that the kernel counts.
 """
 
 from __future__ import annotations
 
+import gc
 import math
 import operator
 from collections import deque
 from collections.abc import Callable, Sequence
-from types import ModuleType
+from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any
 
 from snr_sim.core.clocks import SimClock
@@ -79,6 +81,8 @@ class QueueBench:
             if not callable(getattr(kind, name, None)):
                 raise ParameterError(f"TaskQueue has no method {name}().", fix="keep all that the starter has.")
         self.kind: Any = kind
+        self._module = module
+        self._queue: Any = None
 
     def answers(self, most: int, operations: Sequence[Sequence[Any]]) -> list[Any]:
         """Returns what a queue answers to some operations: the name of a task, None, or a number.
@@ -87,8 +91,12 @@ class QueueBench:
             most: how many tasks it may hold.
             operations: ["put", kind of task, name, priority], ["take"] or ["len"].
         """
-        queue = self.kind(most)
-        return [_done(queue, operation, int) for operation in operations]
+        self._queue = self.kind(most)
+        return self.more_answers(operations)
+
+    def more_answers(self, operations: Sequence[Sequence[Any]]) -> list[Any]:
+        """Returns what the queue that has answered last answers to more operations."""
+        return [_done(self._queue, operation, int) for operation in operations]
 
     def work(self, size: int, operations: Sequence[Sequence[Any]]) -> float:
         """Returns how much work one operation is on average, beginning when `size` of them have filled the queue."""
@@ -96,10 +104,10 @@ class QueueBench:
         for operation in operations[:size]:
             _done(queue, operation, Priority)
         Priority.compared = written = 0
-        before = contents(queue)
+        before = self._contents(queue)
         for operation in operations[size:]:
             _done(queue, operation, Priority)
-            now = contents(queue)
+            now = self._contents(queue)
             written += _written(before, now)
             before = now
         return (Priority.compared + written) / (len(operations) - size)
@@ -109,7 +117,11 @@ class QueueBench:
         queue = self.kind(most)
         for operation in operations:
             _done(queue, operation, int)
-        return sum(len(one) for one in contents(queue).values())
+        return sum(len(one) for one in self._contents(queue).values())
+
+    def _contents(self, queue: Any) -> dict[int, tuple[Any, ...]]:
+        own = [value for name, value in vars(self._module).items() if name[:2] != "__"]
+        return contents(queue, *own, home=getattr(self._module, "__name__", ""))
 
     def run_node(
         self, most: int, answers: dict[str, list[list[str]]], first: Sequence[Sequence[str]]
@@ -154,16 +166,22 @@ def _name_of(answer: Any, method: str) -> str | None:
     return answer.name
 
 
-def contents(root: Any) -> dict[int, tuple[Any, ...]]:
-    """Returns what each list, dict, deque, set and object holds that can be reached, by its identity.
+def contents(*roots: Any, home: str = "") -> dict[int, tuple[Any, ...]]:
+    """Returns what each list, dict, deque, set, object, function and generator holds that can be reached, by identity.
 
     The first item of each is the container itself, so that none of them goes away while it is compared.
+
+    Args:
+        roots: where to begin.
+        home: name of the module whose classes and functions are looked into; those of others are not.
     """
     found: dict[int, tuple[Any, ...]] = {}
-    waiting: list[Any] = [root]
+    waiting: list[Any] = list(roots)
     while waiting:
         one = waiting.pop()
-        if isinstance(one, _PLAIN) or id(one) in found or callable(one):
+        if type(one) in _PLAIN or isinstance(one, _OTHERS) or id(one) in found:
+            continue
+        if isinstance(one, (type, FunctionType)) and one.__module__ != home:
             continue
         inside = _inside(one)
         found[id(one)] = (one, *inside)
@@ -171,16 +189,25 @@ def contents(root: Any) -> dict[int, tuple[Any, ...]]:
     return found
 
 
-_PLAIN = (int, float, str, type, Task, type(None))
+_PLAIN = {int, float, bool, str, bytes, Task, TaskType, Priority, type(None)}
+_OTHERS = (ModuleType, BuiltinFunctionType, CodeType)
+_KINDS: tuple[type[Any], ...] = (list, tuple, deque, set, frozenset)
 
 
 def _inside(one: Any) -> Sequence[Any]:
+    """Asks none of the student's own methods: an iterator of theirs could leave something out."""
+    if isinstance(one, FunctionType):
+        return [*(one.__closure__ or ()), *(one.__defaults__ or ()), *(one.__kwdefaults__ or {}).values()]
+    items: list[Any] = []
     if isinstance(one, dict):
-        return [*one.keys(), *one.values()]
-    if isinstance(one, (list, tuple, deque, set, frozenset)):
-        return list(one)
-    slots = [getattr(one, name, None) for kind in type(one).__mro__ for name in getattr(kind, "__slots__", ())]
-    return [*vars(one).values(), *slots] if hasattr(one, "__dict__") else slots
+        items = [*dict.keys(one), *dict.values(one)]
+    for kind in _KINDS:
+        if isinstance(one, kind):
+            items = list(kind.__iter__(one))
+    if type(one) in (dict, *_KINDS):
+        return items
+    known = set(map(id, items))
+    return [*items, *(other for other in gc.get_referents(one) if id(other) not in known)]
 
 
 def _written(before: dict[int, tuple[Any, ...]], now: dict[int, tuple[Any, ...]]) -> int:

@@ -169,6 +169,11 @@ class Student:
         """What the program has printed so far, in all its processes."""
         return "\n".join(text for text in [*self._printed, self._child.printed if self._child else ""] if text)
 
+    @property
+    def worked_s(self) -> float | None:
+        """CPU time of the process of this case's calls, as the kernel counts it; None where nothing tells."""
+        return None if self._child is None else self._child.worked_s
+
     def child(self, file: str) -> ChildProcess:
         """Returns the process of this case's calls, made when it is first needed."""
         if self._child is None:

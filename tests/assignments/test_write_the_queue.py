@@ -12,6 +12,7 @@ import pytest
 
 from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.lab import load_lab
+from snr_sim.grading.plain_code import what_is_not_plain
 from snr_sim.grading.queue_bench import PlainQueue, QueueBench
 from snr_sim.library import load_program
 from snr_sim.prelude.errors import SnrError
@@ -30,6 +31,8 @@ WRONG = {
     "grows_without_end": ({"is_bounded": 20, "forgets": 10, "drives_a_node": 15}, "The queue is full, and put()"),
     "leaves_lines_behind": ({"forgets": 10}, "priorities in a heap that nobody has"),
     "one_sorted_list": ({"is_quick": 15}, "go through a whole list"),
+    "compares_unseen": ({"is_quick": 15}, "something looks through all of them"),
+    "counts_for_itself": ({"forgets": 10, "is_quick": 15}, "counted only of a plain program"),
 }
 
 
@@ -128,3 +131,30 @@ def test_work_is_counted_and_does_not_depend_on_the_computer(tmp_path: Path) -> 
         assert work(slow, 200) > 5 * work(slow, 30)
     assert work(end, 200) < 5
     assert work(end, 200) == work(end, 200)
+
+
+@pytest.mark.parametrize(
+    "place",
+    [
+        "waiting = []\nclass TaskQueue:\n    def line(self): return waiting\n",
+        "class TaskQueue:\n    waiting = []\n    def line(self): return self.waiting\n",
+        "class Line(list):\n    def __iter__(self): return iter(())\n    def __len__(self): return 0\n"
+        "waiting = Line()\nclass TaskQueue:\n    def line(self): return waiting\n",
+        "class Box(int): pass\nbox = Box()\nbox.it = []\nclass TaskQueue:\n    def line(self): return box.it\n",
+        "class Slot:\n    __slots__ = ('__it',)\n    def __init__(self): self.__it = []\n"
+        "    def get(self): return self.__it\nslot = Slot()\nclass TaskQueue:\n    def line(self): return slot.get()\n",
+        "def held(line):\n    while True: yield line\nhold = held([])\nnext(hold)\n"
+        "class TaskQueue:\n    def line(self): return next(hold)\n",
+        "def kept(line): return lambda: line\nkeep = kept([])\nclass TaskQueue:\n    def line(self): return keep()\n",
+        "class TaskQueue:\n    def line(self, it=[]): return it\n",
+    ],
+)
+def test_moves_are_counted_wherever_a_list_is_kept(place: str, tmp_path: Path) -> None:
+    file = tmp_path / "hidden.py"
+    file.write_text(
+        f"{place}    def __init__(self, most): pass\n    def __len__(self): return 0\n"
+        "    def put(self, task, priority): self.line().insert(0, task)\n    def take(self): pass\n"
+    )
+    assert what_is_not_plain(file.read_text()) == ""
+    asked: list[list[Any]] = [["put", "event", f"e{i}", 0] for i in range(100)]
+    assert QueueBench(load_program(str(file))).work(50, asked) > 50

@@ -1,0 +1,90 @@
+from pathlib import Path
+
+import pytest
+
+from snr_sim.grading.plain_code import what_is_not_plain
+
+SOLUTIONS = Path(__file__).parents[1] / "assignments" / "write_the_queue"
+
+PLAIN = """
+from __future__ import annotations
+import heapq
+from dataclasses import dataclass, field
+from snr_sim import TaskType
+
+@dataclass(order=True)
+class Entry:
+    priority: float
+    number: int
+    task: object = field(compare=False)
+
+class TaskQueue:
+    __slots__ = ("_heap", "most")
+
+    def __init__(self, most):
+        super().__init__()
+        self.most, self._heap = most, []
+
+    def __len__(self):
+        return len(self._heap)
+
+    def put(self, task, priority):
+        if task.type is TaskType.terminate:
+            priority = float("inf")
+        try:
+            heapq.heappush(self._heap, Entry(-priority, len(self), task))
+        except (TypeError, ValueError) as error:
+            raise RuntimeError(f"no place for {task.name}") from error
+
+if __name__ == "__main__":
+    print(TaskQueue(3))
+"""
+
+
+def test_what_a_queue_needs_is_plain() -> None:
+    assert what_is_not_plain(PLAIN) == ""
+
+
+@pytest.mark.parametrize("file", sorted(SOLUTIONS.rglob("task_queue.py")), ids=lambda file: file.parent.name)
+def test_solutions_are_plain_but_the_one_that_counts_for_itself(file: Path) -> None:
+    found = what_is_not_plain(file.read_text())
+    assert found == ("line 3: `sys`" if file.parent.name == "counts_for_itself" else "")
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("import gc", "gc"),
+        ("import snr_sim.grading.queue_bench", "snr_sim.grading.queue_bench"),
+        ("from snr_sim.grading import queue_bench", "snr_sim.grading.queue_bench"),
+        ("from snr_sim import run", "snr_sim.run"),
+        ("from . import helper", "None.helper"),
+        ("from heapq import *", "heapq.*"),
+        ("from collections import _sys", "collections._sys"),
+        ("import collections\ncollections._sys", "collections._sys"),
+        ("import dataclasses as d\nd.sys", "d.sys"),
+        ("import heapq\nmine = heapq", "heapq"),
+        ("import heapq\nheapq.heappush = print", "heapq.heappush"),
+        ("type(1)", "type"),
+        ("kind = type", "type"),
+        ("getattr(1, 'real')", "getattr"),
+        ("__builtins__", "__builtins__"),
+        ("__import__('sys')", "__import__"),
+        ("eval('1')", "eval"),
+        ("open('x')", "open"),
+        ("x = 1 .__class__", "__class__"),
+        ("def f():\n    return f.__globals__", "__globals__"),
+        ("x = (i for i in [])\nx.gi_frame", "gi_frame"),
+        ("try:\n    1 / 0\nexcept Exception as e:\n    e.__traceback__.tb_frame", "__traceback__"),
+        ("match 1:\n    case int(__class__=kind): pass", "__class__"),
+        ("class Q(list):\n    def __getattribute__(self, name): return 0", "__getattribute__"),
+        ("class Q:\n    __dict__ = {}", "__dict__"),
+        ("class Q:\n    pass\nQ.__len__ = len", "__len__"),
+    ],
+)
+def test_what_reaches_out_is_found(line: str, told: str) -> None:
+    assert what_is_not_plain(line) == f"line {line.count(chr(10)) + 1}: `{told}`"
+
+
+def test_what_is_no_python_is_not_plain() -> None:
+    assert what_is_not_plain("def (") == "it is not Python"
