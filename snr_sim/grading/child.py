@@ -132,20 +132,34 @@ def function_of(module: ModuleType, name: str) -> Callable[..., Any]:
 _printed = sys.stdout  # the student may put something else in its place
 
 
-def main(line: int, limits: tuple[int, int, int, int], is_alone: bool, user: int | None) -> None:
+def main(
+    line: int,
+    limits: tuple[int, int, int, int],
+    is_alone: bool,
+    user: int | None,
+    walls: tuple[int, tuple[str, ...], str, str] | None = None,
+) -> None:
     """Answers until nobody asks any more. Does not return.
 
     Args:
         line: the file descriptor of the conversation.
         limits: seconds of CPU time, bytes of memory, bytes of a file, open files.
-        is_alone: whether it has a namespace of its own, in which it may start nothing.
-        user: whom to become, if the process is root's.
+        is_alone: whether nobody else runs as its user, so that it may start nothing.
+        user: whom to become, if the process is root's and in a sandbox.
+        walls: of a process that confines itself.
     """
     private = fcntl.fcntl(line, fcntl.F_DUPFD_CLOEXEC, _FIRST_PRIVATE_FD)
     os.close(line)
     if user is not None:
         become(user)
-    limit(limits, is_alone)
+    if walls is None:
+        limit(limits, is_alone)
+    else:
+        from snr_sim.grading.confinement import Walls, close_in, confine
+
+        confine(Walls(*walls), private)
+        limit(limits, is_alone)
+        close_in()
     _printed.reconfigure(line_buffering=True, errors="backslashreplace")  # type: ignore[union-attr]
     refuse_company()
     heed_time()

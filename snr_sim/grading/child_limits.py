@@ -28,7 +28,7 @@ def limit(limits: tuple[int, int, int, int], is_alone: bool) -> None:
 
     Args:
         limits: seconds of CPU time, bytes of memory, bytes of a file, open files.
-        is_alone: whether it has a namespace of its own, in which it may start nothing.
+        is_alone: whether nobody else runs as its user, so that it may start nothing.
     """
     cpu_s, memory_bytes, file_bytes, open_files = limits
     hard = {

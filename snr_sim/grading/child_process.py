@@ -12,6 +12,7 @@ import signal
 import socket
 import subprocess
 import tempfile
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import lru_cache
@@ -20,6 +21,7 @@ from typing import Any
 
 import msgspec
 
+from snr_sim.grading.confiner import Confiner, is_for_here, missing_rights
 from snr_sim.grading.endings import ended_badly, spent
 from snr_sim.grading.nursery import Copied, Nursery
 from snr_sim.grading.patience import Patience, seen_of
@@ -27,12 +29,16 @@ from snr_sim.grading.protocol import MAX_ANSWER_BYTES, Answer, Ask, ProtocolErro
 from snr_sim.grading.sandbox import (
     NOBODY,
     Isolation,
+    IsolationMissing,
     Limits,
     environment,
     find_bubblewrap,
     forbidden,
     start_command,
+    unconfined,
 )
+from snr_sim.grading.scratch import Scratch
+from snr_sim.grading.throwaway_user import FIRST, LAST
 from snr_sim.grading.verdicts import LabFault, Misbehaved
 
 KEPT_BYTES = 8_000  # of what it prints
@@ -49,7 +55,7 @@ class ChildProcess:
 
     Args:
         folder: of the submission; it is the process' current folder.
-        isolation: "sandbox", or "none".
+        isolation: "sandbox", "confined", or "none".
         limits: what it may use.
         readable: further folders it may read: of robots.
         nursery: where it may be a copy, if it needs no more than the submission.
@@ -68,6 +74,7 @@ class ChildProcess:
         self._heard = bytearray()
         self._kept = bytearray()
         self.printed_bytes = 0
+        self._confiner = Confiner() if isolation == "confined" else None
         here, there = socket.socketpair()
         self._socket = here
         self._process: subprocess.Popen[bytes] | Copied
@@ -75,9 +82,11 @@ class ChildProcess:
         with there:
             try:
                 copied = nursery.copy(there.fileno()) if nursery is not None and not readable else None
-                self._process = copied or _started(folder, isolation, there.fileno(), limits, readable)
+                self._process = copied or _started(folder, isolation, there.fileno(), limits, readable, self._confiner)
             except LabFault:
                 here.close()
+                if self._confiner is not None:
+                    self._confiner.close()
                 raise
         assert self._process.stdout is not None
         self._output = self._process.stdout.fileno()
@@ -88,6 +97,7 @@ class ChildProcess:
         self._is_hearing_output = True
         self._line = here.fileno()
         self._event = select.POLLIN
+        self._next_look_s = 0.0
 
     @property
     def printed(self) -> str:
@@ -121,12 +131,24 @@ class ChildProcess:
     def _greet(self) -> None:
         """Hears whether it is there, before it has read anything of the student's: if not, that is our fault."""
         try:
+            if self._confiner is not None:
+                self._take_listener(self._confiner.scratch)
             self._exchange("hello", None, _START_CPU_S)
         except (Misbehaved, ProtocolError) as error:
             raise LabFault(
                 f"A student's process could not be started. {error.message} {self.printed}".rstrip(),
                 fix="is the computer out of memory or processes? Grade with fewer --jobs.",
             ) from error
+
+    def _take_listener(self, scratch: Scratch) -> None:
+        """Takes what a confined process sends when its walls are up: where it is asked whether it may make a file."""
+        patience = Patience(self._limits.wall_s(_START_CPU_S), _START_CPU_S, self._process.pid)
+        self._wait(patience, select.POLLIN)
+        data, sent, _, _ = socket.recv_fds(self._socket, 1, 1)
+        if data != b"\n" or len(sent) != 1:
+            raise self._ended()
+        (scratch.listener,) = sent
+        self._poll.register(scratch.listener, select.POLLIN)
 
     def _exchange(self, do: str, args: Any, cpu_s: float) -> Answer:
         self._n += 1
@@ -188,11 +210,14 @@ class ChildProcess:
             ready = self._poll.poll(_LOOK_S * 1000.0)
             if len(ready) == 1 and ready[0][0] == self._line:
                 return
-            if any(fd == self._output for fd, _ in ready):
-                self._hear_output()
-                if len(ready) > 1:
-                    return
-            elif not ready and patience.is_over():
+            for fd, events in ready:
+                if fd == self._output:
+                    self._hear_output()
+                elif fd != self._line:
+                    self._hear_listener(fd, events)
+            if any(fd == self._line for fd, _ in ready):
+                return
+            if self._is_time_to_look() and patience.is_over():
                 self.kill()
                 if patience.is_spent:
                     raise spent()
@@ -202,6 +227,19 @@ class ChildProcess:
                     expected="an answer",
                     actual="none",
                 )
+
+    def _is_time_to_look(self) -> bool:
+        """Returns whether the last look was long ago: who prints a word now and then is looked at, too."""
+        now_s = time.monotonic()
+        if now_s < self._next_look_s:
+            return False
+        self._next_look_s = now_s + 0.9 * _LOOK_S
+        return True
+
+    def _hear_listener(self, listener: int, events: int) -> None:
+        assert self._confiner is not None
+        if not events & select.POLLIN or not self._confiner.scratch.answer():
+            self._poll.unregister(listener)
 
     def _hear_output(self) -> None:
         while self._is_hearing_output:
@@ -259,6 +297,8 @@ class ChildProcess:
         self._process.wait()
         self._wait_for_the_end()
         try:
+            if self._confiner is not None:
+                self._confiner.close()
             self._hear_output()
         finally:
             self._socket.close()
@@ -267,19 +307,19 @@ class ChildProcess:
 
 
 def _started(
-    folder: Path, isolation: Isolation, line: int, limits: Limits, readable: Sequence[Path]
+    folder: Path, isolation: Isolation, line: int, limits: Limits, readable: Sequence[Path], confiner: Confiner | None
 ) -> subprocess.Popen[bytes]:
     """Returns a process, with a Python and a sandbox of its own.
 
     Raises:
         LabFault: it cannot be started.
     """
-    command, cwd = start_command(folder, isolation, line, limits, readable)
+    command, cwd = start_command(folder, isolation, line, limits, readable, confiner)
     try:
         return subprocess.Popen(
             command,
             cwd=cwd,
-            env=environment(),
+            env=environment(confiner),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -291,6 +331,26 @@ def _started(
 
 
 @lru_cache(maxsize=1)
+def find_isolation() -> Isolation:
+    """Returns how students' programs are kept apart here: in a sandbox wherever that can be had.
+
+    Raises:
+        IsolationMissing: not at all.
+    """
+    try:
+        try_sandbox()
+    except IsolationMissing as missing:
+        if not is_for_here():
+            raise
+        try:
+            try_confinement()
+        except IsolationMissing as lacking:
+            raise IsolationMissing(f"{missing.message} {lacking.message}", fix=f"{missing.fix} {lacking.fix}") from None
+        return "confined"
+    return "sandbox"
+
+
+@lru_cache(maxsize=1)
 def try_sandbox() -> None:
     """Starts a process in the sandbox once, and hears whether it answers.
 
@@ -298,14 +358,34 @@ def try_sandbox() -> None:
         IsolationMissing: it does not.
     """
     find_bubblewrap()
+    user, words = _user_of_a_trial("sandbox")
+    if user != NOBODY:
+        raise forbidden(words or "the process in the sandbox is not nobody's")
+
+
+@lru_cache(maxsize=1)
+def try_confinement() -> None:
+    """Starts a confined process once, and hears whether it answers.
+
+    Raises:
+        IsolationMissing: it does not.
+    """
+    if missing := missing_rights():
+        raise unconfined(f"root has no {missing[0]} here")
+    user, words = _user_of_a_trial("confined")
+    if user is None or not FIRST <= user <= LAST:
+        raise unconfined(words or "the process is another user's than it should be")
+
+
+def _user_of_a_trial(isolation: Isolation) -> tuple[int | None, str]:
+    """Returns whose a process is that is kept so, or what it has said instead."""
     with tempfile.TemporaryDirectory(prefix="snr-grading-") as name:
         os.chmod(name, 0o755)
-        child = ChildProcess(Path(name), "sandbox", Limits())
+        child = ChildProcess(Path(name), isolation, Limits())
         try:
             answer = child.ask("hello", None, 10.0)
         except LabFault as error:
-            raise forbidden(child.printed or error.message) from error
+            return None, child.printed or error.message
         finally:
             child.close()
-    if msgspec.json.decode(answer.value) != NOBODY:
-        raise forbidden("the process in the sandbox is not nobody's")
+    return msgspec.json.decode(answer.value), ""

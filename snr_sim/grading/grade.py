@@ -9,7 +9,7 @@ from typing import Literal
 
 from snr_sim import __version__
 from snr_sim.core.blame import describe_error
-from snr_sim.grading.child_process import try_sandbox
+from snr_sim.grading.child_process import find_isolation
 from snr_sim.grading.lab import Case, Check, Lab
 from snr_sim.grading.nursery import Nursery
 from snr_sim.grading.results import CaseResult, CheckResult, Graded
@@ -78,8 +78,7 @@ def sandboxed(isolation: Literal["required", "none"]) -> Isolation:
     """
     if isolation == "none":
         return "none"
-    try_sandbox()
-    return "sandbox"
+    return find_isolation()
 
 
 class _Grading:

@@ -128,7 +128,7 @@ class Nursery:
         here.settimeout(_ANSWER_S)
         self._socket = here
         with there:
-            command, cwd = start_command(self._folder, "sandbox", there.fileno(), self._limits, (), True)
+            command, cwd = start_command(self._folder, "sandbox", there.fileno(), self._limits, (), makes_copies=True)
             try:
                 self._process = subprocess.Popen(
                     command,

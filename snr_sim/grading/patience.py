@@ -59,7 +59,7 @@ def seen_of(pid: int) -> tuple[bool, float] | None:
             children = Path(f"/proc/{number}/task/{number}/children").read_text().split()
         except OSError:
             return None
-        are_asleep = are_asleep and stat[0] == "S"
+        are_asleep = are_asleep and stat[0] in "ST"  # asleep, or stopped
         ticks += int(stat[11]) + int(stat[12])
         waiting += map(int, children)
     return are_asleep, ticks / _TICKS_HZ

@@ -12,7 +12,7 @@ from typing import Literal, TypeAlias
 import msgspec
 
 Status: TypeAlias = Literal["graded", "refused", "fault"]
-Isolation: TypeAlias = Literal["sandbox", "none"]
+Isolation: TypeAlias = Literal["sandbox", "confined", "none"]
 Demanded: TypeAlias = Literal["required", "none"]
 Order: TypeAlias = Literal["asc", "desc"]
 
@@ -88,7 +88,8 @@ class Graded(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         lab: name of the lab's folder.
         title: what the lab is called.
         checks: in the lab's order; empty unless `status` is "graded".
-        isolation: "sandbox", or "none" if the student's program was not kept apart.
+        isolation: how the student's program was kept apart: in a "sandbox" of namespaces; "confined" by the kernel's
+            other walls, in a container where nobody may make namespaces; or "none": not at all.
         is_hidden_included: whether hidden cases were tried: in grading, not in practice.
         kit: version of snr_sim.
         status: "graded"; "refused": there was nothing that can be graded, which is 0 points; "fault": the lab or

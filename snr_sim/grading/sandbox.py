@@ -6,7 +6,7 @@ start neither process nor thread, and when the grader ends it, everything in its
 
 As root, bubblewrap makes the mounts by that right, and the child gives it away before it reads the submission
 (`child.py`). So no user namespaces are needed, and folders that only root may enter can hold Python. Anybody else
-needs user namespaces.
+needs user namespaces. Root in a container that may not mount has neither: there `confinement.py` takes its place.
 """
 
 from __future__ import annotations
@@ -18,22 +18,25 @@ import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Literal, TypeAlias
 
 import snr_sim
+from snr_sim.grading.confiner import Confiner
+from snr_sim.grading.scratch import FILE_BYTES
 from snr_sim.prelude.errors import SnrError
 
 KIT = Path(snr_sim.__file__).resolve().parent
 NOBODY = 65534
+LABS = KIT / "shipped" / "assignments"  # where an installed kit has them
 SUBMISSION = Path("/submission")
 _SCRATCH_BYTES = 16 << 20
 _SYSTEM = ("/lib", "/lib32", "/lib64", "/libx32")
 _INSTALL = "apt install bubblewrap"
 
-Isolation: TypeAlias = Literal["sandbox", "none"]  # as reports say it
+Isolation: TypeAlias = Literal["sandbox", "confined", "none"]  # as reports say it
 
 
 class IsolationMissing(SnrError):
@@ -61,16 +64,18 @@ class Limits:
         return 30.0 + 10.0 * min(cpu_s, self.cpu_s)
 
 
-def environment() -> dict[str, str]:
+def environment(confiner: Confiner | None = None) -> dict[str, str]:
     """Returns the whole environment of a student's process: nothing of ours."""
     threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-    return {"PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1", "LC_ALL": "C.UTF-8", **threads}
+    scratch = {} if confiner is None else {"TMPDIR": str(confiner.scratch.folder)}
+    return {"PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1", "LC_ALL": "C.UTF-8", **threads, **scratch}
 
 
 @contextmanager
 def lent(folder: Path, isolation: Isolation) -> Iterator[Path]:
     """Yields a submission's folder as nobody can read it: itself, or a copy if only its owner may."""
-    if isolation == "none" or not is_root() or _is_open(folder):
+    is_reached = isolation == "sandbox" or all(path.stat().st_mode & 0o001 for path in folder.parents)
+    if isolation == "none" or not is_root() or (is_reached and _is_open(folder)):
         yield folder
         return
     with tempfile.TemporaryDirectory(prefix="snr-grading-") as name:
@@ -95,11 +100,17 @@ def _what_is_no_file(folder: str, names: list[str]) -> list[str]:
 
 
 def start_command(
-    folder: Path, isolation: Isolation, line: int, limits: Limits, readable: Sequence[Path], makes_copies: bool = False
+    folder: Path,
+    isolation: Isolation,
+    line: int,
+    limits: Limits,
+    readable: Sequence[Path],
+    confiner: Confiner | None = None,
+    makes_copies: bool = False,
 ) -> tuple[list[str], Path]:
     """Returns the command that starts a student's process, and the folder to start it in.
 
-    Nothing in it tells more than where Python and the kit are: a process can read its own command.
+    Nothing in it tells more than where Python, the kit, and what it may read are: a process can read its own command.
 
     Args:
         folder: of the submission.
@@ -107,21 +118,28 @@ def start_command(
         line: the file descriptor it answers on.
         limits: what it may use.
         readable: further folders that it may read.
+        confiner: of a process that is "confined".
         makes_copies: it is `nursery_process.py`, whose copies are the student's processes.
     """
     place = "nursery_process" if makes_copies else "child"
+    walls = ""
+    if confiner is not None:
+        limits = replace(limits, file_bytes=min(limits.file_bytes, FILE_BYTES))
+        system = [path for path in map(Path, ("/usr", *_SYSTEM)) if path.is_dir()]
+        readable = [*system, *_outermost([*_pythons(), KIT, *readable]), folder]
+        walls = f", {tuple(confiner.walls(readable, LABS))}"
     limited = (limits.cpu_s, limits.memory_bytes, limits.file_bytes, limits.open_files)
     drops_to = NOBODY if isolation == "sandbox" and is_root() else None
     path = [str(one) for one in _search_path()]
     begin = (
-        f"import sys; sys.path[:] = {path!r}; "
-        f"from snr_sim.grading.{place} import main; main({line}, {limited}, {isolation == 'sandbox'}, {drops_to})"
+        f"import sys; sys.path[:] = {path!r}; from snr_sim.grading.{place} import main; "
+        f"main({line}, {limited}, {isolation != 'none'}, {drops_to}{walls})"
     )
     # What -I is, but for PYTHONHASHSEED, which it would not read: there is nothing else in the environment.
     python = [os.path.realpath(sys.executable), "-P", "-s", "-S", "-c", begin]
-    if isolation == "none":
-        return python, folder
-    return [*_wrapping(folder, readable, makes_copies), *python], Path("/")
+    if isolation == "sandbox":
+        return [*_wrapping(folder, readable, makes_copies), *python], Path("/")
+    return python, folder
 
 
 @lru_cache(maxsize=1)
@@ -158,6 +176,16 @@ def forbidden(words: str) -> IsolationMissing:
     )
 
 
+def unconfined(words: str) -> IsolationMissing:
+    """Returns what there is to say when a process could not confine itself: its last line, which has the reason."""
+    reason = words.strip().rpartition("\n")[2]
+    return IsolationMissing(
+        f"Nor can a program confine itself here without namespaces: {reason}",
+        fix="Or take a kernel with Landlock and seccomp (Linux 5.13 or newer), a container that allows their system "
+        "calls, and a Python that everybody may read.",
+    )
+
+
 def is_root() -> bool:
     """Returns whether we are root, as in a container."""
     return os.geteuid() == 0
@@ -186,8 +214,8 @@ def _wrapping(folder: Path, readable: Sequence[Path], makes_copies: bool) -> Ite
         yield from ("--dir", str(parent))  # or bubblewrap makes them itself, for root alone
     for path in bound:
         yield from ("--ro-bind", str(path), str(path))
-    if (KIT / "shipped" / "assignments").is_dir():
-        yield from ("--tmpfs", str(KIT / "shipped" / "assignments"))
+    if LABS.is_dir():
+        yield from ("--tmpfs", str(LABS))
     yield from ("--ro-bind", str(folder), str(SUBMISSION), "--chdir", str(SUBMISSION), "--remount-ro", "/", "--")
 
 

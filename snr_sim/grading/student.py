@@ -36,7 +36,7 @@ class Student:
 
     Args:
         folder: of the submission.
-        isolation: "sandbox", or "none".
+        isolation: "sandbox", "confined", or "none".
         may_import: modules that are else refused.
         limits: of each of its processes.
         record_to: where runs are recorded that the student may see; nowhere if not given.

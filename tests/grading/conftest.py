@@ -2,13 +2,16 @@
 
 import os
 import socket
+import subprocess
+import sys
+import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
-from snr_sim.grading.child_process import try_sandbox
+from snr_sim.grading.child_process import find_isolation, try_sandbox
 from snr_sim.grading.sandbox import IsolationMissing
 
 # They run in the sandbox, and never in pytest, which imports whatever it collects.
@@ -43,6 +46,25 @@ def doubles(student: Student, case: int):
 
 lab = Lab("Double", files=["double.py"], checks=[loads, doubles], leaderboard={"doubles.number": "desc"})
 '''
+LANDING = '''
+from snr_sim.grading import Lab, Student, check, failed, passed
+
+
+def draw(rng):
+    return [rng.getrandbits(63)]
+
+
+@check(points=100, visible=[4], hidden=draw)
+def lands(student: Student, seed: int):
+    """Lands."""
+    flown = student.fly("lander_vertical", seed, "pilot.py")
+    if not flown.success:
+        return failed("Brake earlier.", actual=flown.outcome)
+    return passed(metrics={"sim_time_s": flown.sim_time_s})
+
+
+lab = Lab("Landing", files=["pilot.py"], checks=[lands])
+'''
 PROGRAMS = {
     "right": "def double(x):\n    return 2 * x\n",
     "visible_only": "def double(x):\n    return {1: 2, 2: 4, 4: 8}.get(x, 0)\n",
@@ -59,6 +81,16 @@ def double_lab(tmp_path: Path) -> Path:
     folder.mkdir(parents=True)
     (folder / "README.md").write_text("# Double\n")
     (folder / "checks.py").write_text(CHECKS)
+    return folder
+
+
+@pytest.fixture
+def landing_lab(tmp_path: Path) -> Path:
+    """Where a lab is that flies."""
+    folder = tmp_path / "assignments" / "02_landing"
+    folder.mkdir(parents=True)
+    (folder / "README.md").write_text("# Landing\n")
+    (folder / "checks.py").write_text(LANDING)
     return folder
 
 
@@ -113,3 +145,32 @@ def listener() -> Iterator[tuple[int, list[str]]]:
         yield port, reached
         for server in (tcp, unnamed):
             server.shutdown(socket.SHUT_RDWR)
+
+
+@pytest.fixture(scope="session")
+def docker() -> list[str]:
+    """What comes before a command to run it as root in an ordinary Docker container, where no sandbox can be made."""
+    if os.geteuid() == 0 and _isolation_here() == "confined":
+        return []  # this is one
+    prefix = [str(Path(__file__).parent / "as_in_docker"), str(Path(sys.base_prefix).resolve())]
+    tried = subprocess.run([*prefix, "true"], capture_output=True, text=True) if os.geteuid() == 0 else None
+    if tried is None or tried.returncode != 0 or not Path("/proc/sys/kernel/seccomp").is_dir():
+        if os.environ.get("SNR_REQUIRE_SANDBOX") and os.geteuid() == 0:
+            raise AssertionError(tried)
+        pytest.skip("an ordinary container can be imitated by root only, who may mount")
+    return prefix
+
+
+def _isolation_here() -> str:
+    try:
+        return find_isolation()
+    except IsolationMissing:
+        return ""
+
+
+@pytest.fixture
+def open_folder() -> Iterator[Path]:
+    """A folder that everybody may enter: not so those of pytest."""
+    with tempfile.TemporaryDirectory(prefix="snr-test-") as name:
+        Path(name).chmod(0o755)
+        yield Path(name)

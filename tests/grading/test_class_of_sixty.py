@@ -15,6 +15,8 @@ import time
 import zipfile
 from pathlib import Path
 
+import pytest
+
 ATTACKS = sorted((Path(__file__).parent / "attacks").glob("*.py"))
 TOKEN = f"snr_attack_{os.getpid()}"
 # What is not there earns nothing; these do something that is right as well.
@@ -104,23 +106,29 @@ def left_behind() -> list[str]:
     return [str(path) for place in places if Path(place).is_dir() for path in Path(place).glob(f"*{TOKEN}*")]
 
 
+@pytest.mark.parametrize("isolation", ["sandbox", "confined"])
 def test_everybody_gets_exactly_what_is_due(
-    sandbox: None, double_lab: Path, listener: tuple[int, list[str]], tmp_path: Path
+    isolation: str,
+    request: pytest.FixtureRequest,
+    double_lab: Path,
+    listener: tuple[int, list[str]],
+    tmp_path: Path,
+    open_folder: Path,
 ) -> None:
+    prefix = request.getfixturevalue("docker") if isolation == "confined" else request.getfixturevalue("sandbox") or []
     port, reached = listener
     (tmp_path / "submissions").mkdir()
     due = hand_in(tmp_path / "submissions", port)
     assert len(due) == 60
     (tmp_path / "the_secret").write_text("correct horse battery staple")
-    (tmp_path / "tmp").mkdir()
     before, kit = children(), kit_files()
     ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1)  # who is left without a parent becomes ours, and is seen
     words = ["grade", str(double_lab), *map(str, due), "--out", str(tmp_path / "out"), "--jobs", "6"]
     done = subprocess.run(
-        [sys.executable, "-m", "snr_sim", *words, "--secret", str(tmp_path / "the_secret")],
+        [*prefix, sys.executable, "-m", "snr_sim", *words, "--secret", str(tmp_path / "the_secret")],
         capture_output=True,
         text=True,
-        env={**os.environ, "TMPDIR": str(tmp_path / "tmp")},
+        env={**os.environ, "TMPDIR": str(open_folder)},
     )
     ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 0)
     assert done.returncode == 0, done.stderr + done.stdout
@@ -129,11 +137,12 @@ def test_everybody_gets_exactly_what_is_due(
     table = {name: (float(row["points"]), row["status"]) for name, row in rows.items()}
     wanted = {path.stem: (points or 0.0, "refused" if points is None else "graded") for path, points in due.items()}
     assert table == wanted
+    assert {row["isolation"] for row in rows.values() if row["status"] == "graded"} == {isolation}
     for path in (tmp_path / "out" / "results").iterdir():
         assert "AssertionError" not in path.read_text(), f"{path.stem} has not acted at all"
     assert reached == []
     assert still_alive(before) == set()
-    assert list((tmp_path / "tmp").iterdir()) == []
+    assert list(open_folder.iterdir()) == []
     assert left_behind() == []
     assert kit_files() == kit
 

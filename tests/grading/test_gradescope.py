@@ -8,7 +8,7 @@ import stat
 import subprocess
 import sys
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +36,9 @@ def container(double_lab: Path, tmp_path: Path) -> Path:
     return tmp_path / "autograder"
 
 
-def run(root: Path, submission: Path | None, python: str = sys.executable) -> dict[str, Any]:
+def run(
+    root: Path, submission: Path | None, python: str = sys.executable, prefix: Sequence[str] = ()
+) -> dict[str, Any]:
     shutil.rmtree(root / "submission", ignore_errors=True)
     if submission is None:
         (root / "submission").mkdir()
@@ -44,7 +46,8 @@ def run(root: Path, submission: Path | None, python: str = sys.executable) -> di
         shutil.copytree(submission, root / "submission")
     environment = {**os.environ, "AUTOGRADER_ROOT": str(root), "AUTOGRADER_PYTHON": python}
     environment["PYTHONPATH"] = str(root / "source" / "kit")
-    subprocess.run(["bash", root / "source" / "run_autograder"], env=environment, check=True, capture_output=True)
+    command = [*prefix, "bash", root / "source" / "run_autograder"]
+    subprocess.run(command, env=environment, check=True, capture_output=True)
     fields: dict[str, Any] = json.loads((root / "results" / "results.json").read_text())
     return fields
 
@@ -57,6 +60,29 @@ def test_a_submission_in_the_container_has_its_points(container: Path, handed_in
     assert second["score"] == 70.0
     assert "0 of 1 passed" in second["tests"][1]["output"]
     assert "not kept apart" in second["output"]
+
+
+def test_in_an_ordinary_container_programs_are_confined_and_marks_are_marks(
+    container: Path, handed_in: HandedIn, docker: list[str], open_folder: Path
+) -> None:
+    """As Gradescope runs it: by root who may not make namespaces, with nobody told to do without isolation."""
+    root = open_folder / "autograder"
+    shutil.copytree(container, root)
+    lab = json.loads((root / "source" / "settings.json").read_text())["lab"]
+    (root / "source" / "settings.json").write_text(json.dumps({"lab": lab, "isolation": "required"}))
+    attack = Path(__file__).parent / "attacks" / "looks_around.py"
+    right, looks_around = handed_in(ada="right", eve=attack.read_text())
+    told = run(root, right, prefix=docker)
+    assert (told["score"], told["extra_data"]["isolation"]) == (100.0, "confined")
+    assert "not kept apart" not in told.get("output", "")
+    assert run(root, looks_around, prefix=docker)["score"] == 0.0
+    assert [path.name for path in open_folder.iterdir()] == ["autograder"]
+
+
+def test_setting_up_goes_on_without_bubblewrap(container: Path) -> None:
+    (line,) = [line for line in (container / "source" / "setup.sh").read_text().splitlines() if "bubblewrap" in line]
+    failing = f"set -e\napt-get() {{ false; }}\n{line}\necho went on"
+    assert "went on" in subprocess.run(["bash", "-c", failing], check=True, capture_output=True, text=True).stdout
 
 
 def test_there_is_a_file_whatever_happens(container: Path, handed_in: HandedIn) -> None:

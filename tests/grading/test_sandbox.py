@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 import snr_sim
-from snr_sim.grading import Student
-from snr_sim.grading.child_process import try_sandbox
+from snr_sim.grading import Student, child_process
+from snr_sim.grading.child_process import find_isolation, try_confinement, try_sandbox
 from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.lab import load_lab
 from snr_sim.grading.nursery import Nursery
-from snr_sim.grading.sandbox import IsolationMissing, Limits, find_bubblewrap, forbidden, is_root
+from snr_sim.grading.sandbox import IsolationMissing, Limits, find_bubblewrap, forbidden, is_root, unconfined
 from snr_sim.grading.verdicts import Misbehaved
 
 PROBE = '''
@@ -243,7 +243,7 @@ def test_official_grading_refuses_to_run_without_bubblewrap_and_says_what_to_ins
 ) -> None:
     lab = load_lab(_lab_in(tmp_path))
     monkeypatch.setattr(shutil, "which", lambda name: None)
-    for cached in (find_bubblewrap, try_sandbox):
+    for cached in (find_bubblewrap, try_sandbox, find_isolation):
         cached.cache_clear()
     try:
         with pytest.raises(IsolationMissing, match="apt install bubblewrap"):
@@ -251,7 +251,7 @@ def test_official_grading_refuses_to_run_without_bubblewrap_and_says_what_to_ins
         assert grade_submission(lab, submission, b"secret", "none").isolation == "none"
     finally:
         monkeypatch.undo()
-        for cached in (find_bubblewrap, try_sandbox):
+        for cached in (find_bubblewrap, try_sandbox, find_isolation):
             cached.cache_clear()
 
 
@@ -262,6 +262,42 @@ def test_a_computer_that_forbids_namespaces_is_told_what_allows_them(monkeypatch
         assert words in str(forbidden(words))
         assert told in str(forbidden(words))
     assert "readable for everybody" in str(forbidden("ModuleNotFoundError: No module named 'snr_sim'"))
+
+
+def test_root_who_may_not_mount_is_refused_where_the_kernel_has_no_landlock(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither isolation can be had: both reasons are told, and what to do about either."""
+
+    def no_landlock(*_: object) -> None:
+        raise unconfined(
+            "Traceback\n  ...\nsnr_sim.grading.landlock.LandlockMissing: Landlock: Function not implemented"
+        )
+
+    def no_namespaces() -> None:
+        raise forbidden("bwrap: Creating new namespace failed: Operation not permitted")
+
+    monkeypatch.setattr(child_process, "try_sandbox", no_namespaces)
+    monkeypatch.setattr(child_process, "is_for_here", lambda: True)
+    monkeypatch.setattr(child_process, "try_confinement", no_landlock)
+    find_isolation.cache_clear()
+    try:
+        with pytest.raises(IsolationMissing, match=r"Creating new namespace failed.*Landlock: Function not") as refused:
+            find_isolation()
+        assert "--privileged" in refused.value.fix
+        assert "Linux 5.13" in refused.value.fix
+        monkeypatch.setattr(
+            child_process, "is_for_here", lambda: False
+        )  # it may mount: then bubblewrap is to be mended
+        with pytest.raises(IsolationMissing, match="Creating new namespace failed") as refused:
+            find_isolation()
+        assert "Landlock" not in str(refused.value)
+    finally:
+        find_isolation.cache_clear()
+
+
+def test_root_without_the_right_to_become_another_user_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(child_process, "missing_rights", lambda: ["CAP_SETUID"])
+    with pytest.raises(IsolationMissing, match="CAP_SETUID"):
+        try_confinement()
 
 
 def _lab_in(folder: Path) -> Path:

@@ -4,8 +4,8 @@ import contextlib
 import os
 import signal
 
-# Without a sandbox it would hurt whoever tries it: it acts only where the sandbox has it.
-assert os.getcwd() == "/submission"
+# Not kept apart it would hurt whoever tries it: it acts only as a user who owns nothing.
+assert os.getuid() >= 61184
 for number in set(signal.Signals) - {signal.SIGKILL, signal.SIGSTOP}:
     with contextlib.suppress(OSError, ValueError):
         signal.signal(number, signal.SIG_IGN)

@@ -4,8 +4,8 @@ import os
 import sys
 import time
 
-# Without a sandbox it would hurt whoever tries it: it acts only where the sandbox has it.
-assert os.getcwd() == "/submission"
+# Not kept apart it would hurt whoever tries it: it acts only as a user who owns nothing.
+assert os.getuid() >= 61184
 
 
 def double(x):

@@ -5,8 +5,8 @@ import os
 import sys
 from pathlib import Path
 
-# Without a sandbox it would hurt whoever tries it: it acts only where the sandbox has it.
-assert os.getcwd() == "/submission"
+# Not kept apart it would hurt whoever tries it: it acts only as a user who owns nothing.
+assert os.getuid() >= 61184
 TOKEN = (Path(__file__).parent / "token.txt").read_text()
 
 

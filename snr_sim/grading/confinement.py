@@ -1,0 +1,77 @@
+"""The walls that a process puts up around itself where nobody may make namespaces: in an ordinary container, as root.
+
+    a user of its own      files, signals and limits of nobody else; all of root's rights are gone
+    no new privileges      no program gives any back
+    Landlock               reads Python, the kit without its labs, and the submission; writes in its scratch folder
+    seccomp                no processes, threads, programs, sockets, shared memory, or looks at other processes
+    limits                 as in the sandbox
+
+Each is the kernel's own and cannot be taken down. If one of them cannot be put up, the process ends before it has read
+the submission.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import socket
+from pathlib import Path
+from typing import NamedTuple
+
+from snr_sim.grading import seccomp
+from snr_sim.grading.child_limits import become
+from snr_sim.grading.landlock import READ, SCRATCH, WRITE_FILE, but_for, restrict
+
+_DEVICES = {"null": READ | WRITE_FILE, "zero": READ, "full": READ, "random": READ, "urandom": READ}
+_PARENT_DEATH_SIGNAL, _NO_NEW_PRIVILEGES = 1, 38  # prctl
+
+
+class Walls(NamedTuple):
+    """What a confined process is told of itself.
+
+    Args:
+        user: whom to become.
+        readable: folders.
+        hidden: a folder that may be in one of these, and must not be read.
+        scratch: the folder to write in.
+    """
+
+    user: int
+    readable: tuple[str, ...]
+    hidden: str
+    scratch: str
+
+
+def confine(walls: Walls, line: int) -> None:
+    """Puts up all but the limits and what `close_in` does; sends the grader the listener that counts new files.
+
+    Args:
+        walls: what for.
+        line: the conversation with the grader.
+    """
+    parent = os.getppid()
+    _process_control(_NO_NEW_PRIVILEGES, 1)
+    granted = {Path(walls.scratch): SCRATCH}
+    for tree in walls.readable:
+        granted.update(but_for(Path(tree), Path(walls.hidden)))
+    restrict(granted | {Path("/dev", name): access for name, access in _DEVICES.items()})
+    become(walls.user)
+    _process_control(_PARENT_DEATH_SIGNAL, signal.SIGKILL)  # now: with another user it would be forgotten
+    if os.getppid() != parent:
+        os._exit(1)
+    listener = seccomp.install(seccomp.asking(seccomp.machine_here()), has_listener=True)
+    with socket.socket(fileno=os.dup(line)) as sender:
+        socket.send_fds(sender, [b"\n"], [listener])
+    os.close(listener)
+
+
+def close_in() -> None:
+    """Puts up the last wall, behind which no limit needs to be set any more."""
+    seccomp.install(seccomp.allowing(seccomp.machine_here(), os.getpid()))
+
+
+def _process_control(option: int, value: int) -> None:
+    libc = ctypes.CDLL(None, use_errno=True)
+    if libc.prctl(option, ctypes.c_ulong(value), ctypes.c_ulong(0), ctypes.c_ulong(0), ctypes.c_ulong(0)) != 0:
+        raise OSError(ctypes.get_errno(), "prctl")

@@ -1,0 +1,278 @@
+"""A confined process, where no sandbox can be made: what it is, sees and may do. Each is tried from inside."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import snr_sim
+from snr_sim.grading.throwaway_user import FIRST, LAST
+
+KIT = Path(snr_sim.__file__).resolve().parent
+KNOWN = {
+    *map(str, (KIT, KIT / "shipped" / "assignments")),
+    *(str(Path(one).resolve()) for one in (*sys.path, sys.base_prefix)),
+}
+
+# Runs in a student's process. What the kit's own check of imports refuses is had by another way.
+PROBE = '''
+import errno, os, resource, signal, sys, tempfile
+
+ctypes = sys.modules["ctypes"]
+libc = ctypes.CDLL(None, use_errno=True)
+
+
+def tried(what, *args, **options):
+    """Returns what comes of a call: "done", or the error's name."""
+    try:
+        what(*args, **options)
+    except OSError as error:
+        return errno.errorcode[error.errno]
+    except Exception as error:
+        return type(error).__name__
+    return "done"
+
+
+def asked(name, *args):
+    """Returns what comes of a function of the C library's: "done", or the error's name."""
+    ctypes.set_errno(0)
+    returned = getattr(libc, name)(*args)
+    return "done" if ctypes.c_int(returned).value != -1 else errno.errorcode[ctypes.get_errno()]
+
+
+def write(path, size=1000):
+    with open(path, "wb") as file:
+        file.write(bytes(size))
+
+
+def tempfiles():
+    made = []
+    for number in range(99):
+        made.append(tried(write, f"{tempfile.gettempdir()}/{number}"))
+    return made
+
+
+def connect(family, address):
+    import _socket
+    _socket.socket(family).connect(address)
+
+
+def pair():
+    import _socket
+    ours, theirs = _socket.socketpair()
+    ours.send(b"x")
+    return theirs.recv(1).decode()
+
+
+def who():
+    return {
+        "uid": [os.getuid(), os.geteuid(), os.getgid(), os.getegid()],
+        "groups": os.getgroups(),
+        "environment": sorted(os.environ),
+        "arguments": sys.orig_argv[1:],
+        "open files": [fd for fd in range(1024) if tried(os.fstat, fd) == "done"],
+        "session": os.getsid(0) == os.getpid(),
+        "limits": [resource.getrlimit(getattr(resource, "RLIMIT_" + name)) for name in ("NPROC", "CORE", "FSIZE")],
+        "pair": pair(),
+    }
+
+
+def tries(listener_port):
+    kit = os.path.dirname(sys.modules["snr_sim"].__file__)
+    scratch = tempfile.gettempdir()
+    buffer = ctypes.create_string_buffer(64)
+    return {
+        "its own file": tried(write, "mine.py"),
+        "beside it": tried(write, "more.py"),
+        "the kit": tried(write, kit + "/more.py"),
+        "/": tried(write, "/more"),
+        "/tmp": tried(write, "/tmp/more"),
+        "/dev/shm": tried(write, "/dev/shm/more"),
+        "a folder": tried(os.mkdir, scratch + "/more"),
+        "a link": tried(os.symlink, "/etc/passwd", scratch + "/more"),
+        "a hard link": tried(os.link, "mine.py", scratch + "/more"),
+        "a pipe": tried(os.mkfifo, scratch + "/more"),
+        "much": tried(write, scratch + "/much", 2 << 20),
+        "emptying": tried(os.close, os.open("mine.py", os.O_RDONLY)) and tried(os.open, "/dev/null", os.O_TRUNC),
+        "fork": tried(os.fork),
+        "program": tried(os.posix_spawn, sys.executable, ["python"], {}),
+        "exec": tried(os.execv, sys.executable, ["python"]),
+        "thread": tried(sys.modules["_thread"].start_new_thread, int, ()),
+        "root": tried(os.setuid, 0),
+        "parent": tried(os.kill, os.getppid(), 0),
+        "first": tried(os.kill, 1, 0),
+        "everybody": tried(os.kill, -1, 0),
+        "itself": tried(os.kill, os.getpid(), 0),
+        "internet": tried(connect, 2, ("127.0.0.1", listener_port)),
+        "unnamed": tried(connect, 1, f"\\0snr_attack_{listener_port}"),
+        "ptrace": asked("ptrace", 16, os.getppid(), 0, 0),
+        "memory of others": asked("process_vm_readv", os.getppid(), buffer, 1, buffer, 1, 0),
+        "prctl": asked("prctl", 1, 0, 0, 0, 0),
+        "shm": asked("shmget", 1234, 4096, 0o1777),
+        "sem": asked("semget", 1234, 1, 0o1777),
+        "msg": asked("msgget", 1234, 0o1777),
+        "mq": asked("mq_open", b"/snr_more", 0o102, 0o777, None),
+        "memfd": asked("memfd_create", b"more", 0),
+        "keys": asked("syscall", 250 if os.uname().machine == "x86_64" else 219, 0, -3, 0),
+        "io_uring": asked("syscall", 425, 8, buffer),
+        "bpf": asked("syscall", 321 if os.uname().machine == "x86_64" else 280, 0, buffer, 64),
+        "mount": asked("mount", b"none", b"/tmp", b"tmpfs", 0, None),
+        "unshare": asked("unshare", 0x10000000),
+        "pidfd": asked("syscall", 434, os.getppid(), 0),
+        "more memory": tried(resource.setrlimit, resource.RLIMIT_AS, (-1, -1)),
+        "more files": tried(resource.prlimit, os.getppid(), resource.RLIMIT_NOFILE),
+    }
+
+
+def looks(paths):
+    return [tried(os.listdir if path.endswith("/") else open, path) for path in paths]
+
+
+def heavy():
+    import numpy, snr_sim.core.node
+    return float(numpy.linalg.solve(numpy.eye(3) * 2, [1, 1, 1]).sum())
+'''
+SCRIPT = """
+import json, sys
+from pathlib import Path
+from snr_sim.grading import Student
+from snr_sim.grading.child_process import find_isolation
+from snr_sim.grading.throwaway_user import _processes
+
+folder, secret, port = Path(sys.argv[1]), sys.argv[2], int(sys.argv[3])
+allowed = frozenset({"ctypes", "_socket"})
+with Student(folder, find_isolation(), allowed) as ada, Student(folder, find_isolation(), allowed) as bob:
+    told = {"isolation": ada.isolation, "who": ada.call("mine.py", "who"), "bob": bob.call("mine.py", "who")}
+    told["processes"] = [list(one) for one in _processes()]
+    told["tries"] = ada.call("mine.py", "tries", port)
+    told["files"] = bob.call("mine.py", "tempfiles")
+    told["looks"] = ada.call("mine.py", "looks", json.loads(secret))
+    told["heavy"] = ada.call("mine.py", "heavy")
+told["left"] = [list(one) for one in _processes()]
+print(json.dumps(told))
+"""
+
+
+@pytest.fixture(scope="module")
+def told(docker: list[str], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """What two confined processes have told of themselves, who ran side by side."""
+    import socket
+    import tempfile
+
+    with tempfile.TemporaryDirectory(prefix="snr-test-") as name, socket.create_server(("127.0.0.1", 0)) as server:
+        folder = Path(name) / "submission"
+        folder.mkdir()
+        for path in (folder.parent, folder):
+            path.chmod(0o755)
+        (folder / "mine.py").write_text(PROBE)
+        secret = folder.parent / "secret.txt"
+        secret.write_text("do not tell")
+        secret.chmod(0o644)
+        words = [str(folder), json.dumps(hidden(secret)), str(server.getsockname()[1])]
+        done = subprocess.run([*docker, sys.executable, "-c", SCRIPT, *words], capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        fields: dict[str, Any] = json.loads(done.stdout)
+        fields["places"] = [str(path) for path in Path("/tmp").glob("snr-scratch-*")]
+        return fields
+
+
+def hidden(secret: Path) -> list[str]:
+    """What nobody of the students is to read; folders end with a stroke."""
+    top = KIT.parent
+    processes = ["/proc/", "/proc/self/environ", "/proc/1/cmdline", "/proc/1/environ", "/proc/self/mem"]
+    return [str(secret), f"{secret.parent}/", f"{top}/tests/", f"{top}/assignments/", "/etc/passwd", "/", *processes]
+
+
+def test_where_bubblewrap_cannot_start_a_program_is_confined(told: dict[str, Any]) -> None:
+    assert told["isolation"] == "confined"
+
+
+def test_each_confined_process_has_a_user_of_its_own_without_any_rights(told: dict[str, Any]) -> None:
+    users = [told[name]["uid"][0] for name in ("who", "bob")]
+    assert len(set(users)) == 2
+    for name, user in zip(("who", "bob"), users, strict=True):
+        assert FIRST <= user <= LAST
+        assert told[name]["uid"] == [user] * 4
+        assert told[name]["groups"] == []
+        assert told[name]["session"]
+        assert told[name]["limits"] == [[1, 1], [0, 0], [1 << 20, 1 << 20]]
+        assert [one for _, one in told["processes"]].count(user) == 1
+        assert user not in [one for _, one in told["left"]]
+
+
+def test_it_is_told_nothing_but_where_python_the_kit_and_its_own_folders_are(told: dict[str, Any]) -> None:
+    threads = ["MKL_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"]
+    known = {*threads, "LC_ALL", "PYTHONDONTWRITEBYTECODE", "PYTHONHASHSEED", "TMPDIR"}
+    assert set(told["who"]["environment"]) == known
+    assert [fd for fd in told["who"]["open files"] if fd > 2] == [200]  # the conversation
+    begin = told["who"]["arguments"][-1]
+    assert begin.partition("; main(")[0].endswith("from snr_sim.grading.child import main")
+    paths = set(re.findall(r"'(/[^']*)'", begin.partition("; main(")[2]))
+    assert all(re.match(r"/(usr|lib\w*)$|/tmp/snr-(scratch|test)-", path) or path in KNOWN for path in paths), paths
+
+
+def test_it_reads_no_other_file_and_nothing_of_other_processes(told: dict[str, Any]) -> None:
+    assert told["looks"] == ["EACCES"] * len(hidden(Path("x")))
+
+
+def test_it_writes_a_few_short_files_in_its_scratch_folder_and_nowhere_else(told: dict[str, Any]) -> None:
+    tries = told["tries"]
+    places = ("its own file", "beside it", "the kit", "/", "/tmp", "/dev/shm", "a folder")
+    assert {place: tries[place] for place in places} == dict.fromkeys(places, "EACCES")
+    assert {tries[sort] for sort in ("a link", "a hard link", "a pipe")} == {"ENOSYS"}
+    assert tries["much"] == "EFBIG"
+    assert told["files"] == ["done"] * 16 + ["ENOSPC"] * 83
+    assert told["places"] == []
+
+
+def test_it_starts_and_reaches_nothing(told: dict[str, Any]) -> None:
+    tries = told["tries"]
+    assert (tries["fork"], tries["program"], tries["thread"]) == ("EAGAIN", "EAGAIN", "RuntimeError")
+    assert [tries[one] for one in ("parent", "first", "everybody")] == ["EPERM"] * 3
+    assert tries["itself"] == "done"
+    refused = (
+        *("exec", "root", "internet", "unnamed", "ptrace", "memory of others", "prctl", "shm", "sem", "msg", "mq"),
+        *("memfd", "keys", "io_uring", "bpf", "mount", "unshare", "pidfd"),
+    )
+    assert {name: tries[name] for name in refused} == dict.fromkeys(refused, "ENOSYS")
+    assert tries["more memory"] in ("EPERM", "ValueError")
+    assert tries["more files"] == "EPERM"
+    assert tries["emptying"] == "EPERM"
+
+
+def test_it_computes_as_any_program_does(told: dict[str, Any]) -> None:
+    assert told["heavy"] == 1.5
+    assert told["who"]["pair"] == "x"
+
+
+def test_a_flight_comes_to_the_same_result_in_either_isolation(
+    docker: list[str], sandbox: None, landing_lab: Path, open_folder: Path, tmp_path: Path
+) -> None:
+    """What lands, what does not, and what prints and raises: the same but for the word that says which it was."""
+    pilots = Path(__file__).parents[2] / "robots" / "lander" / "controllers"
+    programs = {
+        "lands": (pilots / "optimal.py").read_text(),
+        "coasts": (pilots / "coast.py").read_text(),
+        "raises": "print('here')\n\n\ndef factories(robot):\n    return [1 / 0]\n",
+    }
+    for name, program in programs.items():
+        (open_folder / name).mkdir()
+        (open_folder / name / "pilot.py").write_text(program)
+    (tmp_path / "the_secret").write_text("correct horse battery staple")
+    given = [str(open_folder / name) for name in programs]
+    results: dict[str, dict[str, dict[str, Any]]] = {}
+    for isolation, prefix in (("sandbox", []), ("confined", docker)):
+        out = tmp_path / isolation
+        words = ["grade", str(landing_lab), *given, "--out", str(out), "--secret", str(tmp_path / "the_secret")]
+        done = subprocess.run([*prefix, sys.executable, "-m", "snr_sim", *words], capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        records = {path.stem: json.loads(path.read_text()) for path in (out / "results").iterdir()}
+        results[isolation] = {name: record["graded"] for name, record in records.items()}
+        assert {one.pop("isolation") for one in results[isolation].values()} == {isolation}
+    assert results["confined"] == results["sandbox"]
+    points = {name: sum(check["points"] for check in one["checks"]) for name, one in results["confined"].items()}
+    assert points == {"lands": 100.0, "coasts": 0.0, "raises": 0.0}
