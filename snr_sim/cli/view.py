@@ -21,9 +21,10 @@ def view(
     if png:
         _draw(run, Path(png))
         return
+    from snr_sim.recording.view import view_of
     from snr_sim.recording.view_server import open_view
 
-    open_view(_rrd_of(run), web)
+    open_view(view_of(run), web)
 
 
 def _draw(run: Path, png: Path) -> None:
@@ -55,19 +56,3 @@ def _draw(run: Path, png: Path) -> None:
     except OSError as error:
         raise TraceError(f"The picture {png} cannot be written: {error.strerror}.", fix="name another file.") from error
     print(png)
-
-
-def _rrd_of(run: Path) -> Path:
-    """Returns the .rrd to show; it is derived from the trace again if it is not there."""
-    from snr_sim.recording.folder import VIEW_NAME, trace_path
-    from snr_sim.recording.reader import read_trace
-    from snr_sim.recording.view import write_view
-
-    if run.suffix == ".rrd" and run.is_file():
-        return run
-    path = trace_path(run)
-    rrd = path.parent / VIEW_NAME
-    if not rrd.is_file():
-        trace = read_trace(path)
-        write_view(trace.header, trace.records, rrd)
-    return rrd

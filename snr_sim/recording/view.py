@@ -28,6 +28,8 @@ from pathlib import Path
 from typing import Any
 
 from snr_sim.prelude.errors import MissingExtra, TraceError
+from snr_sim.recording.folder import VIEW_NAME, trace_path
+from snr_sim.recording.reader import read_trace
 from snr_sim.recording.records import Header, Record
 from snr_sim.recording.view_blueprint import Layout
 from snr_sim.recording.view_writer import Divergences, Writer, title_of
@@ -44,6 +46,26 @@ def write_view(header: Header, records: Iterable[Record], path: str | Path) -> N
         writer = Writer(rr, stream, header)
         writer.send_all(records)
         stream.send_blueprint(writer.blueprint())
+
+
+def view_of(run: Path) -> Path:
+    """Returns the .rrd that shows a run; it is derived from the trace again if it is not there.
+
+    Args:
+        run: a run folder, its trace, or an .rrd file.
+
+    Raises:
+        MissingExtra: it is to be derived, and rerun is not installed.
+        TraceError: there is no such run, or the file cannot be written.
+    """
+    if run.suffix == ".rrd" and run.is_file():
+        return run
+    path = trace_path(run)
+    rrd = path.parent / VIEW_NAME
+    if not rrd.is_file():
+        trace = read_trace(path)
+        write_view(trace.header, trace.records, rrd)
+    return rrd
 
 
 def write_comparison(

@@ -16,14 +16,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
 from urllib.parse import quote, urlsplit
 
-from snr_sim.prelude.errors import MissingExtra, TraceError
+from snr_sim.prelude.errors import MissingExtra, SnrError, TraceError
 
 LOOPBACK = "127.0.0.1"
 START_DEADLINE_S = 20.0
@@ -53,7 +53,9 @@ def open_view(path: str | Path, web: bool = False, say: Callable[[str], None] | 
         raise TraceError(f"There is no view at {path}.", fix="a run writes one unless it is started with --no-rrd.")
     if not web:
         _wait_for(
-            subprocess.Popen([*_viewer(), "--bind", LOOPBACK, "--port", "auto", str(path)], env=viewer_environment())
+            subprocess.Popen(
+                [*viewer_command(), "--bind", LOOPBACK, "--port", "auto", str(path)], env=viewer_environment()
+            )
         )
         return
     with suppress(KeyboardInterrupt), serve_web(path) as url:
@@ -70,18 +72,20 @@ def open_live(url: str) -> subprocess.Popen[bytes]:
         url: of the live view.
     """
     return subprocess.Popen(
-        [*_viewer(), "--bind", LOOPBACK, "--port", "auto", "--connect", url], env=viewer_environment()
+        [*viewer_command(), "--bind", LOOPBACK, "--port", "auto", "--connect", url], env=viewer_environment()
     )
 
 
 @contextmanager
-def serve_web(source: str | Path) -> Iterator[str]:
+def serve_web(source: str | Path | bytes, keeps_viewer: bool = True) -> Iterator[str]:
     """Serves the viewer's page while the block runs; gives its address.
 
     Args:
-        source: path of a view.rrd, or the url of a `LiveView`.
+        source: path or content of a view.rrd, or the url of a `LiveView`.
+        keeps_viewer: whether rerun's server of the page runs all the while. Otherwise it runs while a part of the page
+            is asked for, which takes a moment longer, and leaves nothing behind when this process is killed.
     """
-    with _web_viewer() as viewer_port:
+    with _web_viewer() if keeps_viewer else nullcontext(0) as viewer_port:
         handler = type("Handler", (_PageHandler,), {"viewer_port": viewer_port, "source": source})
         server = ThreadingHTTPServer((LOOPBACK, 0), handler)
         server.daemon_threads = True
@@ -101,7 +105,7 @@ class _PageHandler(BaseHTTPRequestHandler):
     """Serves the view, and hands on the rest of the page from rerun's own server, with the policy in front."""
 
     viewer_port = 0
-    source: str | Path = ""
+    source: str | Path | bytes = b""
 
     def do_GET(self) -> None:
         """Answers one request."""
@@ -115,7 +119,7 @@ class _PageHandler(BaseHTTPRequestHandler):
 
     def _serve_file(self) -> None:
         try:
-            content = Path(self.source).read_bytes()
+            content = self.source if isinstance(self.source, bytes) else Path(self.source).read_bytes()
         except OSError as error:
             self.send_error(404, str(error))
             return
@@ -126,16 +130,12 @@ class _PageHandler(BaseHTTPRequestHandler):
         self.wfile.write(content)
 
     def _hand_on(self) -> None:
-        viewer = http.client.HTTPConnection(LOOPBACK, self.viewer_port, timeout=START_DEADLINE_S)
         try:
-            viewer.request("GET", self.path)
-            answer = viewer.getresponse()
-            body = answer.read()
-        except OSError as error:
+            with nullcontext(self.viewer_port) if self.viewer_port else _web_viewer() as port:
+                answer, body = self._ask(port)
+        except (OSError, SnrError) as error:
             self.send_error(502, f"the viewer does not answer: {error}")
             return
-        finally:
-            viewer.close()
         self.send_response(answer.status)
         for name in HANDED_ON:
             if value := answer.getheader(name):
@@ -144,6 +144,15 @@ class _PageHandler(BaseHTTPRequestHandler):
         self.send_header("Content-Security-Policy", POLICY)
         self.end_headers()
         self.wfile.write(body)
+
+    def _ask(self, port: int) -> tuple[http.client.HTTPResponse, bytes]:
+        viewer = http.client.HTTPConnection(LOOPBACK, port, timeout=START_DEADLINE_S)
+        try:
+            viewer.request("GET", self.path)
+            answer = viewer.getresponse()
+            return answer, answer.read()
+        finally:
+            viewer.close()
 
     def log_message(self, format: str, *args: object) -> None:
         """Says nothing: each of the page's requests would be a line in the student's terminal."""
@@ -157,7 +166,7 @@ def _web_viewer() -> Iterator[int]:
     """
     port = free_port()
     command = [
-        *_viewer(),
+        *viewer_command(),
         "--serve-web",
         "--bind",
         LOOPBACK,
@@ -200,10 +209,13 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def _viewer() -> list[str]:
+def viewer_command() -> list[str]:
     """Returns the command of the viewer.
 
     The program itself where it can be found: `python -m rerun_cli` only starts it, and when ended leaves it running.
+
+    Raises:
+        MissingExtra: rerun is not installed.
     """
     found = importlib.util.find_spec("rerun_cli")
     if found is None or found.origin is None:

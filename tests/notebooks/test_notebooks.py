@@ -1,6 +1,7 @@
 """The notebooks run from top to bottom, as they stand in the repository: without outputs, and without hidden state."""
 
 import json
+import re
 from pathlib import Path
 
 import nbformat
@@ -9,6 +10,7 @@ from nbclient import NotebookClient
 
 FOLDER = Path(__file__).parents[2] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
+FRAMES = {"01_landing": 1, "02_underwater": 1, "04_replay": 2}  # in which the rerun viewer shows a recorded run
 
 
 def test_there_are_five_and_a_page_that_says_how_to_begin() -> None:
@@ -27,6 +29,13 @@ def test_a_notebook_is_kept_without_outputs(path: Path) -> None:
             assert (cell["outputs"], cell["execution_count"]) == ([], None)
 
 
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_cells_keep_their_names_so_that_a_change_of_one_is_a_change_of_one(path: Path) -> None:
+    names = [cell["id"] for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]]
+    assert len(set(names)) == len(names)
+    assert all(re.fullmatch(path.stem[:2] + r"-\d\d", name) for name in names)
+
+
 @pytest.mark.filterwarnings("default")  # those of jupyter's own parts
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_runs_and_shows_pictures(path: Path) -> None:
@@ -36,3 +45,5 @@ def test_a_notebook_runs_and_shows_pictures(path: Path) -> None:
     shown = [output for cell in notebook.cells for output in cell.get("outputs", [])]
     assert not [output for output in shown if output.output_type == "error"]
     assert sum("image/png" in output.get("data", {}) for output in shown) >= 1
+    framed = sum("<iframe" in "".join(output.get("data", {}).get("text/html", "")) for output in shown)
+    assert framed == FRAMES.get(path.stem, 0)

@@ -34,6 +34,7 @@ from snr_sim.recording.records import (
     TaskRecord,
     TruthRecord,
 )
+from snr_sim.recording.trace import TraceWriter
 from snr_sim.recording.view_columns import Batch
 
 rr = pytest.importorskip("rerun")
@@ -293,6 +294,17 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
         view.write_view(header(), [], tmp_path / "no such folder" / "view.rrd")
 
 
+def test_a_run_without_its_view_gets_one_from_its_trace_and_keeps_it(tmp_path: Path) -> None:
+    recorder = TraceWriter(tmp_path / "trace.jsonl", header())
+    recorder.close()
+    found = view.view_of(tmp_path)
+    assert found == tmp_path / "view.rrd"
+    assert entities(found) >= {"/run"}
+    found.write_bytes(b"kept")
+    assert view.view_of(tmp_path).read_bytes() == b"kept"
+    assert view.view_of(found) == found
+
+
 def test_without_rerun_the_message_says_how_to_get_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "rerun", None)
     with pytest.raises(MissingExtra, match=r"snr_sim\[view\]"):
@@ -394,7 +406,7 @@ def test_a_view_that_is_not_there_is_named(tmp_path: Path) -> None:
 
 @only_linux
 def test_a_viewer_that_fails_points_to_the_browser(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(view_server, "_viewer", lambda: ["false"])
+    monkeypatch.setattr(view_server, "viewer_command", lambda: ["false"])
     with pytest.raises(TraceError, match="--web"):
         view_server.open_view(written(tmp_path, fall(1)))
 

@@ -1,0 +1,27 @@
+"""Commands of the kit in a notebook: `snr("run", "lander_vertical")` does what `snr run lander_vertical` does."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+
+def snr(*words: object, folder: str | Path = ".") -> int:
+    """Runs a command as in a terminal, prints what it says, and returns its exit status.
+
+    Args:
+        words: of the command, without `snr` in front.
+        folder: where it runs; paths in it are printed as seen from there.
+    """
+    done = subprocess.run(
+        [sys.executable, "-m", "snr_sim", *map(str, words)],
+        cwd=folder,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        env={**os.environ, "NO_COLOR": "1", "COLUMNS": "110"},  # a notebook is no terminal, but nearly as wide
+    )
+    print(done.stdout.replace(f"{folder}/", ""), end="")
+    return done.returncode

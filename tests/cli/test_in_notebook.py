@@ -1,0 +1,22 @@
+"""Commands in a notebook: what they say is printed as seen from their folder, and their exit status is returned."""
+
+from pathlib import Path
+
+import pytest
+
+from snr_sim.cli.in_notebook import snr
+
+
+def test_a_command_prints_what_it_says_and_returns_its_status(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert snr("trace", tmp_path / "no_such_run", folder=tmp_path) == 2
+    printed = capsys.readouterr().out
+    assert "There is no run at no_such_run." in printed  # of stderr, too, and without the folder in front
+    assert "\x1b[" not in printed
+
+
+def test_a_command_runs_in_the_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert snr("run", "lander_vertical", "--no-rrd", folder=tmp_path) == 0
+    assert len(list((tmp_path / "runs").iterdir())) == 1
+    assert "landed after" in capsys.readouterr().out
