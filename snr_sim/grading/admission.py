@@ -78,9 +78,10 @@ class Admission:
         try:
             task = Task.deserialize(raw)
         except SnrError as error:
+            why = getattr(error.__cause__, "message", error.message)
             raise NotAdmitted(
-                f"'{component}' made a task with a value that cannot leave its process: {error.message}",
-                fix="numbers, texts, lists, dicts, tuples and numpy arrays can.",
+                f"'{component}' made a task with a value that cannot leave its process: {why}",
+                fix="numbers, texts, lists, dicts, tuples, numpy arrays, and dataclasses of these can.",
             ) from error
         if len(task.name) > _NAME_LENGTH:
             raise NotAdmitted(f"'{component}' made a task with a name of {len(task.name)} characters.")

@@ -26,8 +26,8 @@ from snr_sim.grading.node_messages import (
     Returned,
     StepDone,
 )
+from snr_sim.grading.typed_pages import TypedPages
 from snr_sim.prelude.component import Component
-from snr_sim.prelude.page import Page
 from snr_sim.prelude.task import Task
 
 _AUTHORS_STEPS = ("begin", "join", "halt", "terminate")
@@ -92,6 +92,7 @@ class ChildNode(Node):
         machine.scheduled = []
         self.machine: CollectingMachine = machine
         self._told_notes = 0
+        self._typed = TypedPages()
 
     def handlers_changed(self) -> None:
         """Remembers to tell the grader."""
@@ -128,7 +129,7 @@ class ChildNode(Node):
         self.given_clock.show(now_s)
         self.machine.now_s = now_s
         for raw in pages:
-            self.datastore.put(Page.deserialize(bytes(raw)))
+            self.datastore.put(self._typed.as_made(bytes(raw)))
         self._core.came_s.update(came_s)
 
     def handle(self, task: Task, first: str, child: Child) -> Returned:
@@ -151,7 +152,9 @@ class ChildNode(Node):
                 machine.running = None
             returned[component.name] = [*machine.scheduled, *made]
             machine.scheduled.clear()
-        answer = Returned({name: [_raw(task) for task in tasks] for name, tasks in returned.items()}, **self.told())
+        answer = Returned(
+            {name: [self._typed.leaves(task) for task in tasks] for name, tasks in returned.items()}, **self.told()
+        )
         if failed is None:
             return answer
         name, failure, handler = failed
@@ -174,7 +177,7 @@ class ChildNode(Node):
                 getattr(component, step)()
         finally:
             machine.running = None
-        scheduled = [_raw(task) for task in machine.scheduled]
+        scheduled = [self._typed.leaves(task) for task in machine.scheduled]
         machine.scheduled.clear()
         done = StepDone(scheduled, **self.told())
         if isinstance(component, Loop):
@@ -184,7 +187,7 @@ class ChildNode(Node):
 
     def told(self) -> dict[str, Any]:
         """Returns what else there is to tell after a step: what entered through the door, and what has changed."""
-        entered = [(_raw(task), source) for task, source in self.door.waiting]
+        entered = [(self._typed.leaves(task), source) for task, source in self.door.waiting]
         self.door.waiting.clear()
         handlers = None
         if self.have_handlers_changed:
@@ -197,10 +200,6 @@ class ChildNode(Node):
         missed = [key for key in self.datastore.missed if isinstance(key, str)]
         self.datastore.missed.clear()
         return {"entered": entered, "handlers": handlers, "notes": notes, "missed": missed}
-
-
-def _raw(task: Task) -> msgspec.Raw:
-    return msgspec.Raw(task.serialize())
 
 
 def in_words(error: BaseException, begins: Any) -> tuple[str, str]:
