@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from typing import Any
 
 import numpy as np
@@ -103,14 +104,16 @@ class LunarLanderBox(Env[NDArray[np.float32], Any]):
             raise ParameterError(f"reset() was given the options {sorted(options)}.", fix="it takes none.")
         self._draw = self.np_random.random
         draw = self.np_random.uniform
-        heights = draw(0.0, HEIGHT / 2.0, size=CHUNKS + 1)
-        heights[CHUNKS // 2 - 2 : CHUNKS // 2 + 3] = PAD_Y
+        heights = draw(0.0, HEIGHT / 2.0, size=CHUNKS + 1).tolist()
+        heights[CHUNKS // 2 - 2 : CHUNKS // 2 + 3] = 5 * [PAD_Y]
         around = [0.33 * (heights[i - 1] + heights[i] + heights[i + 1]) for i in range(CHUNKS)]
-        self.world = LunarBoxWorld(around, self._gravity)
+        if self.world is None:
+            self.world = LunarBoxWorld(self._gravity)
+        self.world.begin(around)
         self.world.kick((draw(-PUSH_MOST, PUSH_MOST), draw(-PUSH_MOST, PUSH_MOST)), arm=START_ARM)
         if self._wind is not None:
             self._moments = [int(self.np_random.integers(-9999, 9999)) for _ in range(2)]
-        self._is_over = False
+        self._is_over, self._power = False, (0.0, 0.0)
         self._move(0.0, 0.0)
         state = self._state()
         self._potential = potential(state)
@@ -124,10 +127,10 @@ class LunarLanderBox(Env[NDArray[np.float32], Any]):
         """
         if self._is_over or self.world is None:
             raise ParameterError("step() outside an episode: it has not begun, or has ended.", fix="call reset().")
-        self._move(*self._powers(action))
+        main, side = self._power = self._powers(action)
+        self._move(main, side)
         state = self._state()
         here = potential(state)
-        main, side = self._power
         reward = here - self._potential - MAIN_COST * main - SIDE_COST * abs(side)
         self._potential = here
         if self.world.is_asleep:
@@ -147,13 +150,12 @@ class LunarLanderBox(Env[NDArray[np.float32], Any]):
     def _powers(self, given: Any) -> tuple[float, float]:
         """Returns power of the main engine, 0 to 1, and of the orientation engines, negative for the left one."""
         if not self.continuous:
-            is_one = type(given) is int or self.action_space.contains(given)  # the latter takes as long as the physics
-            powers = POWERS.get(int(given)) if is_one else None
-            if powers is None:
-                raise ParameterError(f"{given!r} is no action: {self.action_space}.", fix="0, 1, 2 or 3.")
-            return powers
+            try:
+                return POWERS[operator.index(given)]  # takes what Discrete.contains() takes, in a tenth of its time
+            except (TypeError, KeyError):
+                raise ParameterError(f"{given!r} is no action: {self.action_space}.", fix="0, 1, 2 or 3.") from None
         try:
-            throttle, turn = (float(one) for one in given)
+            throttle, turn = map(float, given)
         except (TypeError, ValueError):
             throttle = turn = math.nan
         if not (math.isfinite(throttle) and math.isfinite(turn)):
@@ -163,34 +165,31 @@ class LunarLanderBox(Env[NDArray[np.float32], Any]):
 
     def _move(self, main: float, side: float) -> None:
         """Has the wind blow and the engines push for a step, and makes it."""
-        world = self.world
+        world, draw = self.world, self._draw
         assert world is not None
         if self._wind is not None and not any(world.contacts):
             force, torque = (power * gust(at) for power, at in zip(self._wind, self._moments, strict=True))
             world.kick((force, 0.0), torque)
             self._moments = [at + 1 for at in self._moments]
-        spread = 2.0 * self._draw() - 1.0, 2.0 * self._draw() - 1.0
+        spread = 2.0 * draw() - 1.0, 2.0 * draw() - 1.0
         if main:
             world.fire_main(main, spread)
         if side:
             world.fire_side(abs(side), math.copysign(1.0, side), spread)
-        self._power = main, side
         world.step()
 
     def _state(self) -> tuple[float, ...]:
         world = self.world
         assert world is not None
-        hull = world.hull
-        x, y = hull.position
         vx, vy = world.velocity()
         left, right = world.contacts
         return (
-            (x - WIDTH / 2.0) / (WIDTH / 2.0),
-            (y - PAD_Y - LEG_DOWN) / (HEIGHT / 2.0),
+            (world.x - WIDTH / 2.0) / (WIDTH / 2.0),
+            (world.y - PAD_Y - LEG_DOWN) / (HEIGHT / 2.0),
             vx * (WIDTH / 2.0) / STEPS_HZ,
             vy * (HEIGHT / 2.0) / STEPS_HZ,
-            hull.angle,
-            20.0 * hull.angular_velocity / STEPS_HZ,
+            world.angle_rad,
+            20.0 * world.turn_radps / STEPS_HZ,
             float(left),
             float(right),
         )
@@ -198,8 +197,8 @@ class LunarLanderBox(Env[NDArray[np.float32], Any]):
     @staticmethod
     def _seen(state: tuple[float, ...]) -> NDArray[np.float32]:
         seen = np.array(state, np.float32)
-        x, y, vx, vy, angle, turn, *_ = state
-        if max(abs(x), abs(y)) > 2.5 or max(abs(vx), abs(vy), abs(turn)) > 10.0 or abs(angle) > 6.28:
+        x, y, vx, vy, angle, turn, _, _ = map(abs, state)
+        if x > 2.5 or y > 2.5 or vx > 10.0 or vy > 10.0 or angle > 6.28 or turn > 10.0:
             np.clip(seen, -LIMITS, LIMITS, out=seen)
         return seen
 

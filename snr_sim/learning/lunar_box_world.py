@@ -18,9 +18,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeAlias
 
 from snr_sim.plants.hull import pymunk_module
+
+Point: TypeAlias = tuple[float, float]
 
 STEPS_HZ = 50
 STEP_S = 1.0 / STEPS_HZ
@@ -28,6 +30,7 @@ PIXELS = 30.0  # in a unit of length
 WIDTH, HEIGHT = 600 / PIXELS, 400 / PIXELS
 CHUNKS = 11  # corners of the ground
 PAD_Y = HEIGHT / 4
+START = WIDTH / 2, HEIGHT
 
 HULL = [(x / PIXELS, y / PIXELS) for x, y in ((-14, 17), (-17, 0), (-17, -10), (17, -10), (17, 0), (14, 17))]
 MASS, CENTRE_Y, MOMENT = 4.9589, 0.0889, 0.9122  # of hull (density 5) and legs (1), out; about that centre
@@ -50,93 +53,100 @@ SIDE_AWAY, SIDE_UP, SIDE_ARM = 12 / PIXELS, 14 / PIXELS, 17 / PIXELS
 SPREAD = 1 / PIXELS  # of where an engine pushes, either way
 
 STILL_MPS, STILL_RADPS, STILL_S = 0.01, math.radians(2.0), 0.5
-ON_HULL, ON_LEG, GROUND = 1, 2, 4  # pymunk's collision types; legs are 2 and 3
-HITS_GROUND, HITS_BODIES = 0b01, 0b10
+GROUND, ON_HULL, ON_LEG = 0, 1, 2  # pymunk's collision types; legs are 2 and 3
 ITERATIONS = 10  # of Chipmunk's solver
 SLOP = 0.005  # what may overlap
+NOTHING = [0, 0, 0]  # is touched by hull and legs
 
 
 class LunarBoxWorld:
-    """One world: the ground, the lander above its middle, nothing moving.
+    """One world, in which episodes begin anew: the ground, the lander above its middle, nothing moving.
 
     Args:
-        heights: of the ground at `CHUNKS` equal distances.
         gravity: less than 0, along y.
 
     Attributes:
+        heights: of the ground.
         hull: the body; `position` is the origin of its corners.
-        is_crashed: whether the hull has touched the ground.
+        x, y, angle_rad: where the hull is after the last step. Each is read once: a question to the engine takes as
+            long as ten lines of Python.
+        vx, vy, turn_radps: how its centre of mass moves, and how it turns, after the last step.
         steps_still: for how many steps everything has been still.
     """
 
-    def __init__(self, heights: Sequence[float], gravity: float) -> None:
-        pymunk = pymunk_module()
-        self.heights = list(heights)
-        self._space: Any = pymunk.Space()
-        self._space.gravity = 0.0, gravity
-        self._space.iterations = ITERATIONS
-        self._space.collision_slop = SLOP
-        corners = [(WIDTH / (CHUNKS - 1) * i, float(height)) for i, height in enumerate(heights)]
-        for start, end in [*pairwise(corners), ((0.0, 0.0), (WIDTH, 0.0))]:
-            line = pymunk.Segment(self._space.static_body, start, end, 0.0)
-            line.friction, line.collision_type = 1.0, GROUND
-            line.filter = pymunk.ShapeFilter(categories=HITS_GROUND, mask=HITS_BODIES)
-            self._space.add(line)
-
-        legs = [_leg_place(side) for side in SIDES]
-        mass, moment = MASS - 2.0 * LEG_MASS, MOMENT
-        centre_y = (MASS * CENTRE_Y - LEG_MASS * sum(y for _, y in legs)) / mass
-        moment -= mass * (centre_y - CENTRE_Y) ** 2
-        moment -= sum(LEG_MOMENT + LEG_MASS * (x**2 + (y - CENTRE_Y) ** 2) for x, y in legs)
-        self.hull = self._body(pymunk, HULL, (mass, moment), HULL_FRICTION, ON_HULL)
-        self.hull.center_of_gravity = 0.0, centre_y
-        self.hull.position = WIDTH / 2, HEIGHT
-        self._motors: list[Any] = []
-        self.legs = [self._leg(pymunk, i) for i in range(2)]
+    def __init__(self, gravity: float) -> None:
+        self._pymunk = pymunk_module()
+        self._gravity = gravity
         self._pull_mps = gravity * STEP_S
-        for body in (self.hull, *self.legs):
-            body.velocity = 0.0, self._pull_mps
-        self.is_crashed = False
+        mass, moment, self._centre_y = _hull_alone()
+        self.hull, outline = self._body(HULL, mass, moment, HULL_FRICTION, ON_HULL)
+        self.hull.center_of_gravity = 0.0, self._centre_y
+        legs = [self._body(LEG, LEG_MASS, LEG_MOMENT, LEG_FRICTION, ON_LEG + i) for i in range(2)]
+        self.legs = [leg for leg, _ in legs]
+        self._outlines = [outline, *(outline for _, outline in legs)]
+        self._space = self._empty_space()
+        self._space.add(self.hull, *self.legs, *self._outlines)
+
+    def _body(self, corners: list[Point], mass: float, moment: float, friction: float, kind: int) -> tuple[Any, Any]:
+        body = self._pymunk.Body(mass, moment)
+        outline = self._pymunk.Poly(body, corners)
+        outline.filter = self._pymunk.ShapeFilter(group=1)  # parts of one lander do not collide
+        outline.friction, outline.collision_type = friction, kind
+        return body, outline
+
+    def begin(self, heights: Sequence[float]) -> None:
+        """Begins an episode, to the last bit as it would begin in a new world.
+
+        The lander is moved to an engine of its own, which has not seen the last episode; joints are made anew, as
+        each remembers its last push. To make all of the lander anew would take a third longer.
+
+        Args:
+            heights: of the ground at `CHUNKS` equal distances.
+        """
+        self._space.remove(*self._space.constraints, *self._outlines, self.hull, *self.legs)
+        self.heights = list(heights)
+        corners = [(WIDTH / (CHUNKS - 1) * i, height) for i, height in enumerate(self.heights)]
+        self._place(self.hull, START, 0.0)
+        for leg, side in zip(self.legs, SIDES, strict=True):
+            x, y = _leg_place(side)
+            self._place(leg, (START[0] + x, START[1] + y), -side * LEG_OUT_RAD)
+        self._space = self._empty_space()
+        ground = self._space.static_body
+        lines = [self._pymunk.Segment(ground, *ends, 0.0) for ends in pairwise(corners)]
+        for line in lines:
+            line.friction = 1.0
+        self._space.add(*lines, self.hull, *self.legs, *self._outlines)
+        self._motors = [self._joined(leg, side) for leg, side in zip(self.legs, SIDES, strict=True)]
+        self._rates_radps = [0.0, 0.0]
         self.steps_still = 0
-        self._touching = [0, 0]
-        self._space.on_collision(ON_HULL, GROUND, begin=self._crash)
-        for i in range(2):
-            self._space.on_collision(ON_LEG + i, GROUND, begin=self._touch, separate=self._lift, data=i)
+        self._touching = list(NOTHING)  # how many pieces of the ground hull and legs touch
+        self._look()
 
-    def _body(
-        self,
-        pymunk: Any,
-        corners: Sequence[tuple[float, float]],
-        mass_and_moment: tuple[float, float],
-        friction: float,
-        kind: int,
-    ) -> Any:
-        body = pymunk.Body(*mass_and_moment)
-        shape = pymunk.Poly(body, corners)
-        shape.filter = pymunk.ShapeFilter(categories=HITS_BODIES, mask=HITS_GROUND)
-        shape.friction, shape.collision_type = friction, kind
-        self._space.add(body, shape)
-        return body
+    def _empty_space(self) -> Any:
+        space = self._pymunk.Space()
+        space.gravity = 0.0, self._gravity
+        space.iterations, space.collision_slop = ITERATIONS, SLOP
+        for i, outline in enumerate(self._outlines):
+            space.on_collision(outline.collision_type, GROUND, begin=self._touch, separate=self._lift, data=i)
+        return space
 
-    def _leg(self, pymunk: Any, i: int) -> Any:
-        side = SIDES[i]
-        leg = self._body(pymunk, LEG, (LEG_MASS, LEG_MOMENT), LEG_FRICTION, ON_LEG + i)
-        leg.angle = -side * LEG_OUT_RAD
-        x, y = _leg_place(side)
-        leg.position = self.hull.position.x + x, self.hull.position.y + y
+    def _place(self, body: Any, position: Point, angle_rad: float) -> None:
+        body.update_position(body, 0.0)  # Chipmunk moves overlapping bodies apart one step late: that is forgotten
+        body.angle, body.position = angle_rad, position
+        body.velocity, body.angular_velocity = (0.0, self._pull_mps), 0.0
+
+    def _joined(self, leg: Any, side: int) -> Any:
+        """Joins a leg to the hull; returns the motor."""
+        pymunk = self._pymunk
+        low, high = sorted((-side * LEG_OUT_RAD, -side * LEG_IN_RAD))
         motor = pymunk.SimpleMotor(self.hull, leg, 0.0)
         motor.max_force = LEG_TORQUE
-        low, high = sorted((-side * LEG_OUT_RAD, -side * LEG_IN_RAD))
         self._space.add(
             pymunk.PivotJoint(self.hull, leg, (0.0, 0.0), (side * LEG_AWAY, LEG_DOWN)),
             pymunk.RotaryLimitJoint(self.hull, leg, low, high),
             motor,
         )
-        self._motors.append(motor)
-        return leg
-
-    def _crash(self, arbiter: Any, space: Any, data: Any) -> None:
-        self.is_crashed = True
+        return motor
 
     def _touch(self, arbiter: Any, space: Any, data: Any) -> None:
         self._touching[data] += 1
@@ -145,16 +155,22 @@ class LunarBoxWorld:
         self._touching[data] -= 1
 
     @property
+    def is_crashed(self) -> bool:
+        """Whether the hull touches the ground."""
+        return self._touching[0] > 0
+
+    @property
     def contacts(self) -> tuple[bool, bool]:
         """Which of the legs touch the ground."""
-        return self._touching[0] > 0, self._touching[1] > 0
+        _, left, right = self._touching
+        return left > 0, right > 0
 
     @property
     def is_asleep(self) -> bool:
         """Whether everything has been still for so long that it stands."""
         return self.steps_still >= STILL_S * STEPS_HZ
 
-    def kick(self, force: tuple[float, float], torque: float = 0.0, arm: float = WIND_ARM) -> None:
+    def kick(self, force: Point, torque: float = 0.0, arm: float = WIND_ARM) -> None:
         """Has a force and a torque act for one step, on the lander as a whole.
 
         Args:
@@ -162,33 +178,30 @@ class LunarBoxWorld:
             torque: beside that of the force.
             arm: how far above the lander's centre of mass the force acts.
         """
-        hull = self.hull
-        sin, cos = math.sin(hull.angle), math.cos(hull.angle)
+        sin, cos = math.sin(self.angle_rad), math.cos(self.angle_rad)
         turn = (torque - arm * (cos * force[0] + sin * force[1])) * STEP_S / MOMENT
-        x, y = hull.local_to_world((0.0, CENTRE_Y))
-        for body in (hull, *self.legs):
-            at_x, at_y = body.local_to_world(body.center_of_gravity)
+        x, y = self.hull.local_to_world((0.0, CENTRE_Y))
+        centres = self.hull.local_to_world((0.0, self._centre_y)), *(leg.position for leg in self.legs)
+        for body, (at_x, at_y) in zip((self.hull, *self.legs), centres, strict=True):
             vx, vy = body.velocity
             vx += force[0] * STEP_S / MASS - turn * (at_y - y)
             body.velocity = vx, vy + force[1] * STEP_S / MASS + turn * (at_x - x)
             body.angular_velocity += turn
 
-    def fire_main(self, power: float, spread: tuple[float, float]) -> None:
+    def fire_main(self, power: float, spread: Point) -> None:
         """Fires the main engine for one step.
 
         Args:
             power: 0.5 to 1.
             spread: where it pushes, along and across, -1 to 1.
         """
-        hull = self.hull
-        cos, sin = hull.rotation_vector
+        cos, sin = math.cos(self.angle_rad), math.sin(self.angle_rad)
         along, across = MAIN_DOWN + 2.0 * SPREAD * spread[0], SPREAD * spread[1]
         out_x, out_y = sin * along - cos * across, -cos * along - sin * across
-        x, y = hull.position
         impulse = -out_x * MAIN_POWER * power, -out_y * MAIN_POWER * power
-        hull.apply_impulse_at_world_point(impulse, (x + out_x, y + out_y))
+        self.hull.apply_impulse_at_world_point(impulse, (self.x + out_x, self.y + out_y))
 
-    def fire_side(self, power: float, side: float, spread: tuple[float, float]) -> None:
+    def fire_side(self, power: float, side: float, spread: Point) -> None:
         """Fires the orientation engine of a side for one step.
 
         Args:
@@ -196,44 +209,67 @@ class LunarBoxWorld:
             side: -1 the left engine, 1 the right one.
             spread: where it pushes, along and across, -1 to 1.
         """
-        hull = self.hull
-        cos, sin = hull.rotation_vector
+        cos, sin = math.cos(self.angle_rad), math.sin(self.angle_rad)
         along, across = SPREAD * spread[0], 3.0 * SPREAD * spread[1] + side * SIDE_AWAY
         out_x, out_y = sin * along - cos * across, -cos * along - sin * across
-        x, y = hull.position
         impulse = -out_x * SIDE_POWER * power, -out_y * SIDE_POWER * power
         # That the arm sideways is not as long as the one upwards is so in the original: it turns with the tilt.
-        hull.apply_impulse_at_world_point(impulse, (x + out_x - sin * SIDE_ARM, y + out_y + cos * SIDE_UP))
+        point = self.x + out_x - sin * SIDE_ARM, self.y + out_y + cos * SIDE_UP
+        self.hull.apply_impulse_at_world_point(impulse, point)
 
-    def velocity(self) -> tuple[float, float]:
-        """Returns the velocity of the hull's centre of mass."""
-        x, y = self.hull.velocity
-        return (x, y) if any(self._touching) else (x, y - self._pull_mps)
+    def velocity(self) -> Point:
+        """Returns the velocity of the hull's centre of mass; in flight less the pull that Chipmunk is ahead."""
+        _, left, right = self._touching
+        return self.vx, self.vy if left or right else self.vy - self._pull_mps
 
     def step(self) -> None:
-        """Moves on by a fiftieth of a second."""
-        if not any(self._touching):
+        """Moves on by a fiftieth of a second, and looks where the hull is then."""
+        if self._touching == NOTHING:
             self._space.step(STEP_S)
+            self._look()
             self.steps_still = 0
             return
         self._drive_legs()
         self._space.step(STEP_S)
-        self.steps_still = self.steps_still + 1 if all(map(_is_still, (self.hull, *self.legs))) else 0
+        self._look()
+        is_still = _is_still(self.vx, self.vy, self.turn_radps) and all(map(_is_body_still, self.legs))
+        self.steps_still = self.steps_still + 1 if is_still else 0
+
+    def _look(self) -> None:
+        hull = self.hull
+        self.x, self.y = hull.position
+        self.vx, self.vy = hull.velocity
+        self.angle_rad, self.turn_radps = hull.angle, hull.angular_velocity
 
     def _drive_legs(self) -> None:
         """Has the motors push legs out that were pushed in, the last bit more and more slowly."""
-        angle_rad = self.hull.angle
-        for side, leg, motor in zip(SIDES, self.legs, self._motors, strict=True):
-            in_rad = side * (angle_rad - leg.angle) - LEG_OUT_RAD
-            motor.rate = -side * max(-LEG_MOTOR_RADPS, min(LEG_MOTOR_RADPS, LEG_SERVO_PER_S * in_rad))
+        for i, side in enumerate(SIDES):
+            in_rad = side * (self.angle_rad - self.legs[i].angle) - LEG_OUT_RAD
+            rate = -side * max(-LEG_MOTOR_RADPS, min(LEG_MOTOR_RADPS, LEG_SERVO_PER_S * in_rad))
+            if rate != self._rates_radps[i]:
+                self._motors[i].rate = self._rates_radps[i] = rate
 
 
-def _leg_place(side: int) -> tuple[float, float]:
+def _leg_place(side: int) -> Point:
     """Returns where the middle of a leg is that is out, from the origin of the hull."""
     cos, sin = math.cos(LEG_OUT_RAD), -side * math.sin(LEG_OUT_RAD)
     return sin * LEG_DOWN - cos * side * LEG_AWAY, -sin * side * LEG_AWAY - cos * LEG_DOWN
 
 
-def _is_still(body: Any) -> bool:
-    x, y = body.velocity
-    return bool(x * x + y * y < STILL_MPS**2 and abs(body.angular_velocity) < STILL_RADPS)
+def _hull_alone() -> tuple[float, float, float]:
+    """Returns mass, moment of inertia and height of the centre of the hull: of the whole lander, less its legs."""
+    legs = [_leg_place(side) for side in SIDES]
+    mass = MASS - 2.0 * LEG_MASS
+    centre_y = (MASS * CENTRE_Y - LEG_MASS * sum(y for _, y in legs)) / mass
+    moment = MOMENT - mass * (centre_y - CENTRE_Y) ** 2
+    moment -= sum(LEG_MOMENT + LEG_MASS * (x**2 + (y - CENTRE_Y) ** 2) for x, y in legs)
+    return mass, moment, centre_y
+
+
+def _is_still(vx: float, vy: float, turn_radps: float) -> bool:
+    return vx * vx + vy * vy < STILL_MPS**2 and abs(turn_radps) < STILL_RADPS
+
+
+def _is_body_still(body: Any) -> bool:
+    vx, vy = body.velocity
+    return _is_still(vx, vy, body.angular_velocity)

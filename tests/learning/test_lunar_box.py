@@ -56,6 +56,25 @@ def test_the_same_seed_is_the_same_episode_also_in_another_process(continuous: b
     assert json.loads(printed) == json.loads(json.dumps(mine))
 
 
+@both_actions
+def test_an_episode_knows_nothing_of_those_before_it(continuous: bool) -> None:
+    """The engine keeps contacts, orders of shapes and pushes of joints; none may outlive a landing or a crash."""
+    used = gymnasium.make(NAME, continuous=continuous)
+    for seed in range(12):
+        assert landing(used, seed, continuous) == landing(gymnasium.make(NAME, continuous=continuous), seed, continuous)
+
+
+def landing(env: Any, seed: int, continuous: bool) -> list[bytes]:
+    seen, _ = env.reset(seed=seed)
+    told, ended = [seen.tobytes()], [False]
+    while not any(ended):
+        # Every fourth lands with its engines off: it crashes, or comes to lie on the ground.
+        off = np.zeros(2, np.float32) if continuous else 0
+        seen, _, *ended, _ = env.step(off if seed % 4 == 3 else published_policy(seen, continuous))
+        told.append(seen.tobytes())
+    return told
+
+
 # What LunarLander-v3 of gymnasium 1.4 with Box2D 2.3.10 observes at the start, and after 40 steps of 0 2 0 1 2 3.
 ORIGINAL = {
     0: ([0.0057, 1.399, 0.578, -0.5283, -0.0066, -0.1309], [0.2516, 0.7056, 0.7283, -1.0024, -0.24, -0.0757]),
