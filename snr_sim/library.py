@@ -18,7 +18,6 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence, Set
 from contextlib import suppress
 from dataclasses import dataclass
-from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, SourceFileLoader
 from pathlib import Path
 from types import ModuleType
@@ -400,7 +399,7 @@ class _FreshLoader(SourceFileLoader):
         raise OSError
 
 
-class _RobotFinder(MetaPathFinder):
+class _RobotFinder:
     """Finds the modules inside a robot's folder, which needs no `__init__.py` anywhere."""
 
     def __init__(self) -> None:
@@ -428,7 +427,7 @@ class _RobotFinder(MetaPathFinder):
         return None
 
 
-class _NeighbourFinder(MetaPathFinder):
+class _NeighbourFinder:
     """Finds what stands beside the file that was loaded last, as a script finds it; never instead of Python's own."""
 
     def __init__(self) -> None:
