@@ -436,7 +436,7 @@ class _NeighbourFinder:
 
     def look_in(self, folder: Path) -> None:
         """Takes this folder from now on, and forgets what came from the one before, or stood in it before."""
-        for name, module in list(sys.modules.items()):
+        for name, module in list(sys.modules.items()) if self.loaded else ():
             if Path(_file_of(module) or "") in self.loaded:
                 del sys.modules[name]
         self.loaded = set()  # and not cleared: a simulation may still be named by what it had

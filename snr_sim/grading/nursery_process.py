@@ -1,6 +1,6 @@
 """What runs in a sandbox that has several cases of one submission: for each case it makes a copy of itself.
 
-It has imported what a student's process needs, and reads nothing of the student's; each copy begins where `child.py`
+It has imported what a student's process needs, with what speaks for it in lab 10, and reads nothing of the student's; each copy begins where `child.py`
 begins. So a case costs a copy, and not a start of Python with all its imports.
 
 A copy is the first process of a namespace of its own: it dies alone, it has the same number in every case, and
@@ -16,7 +16,10 @@ import os
 import socket
 import struct
 
-from snr_sim.grading import child
+from snr_sim.grading import (
+    child,
+    pilot,  # noqa: F401  every copy has it
+)
 
 SCRATCH = "/tmp"
 STATUS = struct.Struct("i")
