@@ -12,13 +12,18 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import gymnasium
-from harness import Row, compare, cpu_time_of, report
+import mujoco
+import numpy as np
+from harness import Row, Trial, compare, cpu_time_of, report
+from mujoco.rollout import Rollout
 
 import snr_sim.learning  # noqa: F401 - makes the names known
 from snr_sim.learning.batch_training import course_of, new_table, train_vertical
 from snr_sim.learning.gym import COMPATIBLE
-from snr_sim.learning.pad_training import PadPolicy, train_pad
+from snr_sim.learning.pad_training import STEP_S, PadPolicy, Sky, train_pad
+from snr_sim.learning.plane_batch import step
 from snr_sim.learning.tabular import evaluate
+from snr_sim.prelude.signals import EngineCommand
 
 ORIGINAL = "LunarLander-v3"
 UNSEEN = range(1, 101)
@@ -46,6 +51,44 @@ def steps_of(name: str, count: int, **kwargs: Any) -> Callable[[], Callable[[], 
     return trial
 
 
+def tenth_of_a_second(landers: int) -> tuple[Trial, Trial, Trial]:
+    """Returns three trials: so many landers moved on by a step of `LanderPad`.
+
+    One by one in the plant under MuJoCo, by MuJoCo's batch rollout, and as the trainer moves them.
+    """
+    env: Any = gymnasium.make("snr_sim/LanderPad-v0", engine="mujoco").unwrapped
+    env.reset(options={"start": 1})
+    plant, spec = env.plant, mujoco.mjtState.mjSTATE_FULLPHYSICS
+    start, steps = plant.snapshot(), round(STEP_S / plant.step_s)
+    model, data = plant._hull._model, plant._hull._data
+    state = np.empty(mujoco.mj_stateSize(model, spec))
+    mujoco.mj_getState(model, data, state, spec)
+    states, pushes = np.tile(state, (landers, 1)), np.zeros((landers, steps, model.nv))
+    pushes[:, :, 2] = 0.25 * plant.module.thrust_n
+    sky = Sky(env, 1)
+    batch, throttle = sky.proper(landers), np.full(landers, 0.25)
+
+    def one_by_one() -> Callable[[], None]:
+        plant.restore(start)
+        plant.write("engine", EngineCommand(0.25))
+
+        def run() -> None:
+            for _ in range(landers * steps):
+                plant.step(plant.step_s)
+
+        return run
+
+    def by_rollout() -> Callable[[], None]:
+        pool, own = Rollout(nthread=0), mujoco.MjData(model)
+        what = {"control_spec": int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)}
+        return lambda: pool.rollout([model] * landers, [own], states, pushes, **what)
+
+    def by_numpy() -> Callable[[], None]:
+        return lambda: step(batch, throttle, np.zeros(landers), sky.module, STEP_S)
+
+    return one_by_one, by_rollout, by_numpy
+
+
 def measure(is_quick: bool) -> Iterator[Row]:
     """Measures, a row at a time."""
     count, rounds = (1000, 3) if is_quick else (5000, 9)
@@ -68,6 +111,17 @@ def measure(is_quick: bool) -> Iterator[Row]:
         steps = count // 10
         took_s = min(cpu_time_of(steps_of(f"snr_sim/{name}-v0", steps)) for _ in range(3))
         yield Row(name=f"{name}: step", value=took_s / steps * 1e6, unit="us", note="resets included")
+    landers = 20 if is_quick else 60  # so that the one plant that flies for all of them stays in the air
+    found = compare(*tenth_of_a_second(landers), rounds=rounds)
+    for k, name in enumerate(("by MuJoCo's batch rollout", "in the trainer's batch"), start=1):
+        yield Row(
+            name=f"0.1 s of one of {landers} landers, {name}",
+            value=found.shortest_s[k] / landers * 1e6,
+            unit="us",
+            baseline=found.shortest_s[0] / landers * 1e6,
+            compared_to="the plant under MuJoCo, one by one",
+            ratio=found.ratios[k],
+        )
     env = gymnasium.make("snr_sim/LanderVertical-v0").unwrapped
     table = new_table()
     start_s = time.process_time()
