@@ -7,6 +7,7 @@ import csv
 import ctypes
 import json
 import os
+import pickle
 import random
 import shutil
 import subprocess
@@ -35,6 +36,49 @@ WRONG = {  # of each kind two, with their points: 40 for loading, 30 for a visib
     "return 1 / 0": 0.0,
 }
 RIGHT = ("return 2 * x", "return x + x", "return x << 1", "return sum([x, x])")
+
+
+LAB_TEN = Path(__file__).parents[1] / "assignments" / "lunar_lander_q"
+STARTER = Path(__file__).parents[2] / "assignments" / "10_lunar_lander_q" / "starter"
+WHOLE_CLASS = "SNR_WHOLE_CLASS" in os.environ  # then it takes minutes: one attack is busy for ten seconds in each case
+WRONG_IN_LAB_TEN = {  # what is left of 100: see tests/assignments/test_lunar_lander_q.py
+    "stops_learning": 65.0,
+    "bootstraps_through_terminal": 65.0,
+    "stops_at_truncation": 65.0,
+    "learns_from_the_untried": 65.0,
+    "changes_the_next_state": 65.0,
+    "explores_when_evaluated": 70.0,
+    "chooses_the_untried": 70.0,
+    "plays_a_recording": 70.0,
+    "loses_the_sign": 75.0,
+    "is_paid_for_hovering": 50.0,
+    "trained_on_the_test": 71.25,  # of the four cases of `lands` it has the visible one, and none of `is_sturdy`
+}
+# What an attack on the lab of numbers is as a lander: whatever it does, it does in each of the five functions.
+AS_LANDER = """
+
+ACTIONS, STATES = 4, 63
+
+
+def encode(altitude_m, velocity_mps):
+    return double(int(altitude_m))
+
+
+def choose(table, state, epsilon, rng):
+    return double(state)
+
+
+def update(table, step):
+    double(step.state)
+
+
+def reward(*all):
+    return double(1)
+
+
+def epsilon(share):
+    return double(1)
+"""
 
 
 def hand_in(folder: Path, port: int) -> dict[Path, float | None]:
@@ -76,6 +120,49 @@ def hand_in(folder: Path, port: int) -> dict[Path, float | None]:
     return {path: due[path] for path in everybody}
 
 
+def hand_in_lab_ten(folder: Path, port: int) -> dict[str, dict[Path, float | None]]:
+    """Returns submissions to lab 10 by kind, as `hand_in` returns them; the first of each kind is a quick one."""
+
+    def submission(name: str, over: Path | None = None) -> Path:
+        shutil.copytree(LAB_TEN / "reference", folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+        if over is not None:
+            shutil.copytree(over, folder / name, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__"))
+        return folder / name
+
+    right: dict[Path, float | None] = {submission("reference"): 100.0, submission("untrained"): 95.0}
+    (folder / "untrained" / "policy.npz").unlink()  # what the grader trains flies in its place
+    with zipfile.ZipFile(folder / "zipped.zip", "w") as archive:
+        for file in (LAB_TEN / "reference").iterdir():
+            if file.is_file():
+                archive.write(file, f"work/{file.name}")
+    right[folder / "zipped.zip"] = 100.0
+    wrong: dict[Path, float | None] = {
+        submission(name, LAB_TEN / "wrong" / name): points for name, points in WRONG_IN_LAB_TEN.items()
+    }
+    for name, data in (("pickled", pickle.dumps([[0.0] * 4] * 63)), ("cut", b"PK\3\4")):
+        wrong[submission(name)] = 60.0  # policy_file, lands and is_sturdy are about the table
+        (folder / name / "policy.npz").write_bytes(data)
+    attacks: dict[Path, float | None] = {}
+    for attack in sorted(ATTACKS, key=lambda path: (path.stem != "writes_results", path)):
+        path = folder / f"attack_{attack.stem}"
+        path.mkdir()
+        (path / "q_lander.py").write_text(attack.read_text().replace("double.py", "q_lander.py") + AS_LANDER)
+        (path / "token.txt").write_text(TOKEN)
+        (path / "port.txt").write_text(str(port))
+        attacks[path] = 0.0
+    none: dict[Path, float | None] = {}
+    for name in ("empty", "misspelt", "is_a_link"):
+        (folder / name).mkdir()
+        none[folder / name] = None
+    shutil.copy(LAB_TEN / "reference" / "q_lander.py", folder / "misspelt" / "q_landr.py")
+    (folder / "is_a_link" / "q_lander.py").symlink_to(folder / "reference" / "q_lander.py")
+    (folder / "no_archive.zip").write_bytes(b"Dear professor,")
+    none[folder / "no_archive.zip"] = None
+    none[submission("starter", STARTER)] = 0.0
+    (folder / "starter" / "policy.npz").unlink()
+    return {"right": right, "wrong": wrong, "attacks": attacks, "no program": none}
+
+
 def write(folder: Path, body: str, name: str = "double.py") -> Path:
     path = folder / name
     path.parent.mkdir(parents=True)
@@ -107,28 +194,18 @@ def left_behind() -> list[str]:
 
 
 @pytest.mark.parametrize("isolation", ["sandbox", "confined"])
-def test_everybody_gets_exactly_what_is_due(
-    isolation: str,
-    request: pytest.FixtureRequest,
-    double_lab: Path,
-    listener: tuple[int, list[str]],
-    tmp_path: Path,
-    open_folder: Path,
-) -> None:
-    prefix = request.getfixturevalue("docker") if isolation == "confined" else request.getfixturevalue("sandbox") or []
-    port, reached = listener
-    (tmp_path / "submissions").mkdir()
-    due = hand_in(tmp_path / "submissions", port)
-    assert len(due) == 60
+def grade_class(lab: str, due: dict[Path, float | None], reached: list[str], tmp_path: Path, jobs: int) -> None:
+    """Grades a class, and looks whether everybody got what is due and nothing was left behind."""
     (tmp_path / "the_secret").write_text("correct horse battery staple")
+    (tmp_path / "tmp").mkdir()
     before, kit = children(), kit_files()
     ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1)  # who is left without a parent becomes ours, and is seen
-    words = ["grade", str(double_lab), *map(str, due), "--out", str(tmp_path / "out"), "--jobs", "6"]
+    words = ["grade", lab, *map(str, due), "--out", str(tmp_path / "out"), "--jobs", str(jobs)]
     done = subprocess.run(
-        [*prefix, sys.executable, "-m", "snr_sim", *words, "--secret", str(tmp_path / "the_secret")],
+        [sys.executable, "-m", "snr_sim", *words, "--secret", str(tmp_path / "the_secret")],
         capture_output=True,
         text=True,
-        env={**os.environ, "TMPDIR": str(open_folder)},
+        env={**os.environ, "TMPDIR": str(tmp_path / "tmp")},
     )
     ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 0)
     assert done.returncode == 0, done.stderr + done.stdout
@@ -137,14 +214,35 @@ def test_everybody_gets_exactly_what_is_due(
     table = {name: (float(row["points"]), row["status"]) for name, row in rows.items()}
     wanted = {path.stem: (points or 0.0, "refused" if points is None else "graded") for path, points in due.items()}
     assert table == wanted
-    assert {row["isolation"] for row in rows.values() if row["status"] == "graded"} == {isolation}
     for path in (tmp_path / "out" / "results").iterdir():
         assert "AssertionError" not in path.read_text(), f"{path.stem} has not acted at all"
     assert reached == []
     assert still_alive(before) == set()
-    assert list(open_folder.iterdir()) == []
+    assert list((tmp_path / "tmp").iterdir()) == []
     assert left_behind() == []
     assert kit_files() == kit
+
+
+def test_everybody_gets_exactly_what_is_due(
+    sandbox: None, double_lab: Path, listener: tuple[int, list[str]], tmp_path: Path
+) -> None:
+    port, reached = listener
+    (tmp_path / "submissions").mkdir()
+    due = hand_in(tmp_path / "submissions", port)
+    assert len(due) == 60
+    grade_class(str(double_lab), due, reached, tmp_path, jobs=6)
+
+
+@pytest.mark.parametrize("kind", ["right", "wrong", "attacks", "no program"])
+def test_everybody_gets_exactly_what_is_due_in_lab_ten(
+    kind: str, sandbox: None, listener: tuple[int, list[str]], tmp_path: Path
+) -> None:
+    """Of each kind one; all of them with SNR_WHOLE_CLASS=1."""
+    port, reached = listener
+    (tmp_path / "submissions").mkdir()
+    kinds = hand_in_lab_ten(tmp_path / "submissions", port)
+    due = kinds[kind] if WHOLE_CLASS else dict([*kinds[kind].items()][:1])
+    grade_class("lunar_lander_q", due, reached, tmp_path, jobs=3)
 
 
 def test_a_lab_of_the_course_gives_in_the_sandbox_what_its_own_tests_say(sandbox: None, tmp_path: Path) -> None:
