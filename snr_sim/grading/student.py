@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -256,6 +257,9 @@ def nonsense(error: ProtocolError) -> Misbehaved:
 
 def _checked(what: str, raw: msgspec.Raw, returns: Any, finite: bool) -> Any:
     """Returns the value in an answer, of the form that was asked for."""
+    if returns is str:  # what is said most often, and a text holds nothing that would have to be looked through
+        with suppress(msgspec.DecodeError, UnicodeDecodeError):
+            return _decode_text(raw)
     try:
         value = plain_value(raw)
         if may_have_marks(bytes(raw)):  # only then can there be more than plain JSON
@@ -296,3 +300,6 @@ def _check_plain(what: str, value: Any, finite: bool) -> None:
 
 def _name_of(returns: Any) -> str:
     return returns.__name__ if isinstance(returns, type) and not hasattr(returns, "__args__") else str(returns)
+
+
+_decode_text = msgspec.json.Decoder(str).decode
