@@ -86,11 +86,11 @@ def _grade_class(
 
     if client is None:
         sandboxed(isolation)  # refuses before anything is written
-    name_submissions(given)
+    name_submissions(given, wanted_files=lab.files)
     assert lab.folder is not None
     folder = ClassFolder(out, is_resumed)
     try:
-        submissions = name_submissions(given, folder.known)
+        submissions = name_submissions(given, folder.known, lab.files)
         secret, is_made = folder.secret(secret_file)
         terms = Terms(lab.name, digest_of_folder(lab.folder), __version__, digest_of_secret(secret), isolation)
         folder.begin(terms, submissions)

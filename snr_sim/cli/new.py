@@ -22,6 +22,7 @@ _SOURCES: dict[str, tuple[Literal["robots", "scenarios"], str]] = {
 def new(
     what: Annotated[str, typer.Argument(help="robot, scenario or lab.")],
     name: Annotated[str, typer.Argument(help="Its name: small letters, digits and _. Of a lab: which one.")],
+    folder: Annotated[str, typer.Argument(help="Of a lab: the new folder, else one of the lab's name.")] = "",
     source: Annotated[str, typer.Option("--from", help="Which one to copy.")] = "",
     robot: Annotated[str, typer.Option(help="Of a scenario: which robot it is for, else the one it was for.")] = "",
 ) -> None:
@@ -35,8 +36,10 @@ def new(
     if what == _LAB:
         if source or robot:
             raise ParameterError("A lab is begun as it is.", fix=f"snr new lab {name}")
-        _begin_lab(name)
+        _begin_lab(name, folder)
         return
+    if folder:
+        raise ParameterError(f"A {what} has its own place.", fix=f"snr new {what} {name}")
     if what not in _SOURCES:
         raise UnknownName(f"snr new makes no '{what}'.", fix=nearest(what, [*_SOURCES, _LAB]))
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
@@ -64,9 +67,8 @@ def new(
         print(f"{target} is a copy of {found.name}; run it: snr run {name}")
 
 
-def _begin_lab(name: str) -> None:
-    """Copies the files that a lab begins with into a folder of the lab's name."""
-    from snr_sim.core.blame import short_path
+def _begin_lab(name: str, folder: str) -> None:
+    """Copies the files that a lab begins with, and its page, into a new folder."""
     from snr_sim.library import find_lab
     from snr_sim.prelude.errors import ParameterError, UnknownName
 
@@ -74,15 +76,21 @@ def _begin_lab(name: str) -> None:
     starter = found.path / "starter"
     if not starter.is_dir():
         raise UnknownName(f"The lab '{found.name}' has no files to begin with.", fix="snr list assignments")
-    target = Path(found.name.partition("_")[2] or found.name)
+    short = found.name.partition("_")[2] or found.name
+    target = Path(folder or short)
     if target.exists():
         raise ParameterError(f"{target} is there already.", fix="go on in it, or rename it; nothing was changed.")
-    shutil.copytree(starter, target, ignore=shutil.ignore_patterns("__pycache__"))
-    print(
-        f"{target}/ has the files that the lab begins with. What it is about: {short_path(str(found.path))}/README.md"
-    )
+    try:
+        shutil.copytree(starter, target, ignore=shutil.ignore_patterns("__pycache__"))
+        for page in found.path.glob("*.md"):
+            shutil.copy(page, target)
+        if (found.path / "pictures").is_dir():
+            shutil.copytree(found.path / "pictures", target / "pictures")
+    except OSError as error:
+        raise ParameterError(f"{target} cannot be made: {error.strerror}.", fix="name another folder.") from error
+    print(f"{target}/ has the files that the lab begins with. What it is about: {target}/README.md")
     if (found.path / "checks.py").is_file():
-        print(f"Try them: snr check {target} {target}")
+        print(f"Try them: snr check {short} {target}")
 
 
 def _rename(path: Path, old: str, robot: str) -> None:

@@ -65,7 +65,8 @@ def entries_of(path: Path, notes: list[str], is_litter: Callable[[str], bool]) -
 def _damaged(error: Exception) -> Refused:
     return Refused(
         f"Your submission is not a zip archive that can be opened ({error or 'it is cut off'}).",
-        fix="zip your folder again, and look into the archive before you hand it in.",
+        fix="if it is something else, a program or another kind of archive, zip it; else zip your folder again, and "
+        "look into the archive before you hand it in.",
     )
 
 

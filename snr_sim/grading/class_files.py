@@ -22,7 +22,8 @@ def write_class_files(folder: ClassFolder, title: str) -> tuple[Summary, str]:
     summary = Summary()
     for graded in folder.every_result():
         summary.add(graded)
-    _write(folder.path / "class.csv", lambda table: write_class(table, folder.every_result))
+    given = {one.id: str(one.given) for one in folder.known}
+    _write(folder.path / "class.csv", lambda table: write_class(table, folder.every_result, given))
     _write(folder.path / "cases.csv", lambda table: write_cases(table, folder.every_result()))
     if summary.ranked:
         _write(folder.path / "leaderboard.csv", lambda table: write_leaderboard(table, summary))

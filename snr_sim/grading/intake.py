@@ -60,12 +60,16 @@ class TakenIn:
     notes: tuple[str, ...]
 
 
-def name_submissions(given: Iterable[Path], known: Sequence[Submission] = ()) -> list[Submission]:
+def name_submissions(
+    given: Iterable[Path], known: Sequence[Submission] = (), wanted_files: Sequence[str] = ()
+) -> list[Submission]:
     """Returns each submission, once, with a name that is safe in paths and tables and that no other has.
 
     Args:
         given: folders and archives, by path.
         known: what was named before, as by an interrupted run: keeps its names.
+        wanted_files: the lab's. If one folder alone is given, with none of them at its top but folders, it is a
+            class's, though a file lies about in it. (Among many it is one student's, who must not stop the others.)
 
     Raises:
         SnrError: one is not there, or is a folder of submissions.
@@ -76,7 +80,7 @@ def name_submissions(given: Iterable[Path], known: Sequence[Submission] = ()) ->
     moved = {_safe_name(one.given): one for one in reversed(known) if not one.given.exists()}
     wanted = list(dict.fromkeys(Path(os.path.abspath(path)) for path in given))
     for path in wanted:
-        _need_submission(path)
+        _need_submission(path, wanted_files if len(wanted) == 1 else ())
         if path not in named and (before := moved.pop(_safe_name(path), None)):
             named[path] = Submission(before.id, path)
         if path not in named:
@@ -85,7 +89,7 @@ def name_submissions(given: Iterable[Path], known: Sequence[Submission] = ()) ->
     return [named[path] for path in wanted]
 
 
-def _need_submission(path: Path) -> None:
+def _need_submission(path: Path, wanted_files: Sequence[str]) -> None:
     try:
         mode = path.stat().st_mode
     except (OSError, ValueError) as error:
@@ -94,9 +98,11 @@ def _need_submission(path: Path) -> None:
         raise SnrError(f"'{path}' is neither a folder nor a file.", fix="give folders and .zip files by path.")
     if stat.S_ISDIR(mode):
         inside = [entry for entry in sorted(os.scandir(path), key=lambda one: one.name) if not _is_litter(entry.name)]
-        if len(inside) > 1 and all(entry.is_dir() or entry.name.endswith(".zip") for entry in inside):
+        many = [entry.name for entry in inside if entry.is_dir() or entry.name.lower().endswith(".zip")]
+        is_students = any((path / name).is_file() for name in wanted_files)
+        if len(many) > 1 and (len(many) == len(inside) or (wanted_files and not is_students)):
             raise SnrError(
-                f"'{path}' is not a submission, but holds {len(inside)}: {inside[0].name}, {inside[1].name}, ...",
+                f"'{path}' is not a submission, but holds {len(many)}: {many[0]}, {many[1]}, ...",
                 fix=f"give what is in it: {path}/*.",
             )
 
@@ -298,8 +304,12 @@ def _missing(name: str, into: Path, top: Path) -> str:
         return f"The lab wants {name}; yours is in a folder: {elsewhere[0]}. Put it at the top."
     bare = {Path(file).name.casefold().replace("_", "").replace("-", "").replace(" ", ""): file for file in files}
     near = difflib.get_close_matches(name.replace("_", ""), list(bare), n=1, cutoff=0.75)
+    if near and Path(bare[near[0]]).suffix == ".ipynb":
+        return f"You gave {shown(bare[near[0]])}; the lab wants {name}, a plain Python file: copy its cells into one."
     if near:
         return f"You gave {shown(bare[near[0]])}; the lab wants {name}. Rename it."
+    if files and all(file.lower().endswith(".zip") for file in files):
+        return f"You gave {shown(files[0])}, an archive in an archive; the lab wants {name}: zip the files themselves."
     there = ", ".join(shown(file) for file in files[:5]) + (", ..." if len(files) > 5 else "")
     return f"The lab wants {name}, which is not there. You gave: {there}."
 

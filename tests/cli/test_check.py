@@ -62,6 +62,19 @@ def test_a_lab_is_begun_tried_and_said_to_be_practice(here: Path, lab: Path, snr
     assert snr("new", "lab", "doubling").status == 2
 
 
+def test_a_lab_is_begun_in_a_folder_of_ones_choice_with_its_page_and_pictures(here: Path, lab: Path, snr: Any) -> None:
+    (lab / "pictures").mkdir()
+    (lab / "pictures" / "two.svg").write_text("<svg/>")
+    begun = snr("new", "lab", "doubling", "weeks/second")
+    assert (begun.status, begun.err) == (0, "")
+    assert "snr check doubling weeks/second" in begun.out
+    second = here / "weeks" / "second"
+    assert {path.name for path in second.rglob("*")} == {"mine.py", "README.md", "pictures", "two.svg"}
+    (here / "a_file").touch()
+    assert "a_file/third" in snr("new", "lab", "doubling", "a_file/third").err
+    assert snr("new", "robot", "crab", "elsewhere").status == 2
+
+
 def test_a_flight_that_failed_is_kept_and_replays_and_one_that_succeeded_is_not(
     here: Path, lab: Path, snr: Any
 ) -> None:

@@ -104,6 +104,10 @@ def test_litter_is_not_part_of_it(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("given_name", "says"),
     [
+        (
+            "depth_hold.ipynb",
+            "You gave depth_hold.ipynb; the lab wants depth_hold.py, a plain Python file: copy its cells into one.",
+        ),
         ("depthhold.py", "You gave depthhold.py; the lab wants depth_hold.py. Rename it."),
         ("Depth_Hold.py", "You gave Depth_Hold.py; the lab wants depth_hold.py"),
         ("depth_hold (1).py", "You gave depth_hold (1).py; the lab wants"),
@@ -118,6 +122,11 @@ def test_a_missing_file_is_told_with_the_one_that_may_be_meant(tmp_path: Path, g
     assert says in refused.value.message
     assert refused.value.fix == "hand in depth_hold.py."
     assert not (tmp_path / "private").exists()
+
+
+def test_an_archive_in_an_archive_is_told_to_be_one(tmp_path: Path) -> None:
+    with pytest.raises(Refused, match=r"You gave mine\.zip, an archive in an archive; the lab wants depth_hold\.py"):
+        taken(tmp_path, zipped(tmp_path, ("mine.zip", zipped(tmp_path, ("depth_hold.py", CODE)).read_bytes())))
 
 
 def test_with_one_of_two_files_the_rest_is_graded_and_the_missing_one_is_told(tmp_path: Path) -> None:
@@ -316,6 +325,17 @@ def test_a_folder_of_submissions_is_not_one(tmp_path: Path) -> None:
     assert error.value.fix == f"give what is in it: {tmp_path}/class/*."
     with pytest.raises(SnrError, match="There is no submission"):
         name_submissions([tmp_path / "nobody"])
+
+
+def test_a_class_with_a_loose_file_is_not_one_but_a_students_folders_stop_nobody(tmp_path: Path) -> None:
+    for name in ("ada", "bob"):
+        (tmp_path / "class" / name).mkdir(parents=True)
+    (tmp_path / "class" / "notes.py").touch()
+    with pytest.raises(SnrError, match="holds 2: ada, bob"):
+        name_submissions([tmp_path / "class"], wanted_files=["depth_hold.py"])
+    assert len(name_submissions([tmp_path / "class", tmp_path / "class" / "ada"], wanted_files=["depth_hold.py"])) == 2
+    (tmp_path / "class" / "depth_hold.py").touch()
+    assert len(name_submissions([tmp_path / "class"], wanted_files=["depth_hold.py"])) == 1
 
 
 def test_an_archive_is_read_a_little_at_a_time(tmp_path: Path) -> None:

@@ -44,14 +44,22 @@ def test_ppo_trains_on_each_without_a_wrapper(name: str) -> None:
     assert any(not np.array_equal(one, other) for one, other in zip(before, parameters_of(model), strict=True))
 
 
-def test_ppo_trained_briefly_brakes_better_than_chance() -> None:
-    """The mean return over unseen starts grows. Measured: 13.5 in 40 000 steps, so this is missed still."""
+def test_ppo_trained_briefly_flies_better_than_chance() -> None:
+    """The mean return over unseen starts grows. By 33 to 43 with three seeds: it hovers, and does not crash."""
     envs = make_vec_env("snr_sim/LanderVertical-v0", n_envs=8, seed=3)
+    far_sighted = {"gamma": 0.999, "gae_lambda": 0.98}  # a flight is hundreds of steps long
     model = sb3.PPO(
-        "MlpPolicy", sb3.common.vec_env.VecNormalize(envs), n_steps=256, batch_size=256, seed=3, device="cpu"
+        "MlpPolicy",
+        sb3.common.vec_env.VecNormalize(envs, gamma=far_sighted["gamma"]),
+        n_steps=256,
+        batch_size=256,
+        ent_coef=0.01,
+        seed=3,
+        device="cpu",
+        **far_sighted,
     )
     untrained = mean_return(model)
-    model.learn(40_000)
+    model.learn(20_000)
     assert mean_return(model) > untrained + 20.0
 
 

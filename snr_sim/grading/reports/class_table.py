@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import statistics
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TextIO
 
@@ -67,12 +67,13 @@ class Summary:
         )
 
 
-def write_class(table: TextIO, again: Again) -> None:
+def write_class(table: TextIO, again: Again, given: Mapping[str, str]) -> None:
     """Writes one row per submission.
 
     Args:
         table: opened with newline="".
         again: gives all submissions, each time it is called.
+        given: where each submission was, by its name: of two that are called the same it tells whose is which.
     """
     checks: dict[str, None] = {}
     metrics: dict[str, None] = {}
@@ -80,7 +81,9 @@ def write_class(table: TextIO, again: Again) -> None:
         checks.update(dict.fromkeys(check.name for check in graded.checks))
         metrics.update(dict.fromkeys(graded.metrics))
     writer = csv.writer(table)
-    writer.writerow(["submission", "points", "of", "status", "isolation", *map(cell, (*checks, *metrics)), "error"])
+    writer.writerow(
+        ["submission", "points", "of", "status", "isolation", *map(cell, (*checks, *metrics)), "error", "given"]
+    )
     for graded in again():
         points = {check.name: check.points for check in graded.checks}
         measured = graded.metrics
@@ -94,6 +97,7 @@ def write_class(table: TextIO, again: Again) -> None:
                 *(number(points[name]) if name in points else "" for name in checks),
                 *(f"{measured[name]:.6g}" if name in measured else "" for name in metrics),
                 cell(graded.error),
+                cell(given.get(graded.submission, "")),
             ]
         )
 

@@ -161,21 +161,21 @@ def rows_of(write: Callable[..., None], *arguments: object) -> list[list[str]]:
 
 def test_the_class_has_a_row_each_with_points_per_check_and_metrics() -> None:
     everybody = [graded(), REFUSED, FAULT]
-    rows = rows_of(write_class, lambda: everybody)
+    rows = rows_of(write_class, lambda: everybody, {"ada": "a/ada.zip"})
     assert rows[0] == [
         *("submission", "points", "of", "status", "isolation", "loads", "settles", "calm"),
-        *("loads.fuel_kg", "settles.fuel_kg", "error"),
+        *("loads.fuel_kg", "settles.fuel_kg", "error", "given"),
     ]
-    assert rows[1] == ["ada", "47.5", "100", "graded", "sandbox", "10", "37.5", "0", "2", "3", ""]
+    assert rows[1] == ["ada", "47.5", "100", "graded", "sandbox", "10", "37.5", "0", "2", "3", "", "a/ada.zip"]
     assert rows[2][1:9] == ["0", "100", "refused", "sandbox", "", "", "", ""]
     assert rows[3][1:4] == ["", "100", "fault"]
-    assert rows[3][-1].startswith("KeyError")
+    assert rows[3][-2].startswith("KeyError")
 
 
 @pytest.mark.parametrize("text", EVIL)
 def test_no_cell_is_a_formula(text: str) -> None:
     whole = graded(text, submission=text[:60], error=text)
-    for rows in (rows_of(write_class, lambda: [whole]), rows_of(write_cases, [whole])):
+    for rows in (rows_of(write_class, lambda: [whole], {}), rows_of(write_cases, [whole])):
         assert len({len(row) for row in rows}) == 1
         for value in (value for row in rows[1:] for value in row if not re.fullmatch(r"-?[\d.]+", value)):
             assert not value.startswith(("=", "+", "-", "@", "\t", "\r"))
