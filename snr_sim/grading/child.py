@@ -198,14 +198,19 @@ def node_verbs(child: Child) -> dict[str, Callable[[msgspec.Raw], bytes]]:
 
 def _said(child: Child, do: str, error: BaseException) -> Said:
     if isinstance(error, NoValue):
-        return Said(child.step, str(error.args[0]), component=child.component, is_value=True)
+        return Said(child.step, _text(str(error.args[0])), component=child.component, is_value=True)
+    while_what = f"while it was asked to {do}" if do != "ask" else "while the lab tried what is in your file"
     if isinstance(error, TookTooLong):
-        text = describe_error(error, f"while it was asked to {do}").replace("TookTooLong: ", "")
-        return Said("slow", text, component=child.component)
+        return Said("slow", _text(describe_error(error, while_what).replace("TookTooLong: ", "")), "", child.component)
     if isinstance(error, SnrError):
         put_place_first(error)
-        return Said(child.step, error.message, error.fix, child.component)
-    return Said(child.step, describe_error(error, f"while it was asked to {do}"), component=child.component)
+        return Said(child.step, _text(error.message), _text(error.fix), child.component, is_refused=True)
+    return Said(child.step, _text(describe_error(error, while_what)), component=child.component)
+
+
+def _text(said: str) -> str:
+    """Returns what can be written as UTF-8: half a character, in an exception's text, cannot."""
+    return said.encode(errors="backslashreplace").decode()
 
 
 def _lines(fd: int) -> Any:

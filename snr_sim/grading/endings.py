@@ -38,4 +38,9 @@ def misbehaved(said: Said) -> Misbehaved:
         "load": "Your file could not be read to its end: run it with Python, and look at the line named.",
         "slow": "That took too long: is there a loop without an end?",
     }
+    names_a_line = ", line " in said.text.partition("\n")[0]
+    if said.is_refused and not names_a_line and said.step not in hints:
+        return Misbehaved(
+            text, "What your program gives there is not what is asked for: compare it with the lab's page."
+        )
     return Misbehaved(text, hints.get(said.step, "Your program raised an error: look at the line named."))

@@ -55,6 +55,7 @@ class Said(msgspec.Struct, frozen=True, omit_defaults=True):
         fix: what to try.
         component: whose it was.
         is_value: what came back is no value that can cross, rather than that something was raised.
+        is_refused: what the program has or gives is not what the kit takes, and `text` says so.
     """
 
     step: str
@@ -62,6 +63,7 @@ class Said(msgspec.Struct, frozen=True, omit_defaults=True):
     fix: str = ""
     component: str = ""
     is_value: bool = False
+    is_refused: bool = False
 
 
 class Answer(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
