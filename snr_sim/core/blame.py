@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import linecache
+import os
 import re
-import sysconfig
 import traceback
 from pathlib import Path
 from types import CodeType, TracebackType
@@ -15,7 +15,7 @@ from snr_sim.prelude.errors import DeviceError, SnrError
 _KIT = Path(__file__).resolve().parents[1]
 _SHIPPED = _KIT / "shipped"  # robots and scenarios in the wheel: content, not kit
 _ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
-_STDLIB = Path(sysconfig.get_paths()["stdlib"]).resolve()
+_STDLIB = Path(os.__file__).resolve().parent
 
 
 class Place(NamedTuple):

@@ -52,7 +52,7 @@ WRONG_IN_LAB_TEN = {  # what is left of 100: see tests/assignments/test_lunar_la
     "plays_a_recording": 70.0,
     "loses_the_sign": 75.0,
     "is_paid_for_hovering": 50.0,
-    "trained_on_the_test": 71.25,  # of the four cases of `lands` it has the visible one, and none of `is_sturdy`
+    "trained_on_the_test": 72.34,  # of `lands` the visible case of four; in one world of `is_sturdy` it lands 59 of 100
 }
 # What an attack on the lab of numbers is as a lander: whatever it does, it does in each of the five functions.
 AS_LANDER = """
