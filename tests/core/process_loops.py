@@ -5,6 +5,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Literal
 
 from snr_sim import Loop, LoopFactory, Node, tasks
@@ -30,6 +31,14 @@ class StepsFactory(LoopFactory):
 
     def get(self, parent: Node) -> Loop:
         return Steps(self, parent, self.name, self.rate_hz)
+
+
+class GatedFactory(StepsFactory):
+    """Its process comes to its beginning only when somebody opens the other end of a pipe."""
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        Path(self.given[1]).read_text()
 
 
 class Steps(Loop):

@@ -178,7 +178,8 @@ def test_loops_in_processes_end_together_and_not_one_after_the_other(tmp_path: P
     run(*slow, PartFactory({TaskType.store_page: arrived}))
     begun_s = sorted(map(float, told.read_text().split()))
     assert len(begun_s) == 6
-    assert median(later - earlier for earlier, later in pairwise(begun_s)) < 0.25 / 2  # in turn: 0.25 and more
+    assert begun_s[-1] - begun_s[0] < 5 * 0.25  # what it takes in turn
+    assert median(later - earlier for earlier, later in pairwise(begun_s)) < 0.25 / 2
 
 
 def test_large_arrays_arrive_whole_and_in_order_through_shared_memory() -> None:
@@ -236,15 +237,13 @@ def test_what_cannot_be_sent_to_a_process_is_named_when_the_node_begins(given: A
 
 
 def test_a_node_that_ends_while_its_process_still_starts_does_not_wait_for_it(tmp_path: Path) -> None:
-    def ends_at_once(nth: int) -> bool:
-        """On a busy machine the process may have started before the node comes to its end."""
-        told = tmp_path / str(nth)
-        quitter = PartFactory(begin=lambda part: part.schedule(tasks.terminate("at once")))
-        node = node_of(loops.StepsFactory(loops.write_halt, str(told), setup=loops.write_halt), quitter)
-        node.loop()
-        return not told.exists() and node.notes == []
-
-    assert any(ends_at_once(nth) for nth in range(4))
+    told, gate = tmp_path / "told", tmp_path / "gate"
+    os.mkfifo(gate)  # nobody ever opens it to write: the process starts for ever
+    quitter = PartFactory(begin=lambda part: part.schedule(tasks.terminate("at once")))
+    node = node_of(loops.GatedFactory(loops.write_halt, str(told), str(gate), setup=loops.write_halt), quitter)
+    node.loop()
+    assert not told.exists()
+    assert node.notes == []
 
 
 def test_a_loop_in_a_process_can_be_removed_and_made_anew_while_its_node_runs() -> None:

@@ -233,7 +233,7 @@ def test_a_real_thread_ticks_once_a_period_and_not_a_period_after_its_work() -> 
 def test_a_timeout_does_not_hold_up_the_end() -> None:
     stop = TickerFactory(lambda loop: loop.schedule(tasks.terminate("stop")), "stop")
     node = node_of(TimeoutLoopFactory(seconds=60), stop)
-    assert run_s(node) < 30.0
+    assert run_s(node) < 0.4
     assert (node.exit_reason, node.notes) == ("stop", [])  # no loop that had to be left behind
 
 
@@ -278,7 +278,7 @@ def test_loops_that_hang_are_halted_from_outside_named_and_cost_one_timeout_toge
     took_s = time.monotonic() - asked_s[-1]
     let_go.set()
     assert halted == ["stuck0", "stuck1", "stuck2", "stuck3"]
-    assert took_s < 4 * JOIN_TIMEOUT_S  # what they take in turn
+    assert took_s < JOIN_TIMEOUT_S + 0.3  # in turn they would take four times as long
     assert [note for note in node.notes if "stuck2" in note] == [
         f"Loop 'stuck2' did not end within {JOIN_TIMEOUT_S} s: something in its loop() blocks."
     ]

@@ -68,76 +68,53 @@ def start() -> Iterator[Callable[[str], Robot]]:
         robot.process.communicate()
 
 
-def soonest_s(attempt: Callable[[], float], limit_s: float) -> float:
-    """The least of up to six attempts: a program may be held up by what no accounting knows, but not always."""
-    took_s = [attempt()]
-    while min(took_s) > limit_s and len(took_s) < 6:
-        took_s.append(attempt())
-    return min(took_s)
-
-
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_h8_a_signal_leaves_neutral_within_a_frame(start: Callable[[str], Robot], number: signal.Signals) -> None:
-    def attempt() -> float:
-        robot = start("signal")
-        _, held_up_s, _ = robot.read_until("pushing")
-        robot.process.send_signal(number)
-        sent_s = time.monotonic()  # after it was sent: this program, too, may have to wait for a core
-        robot.read_all()
-        assert robot.process.wait(WAIT_S) is not None
-        return robot.still_after_s((sent_s, held_up_s, ""))
-
-    assert soonest_s(attempt, FRAME_S) <= FRAME_S
+    robot = start("signal")
+    _, held_up_s, _ = robot.read_until("pushing")
+    robot.process.send_signal(number)
+    sent_s = time.monotonic()  # after it was sent: this program, too, may have to wait for a core
+    robot.read_all()
+    assert robot.process.wait(WAIT_S) is not None
+    assert robot.still_after_s((sent_s, held_up_s, "")) <= FRAME_S
 
 
 @pytest.mark.parametrize(("how", "status"), [("raise", 1), ("exit", 1)])
 def test_h8_a_handler_that_raises_or_exits_leaves_neutral_within_a_frame(
     start: Callable[[str], Robot], how: str, status: int
 ) -> None:
-    def attempt() -> float:
-        robot = start(how)
-        began = robot.read_until("now")
-        robot.read_all()
-        assert robot.process.wait(WAIT_S) == status
-        return robot.still_after_s(began)
-
-    assert soonest_s(attempt, FRAME_S) <= FRAME_S
+    robot = start(how)
+    began = robot.read_until("now")
+    robot.read_all()
+    assert robot.process.wait(WAIT_S) == status
+    assert robot.still_after_s(began) <= FRAME_S
 
 
 def test_h8_a_second_ctrl_c_leaves_neutral_also_while_a_handler_hangs(start: Callable[[str], Robot]) -> None:
-    def attempt() -> float:
-        robot = start("hang")
-        began = robot.read_until("now")
-        for _ in range(2):
-            robot.process.send_signal(signal.SIGINT)
-            time.sleep(0.01)
-        robot.read_all()
-        robot.process.wait(WAIT_S)
-        return robot.still_after_s(began)
-
-    assert soonest_s(attempt, LEASE_S + FRAME_S) <= LEASE_S + FRAME_S
+    robot = start("hang")
+    began = robot.read_until("now")
+    for _ in range(2):
+        robot.process.send_signal(signal.SIGINT)
+        time.sleep(0.01)
+    robot.read_all()
+    robot.process.wait(WAIT_S)
+    assert robot.still_after_s(began) <= LEASE_S + FRAME_S
 
 
 def test_h11_a_handler_that_never_returns_leaves_neutral_when_its_last_command_is_too_old(
     start: Callable[[str], Robot],
 ) -> None:
-    def attempt() -> float:
-        robot = start("hang")
-        began = robot.read_until("now")
-        robot.read_until("still")
-        assert robot.process.poll() is None, "it hangs, and nobody has told it to end"
-        return robot.still_after_s(began)
-
-    assert soonest_s(attempt, LEASE_S + 2 * FRAME_S) <= LEASE_S + 2 * FRAME_S
+    robot = start("hang")
+    began = robot.read_until("now")
+    robot.read_until("still")
+    assert robot.process.poll() is None, "it hangs, and nobody has told it to end"
+    assert robot.still_after_s(began) <= LEASE_S + 2 * FRAME_S
 
 
 @pytest.mark.parametrize("how", ["drop", "cycle", "leave"])
 def test_h8_outputs_that_nobody_holds_any_more_are_neutral(start: Callable[[str], Robot], how: str) -> None:
-    def attempt() -> float:
-        robot = start(how)
-        began = robot.read_until("now")
-        robot.read_until("still")
-        return robot.still_after_s(began)
-
+    robot = start(how)
+    began = robot.read_until("now")
+    robot.read_until("still")
     limit_s = 1.0 if how == "leave" else FRAME_S
-    assert soonest_s(attempt, limit_s) <= limit_s
+    assert robot.still_after_s(began) <= limit_s

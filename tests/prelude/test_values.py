@@ -56,7 +56,7 @@ def same(one: Any, other: Any) -> bool:
     return bool(one == other)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=400, deadline=None)
 @given(values)
 @example(-0.0)
 @example(5e-324)
@@ -258,7 +258,7 @@ json_values = st.recursive(
 
 
 @given(json_values, st.booleans())
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=500, deadline=None)
 @example({"$": "tuple", "v": "ab"}, False)
 @example({"$": "dict", "v": ["ab"]}, False)
 @example({"$": "dict", "v": [{"$": "tuple", "v": [1, 2]}]}, False)

@@ -184,7 +184,7 @@ def test_stopping_does_not_wait_for_a_page_that_is_far_away(tmp_path: Path, far_
     write_pages(tmp_path / "x", 0.0, far_s)
     start_s = time.monotonic()
     replayed([ReplayerLoopFactory(tmp_path / "x", exit=True), TimeoutLoopFactory(ms=50)], WallClock())
-    assert time.monotonic() - start_s < 60.0
+    assert time.monotonic() - start_s < 5.0
 
 
 # A text

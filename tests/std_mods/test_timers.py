@@ -1,7 +1,6 @@
 """Timeout and stopwatch: exact in virtual time, prompt on threads."""
 
 import time
-from statistics import median
 
 import pytest
 from hypothesis import given, settings
@@ -56,7 +55,7 @@ def test_a_time_that_is_none_is_refused(seconds: float) -> None:
 
 
 @pytest.mark.wall_clock
-def test_on_the_wall_clock_a_timeout_comes_after_its_time_and_mostly_soon() -> None:
+def test_on_the_wall_clock_a_timeout_comes_after_its_time_and_soon() -> None:
     took_s = []
     for _ in range(5):
         runner = SynchronousRunner("r", Config(factories={"r": [TimeoutLoopFactory(ms=80)]}))
@@ -64,7 +63,7 @@ def test_on_the_wall_clock_a_timeout_comes_after_its_time_and_mostly_soon() -> N
         runner.run()
         took_s.append(time.monotonic() - start_s)
     assert min(took_s) >= 0.08
-    assert median(took_s) < 0.3
+    assert max(took_s) < 0.3
 
 
 def test_a_stopwatch_takes_the_time_of_each_matching_task() -> None:

@@ -88,14 +88,12 @@ def test_weakness_8_a_round_trip_does_not_wait_for_the_other_ends_acknowledgemen
     client = start("client", [pair.client("ping")])
     client.until_link("t")
     times_s = []
-    for i in range(90):
+    for i in range(30):
         start_s = time.perf_counter()
         client.store("ping", i)
         client.until_stored("pong", i + 1)
         times_s.append(time.perf_counter() - start_s)
-    # The best of three rounds: a busy computer takes its time, but 0.04 is what Nagle's algorithm and a delayed
-    # acknowledgement cost always.
-    assert min(statistics.median(times_s[nth : nth + 30]) for nth in (0, 30, 60)) < 0.03
+    assert statistics.median(times_s) < 0.03  # 0.04 is what Nagle's algorithm and a delayed acknowledgement cost
     for node in (robot, client):
         (stream,) = node.node.components["link_t"].streams
         assert stream.port._sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) != 0
@@ -227,5 +225,5 @@ def test_a_host_that_does_not_resolve_is_told_and_tried_again_without_holding_an
     hang.clear()
     start_s = time.monotonic()
     client.end()
-    assert time.monotonic() - start_s < 20  # it hangs for 30
+    assert time.monotonic() - start_s < 5  # it hangs for 30
     hang.set()

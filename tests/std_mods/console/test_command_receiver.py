@@ -295,7 +295,7 @@ def test_a_node_ends_soon_whatever_its_consoles_do() -> None:
             start_s = time.monotonic()
             talking.ask("exit asked")
             wait_for(lambda: not node.components["console"]._backing._thread.is_alive())  # type: ignore[attr-defined]
-            assert time.monotonic() - start_s < 20.0
+            assert time.monotonic() - start_s < 2.0
     assert not any("did not end" in note for note in node.notes)
 
 

@@ -60,7 +60,7 @@ def test_a_node_ends_at_once_although_nobody_types(keyboard: tuple[IO[str], IO[s
     node = Node("r", config)
     start_s = time.monotonic()
     node.loop()
-    assert time.monotonic() - start_s < 30.0
+    assert time.monotonic() - start_s < 1.0
     assert node.notes == []
 
 
