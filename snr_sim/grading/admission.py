@@ -12,15 +12,19 @@ from collections.abc import Sequence
 import msgspec
 
 from snr_sim.core.node import Node
+from snr_sim.grading.node_messages import Made
 from snr_sim.prelude import tasks as kit_tasks
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.task import Task, TaskType
 
 MAX_TASKS_AT_ONE_MOMENT = 10_000
+MAX_TASKS_PER_RUN = 500_000  # a controller of the course's robots sets off ten thousand in a minute
 MAX_BYTES_PER_RUN = 256 << 20
 MAX_KEYS = 1_000
+MAX_NOTES = 100
 _NAME_LENGTH = 200
+_NOTE_LENGTH = 1_000
 
 
 class NotAdmitted(SnrError):
@@ -38,9 +42,25 @@ class Admission:
         self._file = file
         self._moment_s = -1.0
         self._at_this_moment = 0
+        self._tasks = 0
+        self._notes = 0
         self._bytes = 0
         self._keys: set[str] = set()
+        self._missed: set[str] = set()
         self.of_others: set[str] = set()  # keys that only somebody else may store
+
+    def component(self, made: Made) -> None:
+        """Checks what a component says of itself.
+
+        Raises:
+            NotAdmitted: its name is too long, or it has too many handlers.
+        """
+        if len(made.name) > _NAME_LENGTH or len(made.handlers) > MAX_KEYS:
+            raise NotAdmitted(
+                f"The component '{made.name[:_NAME_LENGTH]}' has a name of {len(made.name)} characters and "
+                f"{len(made.handlers)} handlers.",
+                fix=f"at most {_NAME_LENGTH} and {MAX_KEYS}.",
+            )
 
     def count(self, now_s: float, tasks: int = 1) -> None:
         """Counts work at one moment of virtual time.
@@ -56,6 +76,25 @@ class Admission:
                 f"{self._file} has set off more than {MAX_TASKS_AT_ONE_MOMENT} tasks at one moment.",
                 fix="a handler asks for itself: who returns the task that it is called for?",
             )
+        self._tasks += tasks
+        if self._tasks > MAX_TASKS_PER_RUN:
+            raise NotAdmitted(
+                f"{self._file} has set off more than {MAX_TASKS_PER_RUN} tasks in one run.",
+                fix="return one command for each reading, and no more.",
+            )
+
+    def notes(self, notes: Sequence[str]) -> list[str]:
+        """Returns of what a step has noted as much as the end of a run can tell; the rest is left out."""
+        admitted = [note[:_NOTE_LENGTH] for note in notes[: MAX_NOTES - self._notes]]
+        self._notes += len(admitted)
+        return admitted
+
+    def missed(self, keys: Sequence[str]) -> list[str]:
+        """Returns of the keys that a step has asked for in vain those that a run can tell."""
+        new = [key for key in keys[: MAX_KEYS + 1] if len(key) <= _NAME_LENGTH and key not in self._missed]
+        admitted = new[: MAX_KEYS - len(self._missed)]
+        self._missed.update(admitted)
+        return admitted
 
     def tasks(self, raws: Sequence[msgspec.Raw], node: Node, component: str) -> list[Task]:
         """Returns tasks that a component has returned or scheduled.

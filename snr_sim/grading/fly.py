@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from functools import lru_cache, partial
 from pathlib import Path
 from types import ModuleType
@@ -166,9 +167,10 @@ def _read_files(remote: Remote, submission: Path, robots: list[tuple[str, Path]]
     read = {}
     for name, below in remote.files:
         label, folder = folders.get(name, ("", submission))
-        file = (folder / below).resolve()
-        if label and file.is_relative_to(folder) and file.is_file():
-            read[f"{label}/{below}"] = file
+        with suppress(OSError, ValueError):  # what is no path is no file
+            file = (folder / below).resolve()
+            if label and file.is_relative_to(folder) and file.is_file():
+                read[f"{label}/{below}"] = file
     return read
 
 

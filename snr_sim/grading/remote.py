@@ -126,6 +126,7 @@ class Remote:
     def make(self, factory: int, parent: Node) -> Made:
         """Has a component made in the student's process."""
         made: Made = _decode(_decode_made, self.ask("make", Make(parent.role, factory, parent.chance)))
+        self.admission.component(made)
         self.names.add(made.name)
         return made
 
@@ -181,9 +182,9 @@ class Remote:
             component = node.components.get(name)
             if isinstance(component, RemoteEndpoint):
                 component.task_handlers = component.handlers_of(rows)
-        for note in told.notes[:100]:
+        for note in self.admission.notes(told.notes):
             node.note(note)
-        for key in told.missed:
+        for key in self.admission.missed(told.missed):
             node.datastore.missed[key] = None
 
     def _new_pages(self, node: Node) -> tuple[list[msgspec.Raw], dict[str, float]]:
