@@ -181,13 +181,12 @@ class LunarLanderBox(Env[NDArray[np.float32], Any]):
     def _state(self) -> tuple[float, ...]:
         world = self.world
         assert world is not None
-        vx, vy = world.velocity()
         left, right = world.contacts
         return (
             (world.x - WIDTH / 2.0) / (WIDTH / 2.0),
             (world.y - PAD_Y - LEG_DOWN) / (HEIGHT / 2.0),
-            vx * (WIDTH / 2.0) / STEPS_HZ,
-            vy * (HEIGHT / 2.0) / STEPS_HZ,
+            world.vx * (WIDTH / 2.0) / STEPS_HZ,
+            world.vy * (HEIGHT / 2.0) / STEPS_HZ,
             world.angle_rad,
             20.0 * world.turn_radps / STEPS_HZ,
             float(left),

@@ -70,7 +70,9 @@ class LunarBoxWorld:
         hull: the body; `position` is the origin of its corners.
         x, y, angle_rad: where the hull is after the last step. Each is read once: a question to the engine takes as
             long as ten lines of Python.
-        vx, vy, turn_radps: how its centre of mass moves, and how it turns, after the last step.
+        vx, vy, turn_radps: how its centre of mass moves, in flight less the pull that Chipmunk is ahead, and how it
+            turns.
+        contacts: which of the legs touch the ground.
         steps_still: for how many steps everything has been still.
     """
 
@@ -160,12 +162,6 @@ class LunarBoxWorld:
         return self._touching[0] > 0
 
     @property
-    def contacts(self) -> tuple[bool, bool]:
-        """Which of the legs touch the ground."""
-        _, left, right = self._touching
-        return left > 0, right > 0
-
-    @property
     def is_asleep(self) -> bool:
         """Whether everything has been still for so long that it stands."""
         return self.steps_still >= STILL_S * STEPS_HZ
@@ -217,11 +213,6 @@ class LunarBoxWorld:
         point = self.x + out_x - sin * SIDE_ARM, self.y + out_y + cos * SIDE_UP
         self.hull.apply_impulse_at_world_point(impulse, point)
 
-    def velocity(self) -> Point:
-        """Returns the velocity of the hull's centre of mass; in flight less the pull that Chipmunk is ahead."""
-        _, left, right = self._touching
-        return self.vx, self.vy if left or right else self.vy - self._pull_mps
-
     def step(self) -> None:
         """Moves on by a fiftieth of a second, and looks where the hull is then."""
         if self._touching == NOTHING:
@@ -237,8 +228,12 @@ class LunarBoxWorld:
 
     def _look(self) -> None:
         hull = self.hull
+        _, left, right = self._touching
+        self.contacts = left > 0, right > 0
         self.x, self.y = hull.position
         self.vx, self.vy = hull.velocity
+        if not (left or right):
+            self.vy -= self._pull_mps
         self.angle_rad, self.turn_radps = hull.angle, hull.angular_velocity
 
     def _drive_legs(self) -> None:

@@ -114,7 +114,10 @@ def published_policy(seen: Any, continuous: bool) -> Any:
 
 @pytest.mark.parametrize(("continuous", "mean", "spread"), [(False, 243.0, 91.0), (True, 283.0, 25.0)])
 def test_the_published_policy_scores_as_it_does_in_the_original(continuous: bool, mean: float, spread: float) -> None:
-    """Means and standard deviations of the original over 1000 seeds; here 60, so a mean may be off by spread / 7.7."""
+    """Means and standard deviations of the original over 1000 seeds; here 60, so a mean may be off by spread / 7.7.
+
+    Over 1000 seeds it is 262 +- 77 and 283 +- 19 here.
+    """
     env = gymnasium.make(NAME, continuous=continuous)
     scores = []
     for seed in range(60):
