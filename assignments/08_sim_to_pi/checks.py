@@ -280,18 +280,24 @@ def holds_on_the_board(student: Student, seed: int) -> Verdict:
     return judged(student.fly(SCENARIO, seed=seed, controller=FILE, io="emulated"))
 
 
+UNITS = "ms|s|us|mm|cm|m|mV|V|steps|%|bits?|seconds?|times"
+
+
 @check(points=10, visible=[1, 2, 3, 4, 5])
 def answered(student: Student, number: int) -> Verdict:
     """answers.md answers each question, with a number."""
     parts = re.split(r"^## *(\d)\b.*$", student.source("answers.md"), flags=re.MULTILINE)
     texts = dict(zip(parts[1::2], parts[2::2], strict=True))
     words = texts.get(str(number), "").split()
-    if len(words) >= 8 and any(re.search(r"\d", word) for word in words):
+    same = [other for other, text in texts.items() if other != str(number) and text.split() == words]
+    has_number = re.search(rf"\d *({UNITS})(?!\w)", " ".join(words)) is not None
+    if len(words) >= 8 and has_number and not same:
         return passed(note=" ".join(words)[:300])
     return failed(
-        f"Answer question {number} below its heading `## {number}`, in a sentence or two, with a number of your own.",
-        expected="8 words or more, and a number",
-        actual=f"{len(words)} words",
+        f"Answer question {number} below its heading `## {number}`, in a sentence or two of its own, with a number "
+        "that you have read from your runs, and its unit.",
+        expected="8 words or more, a number with its unit, and no answer twice",
+        actual=f"{len(words)} words" + (f", the same as at {', '.join(same)}" if same else ""),
     )
 
 

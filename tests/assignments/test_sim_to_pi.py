@@ -80,6 +80,25 @@ def test_a_wrong_solution_loses_its_own_points_and_is_kept_off_the_board(
     assert says in found.told
 
 
+@pytest.mark.parametrize(
+    ("answers", "missed"),
+    [
+        (["The outputs follow after 20 ms, as pulses are made only then."] * 5, {1, 2, 3, 4, 5}),
+        ([f"This is a sentence with a number in it: {i}." for i in range(5)], {1, 2, 3, 4, 5}),
+        ([f"In my two runs it was {i} ms later than it had been." for i in range(5)], set()),
+        (["too short: 3 ms", *[f"In my runs that took {i} % more than before it." for i in range(4)]], {1}),
+    ],
+)
+def test_an_answer_is_words_of_its_own_with_a_number_and_its_unit(
+    answers: list[str], missed: set[int], tmp_path: Path
+) -> None:
+    (tmp_path / "answers.md").write_text("\n".join(f"## {i}. Why?\n\n{text}\n" for i, text in enumerate(answers, 1)))
+    answered = next(one for one in find_lab(NAME).checks if one.name == "answered")
+    with Student(tmp_path) as student:
+        found = {i for i in range(1, 6) if answered.judge(student, Case(i, is_visible=True)).fraction < 1.0}
+    assert found == missed
+
+
 def test_the_starter_fails_politely(mark: Callable[..., Any]) -> None:
     found = mark(NAME, starter=True)
     assert set(found.lost) == {"stale", "stop", "holds", "holds_on_the_board", "answered"}
