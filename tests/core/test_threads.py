@@ -26,11 +26,6 @@ def run_s(node: Node) -> float:
     return time.monotonic() - start_s
 
 
-def holds_once(attempt: Callable[[], bool]) -> bool:
-    """Whether a measurement of this computer comes out at least once of four: it may be busy, but not always."""
-    return any(attempt() for _ in range(4))
-
-
 # Idle. By the CPU time of its own threads: what else runs in this process and on this computer is not in it. A node
 # that spins takes all of a core that it can get, and on a computer with ten others still a tenth.
 
@@ -44,30 +39,25 @@ def cost_of(node: Node) -> tuple[float, float]:
 
 @pytest.mark.wall_clock
 def test_weakness_5_an_idle_node_costs_nothing() -> None:
-    def is_cheap() -> bool:
-        to_begin_and_end_s, _ = cost_of(node_of(TimeoutLoopFactory(seconds=0.0)))
-        node = node_of(PartFactory({TaskType.event: lambda task, task_id: None}))
-        threading.Timer(0.4, lambda: node.schedule(tasks.terminate("enough"))).start()
-        cost_s, took_s = cost_of(node)
-        assert node.exit_reason == "enough"
-        return cost_s - to_begin_and_end_s < 0.01 * took_s
-
-    assert holds_once(is_cheap)
+    to_begin_and_end_s, _ = cost_of(node_of(TimeoutLoopFactory(seconds=0.0)))
+    node = node_of(PartFactory({TaskType.event: lambda task, task_id: None}))
+    threading.Timer(0.4, lambda: node.schedule(tasks.terminate("enough"))).start()
+    cost_s, took_s = cost_of(node)
+    assert node.exit_reason == "enough"
+    assert cost_s - to_begin_and_end_s < 0.01 * took_s
 
 
 @pytest.mark.wall_clock
 def test_a_node_whose_loops_wait_costs_nothing_either() -> None:
-    def is_cheap() -> bool:
-        ticks: list[tuple[float, float]] = []
-        look = TickerFactory(lambda loop: ticks.append((time.thread_time(), time.monotonic())), rate_hz=5)
-        to_begin_and_end_s, _ = cost_of(node_of(TimeoutLoopFactory(seconds=0.0)))
-        node = node_of(TimeoutLoopFactory(seconds=0.5), look)
-        cost_s, took_s = cost_of(node)
-        assert node.exit_reason == "timeout"
-        (before_s, from_s), (after_s, to_s) = ticks[0], ticks[-1]
-        return cost_s - to_begin_and_end_s < 0.01 * took_s and after_s - before_s < 0.01 * (to_s - from_s)
-
-    assert holds_once(is_cheap)
+    ticks: list[tuple[float, float]] = []
+    look = TickerFactory(lambda loop: ticks.append((time.thread_time(), time.monotonic())), rate_hz=5)
+    to_begin_and_end_s, _ = cost_of(node_of(TimeoutLoopFactory(seconds=0.0)))
+    node = node_of(TimeoutLoopFactory(seconds=0.5), look)
+    cost_s, took_s = cost_of(node)
+    assert node.exit_reason == "timeout"
+    (before_s, from_s), (after_s, to_s) = ticks[0], ticks[-1]
+    assert cost_s - to_begin_and_end_s < 0.01 * took_s
+    assert after_s - before_s < 0.01 * (to_s - from_s)
 
 
 @pytest.mark.wall_clock
@@ -86,15 +76,12 @@ def test_a_node_that_sleeps_is_woken_as_soon_as_a_bare_thread() -> None:
         wait_for()
         return time.monotonic() - went_s[0]
 
-    def is_prompt() -> bool:
-        of_node, of_peer = [], []
-        for _ in range(11):
-            node, peer = node_of(), threading.Event()
-            of_node.append(took_s(node.loop, lambda node=node: node.schedule(tasks.terminate("enough"))))
-            of_peer.append(took_s(peer.wait, peer.set))
-        return median(of_node) < 3.0 * median(of_peer) + 0.003  # and an end takes something
-
-    assert holds_once(is_prompt)
+    of_node, of_peer = [], []
+    for _ in range(11):
+        node, peer = node_of(), threading.Event()
+        of_node.append(took_s(node.loop, lambda node=node: node.schedule(tasks.terminate("enough"))))
+        of_peer.append(took_s(peer.wait, peer.set))
+    assert median(of_node) < 3.0 * median(of_peer) + 0.003  # and an end takes something
 
 
 # Rates. On a clock that moves only when somebody works or waits, the deadlines are seen as they are.
@@ -219,12 +206,8 @@ def test_a_real_thread_ticks_once_a_period_and_not_a_period_after_its_work() -> 
         if len(ticks) == 16:
             loop.schedule(tasks.terminate("enough"))
 
-    def keeps_rate() -> bool:
-        ticks.clear()
-        node_of(TickerFactory(work, rate_hz=25), TimeoutLoopFactory(seconds=60)).loop()
-        return median(later - earlier for earlier, later in pairwise(ticks)) < 1.2 * 0.04
-
-    assert holds_once(keeps_rate)
+    node_of(TickerFactory(work, rate_hz=25), TimeoutLoopFactory(seconds=60)).loop()
+    assert median(later - earlier for earlier, later in pairwise(ticks)) < 1.2 * 0.04
 
 
 # The end
@@ -413,7 +396,7 @@ def test_a_door_wakes_who_waits_and_never_sleeps_over_what_is_there() -> None:
             door.waiting.popleft()
             taken += 1
     thread.join()
-    assert time.monotonic() - start_s < 30.0  # what one sleep over something takes
+    assert time.monotonic() - start_s < 10.0  # one sleep over something takes 30 s
 
 
 def test_pages_of_a_loop_carry_the_nodes_name_and_time() -> None:

@@ -71,8 +71,8 @@ def test_a_node_that_never_rests_still_hears_its_links(start: Callable[..., Any]
     server.node.schedule(tasks.event("again"))
     client = start("client", [pair.client("depth")])
     client.until_link("wire")
-    client.store("depth", *range(100))
-    assert server.until_stored("depth", 100) == list(range(100))
+    client.store("depth", *range(2_000))
+    assert server.until_stored("depth", 2_000) == list(range(2_000))
 
 
 def test_a_handler_that_takes_long_does_not_cost_the_link(start: Callable[..., Any]) -> None:
