@@ -1,0 +1,48 @@
+"""A user for one process: nobody else's, and gone with all that was its."""
+
+import os
+import signal
+import subprocess
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from snr_sim.grading.throwaway_user import FIRST, LAST, ThrowawayUser
+
+pytestmark = pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files and processes to other users")
+
+
+def test_two_at_once_are_two() -> None:
+    users = [ThrowawayUser(), ThrowawayUser()]
+    numbers = {user.number for user in users}
+    for user in users:
+        user.close()
+    assert len(numbers) == 2
+    assert all(FIRST <= number <= LAST for number in numbers)
+
+
+def test_what_a_user_runs_and_owns_goes_with_it_and_what_others_have_stays() -> None:
+    user = ThrowawayUser()
+    with tempfile.TemporaryDirectory(prefix="snr-test-") as ours:
+        theirs = Path(tempfile.mkdtemp(prefix="snr-test-"))
+        (theirs / "file").write_text("x")
+        os.chown(theirs, user.number, user.number)
+        left = subprocess.Popen(["/bin/sleep", "1000"], user=user.number, group=user.number, start_new_session=True)
+        user.close()
+        assert left.wait() == -signal.SIGKILL
+        assert not theirs.exists()
+        assert Path(ours).is_dir()
+
+
+def test_a_user_who_still_runs_something_is_nobody_elses() -> None:
+    user = ThrowawayUser()
+    number = user.number
+    left = subprocess.Popen(["/bin/sleep", "1000"], user=number, group=number, start_new_session=True)
+    user._claim.close()  # as if its grader had been killed
+    other = ThrowawayUser()
+    assert other.number != number
+    other.close()
+    assert left.poll() is None
+    left.kill()
+    left.wait()
