@@ -180,6 +180,7 @@ def _tell(folder: ClassFolder, submissions: list[Submission], summary: Summary, 
     for names, words in (
         (summary.refused, "could not be read, which is 0 points"),
         (summary.faults, "have no mark, as the lab or the grader failed; why is in class.csv"),
+        (summary.unjudged, "gave in some case what its check could not judge, which is 0 for it; why is in class.csv"),
     ):
         if names:
             more = f" and {len(names) - _MOST_SHOWN} more" if len(names) > _MOST_SHOWN else ""
@@ -196,6 +197,7 @@ def _fields(folder: ClassFolder, summary: Summary) -> dict[str, Any]:
         "of": summary.of,
         "refused": summary.refused,
         "faults": summary.faults,
+        "unjudged": summary.unjudged,
         "submissions": [
             {"submission": one.submission, "status": one.status, "points": one.points, "error": plain(one.error)}
             for one in folder.every_result()

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 from snr_sim import library
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.config import AnyFactory, Config, Mode
-from snr_sim.core.lockstep import LockStep
+from snr_sim.core.lockstep import NOTHING_LEFT, TIME_LIMIT, LockStep
 from snr_sim.core.node import Node
 from snr_sim.grading.remote import Remote
-from snr_sim.grading.verdicts import LabFault, Misbehaved
+from snr_sim.grading.verdicts import ENDED_EARLY, LabFault, Misbehaved
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.recorder import Handled, Ticket
@@ -104,7 +104,7 @@ def feed(
         seed: of the components' chance.
 
     Raises:
-        Misbehaved: the student's program failed.
+        Misbehaved: the student's program failed, or ended the run while inputs were still to come.
     """
     if isinstance(robot, str):
         robot = Robot(robot, role or robot, "", "", parameters, options or {})
@@ -157,6 +157,8 @@ def _fed(
         raise Misbehaved(str(error), "Your program raised an error: look at the line named.") from error
     if remote.misbehaved is not None:
         raise remote.misbehaved
+    if desk.is_left_waiting:
+        raise Misbehaved(f"Your program ended the run at {clock.now_s():.2f} s.", ENDED_EARLY, "a whole run")
     return ledger.produced
 
 
@@ -168,7 +170,12 @@ class _Desk:
         self._clock = clock
         self._ledger = ledger
         self._reply = reply
-        self._count = 0
+        self._count = self._brought = 0
+
+    @property
+    def is_left_waiting(self) -> bool:
+        """Whether the node was ended from within, and inputs were still to come."""
+        return self._brought < self._count and self._node.exit_reason not in (TIME_LIMIT, NOTHING_LEFT)
 
     def take(self, given: Given) -> None:
         """Lets an input in when its time comes, before the components' loops tick."""
@@ -185,6 +192,7 @@ class _Desk:
         else:
             page = Page(given.key, given.value, self._node.name, self._clock.now_s(), given.process)
             task = Task.store_page(page)
+        self._brought += 1
         self._ledger.expect(number)
         self._node.enter(task, _SOURCE)
 

@@ -16,7 +16,7 @@ from snr_sim.devices.loops import SensorLoopFactory
 from snr_sim.flight import Flight, Result
 from snr_sim.grading.node_messages import SUBMISSION
 from snr_sim.grading.remote import Remote
-from snr_sim.grading.verdicts import LabFault, Misbehaved
+from snr_sim.grading.verdicts import ENDED_EARLY, LabFault, Misbehaved, Unjudged
 from snr_sim.options import check_options
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.page import Page
@@ -85,11 +85,12 @@ def fly(
         scenario, seed, options, io, engine: as for `snr run`.
         controller: file of the submission.
         record: whether the run is kept for the student to see, if the grader keeps any.
-        may_fail: whether a flight that the student's program ended with an error is returned, too, with `error`.
+        may_fail: whether a flight that the student's program ended, by itself or with an error, is returned, too.
 
     Raises:
-        Misbehaved: the student's program failed.
-        LabFault: the scenario failed.
+        Misbehaved: the student's program failed, or ended the run by itself.
+        Unjudged: the scenario failed.
+        LabFault: it could not even be put together.
     """
     robot = _robot_of(scenario)
     child = student.new_child(controller, [robot.path])
@@ -218,11 +219,13 @@ def _judged(flown: Flown, remote: Remote, may_fail: bool) -> Flown:
     """Returns a flight that has not failed; else says whose fault it was."""
     if remote.misbehaved is not None:
         raise remote.misbehaved
+    if flown.outcome == "ended" and not may_fail:
+        raise Misbehaved(f"Your program ended the run at {flown.sim_time_s:.2f} s.", ENDED_EARLY, "a whole run")
     if not flown.error or may_fail:
         return flown
     if any(isinstance(record, ErrorRecord) for record in flown.trace.records):
         raise Misbehaved(flown.error, _HINT_RAISED)
-    raise LabFault(f"The flight ended with an error that is not the student's: {flown.error}")
+    raise Unjudged(f"The flight ended with an error that no line of the student's raised: {flown.error}")
 
 
 def _robot_of(scenario: str) -> library.Found:

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import shutil
+import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal
 
 from snr_sim import __version__
-from snr_sim.core.blame import describe_error
+from snr_sim.core.blame import describe_error, without_addresses
 from snr_sim.grading.child_process import find_isolation
 from snr_sim.grading.lab import Case, Check, Lab
 from snr_sim.grading.nursery import Nursery
 from snr_sim.grading.results import CaseResult, CheckResult, Graded
 from snr_sim.grading.sandbox import Isolation, Limits, lent
 from snr_sim.grading.student import Student
-from snr_sim.grading.verdicts import LabFault, Misbehaved, Verdict
+from snr_sim.grading.verdicts import LabFault, Misbehaved, Unjudged, Verdict
 
 OnCase = Callable[[str, str], None]
+_MOST_STEPS = 10
 
 
 def grade_submission(
@@ -139,18 +141,22 @@ class _Grading:
         if run is not None:
             shutil.rmtree(run, ignore_errors=True)
         student = Student(self._folder, self._isolation, self._lab.may_import, self._limits, run, self._nursery)
-        error = ""
+        error = given_up = ""
         try:
             with student:
                 verdict = check.judge(student, case)
         except Misbehaved as wrong:
             error = wrong.message
             verdict = Verdict(0.0, wrong.hint, wrong.expected, wrong.actual)
-        except LabFault:
-            raise
         except Exception as fault:
-            what = f"while the check '{check.name}' was tried on the case '{case.label}'"
-            raise LabFault(describe_error(fault, what)) from fault
+            if isinstance(fault, LabFault) and not isinstance(fault, Unjudged):
+                raise
+            what = describe_error(fault, f"while the check '{check.name}' was tried on the case '{case.label}'")
+            if not student.met or isinstance(fault, (OSError, MemoryError)):
+                raise LabFault(what) from fault
+            # From here on what the program gave may be the cause, and nobody may escape a mark by nonsense.
+            verdict, given_up = Verdict(0.0, could_not_be_judged(student.met)), f"{what}\n{steps_to(fault)}"
+            error = f"It stopped the check: {without_addresses(f'{type(fault).__name__}: {fault}')}"
         return CaseResult(
             label=case.label,
             is_visible=case.is_visible,
@@ -161,6 +167,7 @@ class _Grading:
             error=error,
             printed=student.printed,
             metrics={name: float(value) for name, value in verdict.metrics.items()},
+            fault=given_up,
             run_folder=self._kept(student, run, verdict),
         )
 
@@ -173,3 +180,17 @@ class _Grading:
             return ""
         assert self._out is not None
         return student.run_folder.relative_to(self._out).as_posix()
+
+
+def could_not_be_judged(file: str) -> str:
+    """Returns the hint for what a check gave up on; nothing of the program's is in it, and nothing of the case."""
+    return (
+        f"What {file} gave could not be judged. Has each page, and each answer, the form that the README asks for: all "
+        "its fields by their names, and numbers where numbers belong?"
+    )
+
+
+def steps_to(fault: BaseException) -> str:
+    """Returns how the grader came to where something was raised, a line for each call; the same on every computer."""
+    frames = traceback.extract_tb(fault.__traceback__)[-_MOST_STEPS:]
+    return "\n".join(f"  {Path(one.filename).name}, line {one.lineno}, in {one.name}: {one.line}" for one in frames)

@@ -21,7 +21,7 @@ from snr_sim.core.blame import describe_error
 from snr_sim.grading.packing import LAB_MODULE
 from snr_sim.grading.results import Order
 from snr_sim.grading.student import Student
-from snr_sim.grading.verdicts import LabFault, Verdict
+from snr_sim.grading.verdicts import LabFault, Unjudged, Verdict
 from snr_sim.prelude.errors import UnknownName, nearest
 
 Draw = Callable[[random.Random], Sequence[Any]]
@@ -106,12 +106,12 @@ class Check:
 
         Raises:
             Misbehaved: the student's program did what no check can answer.
-            LabFault: the check's function returned something else than a Verdict.
+            Unjudged: the check's function returned something else than a Verdict.
         """
         takes_case = len(inspect.signature(self.function).parameters) > 1
         verdict = self.function(student, case.value) if takes_case else self.function(student)
         if not isinstance(verdict, Verdict):
-            raise LabFault(
+            raise Unjudged(
                 f"The check '{self.name}' returned {verdict!r}, which is no Verdict.",
                 fix="end it with: return passed().",
             )

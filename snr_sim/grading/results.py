@@ -35,6 +35,7 @@ class CaseResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         error: what the student's program did wrong, the student's own line first: an exception, a late answer.
         printed: what the student's program printed, cut to a bounded length.
         metrics: numbers for the class's table and the leaderboard.
+        fault: where the check gave up on what the student's program gave, which is 0; for the instructor alone.
         run_folder: the recorded run, relative to the folder of the submission's results; empty if none was kept.
     """
 
@@ -47,6 +48,7 @@ class CaseResult(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     error: str = ""
     printed: str = ""
     metrics: dict[str, float] = {}
+    fault: str = ""
     run_folder: str = ""
 
     @property
@@ -120,6 +122,16 @@ class Graded(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     def points(self) -> float | None:
         """Points of all checks together; None if there is no mark, because the lab or the grader failed."""
         return None if self.status == "fault" else round(sum(check.points for check in self.checks), 6)
+
+    @property
+    def faults(self) -> list[str]:
+        """Returns where checks gave up on what the student's program gave: 0 points, and for the instructor to see."""
+        return [
+            f"{check.name}, case '{case.label}': {case.fault}"
+            for check in self.checks
+            for case in check.cases
+            if case.fault
+        ]
 
     @property
     def metrics(self) -> dict[str, float]:

@@ -18,7 +18,7 @@ from snr_sim.grading.child_process import ChildProcess
 from snr_sim.grading.endings import misbehaved
 from snr_sim.grading.imports import check_imports
 from snr_sim.grading.nursery import Nursery
-from snr_sim.grading.protocol import ProtocolError, plain_value
+from snr_sim.grading.protocol import ProtocolError, decode_as, plain_value
 from snr_sim.grading.sandbox import Isolation, Limits
 from snr_sim.grading.verdicts import LabFault, Misbehaved
 from snr_sim.prelude.structs import learned
@@ -59,6 +59,7 @@ class Student:
         self.record_to = record_to
         self.run_folder: Path | None = None  # of the last flight, if it was recorded
         self.flights = 0
+        self.met = ""  # which of its files was read last, by whoever called, fed or flew it
         self._may_import = may_import
         self._nursery = nursery
         self._child: ChildProcess | None = None
@@ -82,6 +83,7 @@ class Student:
                 data = opened.read(MAX_SOURCE_BYTES + 1)
         except OSError:
             raise Misbehaved(f"There is no file {file}.", f"Hand in a file called {file}.", expected=file) from None
+        self.met = file
         if len(data) > MAX_SOURCE_BYTES:
             raise Misbehaved(f"{file} has more than {MAX_SOURCE_BYTES} bytes.", "Hand in the program alone.")
         try:
@@ -140,8 +142,11 @@ class Student:
             raise LabFault(f"The host {host!r} is not of the kit.", fix="snr_sim.grading.module:Class")
         self.child(file)
         args_raw = msgspec.Raw(encode_value(list(args)))
-        number = self._ask("host", {"file": file, "host": host, "args": args_raw}, budget_s)
-        return Host(self, msgspec.json.decode(number, type=int), file)
+        raw = self._ask("host", {"file": file, "host": host, "args": args_raw}, budget_s)
+        try:
+            return Host(self, decode_as(_decode_number, raw), file)
+        except ProtocolError as error:
+            raise nonsense(error) from error
 
     def feed(self, file: str, pages: Sequence[Given], **details: Any) -> list[Produced]:
         """Brings pages and tasks to the components of a submitted file; see `feed.feed`."""
@@ -248,6 +253,9 @@ class Host:
         """
         raw = self._student._ask("ask", [self._number, method, *args], budget_s)
         return _checked(f"{self._file}: {method}(...)", raw, returns, finite)
+
+
+_decode_number = msgspec.json.Decoder(int)
 
 
 def nonsense(error: ProtocolError) -> Misbehaved:

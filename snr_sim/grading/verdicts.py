@@ -8,6 +8,11 @@ from dataclasses import dataclass, field
 
 from snr_sim.prelude.errors import SnrError
 
+ENDED_EARLY = (
+    "Your program ended the run by itself, with tasks.terminate or tasks.finish, before it was over. Go on until the "
+    "run ends, whatever has been reached."
+)
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -29,10 +34,10 @@ class Verdict:
 
     def __post_init__(self) -> None:
         if not (isinstance(self.fraction, (int, float)) and 0.0 <= self.fraction <= 1.0):
-            raise LabFault(f"A verdict has the fraction {self.fraction!r}.", fix="a number from 0 to 1.")
+            raise Unjudged(f"A verdict has the fraction {self.fraction!r}.", fix="a number from 0 to 1.")
         for name, value in self.metrics.items():
-            if not isinstance(value, (int, float)) or not math.isfinite(value):
-                raise LabFault(f"A verdict has the metric {name} = {value!r}.", fix="leave out what was not reached.")
+            if not isinstance(value, (int, float)) or not -math.inf < value < math.inf:
+                raise Unjudged(f"A verdict has the metric {name} = {value!r}.", fix="leave out what was not reached.")
 
 
 def passed(note: str = "", metrics: Mapping[str, float] | None = None) -> Verdict:
@@ -54,6 +59,10 @@ def partly(
 
 class LabFault(SnrError):
     """The lab, or the grader, has failed: no fault of the student's, and no mark."""
+
+
+class Unjudged(LabFault):
+    """The lab could not judge a case. It is the lab's fault, unless the student's program had a hand in it."""
 
 
 class Misbehaved(SnrError):

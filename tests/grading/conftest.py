@@ -36,9 +36,11 @@ def loads(student: Student):
 @check(points=60, visible=[2], hidden=draw, needs=["loads"])
 def doubles(student: Student, case: int):
     """Doubles a number."""
-    got = student.call("double.py", "double", case, budget_s=1.0)
-    if got == 13:
+    if "13" in (student.folder / "double.py").read_text():
         raise KeyError("a mistake in the lab")
+    got = student.call("double.py", "double", case, budget_s=1.0)
+    if got == "nonsense":
+        raise KeyError("a mistake that nonsense brings to light")
     if type(got) is not int or got != 2 * case:
         return failed("Twice a number is the number added to itself.", expected=str(2 * case), actual=str(got))
     return passed(metrics={"number": float(case)})
@@ -70,6 +72,7 @@ PROGRAMS = {
     "visible_only": "def double(x):\n    return {1: 2, 2: 4, 4: 8}.get(x, 0)\n",
     "raises": "def double(x):\n    raise ValueError(f'I got {x}')\n",
     "finds_a_fault": "def double(x):\n    return 2 if x == 1 else 13\n",
+    "talks_nonsense": "def double(x):\n    return 2 if x == 1 else 'nonsense'\n",
     "quits": "import sys\n\n\ndef double(x):\n    sys.exit(0)\n",
 }
 

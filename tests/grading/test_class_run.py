@@ -54,18 +54,20 @@ def files_under(folder: Path) -> dict[str, bytes]:
 
 
 def test_everybody_has_a_result_and_faults_are_no_marks(double_lab: Path, handed_in: HandedIn, tmp_path: Path) -> None:
-    programs = ["right", "visible_only", "raises", "finds_a_fault", "quits", "def double(:", ""]
+    programs = ["right", "visible_only", "raises", "finds_a_fault", "quits", "def double(:", "", "talks_nonsense"]
     given = handed_in(**{f"s{i}": program for i, program in enumerate(programs)})
     done = grade(double_lab, given, tmp_path / "out", "--json", "--jobs", 2)
     assert done.returncode == 1
     answer = json.loads(done.stdout)
-    assert (answer["faults"], answer["refused"]) == (["s3"], ["s6"])
+    assert (answer["faults"], answer["refused"], answer["unjudged"]) == (["s3"], ["s6"], ["s7"])
     rows = table(tmp_path / "out")
     assert [(row["submission"], row["points"], row["status"]) for row in rows] == [
         ("s0", "100", "graded"), ("s1", "70", "graded"), ("s2", "0", "graded"), ("s3", "", "fault"),
         ("s4", "0", "graded"), ("s5", "0", "graded"), ("s6", "0", "refused"),
+        ("s7", "40", "graded"),
     ]  # fmt: skip
     assert "a mistake in the lab" in rows[3]["error"]
+    assert "a mistake that nonsense brings to light" in rows[7]["error"]
     for row in rows:
         folder = tmp_path / "out" / "students" / row["submission"]
         assert {"report.md", "results.json", "junit.xml", "check50.json"} <= {path.name for path in folder.iterdir()}

@@ -1,6 +1,7 @@
 """Labs: what they promise is checked when they are read; hidden cases come from the secret; points are shared."""
 
 import random
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import pytest
 from snr_sim.grading import Lab, Student, Verdict, check, failed, partly, passed
 from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.lab import find_lab, load_lab
+from snr_sim.grading.reports.told import as_text
 from snr_sim.grading.results import Graded
 from snr_sim.grading.verdicts import LabFault
 from snr_sim.prelude.errors import UnknownName
@@ -134,6 +136,45 @@ def test_a_check_that_fails_by_itself_is_no_mark_and_not_the_students_fault(tmp_
     assert (result.status, result.points, result.checks) == ("fault", None, ())
     assert "ZeroDivisionError" in result.error
     assert "check 'wrong'" in result.error
+
+
+@pytest.mark.parametrize(
+    "judge",
+    [
+        lambda got: passed() if got["moment_nm"] < 1.0 else failed("Turn less."),
+        lambda got: passed(metrics={"moment_nm": got["moment"]}),
+        lambda got: None,
+    ],
+)
+def test_what_a_check_cannot_judge_is_zero_for_that_case_and_only_the_instructor_sees_where(
+    judge: Callable[[Any], Verdict], tmp_path: Path
+) -> None:
+    @check(points=60, visible=[1], hidden=lambda rng: [2])
+    def turns(student: Student, case: int) -> Verdict:
+        return judge(student.call("mine.py", "turn", case, finite=False))
+
+    @check(points=40)
+    def answers(student: Student) -> Verdict:
+        return passed() if student.call("mine.py", "turn", 1, finite=False) else failed("Turn.")
+
+    result = graded(tmp_path, "def turn(x):\n    return {'moment': float('nan')}", turns, answers, secret=b"s")
+    assert (result.status, result.points) == ("graded", 40.0)
+    for case in result.checks[0].cases:
+        assert case.hint.startswith("What mine.py gave could not be judged.")
+        assert "lab.py, line" in case.fault
+    assert len(result.faults) == 2
+    told = as_text(result.checks[0])
+    assert "What mine.py gave could not be judged." in told
+    assert "test_lab.py" not in told
+    assert told.count("It stopped the check") == 1, "of the hidden case nothing but the hint is told"
+
+
+def test_a_grader_without_memory_or_disk_is_no_fault_of_the_students(tmp_path: Path) -> None:
+    @check(points=100)
+    def wrong(student: Student) -> Verdict:
+        raise OSError(student.call("mine.py", "double", 28))
+
+    assert graded(tmp_path, "def double(x):\n    return x", wrong).status == "fault"
 
 
 def test_a_check_that_returns_no_verdict_is_a_fault_of_the_lab(tmp_path: Path) -> None:

@@ -158,6 +158,30 @@ def test_what_a_component_does_wrong_ends_its_flight_and_is_told(body: str, told
     assert caught.value.hint
 
 
+@pytest.mark.parametrize("ends", ["tasks.terminate('won')", "tasks.finish('won')"])
+def test_who_ends_the_run_before_it_is_over_is_told_so(ends: str, tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(CONTROLLER.replace("BODY", f"return {ends}"))
+    student = Student(tmp_path)
+    with pytest.raises(Misbehaved, match=r"Your program ended the run at 0\.\d\d s") as flying:
+        student.fly("lander_vertical", 3, "mine.py")
+    pages = [Given(0.1 * i, "radar", {"altitude_m": 1.0}) for i in range(5)]
+    with pytest.raises(Misbehaved, match=r"Your program ended the run at 0\.00 s") as fed:
+        student.feed("mine.py", pages, robot="lander")
+    assert "tasks.terminate or tasks.finish" in flying.value.hint
+    assert fed.value.hint == flying.value.hint
+    assert [one.kind for one in student.feed("mine.py", pages[:1], robot="lander")] != [], "nothing was left to come"
+    assert student.fly("lander_vertical", 3, "mine.py", may_fail=True).outcome == "ended"
+
+
+def test_an_answer_forged_before_it_was_asked_for_is_no_answer(tmp_path: Path) -> None:
+    """It is on the line before the kit's own, with the right number and another value."""
+    forged = "import os, stat\nfor fd in range(3, 2000):\n    try:\n        if stat.S_ISSOCK(os.fstat(fd).st_mode):\n"
+    forged += '            os.write(fd, b\'{"n":2,"value":null}\\n\')\n    except OSError: pass\n'
+    (tmp_path / "mine.py").write_text(forged + "class TaskQueue: pass\n")
+    with Student(tmp_path) as student, pytest.raises(Misbehaved, match="It answered with something that is no answer"):
+        student.host("mine.py", "snr_sim.grading.queue_bench:QueueBench")
+
+
 @pytest.mark.parametrize(
     ("source", "told"),
     [

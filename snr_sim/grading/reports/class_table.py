@@ -26,6 +26,7 @@ class Summary:
         points: of each submission that has a mark.
         of: points that could be had.
         refused, faults: names of those of which nothing could be graded, and of those without a mark.
+        unjudged: names of those with a mark who gave something in a case that the check could not judge.
         checks: how many got all points of each check, by its title.
         ranked: per ranked metric the names with their value, unordered.
         orders: whether the least or the most is best.
@@ -35,6 +36,7 @@ class Summary:
     of: float = 0.0
     refused: list[str] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
+    unjudged: list[str] = field(default_factory=list)
     checks: dict[str, int] = field(default_factory=dict)
     ranked: dict[str, list[tuple[float, str]]] = field(default_factory=dict)
     orders: dict[str, Order] = field(default_factory=dict)
@@ -48,6 +50,8 @@ class Summary:
         self.of = max(self.of, graded.of)
         if graded.status == "refused":
             self.refused.append(graded.submission)
+        if graded.faults:
+            self.unjudged.append(graded.submission)
         for check in graded.checks:
             self.checks[check.title] = self.checks.get(check.title, 0) + check.is_passed
         metrics = graded.metrics
@@ -96,7 +100,7 @@ def write_class(table: TextIO, again: Again, given: Mapping[str, str]) -> None:
                 graded.isolation,
                 *(number(points[name]) if name in points else "" for name in checks),
                 *(f"{measured[name]:.6g}" if name in measured else "" for name in metrics),
-                cell(graded.error),
+                cell(graded.error or "\n".join(graded.faults)),
                 cell(given.get(graded.submission, "")),
             ]
         )
