@@ -51,18 +51,6 @@ def all_different(rng: random.Random, asked: list[list[Any]]) -> list[list[Any]]
     return [[*one[:3], next(different)] if one[0] == "put" else one for one in asked]
 
 
-def not_plain(student: Student) -> Verdict | None:
-    """Returns that the program could reach what counts it, or None: then its count is worth something."""
-    what = what_is_not_plain(student.source(FILE))
-    if not what:
-        return None
-    return failed(
-        "Work and memory are counted only of a plain program: lists, dicts, deque, heapq, and classes of your own.",
-        "nothing that reaches out of the file",
-        f"{FILE}, {what}",
-    )
-
-
 def right(most: int, asked: list[list[Any]]) -> list[Any]:
     """Returns the right answers to some operations."""
     module: Any = ModuleType("right")
@@ -83,7 +71,20 @@ def told(asked: list[list[Any]], i: int, wanted: Any, came: Any) -> tuple[str, s
     return f"{what} gives {wanted}", f"{came}"
 
 
-@check(points=15, visible=[Seed(1)], hidden=one)
+@check(points=5)
+def is_plain(student: Student) -> Verdict:
+    """It is a queue of your own: lists, dicts, deque, heapq, bisect, math, and classes that stand in the file."""
+    what = what_is_not_plain(student.source(FILE))
+    if not what:
+        return passed()
+    return failed(
+        "A queue needs lists, dicts, deque, heapq, bisect, classes of your own: leave out what reaches further.",
+        "nothing that reaches out of the file",
+        f"{FILE}, {what}",
+    )
+
+
+@check(points=10, visible=[Seed(1)], hidden=one, needs=["is_plain"])
 def keeps_order(student: Student, case: Seed) -> Verdict:
     """Tasks of one priority leave in the order in which they came."""
     asked = operations(random.Random(case.seed), 300, [0])
@@ -108,7 +109,7 @@ def keeps_order(student: Student, case: Seed) -> Verdict:
     return failed(hint, *told(asked, i, wanted, came))
 
 
-@check(points=15, visible=[Seed(1)], hidden=one)
+@check(points=15, visible=[Seed(1)], hidden=one, needs=["is_plain"])
 def urgent_first(student: Student, case: Seed) -> Verdict:
     """Higher priorities leave first, be they positive or negative."""
     rng = random.Random(case.seed)
@@ -124,7 +125,7 @@ def urgent_first(student: Student, case: Seed) -> Verdict:
     return failed(hint, *told(asked, i, wanted, came))
 
 
-@check(points=10, visible=[Seed(1)], hidden=one)
+@check(points=10, visible=[Seed(1)], hidden=one, needs=["is_plain"])
 def terminate_first(student: Student, case: Seed) -> Verdict:
     """Terminate leaves before all others, whatever its priority."""
     rng = random.Random(case.seed)
@@ -147,7 +148,7 @@ def terminate_first(student: Student, case: Seed) -> Verdict:
     return failed(hint, *told(asked, i, wanted, came))
 
 
-@check(points=20, visible=[Seed(1)], hidden=one)
+@check(points=20, visible=[Seed(1)], hidden=one, needs=["is_plain"])
 def is_bounded(student: Student, case: Seed) -> Verdict:
     """A full queue lets the oldest of the lowest priority go, and says which."""
     rng = random.Random(case.seed)
@@ -176,9 +177,6 @@ def is_bounded(student: Student, case: Seed) -> Verdict:
 @check(points=10, visible=[Seed(1)], hidden=one, needs=["urgent_first"])
 def forgets(student: Student, case: Seed) -> Verdict:
     """What has left leaves nothing behind: after 2000 operations no more memory is held than after 200."""
-    refused = not_plain(student)
-    if refused is not None:
-        return refused
     rng = random.Random(case.seed)
     most = 20
     asked: list[list[Any]] = []
@@ -187,7 +185,11 @@ def forgets(student: Student, case: Seed) -> Verdict:
         asked += [["take"]] * (rng.random() < 0.6)
     for up in (1, -1):  # every task that comes leaves again, at one end only
         asked += [one for i in range(500) for one in (["put", "event", f"f{i}", up * (5000 + i)], ["take"])]
-    places = student.host(FILE, BENCH).ask("places", most, asked, returns=int)
+    bench = student.host(FILE, BENCH)
+    *_, waiting = bench.ask("answers", most, [*asked, ["len"]], returns=list[str | int | None])
+    if not isinstance(waiting, int) or waiting > most:
+        return failed("More tasks wait than may, and are never forgotten.", f"at most {most}", f"{waiting}")
+    places = bench.ask("places", most, asked, returns=int)
     if places <= 20 * most + 200:
         return passed()
     return failed(
@@ -200,9 +202,6 @@ def forgets(student: Student, case: Seed) -> Verdict:
 @check(points=15, visible=[Seed(1)], hidden=one, needs=["urgent_first"])
 def is_quick(student: Student, case: Seed) -> Verdict:
     """With six times as many tasks one operation is hardly more work."""
-    refused = not_plain(student)
-    if refused is not None:
-        return refused
     bench, rng = student.host(FILE, BENCH), random.Random(case.seed)
     work = {}
     for size in (SMALL, LARGE):
@@ -276,7 +275,7 @@ class Line:
         return self._waiting.popleft()
 
 
-@check(points=15, visible=[Seed(1)], hidden=one)
+@check(points=15, visible=[Seed(1)], hidden=one, needs=["is_plain"])
 def drives_a_node(student: Student, case: Seed) -> Verdict:
     """A real node handles its tasks in the right order with this queue, and ends."""
     rng = random.Random(case.seed)
@@ -310,6 +309,6 @@ def drives_a_node(student: Student, case: Seed) -> Verdict:
 lab = Lab(
     "Write the queue",
     files=[FILE],
-    checks=[keeps_order, urgent_first, terminate_first, is_bounded, forgets, is_quick, drives_a_node],
+    checks=[is_plain, keeps_order, urgent_first, terminate_first, is_bounded, forgets, is_quick, drives_a_node],
     leaderboard={"is_quick.work": "asc"},
 )

@@ -21,10 +21,20 @@ LAB = Path(__file__).parents[2] / "assignments" / "11_write_the_queue"
 HERE = Path(__file__).parent / "write_the_queue"
 REFERENCE = HERE / "reference" / "task_queue.py"
 
+EVERYTHING = {
+    "is_plain": 5,
+    "keeps_order": 10,
+    "urgent_first": 15,
+    "terminate_first": 10,
+    "is_bounded": 20,
+    "forgets": 10,
+    "is_quick": 15,
+    "drives_a_node": 15,
+}
 # What each wrong solution loses, and what its student is told.
 WRONG = {
-    "is_a_stack": ({"keeps_order": 15, "is_bounded": 20, "drives_a_node": 15}, "that is a stack"),
-    "heap_without_number": ({"keeps_order": 15, "is_bounded": 20, "drives_a_node": 15}, "a heap compare names"),
+    "is_a_stack": ({"keeps_order": 10, "is_bounded": 20, "drives_a_node": 15}, "that is a stack"),
+    "heap_without_number": ({"keeps_order": 10, "is_bounded": 20, "drives_a_node": 15}, "a heap compare names"),
     "terminate_waits": ({"terminate_first": 10, "drives_a_node": 15}, "told to end does not finish its queue first"),
     "turns_news_away": ({"is_bounded": 20, "drives_a_node": 15}, "The new task is turned away"),
     "tells_nobody": ({"is_bounded": 20, "drives_a_node": 15}, "whoever called is told which"),
@@ -32,7 +42,9 @@ WRONG = {
     "leaves_lines_behind": ({"forgets": 10}, "priorities in a heap that nobody has"),
     "one_sorted_list": ({"is_quick": 15}, "go through a whole list"),
     "compares_unseen": ({"is_quick": 15}, "something looks through all of them"),
-    "counts_for_itself": ({"forgets": 10, "is_quick": 15}, "counted only of a plain program"),
+    "counts_for_itself": (EVERYTHING, "leave out what reaches further"),
+    "takes_the_kits": (EVERYTHING, "leave out what reaches further"),
+    "answers_for_itself": (EVERYTHING, "leave out what reaches further"),
 }
 
 
@@ -71,6 +83,10 @@ def test_the_starter_runs_before_it_is_edited_and_is_told_what_it_lacks(tmp_path
     done = subprocess.run([sys.executable, tmp_path / "try_it.py"], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
     assert "with 240 tasks one operation is  121.0 comparisons and moves" in done.stdout
+    plain = ModuleType("plain")
+    plain.TaskQueue = PlainQueue  # type: ignore[attr-defined]
+    page = load_program(str(tmp_path / "try_it.py"))
+    assert QueueBench(plain).run_node(page.MOST, page.ANSWERS, page.FIRST) == page.RIGHT
     result = graded(tmp_path)
     assert result.points == 15
     assert not [case.error for check in result.checks for case in check.cases if case.error]
@@ -85,8 +101,8 @@ def test_a_file_without_the_class_or_with_answers_of_another_kind_is_told_so(tmp
     ):
         file.write_text(text)
         result = graded(tmp_path)
-        assert result.points == 0
-        assert told in result.checks[0].cases[0].error
+        assert result.points == 5  # it is plain
+        assert told in result.checks[1].cases[0].error
 
 
 def test_a_node_that_gets_a_task_for_ever_ends_with_a_message(tmp_path: Path) -> None:
