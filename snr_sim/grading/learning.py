@@ -1,25 +1,29 @@
-"""The grader's side of lab 10: many landers fly at once here, and the student's file says by message what they do.
+"""The grader's side of lab 10: many landers fly at once here, and the student's file says by message where they are.
 
     parent (here)                                   child (`grading/pilot.py`)
     Landers, chance, budget, score   -- observations of all, what came of the last step -->   encode, reward, update
-                                     <-- an action for each --------------------------------   choose
+    table (`grading/evidence.py`)    <-- their states, and what the last step was worth ---
 
 One message a step for all of them, so the pipe costs little beside the student's own functions. How many steps and
-episodes there are, from where, and which of them landed, only this side knows.
+episodes there are, from where, what is done and which of them landed, only this side knows. At home, with no grader,
+the student's own choose() and table decide instead.
 """
 
 from __future__ import annotations
 
-from base64 import b64encode
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from types import ModuleType
 from typing import Any, Protocol
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.grading.pilot import ACTIONS, CRASHED, LANDED, TIMEOUT, Pilot, digits_of, rows_of
+from snr_sim.grading.evidence import Asked, Evidence, Told, checked_rewards, checked_states, packed
+from snr_sim.grading.pilot import CRASHED, LANDED, MOST_STATES, TIMEOUT, Pilot, Transition
+from snr_sim.grading.verdicts import Misbehaved
 from snr_sim.learning.batch_training import CEILING_M, MOST_STEPS, STEP_S, Course, course_of, new_table
 from snr_sim.learning.lander_envs import VERTICAL_THROTTLES, LanderVertical
 from snr_sim.learning.q_table import QTable
@@ -31,16 +35,16 @@ FLIGHT_STEPS = 600  # two minutes; free fall from the highest start takes 50 s
 PILOT = "snr_sim.grading.pilot:Pilot"
 
 
-class Asked(Protocol):
-    """The student's file: in its own process, or here (`Here`)."""
+class Flier(Protocol):
+    """Says what landers do."""
 
-    def ask(self, method: str, *args: Any, returns: Any = Any) -> Any:
-        """Returns what a method of `Pilot` returns."""
+    def act(self, told: Floats) -> NDArray[np.intp]:
+        """Returns an action for each observation, shape (n, 2): height [m] and velocity [m/s]."""
         ...
 
 
 class Here:
-    """A student's file in this process: for practice, and to measure what the process costs.
+    """A student's file in this process, as it is practised with at home: all that it does is by its own functions.
 
     Args:
         module: the file.
@@ -51,7 +55,12 @@ class Here:
 
     def ask(self, method: str, *args: Any, returns: Any = Any) -> Any:
         """Returns what a method of `Pilot` returns."""
-        return getattr(self.pilot, method)(*args)
+        value = getattr(self.pilot, method)(*args)
+        return msgspec.convert(value, returns) if isinstance(value, dict) and returns is not Any else value
+
+    def act(self, told: Floats) -> NDArray[np.intp]:
+        """Returns what the student's choose() does without chance."""
+        return np.array(self.pilot.choose(self.pilot.encode(*told.T.tolist()), 0.0), np.intp)
 
 
 @dataclass(frozen=True)
@@ -123,13 +132,17 @@ def course() -> Course:
     return course_of(env)
 
 
-def train(student: Asked, seed: int, budget: Budget | None = None) -> Trained:
+def train(student: Asked, seed: int, budget: Budget | None = None, evidence: Evidence | None = None) -> Trained:
     """Lets a student's file learn, in landings that begin anywhere on the way down.
 
     Args:
         student: learns; what it has learned it keeps.
         seed: of the starts, of the radar's noise and of the student's chance.
         budget: how long.
+        evidence: learns the same, and says what is tried; else the student's own choose() does.
+
+    Raises:
+        Misbehaved: it does not tell where it is, or what that is worth.
     """
     limits, given = budget or Budget(), course()
     rng = np.random.default_rng([seed, 2])
@@ -140,11 +153,21 @@ def train(student: Asked, seed: int, budget: Budget | None = None) -> Trained:
     flown, episodes, ended = np.zeros(LANDERS, np.int64), LANDERS, list[bool]()
     burned_kg: list[Floats] = []  # of the last step, once there was one
     ends: list[list[Any]] = []  # lists: a tuple would have to be told apart on its way
+    states, actions = list[int](), np.empty(0, np.intp)  # of the last step, too
+    count = MOST_STATES if evidence is None else evidence.states
     steps = -(-limits.steps // LANDERS)
     for i in range(steps):
         share = max(i / steps, min(1.0, (episodes - LANDERS) / limits.episodes))
-        answer = student.ask("learn", share, _packed(told.T, landers[:2], *burned_kg), ends, returns=str)
-        actions = _actions(answer, LANDERS)
+        done = "".join(map(str, actions.tolist()))
+        given_now = packed(told.T, landers[:2], *burned_kg)
+        answer: Told = student.ask("learn", share, given_now, ends, done, returns=Told)
+        came_from, states = states, checked_states(answer.states, LANDERS, count)
+        epsilon = min(1.0, max(0.0, answer.epsilon))
+        if evidence is None:
+            actions = np.array(student.ask("choose", states, epsilon), np.intp)
+        else:
+            evidence.learn(_transitions(came_from, actions.tolist(), states, ends, answer, count))
+            actions = evidence.choose(told, states, epsilon)
         before = Landers(*landers)
         after, touches, speeds = step(before, throttles[actions], given.engine, STEP_S)
         told = _told(given, landers, rng)  # the radar tells it a step late
@@ -166,11 +189,11 @@ def train(student: Asked, seed: int, budget: Budget | None = None) -> Trained:
     return Trained((i + 1) * LANDERS, episodes, ended)
 
 
-def fly(student: Asked, seed: int, count: int, world: World | None = None) -> Flights:
-    """Lets a student's file land what it has learned, without learning and without chance.
+def fly(flier: Flier, seed: int, count: int, world: World | None = None) -> Flights:
+    """Lets somebody land by what was learned, without learning and without chance.
 
     Args:
-        student: flies.
+        flier: says what is done.
         seed: of the starts and of the radar's noise. They begin as the scenario does, 600 to 1500 m up.
         count: of starts.
         world: what is different.
@@ -185,8 +208,7 @@ def fly(student: Asked, seed: int, count: int, world: World | None = None) -> Fl
     told, who = _told(given, landers, rng), np.arange(count)
     speed_mps, fuel_kg = np.full(count, np.nan), np.zeros(count)
     for _ in range(FLIGHT_STEPS):
-        actions = _actions(student.ask("act", _packed(told.T), returns=str), len(who))
-        after, touches, speeds = step(Landers(*landers), throttles[actions], engine, STEP_S)
+        after, touches, speeds = step(Landers(*landers), throttles[flier.act(told)], engine, STEP_S)
         told = _told(given, landers, rng)
         speed_mps[who[touches]] = speeds[touches]
         fuel_kg[who] = tank_kg[who] - after.fuel_kg
@@ -203,6 +225,19 @@ def fly(student: Asked, seed: int, count: int, world: World | None = None) -> Fl
         float(fuel_kg[landed].mean()) if landed.any() else 0.0,
         float(speed_mps[is_down].mean()) if is_down.any() else 0.0,
     )
+
+
+def _transitions(
+    states: list[int], actions: list[int], now: list[int], ends: list[list[Any]], answer: Told, count: int
+) -> Iterator[Transition]:
+    """Yields what a step was for each lander, if there was one."""
+    then, is_terminated, is_truncated = list(now), [False] * len(now), [False] * len(now)
+    if len(answer.last) != len(ends) or not all(0 <= state < count for state in answer.last):
+        raise Misbehaved("It did not tell in which states episodes ended.", "Leave alone what asks encode().")
+    for (i, _, _, outcome), state in zip(ends, answer.last, strict=True):
+        then[i], is_terminated[i], is_truncated[i] = state, outcome != TIMEOUT, outcome == TIMEOUT
+    rewards = checked_rewards(answer.rewards, len(states))
+    return map(Transition, states, actions, rewards, then, is_terminated, is_truncated)
 
 
 def _starts(given: Course, count: int, rng: np.random.Generator) -> Floats:
@@ -223,17 +258,6 @@ def _told(given: Course, landers: Floats, rng: np.random.Generator) -> Floats:
     return told
 
 
-def _packed(*rows: Floats) -> str:
-    """Returns rows of numbers as a text, for `pilot.rows_of`."""
-    return b64encode(np.vstack(rows).tobytes()).decode()
-
-
-def _actions(answer: str, count: int) -> NDArray[np.intp]:
-    """Returns the actions in an answer. What is none does not fly: the engine is off."""
-    digits = np.frombuffer(answer.encode()[:count].ljust(count, b"0"), np.uint8).astype(np.intp) - ord("0")
-    return np.where((digits >= 0) & (digits < ACTIONS), digits, 0)
-
-
 class ByTable:
     """A table that was handed in, flown as the node's controller 'q' flies it: none of the student's code runs.
 
@@ -246,11 +270,10 @@ class ByTable:
         values = np.where(table.visits > 0, table.values, -np.inf)
         self._greedy = np.argmax(values, axis=1)  # 0 where nothing was tried
 
-    def ask(self, method: str, *args: Any, returns: Any = Any) -> Any:
-        """Returns the actions for many observations; it can do nothing else."""
-        assert method == "act"
-        told = np.array(rows_of(args[0], 2)).T
-        return digits_of(self._greedy[self._cells(told)].tolist())
+    def act(self, told: Floats) -> NDArray[np.intp]:
+        """Returns the best of what was tried."""
+        actions: NDArray[np.intp] = self._greedy[self._cells(told)]
+        return actions
 
 
 def as_policy(student: Asked) -> QTable:

