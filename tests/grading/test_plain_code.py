@@ -45,10 +45,16 @@ def test_what_a_queue_needs_is_plain() -> None:
     assert what_is_not_plain(PLAIN) == ""
 
 
+CHEATS = {
+    "counts_for_itself": "line 3: `sys`",
+    "takes_the_kits": "line 3: `importlib`",
+    "answers_for_itself": "line 3: `json`",
+}
+
+
 @pytest.mark.parametrize("file", sorted(SOLUTIONS.rglob("task_queue.py")), ids=lambda file: file.parent.name)
-def test_solutions_are_plain_but_the_one_that_counts_for_itself(file: Path) -> None:
-    found = what_is_not_plain(file.read_text())
-    assert found == ("line 3: `sys`" if file.parent.name == "counts_for_itself" else "")
+def test_solutions_are_plain_but_those_that_cheat(file: Path) -> None:
+    assert what_is_not_plain(file.read_text()) == CHEATS.get(file.parent.name, "")
 
 
 @pytest.mark.parametrize(
