@@ -25,7 +25,7 @@ from snr_sim.simulation import Request, prepare
 ROOT = Path(__file__).parents[2]
 NAME = "08_sim_to_pi"
 LAB = ROOT / "assignments" / NAME
-SEEDS = int(os.environ.get("SNR_SEEDS", "1"))  # of flights; 50 take a minute and a half
+SEEDS = int(os.environ.get("SNR_SEEDS", "1"))  # of flights; 50 take a minute and a half, and have it
 REFERENCE = Path(__file__).parent / "sim_to_pi" / "reference" / "depth_hold.py"
 DISARMED = {"number": 1, "is_armed": False, "is_stop": False, "clears_stop": False, "depth_m": None}
 ARMED = {**DISARMED, "is_armed": True, "depth_m": 3.0}
