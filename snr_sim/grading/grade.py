@@ -140,7 +140,8 @@ class _Grading:
         run = None if self._out is None or not case.is_visible else self._out / f"{check.name}-{number + 1}"
         if run is not None:
             shutil.rmtree(run, ignore_errors=True)
-        student = Student(self._folder, self._isolation, self._lab.may_import, self._limits, run, self._nursery)
+        lab = self._lab
+        student = Student(self._folder, self._isolation, lab.may_import, self._limits, run, self._nursery, lab.refused)
         error = given_up = ""
         try:
             with student:

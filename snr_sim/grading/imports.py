@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 
@@ -21,8 +22,13 @@ REFUSED = {
 }
 
 
-def check_imports(folder: Path, file: str, may_import: frozenset[str]) -> None:
+def check_imports(folder: Path, file: str, may_import: frozenset[str], refused: Mapping[str, str]) -> None:
     """Checks what a submitted file and those beside it that it imports would import.
+
+    Args:
+        folder, file: of the submission.
+        may_import: what of `REFUSED` the lab allows.
+        refused: what the lab refuses besides, with the reasons.
 
     Raises:
         Misbehaved: it is something that no submission may.
@@ -35,7 +41,7 @@ def check_imports(folder: Path, file: str, may_import: frozenset[str]) -> None:
             continue
         seen.add(name)
         for module, line in _imported(folder / name):
-            reason = _refused(module, may_import)
+            reason = _refused(module, may_import, REFUSED | dict(refused))
             if reason:
                 raise Misbehaved(
                     f"{name}, line {line}: imports {module}, but {reason}.", f"Do without importing {module}: {reason}."
@@ -47,12 +53,12 @@ def check_imports(folder: Path, file: str, may_import: frozenset[str]) -> None:
                 waiting += [path.relative_to(folder).as_posix() for path in sorted((folder / top).rglob("*.py"))]
 
 
-def _refused(module: str, may_import: frozenset[str]) -> str:
+def _refused(module: str, may_import: frozenset[str], refused: Mapping[str, str]) -> str:
     parts = module.split(".")
     names = [".".join(parts[: count + 1]) for count in range(len(parts))]
     if any(name in may_import for name in names):
         return ""
-    return next((REFUSED[name] for name in names if name in REFUSED), "")
+    return next((refused[name] for name in names if name in refused), "")
 
 
 def _imported(path: Path) -> tuple[tuple[str, int], ...]:

@@ -143,6 +143,7 @@ class Lab:
         files: what a submission must hold.
         checks: in the order in which they are tried and shown.
         may_import: modules that are else refused, such as "socket".
+        refused: modules that are refused here, each with the reason: what solves the lab, for one.
         leaderboard: metrics that are ranked, "<check>.<metric>", and whether the least ("asc") or the most is best.
 
     Raises:
@@ -155,12 +156,14 @@ class Lab:
         files: Sequence[str],
         checks: Sequence[Check],
         may_import: Sequence[str] = (),
+        refused: Mapping[str, str] | None = None,
         leaderboard: Mapping[str, Order] | None = None,
     ) -> None:
         self.title = title
         self.files = tuple(files)
         self.checks = tuple(checks)
         self.may_import = frozenset(may_import)
+        self.refused = dict(refused or {})
         self.leaderboard = dict(leaderboard or {})
         self.name = title  # of its folder, once it was found
         self.folder: Path | None = None

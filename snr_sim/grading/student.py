@@ -7,7 +7,7 @@ Whatever it does wrong is raised as `Misbehaved`, which the grader turns into a 
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -42,6 +42,7 @@ class Student:
         limits: of each of its processes.
         record_to: where runs are recorded that the student may see; nowhere if not given.
         nursery: where its processes may be copies.
+        refused: modules that the lab refuses besides, with the reasons.
     """
 
     def __init__(
@@ -52,6 +53,7 @@ class Student:
         limits: Limits | None = None,
         record_to: Path | None = None,
         nursery: Nursery | None = None,
+        refused: Mapping[str, str] | None = None,
     ) -> None:
         self.folder = folder.resolve()
         self.isolation = isolation
@@ -61,6 +63,7 @@ class Student:
         self.flights = 0
         self.met = ""  # which of its files was read last, by whoever called, fed or flew it
         self._may_import = may_import
+        self._refused = refused or {}
         self._nursery = nursery
         self._child: ChildProcess | None = None
         self._printed: list[str] = []
@@ -193,7 +196,7 @@ class Student:
             Misbehaved: the file is missing, or imports what it may not.
         """
         self.source(file)
-        check_imports(self.folder, file, self._may_import)
+        check_imports(self.folder, file, self._may_import, self._refused)
         return ChildProcess(self.folder, self.isolation, self.limits, readable, self._nursery)
 
     def done_with(self, child: ChildProcess) -> None:

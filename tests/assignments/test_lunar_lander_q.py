@@ -115,6 +115,14 @@ def test_a_wrong_solution_loses_the_points_of_its_mistake_and_is_told_it(name: s
     assert hint in told(result)
 
 
+def test_the_kits_own_learning_is_not_imported_and_the_line_is_told(tmp_path: Path) -> None:
+    file = submission(tmp_path) / "q_lander.py"
+    file.write_text("from snr_sim.learning.tabular import Learner\n" + file.read_text())
+    result = graded(tmp_path)
+    assert result.points == 40.0  # for policy.npz, which is read and flown here
+    assert "q_lander.py, line 1: imports snr_sim.learning.tabular.Learner, but it is this lab, solved." in told(result)
+
+
 @pytest.mark.parametrize("name", CHEATS)
 def test_who_learns_nothing_lands_nothing(name: str, tmp_path: Path) -> None:
     (submission(tmp_path, name) / "policy.npz").unlink()

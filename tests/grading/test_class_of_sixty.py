@@ -52,7 +52,14 @@ WRONG_IN_LAB_TEN = {  # what is left of 100: see tests/assignments/test_lunar_la
     "plays_a_recording": 70.0,
     "loses_the_sign": 75.0,
     "is_paid_for_hovering": 50.0,
+    "learns_for_a_while": 85.0,
     "trained_on_the_test": 72.34,  # of `lands` the visible case of four; in one world of `is_sturdy` it lands 59 of 100
+}
+UNLEARNED = {  # these have no policy.npz, and nobody lands by what was not learned
+    "flies_by_a_formula": 45.0,
+    "brings_its_table": 45.0,
+    "speaks_by_its_states": 45.0,
+    "replaces_the_grader": 0.0,
 }
 # What an attack on the lab of numbers is as a lander: whatever it does, it does in each of the five functions.
 AS_LANDER = """
@@ -142,6 +149,9 @@ def hand_in_lab_ten(folder: Path, port: int) -> dict[str, dict[Path, float | Non
     for name, data in (("pickled", pickle.dumps([[0.0] * 4] * 63)), ("cut", b"PK\3\4")):
         wrong[submission(name)] = 60.0  # policy_file, lands and is_sturdy are about the table
         (folder / name / "policy.npz").write_bytes(data)
+    for name, points in UNLEARNED.items():
+        wrong[submission(name, LAB_TEN / "wrong" / name)] = points
+        (folder / name / "policy.npz").unlink()
     attacks: dict[Path, float | None] = {}
     for attack in sorted(ATTACKS, key=lambda path: (path.stem != "writes_results", path)):
         path = folder / f"attack_{attack.stem}"
