@@ -13,13 +13,14 @@ import argparse
 import csv
 import sys
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 from rich.console import Console
 from rich.progress import Progress
 
 import snr_sim.learning
-from snr_sim.learning.batch_training import BatchTraining, course_of, new_table, train_vertical
+from snr_sim.learning.batch_training import BatchTraining, Trial, course_of, new_table, train_vertical
 from snr_sim.learning.tabular import METHODS, Decay, Training, evaluate, train
 from snr_sim.prelude.errors import SnrError
 
@@ -37,14 +38,19 @@ def main() -> int:
     assert snr_sim.learning is not None  # imported for what it makes known to gymnasium
     env = gymnasium.make("snr_sim/LanderVertical-v0").unwrapped
     table, console = new_table(), Console(stderr=True)
+    rows: list[tuple[Any, ...]]
     with Progress(console=console, disable=not console.is_terminal) as progress:
         if asked.method == "batch":
             how = BatchTraining(seed=asked.seed)
             bar = progress.add_task("learning", total=how.steps)
-            trials = train_vertical(
-                table, course_of(env), how, lambda step, trial: progress.update(bar, completed=step)
-            )
-            rows = [("trial", "landed", "fuel_kg"), *((i, one.landed, one.fuel_kg) for i, one in enumerate(trials))]
+            rows = [("step", "landed", "fuel_kg")]
+
+            def on_trial(step: int, trial: Trial) -> None:
+                """Notes a point of the learning curve."""
+                progress.update(bar, completed=step)
+                rows.append((step, *trial))
+
+            train_vertical(table, course_of(env), how, on_trial)
         else:
             half = max(1, asked.episodes // 2)
             training = Training(

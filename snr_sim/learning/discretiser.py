@@ -6,6 +6,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -54,6 +55,10 @@ class Discretiser:
         """How many cells there are."""
         return math.prod(self.shape)
 
+    @cached_property
+    def _arrays(self) -> list[NDArray[np.float64]]:
+        return [np.array(edges, np.float64) for edges in self.edges]
+
     def cell(self, observation: Sequence[float]) -> int:
         """Returns the number of the cell that an observation lies in.
 
@@ -75,7 +80,7 @@ class Discretiser:
     def cells(self, observations: NDArray[np.floating]) -> Ints:
         """Returns the cells of many observations, shape (n, k), as an array of shape (n,)."""
         cells: Ints = np.zeros(len(observations), np.int64)
-        for i, edges in enumerate(self.edges):
+        for i, edges in enumerate(self._arrays):
             cells *= len(edges) + 1
             cells += np.searchsorted(edges, observations[:, i], side="right")
         return cells

@@ -13,6 +13,8 @@ from snr_sim.prelude.scenario import Verdict
 from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
 
 VERTICAL_THROTTLES = (0.0, 0.25, 0.5, 1.0)
+VERTICAL_NAMES = ("altitude_m", "velocity_mps")  # of what is observed
+VERTICAL_ACTIONS = tuple(f"throttle {throttle:g}" for throttle in VERTICAL_THROTTLES)
 VERTICAL_LOW, VERTICAL_HIGH = (-20.0, -250.0), (5000.0, 250.0)
 PAD_THROTTLES = (
     0.0,

@@ -1,21 +1,56 @@
-"""Files of what was learned: arrays of numbers and a line of JSON about them, so that nobody's code runs at reading."""
+"""Files of what was learned: arrays of numbers and a line of JSON about them, so that nobody's code runs at reading.
+
+A file may be damaged or made with bad intent. So nothing in it is believed before it was looked at: what it is, how
+much it holds, and what each array says of itself, all before memory is taken for it. What comes of reading one is an
+array that its owner wanted, or the one error.
+"""
 
 from __future__ import annotations
 
+import math
+import stat
+import struct
+import tokenize
+import warnings
 import zipfile
+import zlib
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import IO, Any, TypeVar
 
 import msgspec
 import numpy as np
+from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from snr_sim.prelude.errors import RecordingError
+from snr_sim.prelude.errors import ParameterError, RecordingError
 from snr_sim.prelude.structs import learned
 
 MOST_BYTES = 256 * 2**20  # of a file that is read: nobody's fills the memory
+MOST_TEXT = 4 * 2**20  # bytes of what it says about its arrays
+ABOUT = "about"
+PACKINGS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+
+# What zipfile, zlib, numpy's reader of headers (which warns, too) and msgspec raise for bytes that nobody wrote so.
+_DAMAGED = (
+    *(OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, IndexError, OverflowError, MemoryError),
+    *(NotImplementedError, RuntimeError, SyntaxError, zipfile.BadZipFile, zlib.error, tokenize.TokenError),
+    *(ParameterError, msgspec.MsgspecError, struct.error, Warning),
+)
+
+
+class Origin(msgspec.Struct, frozen=True):
+    """What every such file says, whatever it is of.
+
+    Args:
+        environment: what it was learned in.
+    """
+
+    environment: str
+
 
 AnyAbout = TypeVar("AnyAbout", bound=msgspec.Struct)
+AnyOwner = TypeVar("AnyOwner")
 
 
 def write_numbers(path: str | Path, about: msgspec.Struct, arrays: dict[str, NDArray[Any]]) -> None:
@@ -33,47 +68,110 @@ def write_numbers(path: str | Path, about: msgspec.Struct, arrays: dict[str, NDA
 
 
 def read_numbers(
-    path: str | Path, kind: type[AnyAbout], names: tuple[str, ...], what: str, maker: str
-) -> tuple[AnyAbout, dict[str, NDArray[Any]]]:
-    """Returns what a file says about its arrays, and the arrays.
+    path: str | Path,
+    kind: type[AnyAbout],
+    owner: Callable[[AnyAbout], tuple[AnyOwner, dict[str, NDArray[Any]]]],
+    what: str,
+    maker: str,
+    environment: str = "",
+) -> tuple[AnyAbout, AnyOwner, dict[str, NDArray[Any]]]:
+    """Returns what a file says about its arrays, whom it makes of that, and the arrays.
 
     Args:
         path: of the file.
         kind: of what it says.
-        names: of the arrays.
+        owner: makes of it whom the arrays are for, and tells for each the kind and shape it must have, by an array that
+            is like it. It must not take more memory than a file may hold; it may raise ParameterError.
         what: it should be, in words, for messages.
         maker: what has written such a file.
+        environment: what it must be for; anything if empty.
 
     Raises:
-        RecordingError: there is no such file, it is none of these (a pickle is refused, not opened), or it is cut.
+        RecordingError: there is no such file, it is none of these (a pickle is refused, not opened), it is cut or
+            damaged, it holds too much, it is for something else, or an array is not like the one it should be.
     """
     place = Path(path)
     try:
-        size = place.stat().st_size
+        if not stat.S_ISREG(place.stat().st_mode):  # a FIFO would be waited for, and a device never ends
+            raise RecordingError(f"{path} is no file.", fix=f"a file that {maker} has written.")
+        _check_size(path, place.stat().st_size, what)
         with zipfile.ZipFile(place) as archive:
-            unpacked = sum(info.file_size for info in archive.infolist())
-        if max(size, unpacked) > MOST_BYTES:
-            raise RecordingError(f"{path} holds {unpacked} bytes.", fix=f"{what} of at most {MOST_BYTES} bytes.")
-        with np.load(place, allow_pickle=False) as arrays:
-            about = msgspec.json.decode(arrays["about"].tobytes(), type=learned(kind))
-            return about, {name: arrays[name] for name in names}
+            _check_size(path, sum(info.file_size for info in archive.infolist()), what)
+            text = _array(archive, ABOUT, None).tobytes()
+            found = msgspec.json.decode(text, type=learned(Origin)).environment
+            if environment and found != environment:
+                raise RecordingError(
+                    f"{path} was learned in {found}, not in {environment}.",
+                    fix=f"train one for it: a {what}, which {maker} writes.",
+                )
+            about = msgspec.json.decode(text, type=learned(kind))
+            made, likes = owner(about)
+            return about, made, {name: _array(archive, name, like) for name, like in likes.items()}
     except FileNotFoundError:
         raise RecordingError(f"There is no file {path}.", fix="save it first, or look for its path.") from None
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, msgspec.MsgspecError) as error:
-        raise RecordingError(f"{path} is no {what}: {error}.", fix=f"a file that {maker} has written.") from error
+    except _DAMAGED as error:
+        raise RecordingError(
+            f"{path} is no {what}, or it is damaged: {str(error) or type(error).__name__}.",
+            fix=f"a file that {maker} has written.",
+        ) from error
 
 
-def check_array(path: str | Path, name: str, array: NDArray[Any], like: NDArray[Any], maker: str) -> None:
-    """Looks whether an array that was read is what it should be.
+def check_room(count: int) -> None:
+    """Looks whether so many numbers are few enough, before there are any.
 
     Raises:
-        RecordingError: it has another shape or another kind of numbers than `like`, or some are not finite.
+        ParameterError: they are not.
     """
-    kind = np.floating if np.issubdtype(like.dtype, np.floating) else np.integer
-    if array.shape != like.shape or not np.issubdtype(array.dtype, kind):
-        raise RecordingError(
-            f"{path}: '{name}' is {array.dtype} of shape {array.shape}, its edges and actions make {like.shape}.",
-            fix=f"a file that {maker} has written.",
-        )
+    if 8 * count > MOST_BYTES:
+        raise ParameterError(f"{count} numbers are more than {MOST_BYTES} bytes hold.", fix="fewer cells.")
+
+
+def _check_size(path: str | Path, size: int, what: str) -> None:
+    if size > MOST_BYTES:
+        raise RecordingError(f"{path} holds {size} bytes.", fix=f"{what} of at most {MOST_BYTES} bytes.")
+
+
+def _array(archive: zipfile.ZipFile, name: str, like: NDArray[Any] | None) -> NDArray[Any]:
+    """Returns an array of a file; its header is looked at before its numbers are read.
+
+    Args:
+        archive: the file.
+        name: of the array.
+        like: what it must be like; None for the text, which is bytes.
+
+    Raises:
+        ValueError: it is not so; many more where the file is damaged.
+    """
+    info = archive.getinfo(f"{name}.npy")
+    if info.compress_type not in PACKINGS:
+        raise ValueError(f"'{name}' is packed in another way")
+    with archive.open(info) as member:
+        shape, is_by_columns, dtype = _header(member)
+        wanted = np.dtype(np.uint8) if like is None else like.dtype
+        if dtype != wanted or (len(shape) != 1 if like is None else shape != like.shape):
+            expected = (
+                "a text is bytes" if like is None else f"its edges and actions make {wanted} of shape {like.shape}"
+            )
+            raise ValueError(f"'{name}' is {dtype} of shape {shape}, {expected}")
+        size = math.prod(shape) * wanted.itemsize
+        if not 0 <= size <= (MOST_TEXT if like is None else MOST_BYTES):
+            raise ValueError(f"'{name}' asks for {size} bytes")
+        data = member.read(size + 1)  # with the byte after it, so that the check sum is looked at
+    if len(data) != size:
+        raise ValueError(f"'{name}' has {len(data)} bytes, not {size}")
+    array: NDArray[Any] = np.frombuffer(data, wanted).reshape(shape, order="F" if is_by_columns else "C").copy()
     if not np.isfinite(array).all():
-        raise RecordingError(f"{path} has values that are not finite.", fix="train it again, more slowly.")
+        raise ValueError(f"'{name}' has values that are not finite")
+    return array
+
+
+def _header(member: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Returns shape, whether it is by columns, and the kind of numbers. numpy warns where it mends a header."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        version = npy.read_magic(member)
+        if version == (1, 0):
+            return npy.read_array_header_1_0(member)
+        if version == (2, 0):
+            return npy.read_array_header_2_0(member)
+    raise ValueError(f"its arrays have the format {version}")

@@ -22,6 +22,7 @@ take 0.36 of the plant's time, 0.6 of the environment's (`snr bench learning`); 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,7 +41,7 @@ from snr_sim.learning.lander_envs import (
     SPEED_WEIGHT,
     LanderPad,
 )
-from snr_sim.learning.number_file import check_array, read_numbers, write_numbers
+from snr_sim.learning.number_file import check_room, read_numbers, write_numbers
 from snr_sim.learning.plane_batch import PlaneLanders, step, touches
 from snr_sim.learning.tile_coding import Axis, TileCoder, TiledValues
 from snr_sim.plants.module import LunarModule
@@ -129,20 +130,30 @@ class PadPolicy:
         """Returns the policy in a file.
 
         Raises:
-            RecordingError: there is no such file, it is none of these, it is cut, or it is for something else.
+            RecordingError: there is no such file, it is none of these, it is cut or damaged, or it is for something
+                else.
         """
-        about, arrays = read_numbers(path, About, ("burn", "lean"), "policy of tiles", MAKER)
-        if about.version != FORMAT:
-            raise RecordingError(f"{path} has version {about.version}; this kit reads {FORMAT}.", fix="train it again.")
-        if about.environment != ENVIRONMENT:
-            raise RecordingError(
-                f"{path} was learned in {about.environment}, not in {ENVIRONMENT}.", fix="train one for it."
-            )
-        policy = cls(about.burn, about.lean, about.tilings)
-        for name, values in (("burn", policy.burn), ("lean", policy.lean)):
-            check_array(path, name, arrays[name], values.weights, MAKER)
-            values.weights = arrays[name].astype(np.float64)
-        policy.made_by = about.made_by
+
+        def empty(about: About) -> tuple[PadPolicy, dict[str, NDArray[Any]]]:
+            if about.version != FORMAT:
+                raise RecordingError(
+                    f"{path} has version {about.version}; this kit reads {FORMAT}.", fix="train it again."
+                )
+            for question, found, wanted in (("burn", about.burn, BURN_AXES), ("lean", about.lean, LEAN_AXES)):
+                ours, theirs = ([axis.name for axis in axes] for axes in (wanted, found))
+                if theirs != ours:
+                    raise RecordingError(
+                        f"{path} decides how to {question} by {', '.join(theirs) or 'nothing'}; what flies looks at "
+                        f"{', '.join(ours)}.",
+                        fix="a policy with those axes, in that order.",
+                    )
+                check_room(2 * about.tilings * math.prod(axis.intervals + 1 for axis in found) * len(PAD_THROTTLES))
+            policy = cls(about.burn, about.lean, about.tilings)
+            policy.made_by = about.made_by
+            return policy, {"burn": policy.burn.weights, "lean": policy.lean.weights}
+
+        _, policy, arrays = read_numbers(path, About, empty, "policy of tiles", MAKER, ENVIRONMENT)
+        policy.burn.weights, policy.lean.weights = arrays["burn"], arrays["lean"]
         return policy
 
 
@@ -192,10 +203,9 @@ class Sky:
     """
 
     def __init__(self, env: LanderPad, seed: int | Sequence[int]) -> None:
-        plant: Any = env.plant
-        self.module: LunarModule = plant.module
-        self.dry_kg: float = plant.mass_kg - plant.fuel_kg
-        parameters: Any = env.run.robot.parameters
+        parameters: Any = env.run.with_seed(0).robot.parameters  # not the plant of this moment, which may have flown
+        self.module: LunarModule = parameters.module
+        self.dry_kg: float = parameters.mass_kg - parameters.fuel_kg
         radar, inertial = parameters.radar.errors.noise, parameters.inertial.errors.noise
         height, speed = radar["altitude_m"], inertial["velocity_mps"]
         self._noise = np.array([height, speed, speed, inertial["attitude_rad"], inertial["rate_radps"]])

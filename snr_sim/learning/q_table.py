@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from snr_sim.learning.discretiser import Discretiser
-from snr_sim.learning.number_file import check_array, read_numbers, write_numbers
+from snr_sim.learning.number_file import check_room, read_numbers, write_numbers
 from snr_sim.prelude.errors import ParameterError, RecordingError
 
 FORMAT = 1
@@ -84,27 +85,46 @@ class QTable:
         write_numbers(path, about, {"values": self.values, "visits": self.visits})
 
     @classmethod
-    def load(cls, path: str | Path, environment: str = "") -> QTable:
+    def load(
+        cls, path: str | Path, environment: str = "", names: Sequence[str] = (), actions: Sequence[str] = ()
+    ) -> QTable:
         """Returns the table in a file.
 
         Args:
             path: of the file.
             environment: what it must be for; anything if empty.
+            names: of the numbers it must look at, in that order; any if empty.
+            actions: it must choose between so many; any number if empty. They may have other words for them.
 
         Raises:
-            RecordingError: there is no such file, it is none of these (a pickle is refused, not opened), it is cut, or
-                it is for something else.
+            RecordingError: there is no such file, it is none of these (a pickle is refused, not opened), it is cut or
+                damaged, or it is for something else.
         """
-        about, arrays = read_numbers(path, About, ("values", "visits"), "table of action values", MAKER)
-        if about.version != FORMAT:
-            raise RecordingError(f"{path} has version {about.version}; this kit reads {FORMAT}.", fix="train it again.")
-        if environment and about.environment != environment:
-            raise RecordingError(
-                f"{path} was learned in {about.environment}, not in {environment}.", fix="train one for it."
-            )
-        table = cls(Discretiser(about.names, about.edges), about.actions, about.environment)
-        table.made_by = about.made_by
-        for name, like in (("values", table.values), ("visits", table.visits)):
-            check_array(path, name, arrays[name], like, MAKER)
-        table.values, table.visits = arrays["values"].astype(np.float64), arrays["visits"].astype(np.int64)
+
+        def empty(about: About) -> tuple[QTable, dict[str, NDArray[Any]]]:
+            if about.version != FORMAT:
+                raise RecordingError(
+                    f"{path} has version {about.version}; this kit reads {FORMAT}.", fix="train it again."
+                )
+            if names and about.names != tuple(names):
+                raise RecordingError(
+                    f"{path} is a table over {', '.join(about.names)}; what flies observes {', '.join(names)}.",
+                    fix="a table whose Discretiser has those names, in that order.",
+                )
+            if actions and len(about.actions) != len(actions):
+                raise RecordingError(
+                    f"{path} is a table of {len(about.actions)} actions ({', '.join(about.actions)}); what flies has "
+                    f"{len(actions)} ({', '.join(actions)}).",
+                    fix="a table with one action for each of them.",
+                )
+            grid = Discretiser(about.names, about.edges)
+            check_room(2 * grid.count * len(about.actions))
+            table = cls(grid, about.actions, about.environment)
+            table.made_by = about.made_by
+            return table, {"values": table.values, "visits": table.visits}
+
+        _, table, arrays = read_numbers(path, About, empty, "table of action values", MAKER, environment)
+        if (arrays["visits"] < 0).any():
+            raise RecordingError(f"{path} has visits below 0.", fix=f"a file that {MAKER} has written.")
+        table.values, table.visits = arrays["values"], arrays["visits"]
         return table

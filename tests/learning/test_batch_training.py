@@ -10,6 +10,7 @@ import pytest
 import snr_sim.learning  # noqa: F401 - makes our environments known
 from snr_sim.flight import Flight
 from snr_sim.learning.batch_training import BatchTraining, Course, course_of, new_table, train_vertical, try_table
+from snr_sim.learning.discretiser import Discretiser
 from snr_sim.learning.lander_envs import VERTICAL_THROTTLES
 from snr_sim.learning.q_table import QTable
 from snr_sim.learning.tabular import evaluate
@@ -32,10 +33,20 @@ def course(env: Any) -> Course:
 
 
 @pytest.fixture(scope="module")
-def learned(course: Course) -> QTable:
+def curve() -> list[tuple[int, float]]:
+    return []
+
+
+@pytest.fixture(scope="module")
+def learned(course: Course, curve: list[tuple[int, float]]) -> QTable:
     table = new_table()
-    train_vertical(table, course)
+    train_vertical(table, course, on_trial=lambda step, trial: curve.append((step, trial.landed)))
     return table
+
+
+@pytest.fixture(scope="module")
+def learned_curve(learned: QTable, curve: list[tuple[int, float]]) -> list[tuple[int, float]]:
+    return curve
 
 
 def test_a_batch_flies_as_the_plant_does(course: Course) -> None:
@@ -62,9 +73,9 @@ def test_a_batch_flies_as_the_plant_does(course: Course) -> None:
     assert 50 < touches.sum() < 350
 
 
-def test_its_rewards_are_the_environments(env: Any, course: Course) -> None:
+def test_its_rewards_are_the_environments(env: Any) -> None:
     env.reset(options={"start": 7})
-    course = course_of(env)
+    course = course_of(env, start=7)
     rng, ended = np.random.default_rng(2), False
     while not ended:
         plant = env.plant
@@ -96,8 +107,58 @@ def test_the_same_seed_learns_the_same_table(course: Course) -> None:
 
 def test_the_table_that_is_kept_is_the_best_that_was_tried(course: Course) -> None:
     table = new_table()
-    trials = train_vertical(table, course, BatchTraining(256, 400, tried=100, try_every=50))
-    assert try_table(table, course, 100, seed=1) == max(trials, key=lambda trial: (trial.landed, -trial.fuel_kg))
+    steps: list[int] = []
+    trials = train_vertical(
+        table, course, BatchTraining(256, 400, tried=100, try_every=50), lambda step, trial: steps.append(step)
+    )
+    assert steps == list(range(0, 401, 50))
+    best = max(range(len(trials)), key=lambda i: (trials[i].landed, i))
+    assert trials[best].landed > trials[0].landed
+    assert try_table(table, course, 100, seed=[0, steps[best]]) == trials[best]
+
+
+def test_the_learning_curve_rises_from_nothing(learned_curve: list[tuple[int, float]]) -> None:
+    steps, landed = zip(*learned_curve, strict=True)
+    assert steps[0] == 0
+    assert landed[0] < 0.02
+    assert sum(0.02 < share < 0.98 for share in landed) >= 2
+    assert landed[-2:] == (1.0, 1.0)
+
+
+@pytest.mark.parametrize("steps", [1, 39, 41])
+def test_a_training_too_short_for_a_trial_on_its_way_has_one_at_its_end(steps: int, course: Course) -> None:
+    table = new_table()
+    assert len(train_vertical(table, course, BatchTraining(64, steps, tried=10, try_every=40))) >= 2
+    assert table.visits.sum() == 64 * steps
+
+
+def test_a_course_is_the_scenarios_whatever_the_environment_has_flown() -> None:
+    env: Any = gymnasium.make("snr_sim/LanderVertical-v0").unwrapped
+    fresh = vars(course_of(env))
+    env.reset(seed=1)
+    assert str(vars(course_of(env))) == str(fresh)
+    while not env.step(3)[2]:
+        pass
+    assert env.plant.fuel_kg < fresh["tank_kg"]
+    assert str(vars(course_of(env))) == str(fresh)
+
+
+def test_a_training_that_makes_no_numbers_stops_and_says_so(course: Course) -> None:
+    with pytest.raises(ParameterError, match=r"tank of 0\.0 kg"):
+        Course(course.engine, 0.0, 7000.0, (0.1, 0.1))
+    table, broken = new_table(), Course(course.engine, 1000.0, 7000.0, (0.1, 0.1))
+    broken.tank_kg = 0.0
+    with pytest.raises(ParameterError, match="At step 1 a value is to become"), np.errstate(all="ignore"):
+        train_vertical(table, broken, BatchTraining(16, 10, tried=2))
+    assert not table.values.any()
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"steps": 0}, {"steps": 1.5}, {"landers": True}, {"seed": -1}, {"tried": 0}, {"epsilon": (2.0, 0.1)}]
+)
+def test_a_training_that_makes_no_sense_is_refused_before_it_begins(wrong: dict[str, Any]) -> None:
+    with pytest.raises(ParameterError, match=f"A training with {next(iter(wrong))}="):
+        BatchTraining(**wrong)
 
 
 def run(**options: str) -> Any:
@@ -123,5 +184,9 @@ def test_without_a_table_or_with_another_the_controller_says_what_it_needs(tmp_p
     table = tmp_path / "table.npz"
     new_table().save(table)
     in_the_plane = prepare(Request("lander_pad", controller="q", options={"policy": str(table)}))
-    with pytest.raises(RecordingError, match=r"table\.npz is no policy of tiles"):
+    with pytest.raises(RecordingError, match="was learned in snr_sim/LanderVertical-v0, not in snr_sim/LanderPad-v0"):
         in_the_plane.config(in_the_plane.plant())
+    backwards = Discretiser(("velocity_mps", "altitude_m"), ((-5.0, 0.0), (10.0, 100.0)))
+    new_table(backwards).save(table)
+    with pytest.raises(RecordingError, match="over velocity_mps, altitude_m; what flies observes altitude_m"):
+        run(policy=str(table))

@@ -3,6 +3,7 @@
 How well it lands after two minutes of learning is measured by `snr bench learning`: too long for a test.
 """
 
+import json
 import pickle
 from pathlib import Path
 from typing import Any
@@ -10,11 +11,12 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from msgspec import structs
 
 import snr_sim.learning  # noqa: F401 - makes the names known
 from snr_sim.flight import Flight
 from snr_sim.learning.lander_envs import PAD_THROTTLES, PAD_TURNS, pad_command
-from snr_sim.learning.pad_training import PadPolicy, PadTraining, train_pad, try_pad
+from snr_sim.learning.pad_training import BURN_AXES, LEAN_AXES, PadPolicy, PadTraining, train_pad, try_pad
 from snr_sim.learning.q_table import QTable
 from snr_sim.prelude.errors import ParameterError, RecordingError
 from snr_sim.simulation import Request, prepare
@@ -91,6 +93,41 @@ def test_a_file_that_is_no_policy_is_refused_and_never_unpickled(tmp_path: Path,
     assert not (tmp_path / "sprung").exists()
     with pytest.raises(RecordingError, match="table of action values"):
         QTable.load(tmp_path / "whole.npz")
+
+
+@pytest.mark.parametrize(
+    ("axes", "message"),
+    [
+        (
+            {"burn": BURN_AXES[::-1]},
+            "burn by vz_mps, altitude_m; what flies looks at altitude_m, vz_mps",
+        ),
+        ({"burn": BURN_AXES[:1]}, "decides how to burn by altitude_m; what"),
+        ({"lean": (*LEAN_AXES, BURN_AXES[0])}, "decides how to lean by vx_mps, attitude_rad, rate_radps, altitude_m"),
+    ],
+)
+def test_a_policy_that_looks_at_other_numbers_is_refused_at_loading(
+    axes: dict[str, Any], message: str, tmp_path: Path
+) -> None:
+    PadPolicy(**{name: [structs.replace(axis, intervals=3) for axis in given] for name, given in axes.items()}).save(
+        tmp_path / "policy.npz"
+    )
+    with pytest.raises(RecordingError, match=message):
+        PadPolicy.load(tmp_path / "policy.npz")
+
+
+@pytest.mark.parametrize(("field", "value"), [("intervals", 2**62), ("intervals", 10**6), ("tilings", 10**30)])
+def test_tiles_that_fill_the_memory_are_refused_before_they_are_made(field: str, value: int, tmp_path: Path) -> None:
+    path, short = tmp_path / "policy.npz", [structs.replace(axis, intervals=3) for axis in BURN_AXES]
+    PadPolicy(burn=short, lean=[structs.replace(axis, intervals=3) for axis in LEAN_AXES]).save(path)
+    with np.load(path) as whole:
+        arrays = {name: whole[name] for name in whole.files}
+    about = json.loads(arrays["about"].tobytes())
+    (about["burn"][0] if field == "intervals" else about)[field] = value
+    arrays["about"] = np.frombuffer(json.dumps(about).encode(), np.uint8)
+    np.savez(path, **arrays)
+    with pytest.raises(RecordingError, match="is no policy of tiles"):
+        PadPolicy.load(path)
 
 
 def test_a_policy_flies_in_a_node_just_as_it_did_here_to_the_last_bit(

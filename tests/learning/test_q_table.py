@@ -1,6 +1,8 @@
 """A table and its file: what is chosen, what comes back, and what is not let in."""
 
 import io
+import json
+import os
 import pickle
 import zipfile
 from pathlib import Path
@@ -99,7 +101,10 @@ def rewritten(path: Path, **arrays: Any) -> None:
 @pytest.mark.parametrize(
     ("arrays", "message"),
     [
-        ({"values": np.zeros((2, 2))}, r"'values' is float64 of shape \(2, 2\), its edges and actions make \(3, 2\)"),
+        (
+            {"values": np.zeros((2, 2))},
+            r"'values' is float64 of shape \(2, 2\), its edges and actions make float64 of shape \(3, 2\)",
+        ),
         ({"visits": np.zeros((3, 2))}, "'visits' is float64"),
         ({"values": np.full((3, 2), np.nan)}, "not finite"),
         ({"about": np.frombuffer(b'{"environment": "x"}', np.uint8)}, "is no table"),
@@ -119,6 +124,124 @@ def test_a_file_that_unpacks_to_more_than_fits_is_refused_before_it_is_unpacked(
     (tmp_path / "bomb.npz").write_bytes(packed.getvalue())
     with pytest.raises(RecordingError, match="holds 314572800 bytes"):
         QTable.load(tmp_path / "bomb.npz")
+
+
+def header(shape: str, descr: str = "<f8") -> bytes:
+    """The beginning of an array's file."""
+    text = f"{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}".ljust(117) + "\n"
+    return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text.encode()
+
+
+def with_member(path: Path, name: str, data: bytes, packing: int = zipfile.ZIP_DEFLATED) -> None:
+    """Writes a table's file with another member in place of one of its own."""
+    table().save(path)
+    with zipfile.ZipFile(path) as archive:
+        kept = {info.filename: archive.read(info) for info in archive.infolist()}
+    with zipfile.ZipFile(path, "w", packing) as archive:
+        for member, content in {**kept, name: data}.items():
+            archive.writestr(member, content)
+
+
+@pytest.mark.parametrize(
+    ("data", "packing"),
+    [
+        (header("(10000000000000,)"), zipfile.ZIP_DEFLATED),  # memory that nobody has
+        (header("(-3, 2)"), zipfile.ZIP_DEFLATED),
+        (header("(3, 2)", "|O") + pickle.dumps([1]), zipfile.ZIP_DEFLATED),
+        (header("(3, 2)", "<f16") + bytes(96), zipfile.ZIP_DEFLATED),
+        (header("(3, 2)") + bytes(40), zipfile.ZIP_DEFLATED),  # a number too few
+        (header("(3, 2)") + bytes(49), zipfile.ZIP_DEFLATED),  # a byte too many
+        (header("((((("), zipfile.ZIP_DEFLATED),
+        (b"", zipfile.ZIP_DEFLATED),
+        (header("(3, 2)") + bytes(48), zipfile.ZIP_BZIP2),
+    ],
+)
+def test_an_array_that_says_something_else_of_itself_is_refused(data: bytes, packing: int, tmp_path: Path) -> None:
+    with_member(tmp_path / "policy.npz", "values.npy", data, packing)
+    with pytest.raises(RecordingError, match="is no table of action values"):
+        QTable.load(tmp_path / "policy.npz")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"edges": [list(range(30000)), list(range(30000))], "names": ["x", "y"]}, "numbers are more than"),
+        ({"edges": [list(range(3000))] * 6, "names": list("abcdef")}, "numbers are more than"),
+        ({"edges": [[1.0, 0.0]]}, "do not grow"),
+        ({"edges": [[0.0, 1.0], [2.0]]}, "1 names for 2 lists"),
+        ({"edges": [["a"]]}, "is no table"),
+        ({"actions": []}, "nothing to choose"),
+        ({"environment": 3}, "is no table"),
+        ({"version": 2}, "has version 2; this kit reads 1"),
+    ],
+)
+def test_what_a_file_asks_for_is_looked_at_before_there_is_memory_for_it(
+    changes: dict[str, Any], message: str, tmp_path: Path
+) -> None:
+    about = {"environment": "toy", "names": ["x"], "edges": [[0.0, 1.0]], "actions": ["left", "right"], "version": 1}
+    rewritten(tmp_path / "policy.npz", about=np.frombuffer(json.dumps({**about, **changes}).encode(), np.uint8))
+    with pytest.raises(RecordingError, match=message):
+        QTable.load(tmp_path / "policy.npz")
+
+
+def test_visits_below_nothing_are_refused(tmp_path: Path) -> None:
+    rewritten(tmp_path / "policy.npz", visits=np.full((3, 2), -1))
+    with pytest.raises(RecordingError, match="visits below 0"):
+        QTable.load(tmp_path / "policy.npz")
+
+
+def test_what_is_no_file_is_refused_and_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "fifo.npz")
+    (tmp_path / "folder.npz").mkdir()
+    for path in (tmp_path / "fifo.npz", tmp_path / "folder.npz", Path("/dev/zero")):
+        with pytest.raises(RecordingError, match="is no file"):
+            QTable.load(path)
+
+
+def test_a_file_with_any_one_byte_changed_is_a_table_or_the_one_error(tmp_path: Path) -> None:
+    """Every byte, to one of 255 others: most are noticed by the check sums, the rest change nothing that matters."""
+    path, whole = tmp_path / "policy.npz", table()
+    whole.save(path)
+    good, rng = path.read_bytes(), np.random.default_rng(0)
+    refused = 0
+    for place in [*range(len(good))] * 3:
+        damaged = bytearray(good)
+        damaged[place] ^= int(rng.integers(1, 256))
+        path.write_bytes(damaged)
+        try:
+            back = QTable.load(path)
+        except RecordingError as error:
+            refused += 1
+            assert error.fix
+        else:
+            assert (back.values == whole.values).all()
+            assert (back.visits == whole.visits).all()
+            assert back.discretiser == GRID
+    assert len(good) > 600
+    assert refused > len(good)
+
+
+NAMES, ACTIONS = ("altitude_m", "velocity_mps"), ("off", "low", "half", "full")
+EDGES = {"altitude_m": (10.0, 100.0), "velocity_mps": (-5.0, 0.0), "fuel_kg": (1.0,)}
+
+
+@pytest.mark.parametrize(
+    ("names", "actions", "message"),
+    [
+        (NAMES, "abcdefgh", r"is a table of 8 actions \(a, b, .*\); what flies has 4 \(off, low, half, full\)"),
+        (NAMES, "ab", "is a table of 2 actions"),
+        (NAMES[::-1], "abcd", "is a table over velocity_mps, altitude_m; what flies observes altitude_m, velocity_mps"),
+        (NAMES[:1], "abcd", "is a table over altitude_m; what"),
+        ((*NAMES, "fuel_kg"), "abcd", "is a table over altitude_m, velocity_mps, fuel_kg; what"),
+    ],
+)
+def test_a_table_for_other_numbers_or_other_actions_is_refused_at_loading(
+    names: tuple[str, ...], actions: str, message: str, tmp_path: Path
+) -> None:
+    QTable(Discretiser(names, tuple(EDGES[name] for name in names)), actions, "toy").save(tmp_path / "policy.npz")
+    QTable.load(tmp_path / "policy.npz", "toy")
+    with pytest.raises(RecordingError, match=message):
+        QTable.load(tmp_path / "policy.npz", "toy", NAMES, ACTIONS)
 
 
 def test_no_such_file_and_no_such_folder_are_told(tmp_path: Path) -> None:

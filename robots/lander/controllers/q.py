@@ -7,7 +7,14 @@ tiles for the plane (learn_pad.py). The controller chooses, and learns no more.
 from __future__ import annotations
 
 from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
-from snr_sim.learning.lander_envs import VERTICAL_THROTTLES, pad_command, seen_by_radar, seen_in_the_plane
+from snr_sim.learning.lander_envs import (
+    VERTICAL_ACTIONS,
+    VERTICAL_NAMES,
+    VERTICAL_THROTTLES,
+    pad_command,
+    seen_by_radar,
+    seen_in_the_plane,
+)
 from snr_sim.learning.pad_training import PadPolicy
 from snr_sim.learning.q_table import QTable
 from snr_sim.prelude.errors import ParameterError
@@ -33,7 +40,7 @@ def factories(robot: Robot) -> list[EndpointFactory]:
         )
     if is_in_plane:
         return [TilesControllerFactory(PadPolicy.load(path))]
-    return [QLearningControllerFactory(QTable.load(path, ENVIRONMENT))]
+    return [QLearningControllerFactory(QTable.load(path, ENVIRONMENT, VERTICAL_NAMES, VERTICAL_ACTIONS))]
 
 
 class QLearningControllerFactory(EndpointFactory):

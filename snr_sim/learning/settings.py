@@ -1,0 +1,46 @@
+"""Numbers that a training is told: looked at before it begins, and not an hour into it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from snr_sim.prelude.errors import ParameterError
+
+
+def check_whole(name: str, value: Any, least: int) -> None:
+    """Looks whether a setting is a whole number that is large enough.
+
+    Raises:
+        ParameterError: it is another kind of value, or less.
+
+    >>> check_whole("episodes", 10, least=0)
+    """
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
+        raise ParameterError(f"A training with {name}={value!r}.", fix=f"a whole number, {least} or more.")
+
+
+def check_share(name: str, value: Any) -> None:
+    """Looks whether a setting is a number from 0 to 1.
+
+    Raises:
+        ParameterError: it is not.
+    """
+    is_number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
+    if not (is_number and 0.0 <= value <= 1.0):
+        raise ParameterError(f"A training with {name}={value!r}.", fix="a number from 0 to 1.")
+
+
+def check_learned(surprise: float, where: str) -> None:
+    """Looks whether what is about to be learned is a number.
+
+    Raises:
+        ParameterError: it is infinite or NaN.
+    """
+    if not math.isfinite(surprise):
+        raise ParameterError(
+            f"At {where} a value is to become {surprise}, so nothing more can be learned.",
+            fix="look where the reward or the values of before are not finite.",
+        )
