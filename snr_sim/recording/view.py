@@ -27,11 +27,12 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from snr_sim.prelude.errors import MissingExtra, TraceError
+from snr_sim.prelude.errors import MissingExtra
 from snr_sim.recording.folder import VIEW_NAME, trace_path
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.records import Header, Record
 from snr_sim.recording.view_blueprint import Layout
+from snr_sim.recording.view_file import ViewFile
 from snr_sim.recording.view_writer import Divergences, Writer, title_of
 
 
@@ -42,10 +43,10 @@ def write_view(header: Header, records: Iterable[Record], path: str | Path) -> N
         MissingExtra: rerun is not installed.
         TraceError: the file cannot be written.
     """
-    with _file("run", title_of(header), path) as (rr, stream):
-        writer = Writer(rr, stream, header)
-        writer.send_all(records)
-        stream.send_blueprint(writer.blueprint())
+    with _stream("run", title_of(header)) as (rr, stream):
+        writer, file = Writer(rr, stream, header), ViewFile(stream, path)
+        file.send(writer, records)
+        file.end(writer)
 
 
 def view_of(run: Path) -> Path:
@@ -92,15 +93,15 @@ def write_comparison(
         MissingExtra: rerun is not installed.
         TraceError: the file cannot be written.
     """
-    with _file("comparison", title_of(recorded_header), path) as (rr, stream):
-        layout = Layout(title_of(recorded_header), roots=[f"/{root}" for root in roots])
+    with _stream("comparison", title_of(recorded_header)) as (rr, stream):
+        file, layout = ViewFile(stream, path), Layout(title_of(recorded_header), roots=[f"/{root}" for root in roots])
         recorded = Writer(rr, stream, recorded_header, roots[:1], layout)
-        recorded.send_all(recorded_records)
+        file.send(recorded, recorded_records)
         replayed = Writer(rr, stream, other_header or recorded_header, roots[1:], layout)
-        replayed.send_all(replayed_records)
+        file.send(replayed, replayed_records)
         if divergences:
             recorded.send_divergences(divergences)
-        stream.send_blueprint(recorded.blueprint())
+        file.end(recorded)
 
 
 class LiveView:
@@ -144,13 +145,9 @@ class LiveView:
 
 
 @contextlib.contextmanager
-def _file(kind: str, title: str, path: str | Path) -> Iterator[tuple[Any, Any]]:
+def _stream(kind: str, title: str) -> Iterator[tuple[Any, Any]]:
     rr = _rerun()
     stream = rr.RecordingStream(f"snr_sim_{kind}", send_properties=False)
-    try:
-        stream.save(str(path))
-    except (OSError, RuntimeError) as error:
-        raise TraceError(f"The view cannot be written to {path}: {error}.") from error
     try:
         with _no_garbage_collection():
             stream.send_recording_name(title)

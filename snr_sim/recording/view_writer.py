@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from itertools import islice
+from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from snr_sim.recording.records import Header, Record
+from snr_sim.recording.records import Header
 from snr_sim.recording.view_blueprint import FAILURES, FLAGS, Layout, Line, blueprint, color_and_width, name_and_unit
 from snr_sim.recording.view_columns import BROKEN, Batch, LogRows, Series, When
 from snr_sim.recording.view_links import LinkReports, is_of_link
 from snr_sim.recording.view_sender import Sender
 from snr_sim.recording.view_world import World
 
-# Records that are turned into columns together: enough to be quick, few enough that a run of days fits into memory.
-BATCH_RECORDS = 100_000
 NOT_PLOTTED = ("number",)  # running numbers of what is sent: straight lines, and nothing to learn from them
 DIVERGENCES_MARKED_MAX = 1_000
 STEP_AFTER = np.array([2], np.uint8)  # as rerun counts its ways to go from one value to the next
@@ -53,13 +50,6 @@ class Writer:
         self._links = LinkReports()
         self._send_run()
         self._world = World(self._sender, header.scene, self.layout)
-
-    def send_all(self, records: Iterable[Record]) -> None:
-        """Sends all of a run, some records at a time."""
-        remaining = iter(records)
-        while some := list(islice(remaining, BATCH_RECORDS)):
-            self.batch.extend(some)
-            self.flush()
 
     def flush(self) -> None:
         """Sends the records in the batch, and empties it."""

@@ -20,7 +20,7 @@ import pytest
 
 from snr_sim.prelude.errors import MissingExtra, TraceError
 from snr_sim.prelude.page import Page
-from snr_sim.recording import view, view_server, view_writer
+from snr_sim.recording import view, view_file, view_server
 from snr_sim.recording.records import (
     BeginRecord,
     By,
@@ -210,6 +210,36 @@ def test_a_layout_is_stored_in_the_file(tmp_path: Path) -> None:
     assert len(RrdReader(str(written(tmp_path, fall(3)))).blueprints()) == 1
 
 
+def beginnings(path: Path) -> tuple[list[int], list[int]]:
+    """Returns where the layouts in a file begin, and where its run does."""
+    reader, content = RrdReader(str(path)), path.read_bytes()
+    layouts, runs = reader.blueprints(), reader.recordings()
+    first = [[content.index(one.recording_id.encode()) for one in some] for some in (layouts, runs)]
+    return first[0], first[1]
+
+
+def test_a_file_begins_with_its_layout_so_that_the_view_is_tidy_before_all_is_read(tmp_path: Path) -> None:
+    layouts, runs = beginnings(written(tmp_path, fall(30)))
+    assert len(layouts) == len(runs) == 1
+    assert layouts < runs
+
+
+def test_a_comparison_begins_with_its_layout_too(tmp_path: Path) -> None:
+    view.write_comparison(header(), fall(10), fall(10), [], tmp_path / "compare.rrd")
+    layouts, runs = beginnings(tmp_path / "compare.rrd")
+    assert len(layouts) == len(runs) == 1
+    assert layouts < runs
+
+
+def test_a_run_too_long_to_hold_back_begins_with_a_layout_and_ends_with_that_of_all_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(view_file, "BATCH_RECORDS", 7)
+    layouts, (run,) = beginnings(written(tmp_path, fall(30)))
+    assert len(layouts) == 2
+    assert min(layouts) < run < max(layouts)
+
+
 def test_several_nodes_have_roots_of_their_own(tmp_path: Path) -> None:
     records: list[Record] = [page(1, "depth", 1.5, "topside"), page(2, "depth", 2.5, "sub node")]
     found = numbers(written(tmp_path, records, nodes=["topside", "sub node"]))
@@ -276,7 +306,7 @@ def test_an_object_that_cannot_be_brought_back_does_no_harm(tmp_path: Path) -> N
 
 
 def test_a_run_of_any_length_is_taken_a_batch_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(view_writer, "BATCH_RECORDS", 7)
+    monkeypatch.setattr(view_file, "BATCH_RECORDS", 7)
     held: list[int] = []
     extend = Batch.extend
     monkeypatch.setattr(Batch, "extend", lambda self, some: (held.append(len(list(some))), extend(self, some))[1])
