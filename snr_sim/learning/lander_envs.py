@@ -9,6 +9,7 @@ import numpy as np
 
 from snr_sim.learning.gym import box, spaces
 from snr_sim.learning.scenario_env import ScenarioEnv
+from snr_sim.prelude.angles import wrap_rad
 from snr_sim.prelude.scenario import Verdict
 from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
 
@@ -126,7 +127,7 @@ def seen_in_the_plane(radar: RadarReading, inertial: InertialReading) -> list[fl
         inertial.position_m[0],
         radar.altitude_m,
         *inertial.velocity_mps,
-        inertial.attitude_rad,
+        wrap_rad(inertial.attitude_rad),  # it turns over; an angle that stopped at half a turn would say it hangs there
         inertial.rate_radps,
         float(left),
         float(right),

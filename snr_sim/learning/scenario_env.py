@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from snr_sim.controller import call_student
 from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory, started
-from snr_sim.learning.gym import Env
+from snr_sim.learning.gym import Env, spaces
 from snr_sim.learning.rendering import Frame
 from snr_sim.plants.stepping import Stepper
 from snr_sim.prelude.errors import ParameterError
@@ -43,11 +43,17 @@ class ScenarioEnv(Env[NDArray[np.float32], Any]):
 
     metadata = {  # noqa: RUF012 - as gymnasium declares it
         "render_modes": ["rgb_array"],
-        "render_fps": 10,
+        "render_fps": 10,  # a subclass has its own, from its steps
     }
     rate_hz: float  # of steps: the rate at which the robot reads its sensors
     begins_s = 0.0  # moment of the scenario at which an episode begins
     ends_by_clock = False  # whether the scenario gives its verdict when its time is over, so that it truncates
+
+    def __init_subclass__(cls) -> None:
+        """A film has as many pictures a second as there are steps, so that it takes as long as the flight."""
+        super().__init_subclass__()
+        if "rate_hz" in cls.__dict__:
+            cls.metadata = {**cls.metadata, "render_fps": round(cls.rate_hz)}
 
     def __init__(self, scenario: str, engine: str | None = None, render_mode: str | None = None) -> None:
         if render_mode not in (None, *self.metadata["render_modes"]):
@@ -94,11 +100,7 @@ class ScenarioEnv(Env[NDArray[np.float32], Any]):
         """
         if self._steps < 0 or self.verdict is not None or self._is_over():
             raise ParameterError("step() outside an episode: it has not begun, or has ended.", fix="call reset().")
-        if isinstance(action, str) or not self.action_space.contains(action):
-            raise ParameterError(
-                f"{action!r} is no action: {self.action_space}.", fix="env.action_space.sample() is one."
-            )
-        self.act(action)
+        self.act(self._action(action))
         self._steps += 1
         self._stepper.advance_to(self._time_s)
         observation = self._observed()
@@ -156,6 +158,28 @@ class ScenarioEnv(Env[NDArray[np.float32], Any]):
         if isinstance(start, bool) or not isinstance(start, (int, np.integer)):
             raise ParameterError(f"reset() was given the start {start!r}.", fix="a whole number, as for --seed.")
         return int(start)
+
+    def _action(self, action: Any) -> Any:
+        """Returns an action as its space has it. Numbers of another kind are taken if they are within its bounds."""
+        space: Any = self.action_space
+        kind = type(action).__name__
+        if isinstance(space, spaces.Box):
+            try:
+                given = np.asarray(action)
+            except ValueError:  # lists of different lengths
+                given = np.array(None)
+            is_numbers = given.dtype.kind in "fiu" and given.shape == space.shape
+            if is_numbers and bool(np.all((given >= space.low) & (given <= space.high))):
+                return given.astype(space.dtype)
+            kind = f"{given.dtype} of shape {given.shape}"
+            example = f"np.array({space.low.tolist()}, np.float32)"
+        elif not isinstance(action, str) and space.contains(action):
+            return action
+        else:
+            example = "a whole number from 0 on"
+        raise ParameterError(
+            f"{action!r} ({kind}) is no action: {space}.", fix=f"such as {example}, or env.action_space.sample()."
+        )
 
     def _open(self) -> None:
         self.close()

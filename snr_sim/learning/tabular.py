@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from snr_sim.learning.q_table import QTable
+from snr_sim.learning.settings import check_learned, check_share, check_whole
 from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
 
 METHODS = ("q_learning", "sarsa", "expected_sarsa")
@@ -37,15 +38,16 @@ class Decay:
     episodes: int
 
     def __post_init__(self) -> None:
-        if not (0.0 < self.last <= self.first <= 1.0 and self.episodes > 0):
+        is_none = self.first == self.last == 0.0
+        if not ((is_none or 0.0 < self.last <= self.first <= 1.0) and self.episodes > 0):
             raise ParameterError(
                 f"A decay from {self.first} to {self.last} in {self.episodes} episodes.",
-                fix="numbers from 1 down to more than 0, in 1 episode or more.",
+                fix="numbers from 1 down to more than 0, in 1 episode or more; or from 0 to 0, which is never.",
             )
 
     def at(self, episode: int) -> float:
         """Returns the value in an episode; the first one is 0."""
-        if episode >= self.episodes:
+        if episode >= self.episodes or self.first == 0.0:
             return self.last
         fallen: float = self.first * (self.last / self.first) ** (episode / self.episodes)
         return fallen
@@ -74,8 +76,11 @@ class Training:
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise UnknownName(f"There is no method '{self.method}'.", fix=nearest(self.method, METHODS))
-        if not (0.0 <= self.discount <= 1.0 and self.episodes >= 0):
-            raise ParameterError(f"{self.episodes} episodes, discount {self.discount}.", fix="discount 0 to 1.")
+        check_whole("episodes", self.episodes, least=0)
+        check_whole("seed", self.seed, least=0)
+        check_share("discount", self.discount)
+        if self.step.last == 0.0:
+            raise ParameterError("A training with a step of 0, which learns nothing.", fix="Decay(0.2, 0.2, 1)")
 
 
 class Learner:
@@ -99,30 +104,38 @@ class Learner:
         return self.table.best(cell)
 
     def update(
-        self, cell: int, action: int, reward: float, next_cell: int, next_action: int, is_terminated: bool
+        self, cell: int, action: int, reward: float, next_cell: int, next_action: int | None, is_terminated: bool
     ) -> float:
         """Learns from one transition; returns by how much it was a surprise.
 
         Args:
             cell, action: where, and what was done.
             reward: for it.
-            next_cell, next_action: where that led, and what will be done there (only SARSA looks at it).
+            next_cell, next_action: where that led, and what will be done there: only SARSA looks at it, and for the
+                others it is None, as they decide on it when they have learned.
             is_terminated: nothing comes after; not so if the episode was only cut off.
+
+        Raises:
+            ParameterError: the value is about to become infinite or NaN.
         """
         expected = 0.0 if is_terminated else self._expected(next_cell, next_action)
         surprise = reward + self.training.discount * expected - float(self.table.values[cell, action])
+        check_learned(surprise, f"cell {cell}")
         self.table.values[cell, action] += self.step * surprise
         self.table.visits[cell, action] += 1
         return surprise
 
-    def _expected(self, cell: int, action: int) -> float:
+    def _expected(self, cell: int, action: int | None) -> float:
         values = self.table.values[cell]
         if self.training.method == "sarsa":
+            assert action is not None  # `train` has chosen it
             return float(values[action])
         best = float(values[self.table.best(cell)])
         if self.training.method == "q_learning":
             return best
-        return (1.0 - self.epsilon) * best + self.epsilon * float(values.mean())
+        tried = self.table.visits[cell] > 0  # what was never tried is worth 0 for no reason, as in `best`
+        mean = float(values[tried].mean()) if tried.any() else 0.0
+        return (1.0 - self.epsilon) * best + self.epsilon * mean
 
 
 def train(
@@ -154,9 +167,10 @@ def train(
         while not is_over:
             observation, reward, is_terminated, is_truncated, info = env.step(action)
             next_cell = cell_of(observation)
-            next_action = learner.choose(next_cell)
+            next_action = learner.choose(next_cell) if training.method == "sarsa" else None
             learner.update(cell, action, float(reward), next_cell, next_action, is_terminated)
-            cell, action, total = next_cell, next_action, total + float(reward)
+            action = learner.choose(next_cell) if next_action is None else next_action
+            cell, total = next_cell, total + float(reward)
             is_over = is_terminated or is_truncated
         curve.append(total)
         if on_episode is not None:

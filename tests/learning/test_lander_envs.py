@@ -1,6 +1,7 @@
 """The lander as a gymnasium environment: by the book, the same every time, and the same as in a node."""
 
 import json
+import math
 import subprocess
 import sys
 import textwrap
@@ -16,8 +17,9 @@ from gymnasium.utils.env_checker import check_env
 import snr_sim.learning
 from snr_sim.flight import Flight
 from snr_sim.learning.gym import ENVIRONMENTS
-from snr_sim.learning.lander_envs import VERTICAL_THROTTLES, LanderPad, suitable_mps
+from snr_sim.learning.lander_envs import VERTICAL_THROTTLES, LanderPad, seen_in_the_plane, suitable_mps
 from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.signals import InertialReading, RadarReading
 from snr_sim.simulation import Request, prepare
 
 every_environment = pytest.mark.parametrize("name", list(ENVIRONMENTS))
@@ -182,6 +184,48 @@ def test_what_is_no_action_is_refused_and_changes_nothing(name: str, action: Any
     with pytest.raises(ParameterError, match="is no action"):
         env.step(action)
     assert env.plant.time_s == 0.0
+
+
+@pytest.mark.parametrize("throttle", [np.array([0.5]), np.array([1]), [0.5], (0,), np.array([0.5], np.float16)])
+def test_numbers_of_another_kind_are_taken_if_they_are_within_the_bounds(throttle: Any) -> None:
+    envs: list[Any] = [gymnasium.make("snr_sim/LanderVerticalContinuous-v0").unwrapped for _ in range(2)]
+    for env, action in zip(envs, (throttle, np.array(throttle, np.float32)), strict=True):
+        env.reset(options={"start": 7})
+        env.step(action)
+    assert envs[0].plant.snapshot() == envs[1].plant.snapshot()
+
+
+@pytest.mark.parametrize(
+    ("action", "kind"),
+    [
+        (np.array([1.0 + 1e-12]), r"float64 of shape \(1,\)"),  # would round to 1
+        (np.array([[0.5]]), r"float64 of shape \(1, 1\)"),
+        (np.array([True]), "bool of shape"),
+        (0.5, r"float64 of shape \(\)"),
+        ([[0.5], [0.5, 0.5]], "is no action"),
+    ],
+)
+def test_an_action_that_is_refused_is_told_its_kind_and_what_to_write(action: Any, kind: str) -> None:
+    env: Any = gymnasium.make("snr_sim/LanderVerticalContinuous-v0").unwrapped
+    env.reset(seed=1)
+    with pytest.raises(ParameterError, match=kind) as refused:
+        env.step(action)
+    assert "np.array([0.0], np.float32)" in refused.value.fix
+
+
+def test_a_film_takes_as_long_as_the_flight() -> None:
+    rates = {"snr_sim/LanderVertical-v0": 5, "snr_sim/LanderPad-v0": 10, "snr_sim/UrovStation-v0": 10}
+    assert {name: gymnasium.make(name).metadata["render_fps"] for name in rates} == rates
+
+
+def test_a_module_that_turns_over_is_seen_to_come_round() -> None:
+    """A little past half a turn to one side is nearly half a turn to the other."""
+    turned = [
+        InertialReading([0.0, 9.0], [0.0, 0.0], angle, 0.0, 600.0, [False, False], 0.0)
+        for angle in (3.0, math.pi + 0.1, -math.pi - 0.1, 2.0 * math.pi + 0.2)
+    ]
+    seen = [seen_in_the_plane(RadarReading(9.0, 0.0, 0.0), one)[4] for one in turned]
+    assert seen == pytest.approx([3.0, 0.1 - math.pi, math.pi - 0.1, 0.2], abs=1e-6)
 
 
 @pytest.mark.parametrize("options", [{"start": "7"}, {"start": True}, {"start": 1.5}, {"begin": 7}])

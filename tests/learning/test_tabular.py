@@ -37,6 +37,41 @@ def test_each_method_expects_what_its_book_says() -> None:
         assert learner.table.values[0, 1] == 2.0
 
 
+def test_expected_sarsa_takes_no_mean_of_what_was_never_tried() -> None:
+    learner = two_cells(Training("expected_sarsa", step=Decay(1.0, 1.0, 1), epsilon=Decay(0.5, 0.5, 1)))
+    learner.table.values[1], learner.table.visits[1] = (-4.0, 0.0), (3, 0)
+    learner.update(0, 0, 1.0, 1, None, is_terminated=False)
+    assert learner.table.values[0, 0] == 1.0 - 4.0
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_what_comes_next_is_decided_after_learning_and_by_sarsa_before(
+    method: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done: list[str] = []
+
+    def noted(name: str) -> Any:
+        method = getattr(Learner, name)
+
+        def call(*given: Any, **named: Any) -> Any:
+            done.append(name)
+            return method(*given, **named)
+
+        return call
+
+    for name in ("choose", "update"):
+        monkeypatch.setattr(Learner, name, noted(name))
+    train(Corridor(cut_after=1), QTable(PLACES, ("left", "right"), "toy/Corridor"), Training(method, 1))
+    assert done == ["choose", *(["choose", "update"] if method == "sarsa" else ["update", "choose"])]
+
+
+def test_a_value_that_grows_beyond_bounds_stops_the_training_and_says_so() -> None:
+    learner = two_cells(Training())
+    with pytest.raises(ParameterError, match="At cell 0 a value is to become inf"):
+        learner.update(0, 0, float("inf"), 1, 0, is_terminated=False)
+    assert learner.table.values[0, 0] == 1.0
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_nothing_is_expected_after_the_end(method: str) -> None:
     learner = two_cells(Training(method, step=Decay(1.0, 1.0, 1)))
@@ -114,7 +149,8 @@ def test_decays_fall_and_stay() -> None:
     assert values[0] == 0.8
     assert values == sorted(values, reverse=True)
     assert values[10:] == [0.2] * 5
-    for bad in ((0.0, 0.0, 1), (0.1, 0.2, 5), (1.5, 0.1, 5), (1.0, 0.1, 0)):
+    assert Decay(0.0, 0.0, 1).at(0) == 0.0  # never by chance
+    for bad in ((0.5, 0.0, 1), (float("nan"), 0.1, 1), (0.1, 0.2, 5), (1.5, 0.1, 5), (1.0, 0.1, 0)):
         with pytest.raises(ParameterError, match="A decay from"):
             Decay(*bad)
 
@@ -122,7 +158,11 @@ def test_decays_fall_and_stay() -> None:
 def test_what_cannot_be_learned_is_said_first() -> None:
     with pytest.raises(UnknownName, match="'q_lerning'"):
         Training("q_lerning")
-    with pytest.raises(ParameterError, match=r"discount 1\.5"):
-        Training(discount=1.5)
+    wrong = {"discount": 1.5, "episodes": 1.5, "seed": -1}
+    for name, value in [*wrong.items(), ("episodes", True), ("discount", float("nan"))]:
+        with pytest.raises(ParameterError, match=f"A training with {name}={value!r}"):
+            Training(**{name: value})  # type: ignore[arg-type]
+    with pytest.raises(ParameterError, match="a step of 0, which learns nothing"):
+        Training(step=Decay(0.0, 0.0, 1))
     with pytest.raises(ParameterError, match="3 actions, the environment has Discrete"):
         train(Corridor(), QTable(PLACES, ("a", "b", "c"), "toy"), Training())
