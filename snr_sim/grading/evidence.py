@@ -16,8 +16,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.grading.pilot import ACTIONS, MOST_STATES, MOST_WORTH, Table, Transition, states_of
-from snr_sim.grading.q_rule import Ledger
+from snr_sim.grading.pilot import ACTIONS, MOST_STATES, MOST_WORTH, Table, states_of
+from snr_sim.grading.q_rule import Ledger, Step
 from snr_sim.grading.verdicts import Misbehaved
 from snr_sim.learning.vertical_batch import Floats
 
@@ -67,7 +67,7 @@ class Evidence:
         self._chance = np.random.default_rng([seed, 4])
         self._seen: list[tuple[Floats, list[int]]] = []
 
-    def learn(self, transitions: Iterable[Transition]) -> None:
+    def learn(self, transitions: Iterable[Step]) -> None:
         """Learns from transitions, one after the other."""
         self.ledger.learn(transitions)
 

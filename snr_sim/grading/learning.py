@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snr_sim.grading.evidence import Asked, Evidence, Told, checked_rewards, checked_states, packed
-from snr_sim.grading.pilot import CRASHED, LANDED, MOST_STATES, TIMEOUT, Pilot, Transition
+from snr_sim.grading.pilot import CRASHED, LANDED, MOST_STATES, TIMEOUT, Pilot
+from snr_sim.grading.q_rule import Step
 from snr_sim.grading.verdicts import Misbehaved
 from snr_sim.learning.batch_training import CEILING_M, MOST_STEPS, STEP_S, Course, course_of, new_table
 from snr_sim.learning.lander_envs import VERTICAL_THROTTLES, LanderVertical
@@ -229,15 +230,15 @@ def fly(flier: Flier, seed: int, count: int, world: World | None = None) -> Flig
 
 def _transitions(
     states: list[int], actions: list[int], now: list[int], ends: list[list[Any]], answer: Told, count: int
-) -> Iterator[Transition]:
-    """Yields what a step was for each lander, if there was one."""
+) -> Iterator[Step]:
+    """Yields what a step was for each lander, if there was one; plain tuples, for there are 40 000 in a training."""
     then, is_terminated, is_truncated = list(now), [False] * len(now), [False] * len(now)
     if len(answer.last) != len(ends) or not all(0 <= state < count for state in answer.last):
         raise Misbehaved("It did not tell in which states episodes ended.", "Leave alone what asks encode().")
     for (i, _, _, outcome), state in zip(ends, answer.last, strict=True):
         then[i], is_terminated[i], is_truncated[i] = state, outcome != TIMEOUT, outcome == TIMEOUT
     rewards = checked_rewards(answer.rewards, len(states))
-    return map(Transition, states, actions, rewards, then, is_terminated, is_truncated)
+    return zip(states, actions, rewards, then, is_terminated, is_truncated, strict=bool(states))
 
 
 def _starts(given: Course, count: int, rng: np.random.Generator) -> Floats:

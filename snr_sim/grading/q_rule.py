@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from snr_sim.grading.pilot import ACTIONS, Table, Transition
 
 DISCOUNT, LEAST_STEP = 0.95, 0.02
+Step = tuple[int, int, float, int, bool, bool]  # as a Transition
 
 
 class Ledger(Table):
@@ -38,17 +39,18 @@ class Ledger(Table):
             for state in range(states):
                 self._look_again(state)
 
-    def learn(self, transitions: Iterable[Transition]) -> None:
+    def learn(self, transitions: Iterable[Step]) -> None:
         """Learns from transitions, one after the other."""
+        values, visits, best, worth = self.values, self.visits, self.best, self.worth
         for state, action, reward, next_state, is_terminated, _ in transitions:
-            row, tries = self.values[state], self.visits[state]
-            tries[action] += 1
-            goal = reward if is_terminated else reward + DISCOUNT * self.worth[next_state]
+            row, tries = values[state], visits[state]
+            tries[action] = count = tries[action] + 1
+            goal = reward if is_terminated else reward + DISCOUNT * worth[next_state]
             old = row[action]
-            row[action] = new = old + size_of(tries[action]) * (goal - old)
-            if tries[action] > 1 and action == self.best[state] and new >= old:
-                self.worth[state] = new
-            elif tries[action] == 1 or action == self.best[state] or new >= self.worth[state]:
+            row[action] = new = old + size_of(count) * (goal - old)
+            if count > 1 and action == best[state] and new >= old:
+                worth[state] = new
+            elif count == 1 or action == best[state] or new >= worth[state]:
                 self._look_again(state)
 
     def greedy(self, states: Iterable[int]) -> NDArray[np.intp]:
@@ -90,7 +92,8 @@ class Ledger(Table):
 
 def size_of(visits: int) -> float:
     """Returns by which share a value moves at a visit; the first is 1."""
-    return max(LEAST_STEP, 1.0 / visits)
+    size = 1.0 / visits
+    return size if size > LEAST_STEP else LEAST_STEP
 
 
 def why_not(table: Ledger, state: int, action: int) -> str:
