@@ -88,6 +88,8 @@ def answers(student: Student, case: Sticks) -> list[list[Any]]:
     answered: list[list[Any]] = [[] for _ in pages]
     for produced in student.feed(FILE, pages, robot="urov", role="urov"):
         is_page = produced.kind == "store_page"
+        if produced.after is None:
+            continue  # it answers nothing
         answered[produced.after].append((produced.name, produced.value) if is_page else None)
     return answered
 

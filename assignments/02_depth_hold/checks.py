@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from snr_sim.grading import Given, Lab, Student, Verdict, check, failed, partly, passed
+from snr_sim.grading import Given, Lab, Student, Verdict, check, failed, field_of, partly, passed
 
 FILE = "depth_hold.py"
 STOP_US, LEAST_US, MOST_US = 1500.0, 1100.0, 1900.0
@@ -96,13 +96,8 @@ def first_failure(verdicts: Iterable[Verdict]) -> Verdict:
     return last
 
 
-def is_number(value: Any) -> bool:
-    """Returns whether it is a number that can be reckoned with: nan, for one, is not."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and -1e6 < value < 1e6
-
-
 def answered(student: Student, said: Said) -> list[list[float]] | None:
-    """Returns the pulses after each of the pilot's pages; nothing if there were not eight each time."""
+    """Returns the pulses after each of the pilot's pages; nothing if there were none once."""
     level = {"roll_rad": 0.0, "pitch_rad": 0.0, "yaw_rad": 0.0}
     pages = [Given(0.01, "depth", {"depth_m": HERE_M, "stamp_s": 0.01})]
     for number, (is_armed, goal_m) in enumerate(zip(said.is_armed, said.goal_m, strict=True), start=1):
@@ -110,15 +105,10 @@ def answered(student: Student, said: Said) -> list[list[float]] | None:
         pages += [Given(0.05 * number, "controls", controls), Given(0.05 * number + 0.01, "imu", level)]
     found: dict[Any, Any] = {}
     for produced in student.feed(FILE, pages, robot="urov", role="urov"):
-        if produced.kind == "store_page" and produced.name == "pwm" and isinstance(produced.value, dict):
-            found[produced.after] = produced.value.get("pulses_us")
+        if produced.kind == "store_page" and produced.name == "pwm":
+            found[produced.after] = field_of(produced.value, "pwm", "pulses_us", list[float], count=8)
     pulses = [found.get(2 * number + 2) for number in range(len(said.is_armed))]
-    return pulses if all(is_eight(one) for one in pulses) else None  # type: ignore[return-value]
-
-
-def is_eight(pulses: Any) -> bool:
-    """Returns whether these are eight pulses."""
-    return isinstance(pulses, list) and len(pulses) == 8 and all(map(is_number, pulses))
+    return None if None in pulses else pulses  # type: ignore[return-value]
 
 
 NO_PULSES = "After each page 'imu' there is a page 'pwm' with eight pulses. Does on_tick return it?"
@@ -310,7 +300,8 @@ def disarmed(student: Student, case: Said) -> Verdict:
 def holds(student: Student, case: int) -> Verdict:
     """Goes to the depth and stays there: 12 points to settle, 9 not to overshoot, 9 to end near it."""
     flown = student.fly("urov_tank", case, FILE)
-    if wild := [pulse for _, page in flown.pages("pwm") for pulse in page["pulses_us"] if not in_range(pulse)]:
+    sent = [field_of(page, "pwm", "pulses_us", list[float]) for _, page in flown.pages("pwm")]
+    if wild := [pulse for pulses in sent for pulse in pulses if not in_range(pulse)]:
         hint = "It sends pulses that no thruster may be sent. Which force did it ask for, and in which unit?"
         return failed(hint, expected="1100 to 1900 us", actual=f"{wild[0]:.0f} us")
     found = flown.metrics
@@ -341,9 +332,9 @@ def holds(student: Student, case: int) -> Verdict:
     return partly(fraction, " ".join(hints), expected="the depth held", actual=flies, metrics=metrics)
 
 
-def in_range(pulse: Any) -> bool:
+def in_range(pulse: float) -> bool:
     """Returns whether a thruster may be sent this."""
-    return is_number(pulse) and LEAST_US - 1e-6 <= pulse <= MOST_US + 1e-6
+    return LEAST_US - 1e-6 <= pulse <= MOST_US + 1e-6
 
 
 lab = Lab(

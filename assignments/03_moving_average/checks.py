@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from snr_sim.grading import Given, Lab, Student, Verdict, check, failed, partly, passed
+from snr_sim.grading import Given, Lab, Student, Verdict, check, failed, field_of, partly, passed
 
 FILE, TESTS = "smooth.py", "my_tests.py"
 NEAR = 1e-9
@@ -242,7 +242,7 @@ def in_the_node(student: Student, case: Fall) -> Verdict:
         return failed(hint, expected=f"{len(pages)} pages 'smooth'", actual=f"{len(produced)}")
     lengths = []
     for name, values in (("altitude_m", heights), ("velocity_mps", speeds)):
-        got = [one.value.get(name) if isinstance(one.value, dict) else None for one in produced]
+        got = [field_of(one.value, "smooth", name, float) for one in produced]
         fitting = [length for length in range(1, LONGEST_FLOWN + 1) if same(got, right(values, length))]
         if not fitting:
             hint = f"'{name}' of page 'smooth' is no moving average of '{name}' of page 'radar'. "

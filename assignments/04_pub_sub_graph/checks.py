@@ -10,8 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from snr_sim.grading import Given, Lab, Produced, Student, Verdict, check, failed, passed
+from snr_sim.grading import Given, Lab, Produced, Student, Verdict, check, failed, field_of, passed
+from snr_sim.grading.verdicts import Misbehaved
 from snr_sim.library import load_program
+from snr_sim.prelude.values import encode_value
 
 laws: Any = load_program(str(Path(__file__).parent / "starter" / "laws.py"))  # the mathematics is given, so it is ours
 
@@ -112,6 +114,11 @@ def pages_of(made: Sequence[Produced], key: str) -> list[Any]:
     return [one.value for one in made if one.kind == "store_page" and one.name == key]
 
 
+def moment_nm(page: Any) -> float:
+    """Returns how hard a page "turn" asks to turn, either way."""
+    return abs(field_of(page, "turn", "moment_nm", float))
+
+
 def same(found: Any, wanted: dict[str, Any]) -> bool:
     """Returns whether a page holds these fields, numbers to a billionth."""
     if not isinstance(found, dict) or set(found) != set(wanted):
@@ -124,7 +131,9 @@ def _near(found: Any, wanted: Any) -> bool:
         return isinstance(found, list) and len(found) == len(wanted) and all(map(_near, found, wanted))
     if isinstance(wanted, bool) or not isinstance(wanted, float):
         return bool(found == wanted)
-    return isinstance(found, (int, float)) and not isinstance(found, bool) and abs(found - wanted) <= 1e-9
+    if not isinstance(found, (int, float)) or isinstance(found, bool):
+        return False
+    return wanted - 1e-9 <= found <= wanted + 1e-9
 
 
 def judged(made: Sequence[Produced], key: str, wanted: Sequence[dict[str, Any]], file: str) -> Verdict:
@@ -155,9 +164,23 @@ def judged(made: Sequence[Produced], key: str, wanted: Sequence[dict[str, Any]],
     return passed()
 
 
+def check_fields(found: Any, key: str, right: dict[str, Any]) -> None:
+    """Checks that a page has the fields of a right one, each of its kind.
+
+    Raises:
+        Misbehaved: it has not.
+    """
+    for name, value in right.items():
+        if isinstance(value, list):
+            field_of(found, key, name, list[float], count=len(value))
+        else:
+            field_of(found, key, name, bool if isinstance(value, bool) else float)
+
+
 def _differs(file: str, key: str, number: int, found: Any, right: dict[str, Any]) -> Verdict:
+    check_fields(found, key, right)
     name = "moment_nm" if key == "turn" else "force_n"
-    if not isinstance(found, dict) or set(found) != set(right):
+    if set(found) != set(right):
         hint = f"The page '{key}' of {file} does not have the fields of the README."
     elif found["stamp_s"] != right["stamp_s"]:
         hint = f"The stamp of '{key}' is not that of the page 'imu' which it answers."
@@ -205,6 +228,7 @@ def mixer_alone(student: Student, dive: Dive) -> Verdict:
         if after != due:
             return failed(why, expected=f"a page 'pwm' at input {due}", actual=f"one at input {after}")
         if not same(page, right):
+            check_fields(page, "pwm", right)
             hint = "The pulses are not those of this 'turn' and this 'lift'; while disarmed they are all 1500."
             return failed(hint, expected=str(right), actual=str(page))
     if len(found) != len(wanted):
@@ -277,7 +301,7 @@ def in_any_order(student: Student, case: Order) -> Verdict:
         before, after = pages_of(usual, key), pages_of(other, key)
         if not before:
             return failed(f"The graph stores no page '{key}' at all.", expected="pages", actual="none")
-        if before != after:
+        if list(map(encode_value, before)) != list(map(encode_value, after)):
             return failed(
                 f"Which pages '{key}' there are depends on the order of the components: somebody takes what another "
                 "has left, before or after it was renewed. Who needs two pages of one moment waits for both.",
@@ -297,7 +321,7 @@ def in_any_order(student: Student, case: Order) -> Verdict:
 @check(points=12, visible=MODULES)
 def apart(student: Student, file: str) -> Verdict:
     """Modules know pages, not each other: no board for all, no component of another module"""
-    tree = ast.parse(student.source(file))
+    tree = tree_of(student, file)
     may = {"laws", "heading"} if file == "gentle.py" else {"laws"}
     beside = {path.stem for path in student.folder.glob("*.py")}
     for node in ast.walk(tree):
@@ -314,6 +338,21 @@ def apart(student: Student, file: str) -> Verdict:
             actual=name,
         )
     return passed()
+
+
+def tree_of(student: Student, file: str) -> ast.Module:
+    """Returns the parts of a program.
+
+    Raises:
+        Misbehaved: it is none.
+    """
+    try:
+        return ast.parse(student.source(file))
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        line = getattr(error, "lineno", None)
+        where = file if line is None else f"{file}, line {line}"
+        hint = f"{file} could not be read to its end: run it with Python, and look at the line named."
+        raise Misbehaved(f"{where}: {error}", hint) from None
 
 
 def _shared(node: ast.AST, others: set[str]) -> str:
@@ -377,9 +416,7 @@ def dropped_in(student: Student, dive: Dive) -> Verdict:
     """gentle.py takes heading's place: the same pages, and never more than 1 N m"""
     script = script_of(dive)
     made = student.feed("gentle.py", script.pages)
-    most = max(
-        (abs(page.get("moment_nm", 0.0)) for page in pages_of(made, "turn") if isinstance(page, dict)), default=0
-    )
+    most = max((moment_nm(page) for page in pages_of(made, "turn")), default=0.0)
     if most > GENTLE_NM + 1e-9:
         return failed("gentle.py turns harder than 1 N m.", expected="at most 1 N m", actual=f"{most:.2f} N m")
     wanted = [{**page, "moment_nm": laws.limited(page["moment_nm"], GENTLE_NM)} for page in script.turn]
@@ -403,7 +440,7 @@ def draw_turns(rng: random.Random) -> list[Turn]:
 def flies(student: Student, case: Turn) -> Verdict:
     """The vehicle turns and keeps its depth (urov_heading_hold), with heading.py and with gentle.py in its place"""
     flown = student.fly("urov_heading_hold", case.seed, "graph.py", options={"heading": case.heading})
-    most = max((abs(page["moment_nm"]) for _, page in flown.pages("turn")), default=0.0)
+    most = max((moment_nm(page) for _, page in flown.pages("turn")), default=0.0)
     if case.heading == "gentle" and most > GENTLE_NM + 1e-9:
         return failed(
             "With --option heading=gentle it turns harder than 1 N m: does graph.py put gentle.py in heading's place?",

@@ -10,7 +10,7 @@ from itertools import pairwise
 from typing import Any
 
 from snr_sim import library
-from snr_sim.grading import Flown, Given, Lab, Produced, Student, Verdict, check, failed, passed
+from snr_sim.grading import Flown, Given, Lab, Produced, Student, Verdict, check, failed, field_of, page_of, passed
 from snr_sim.recording.records import TruthRecord
 
 library.load_robot(library.find("robots", "urov"))
@@ -177,12 +177,13 @@ def spent(student: Student, day: Day) -> list[Produced]:
 
 
 def told(made: Sequence[Produced], key: str) -> list[tuple[float, dict[str, Any]]]:
-    """Returns when pages of a key came and what they said; what is no dict says nothing."""
-    return [
-        (one.at_s, one.value if isinstance(one.value, dict) else {})
-        for one in made
-        if one.kind == "store_page" and one.name == key
-    ]
+    """Returns when pages of a key came and what they said."""
+    return [(one.at_s, page_of(one.value, key)) for one in made if one.kind == "store_page" and one.name == key]
+
+
+def state_of(page: Any) -> str:
+    """Returns the state that a page "mission" tells."""
+    return field_of(page, "mission", "state", str)
 
 
 def states_right(day: Day, made: Sequence[Produced]) -> Verdict:
@@ -194,9 +195,9 @@ def states_right(day: Day, made: Sequence[Produced]) -> Verdict:
         )
     for now_s, page in pages:
         part = next(one for one in reversed(day.parts) if one.from_s <= now_s + 1e-9)
-        if page.get("state") not in part.states:
+        if state_of(page) not in part.states:
             right = " or ".join(part.states)
-            return failed(part.hint, f"'{right}' at {now_s:.2f} s", f"'{page.get('state')}'")
+            return failed(part.hint, f"'{right}' at {now_s:.2f} s", f"'{state_of(page)}'")
     return passed()
 
 
@@ -204,10 +205,10 @@ def first_wrong_arrow(made: Sequence[Produced]) -> str:
     """Returns the first change of state that no arrow allows, or an empty text."""
     before = "waiting"
     for _, page in told(made, "mission"):
-        state = page.get("state")
+        state = state_of(page)
         if state != before and state not in ARROWS.get(before, ()):
             return f"{before} -> {state}"
-        before = str(state)
+        before = state
     return ""
 
 
@@ -316,7 +317,7 @@ def asks(student: Student, case: Case) -> Verdict:
         return failed("Pages 'controls' are numbered.", f"1 to {day.ticks}", f"{numbers[0]} to {numbers[-1]}")
     seen = set()
     for (now_s, page), (_, mission) in zip(asked, states, strict=True):
-        state = mission.get("state")
+        state = state_of(mission)
         seen.add(state)
         for name, right in _table(day, state, now_s).items():
             if name not in page or page[name] != right:
@@ -510,7 +511,7 @@ def arrows(student: Student, case: Case) -> Verdict:
             day._tick()
         day.stop = day.reset = False
     made = spent(student, day)
-    seen = {page.get("state") for _, page in told(made, "mission")}
+    seen = {state_of(page) for _, page in told(made, "mission")}
     if len(seen) < 4:
         return failed("On a day on which much happens it was in few states.", "six or seven", f"{len(seen)}")
     wrong = first_wrong_arrow(made)
@@ -518,10 +519,10 @@ def arrows(student: Student, case: Case) -> Verdict:
         return failed(f"It went {wrong}: there is no such arrow.", "arrows of the picture only", wrong)
     since: tuple[Any, float] = "waiting", 0.0
     for now_s, page in told(made, "mission"):
-        if page.get("state") != since[0]:
-            since = page.get("state"), now_s
-        said = page.get("since_s")
-        if not isinstance(said, (int, float)) or abs(said - since[1]) > 0.001:
+        if state_of(page) != since[0]:
+            since = state_of(page), now_s
+        said = field_of(page, "mission", "since_s", float)
+        if abs(said - since[1]) > 0.001:
             return failed("'since_s' is the moment at which the state began.", f"{since[1]:.2f}", str(said))
     return passed()
 
@@ -573,7 +574,7 @@ def swims(student: Student, case: Swim) -> Verdict:
 
 
 def _changes(flown: Flown) -> list[tuple[str, str]]:
-    states = ["waiting", *(str(page.get("state")) for _, page in flown.pages("mission"))]
+    states = ["waiting", *(state_of(page) for _, page in flown.pages("mission"))]
     return [(a, b) for a, b in pairwise(states) if a != b]
 
 

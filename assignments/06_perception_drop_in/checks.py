@@ -13,7 +13,7 @@ import numpy as np
 
 from snr_sim import library
 from snr_sim.devices.camera import Camera
-from snr_sim.grading import Given, Lab, Student, Verdict, check, failed, passed
+from snr_sim.grading import Given, Lab, Student, Verdict, check, failed, field_of, passed
 from snr_sim.prelude.scenario import Robot
 
 HERE = Path(__file__).parent
@@ -148,7 +148,7 @@ def mode_of(pages: Sequence[Any]) -> str:
 def is_page(page: Any) -> bool:
     """Returns whether a page has the numbers that it should have."""
     numbers = [page.get(name) for name in ("right_px", "down_px", "stamp_s")] if isinstance(page, dict) else [None]
-    return all(type(one) in (int, float) and math.isfinite(one) for one in numbers)
+    return all(type(one) in (int, float) and -1e12 < one < 1e12 for one in numbers)
 
 
 def _off(a: tuple[float, float], b: tuple[float, float]) -> float:
@@ -218,11 +218,13 @@ def answers(student: Student) -> Verdict:
                 actual=f"{len(pages)} after picture {i + 1}",
             )
         page = pages[0]
-        if not isinstance(page, dict) or set(page) != FIELDS:
-            return failed("The page has other fields.", expected=", ".join(sorted(FIELDS)), actual=str(page)[:200])
-        if not is_page(page):
-            return failed("right_px, down_px and stamp_s are numbers.", "finite numbers", str(page)[:200])
-        if page["mode"] not in MODES:
+        for name in sorted(FIELDS - {"mode"}):
+            field_of(page, "target", name, float)
+        mode = field_of(page, "target", "mode", str)
+        if set(page) != FIELDS:
+            hint = "The page `target` has more fields than the README names."
+            return failed(hint, expected=", ".join(sorted(FIELDS)), actual=str(page)[:200])
+        if mode not in MODES:
             return failed("There is no such mode.", expected=", ".join(MODES), actual=mode_of(pages))
         if abs(page["stamp_s"] - i * PERIOD_S) > 1e-6:
             return failed("stamp_s is when the picture was taken.", f"{i * PERIOD_S:g}", f"{page['stamp_s']:g}")

@@ -9,7 +9,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from snr_sim.grading import Flown, Given, Lab, Produced, Student, Verdict, check, failed, passed
+from snr_sim.grading import Flown, Given, Lab, Produced, Student, Verdict, check, failed, field_of, passed
 from snr_sim.library import load_program
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.values import decode_value
@@ -90,13 +90,14 @@ def obeyed(commands: Sequence[Command], pulses: Sequence[tuple[float, Any]], imu
             f"{len(pulses)} pages",
         )
     for now_s, page in pulses:
-        found = page.get("pulses_us") if isinstance(page, dict) else None
+        found = field_of(page, "pwm", "pulses_us", list[float])
         right = [_wanted(commands, now_s, *margins) for margins in product((-1.0, 1.0), repeat=2)]
         if not any(_near(found, one) for one, _ in right):
             what = _mistake(commands, now_s, found)
-            return failed(HINTS[what], f"{right[0][0][:4]} at {now_s:.2f} s", f"{found[:4] if found else found}")
-        if page.get("is_armed") not in [is_armed for _, is_armed in right]:
-            return failed(HINTS["field"], f"is_armed: {right[0][1]} at {now_s:.2f} s", str(page.get("is_armed")))
+            return failed(HINTS[what], f"{right[0][0][:4]} at {now_s:.2f} s", f"{found[:4]}")
+        is_armed = field_of(page, "pwm", "is_armed", bool)
+        if is_armed not in [said for _, said in right]:
+            return failed(HINTS["field"], f"is_armed: {right[0][1]} at {now_s:.2f} s", str(is_armed))
     return passed()
 
 
@@ -110,7 +111,7 @@ def _wanted(commands: Sequence[Command], now_s: float, comes: float, counts_more
     return (newest.pulses if counts else thrusters.neutral_us()), newest.data["is_armed"]
 
 
-def _mistake(commands: Sequence[Command], now_s: float, found: Any) -> str:
+def _mistake(commands: Sequence[Command], now_s: float, found: Sequence[float]) -> str:
     if _near(found, thrusters.neutral_us()):
         return "careful"
     same = [one for one in commands if one.came_s <= now_s + ROUNDING_S and _near(found, one.pulses)]
@@ -122,10 +123,8 @@ def _mistake(commands: Sequence[Command], now_s: float, found: Any) -> str:
     return "old" if now_s - newest.made_s > COUNTS_S else "overtaken"
 
 
-def _near(found: Any, wanted: Sequence[float]) -> bool:
-    if not isinstance(found, list) or len(found) != len(wanted):
-        return False
-    return all(isinstance(a, (int, float)) and abs(a - b) < 1e-6 for a, b in zip(found, wanted, strict=True))
+def _near(found: Sequence[float], wanted: Sequence[float]) -> bool:
+    return len(found) == len(wanted) and all(abs(a - b) < 1e-6 for a, b in zip(found, wanted, strict=True))
 
 
 def pages_at(flown: Flown, role: str, key: str) -> list[tuple[float, Page]]:
@@ -137,10 +136,16 @@ def pages_at(flown: Flown, role: str, key: str) -> list[tuple[float, Page]]:
     ]
 
 
+def asked(page: Any) -> dict[str, Any]:
+    """Returns what a page "controls" asks for, as it came to the vehicle."""
+    sticks = {name: field_of(page, "controls", name, float) for name in ("surge", "yaw")}
+    return {**sticks, "is_armed": field_of(page, "controls", "is_armed", bool)}
+
+
 def flew(student: Student, case: Link) -> tuple[Flown, Verdict]:
     """Returns a flight, and whether the vehicle obeyed as it should."""
     flown = student.fly("urov_bad_link", case.seed, "two_nodes.py")
-    commands = [Command(t, page.created_at_s, page.data) for t, page in pages_at(flown, "urov", "controls")]
+    commands = [Command(t, page.created_at_s, asked(page.data)) for t, page in pages_at(flown, "urov", "controls")]
     if not commands:
         return flown, failed("No page 'controls' ever came to the vehicle.", "20 a second", "none")
     pulses = [(t, page.data) for t, page in pages_at(flown, "urov", "pwm")]
@@ -270,7 +275,7 @@ def watches(student: Student, case: Link) -> Verdict:
         return failed("One page 'alarm' for each page 'sticks'.", f"{wanted} pages", f"{len(alarms)} pages")
     links, heard = pages_at(flown, "topside", "link_tether"), pages_at(flown, "topside", "vehicle")
     for now_s, page in alarms:
-        found = page.data.get("state") if isinstance(page.data, dict) else page.data
+        found = field_of(page.data, "alarm", "state", str)
         right = {_alarm(links, heard, now_s, margin_s) for margin_s in (-ROUNDING_S, ROUNDING_S)}
         if found not in right:
             return failed(ALARMS[sorted(right)[0]], f"{' or '.join(sorted(right))} at {now_s:.2f} s", str(found))

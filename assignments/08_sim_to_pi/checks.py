@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from snr_sim.grading import Flown, Given, Lab, Student, Verdict, check, failed, passed
+from snr_sim.grading import Flown, Given, Lab, Student, Verdict, check, failed, field_of, passed
 from snr_sim.plants.t200 import LEAST_US, MOST_US, STOP_US
 
 SCENARIO, FILE = "urov_depth_hold", "depth_hold.py"
@@ -99,28 +99,18 @@ def pulses(
     found = []
     for one in student.feed(FILE, given):
         if one.kind == "store_page" and one.name == "pwm":
-            values = one.value.get("pulses_us") if isinstance(one.value, dict) else None
-            wrong = _wrong(values)
-            if wrong:
+            values = field_of(one.value, "pwm", "pulses_us", list[float], count=8)
+            wild = [value for value in values if not LEAST_US <= value <= MOST_US]
+            if wild:
                 return failed(
                     f"Pulses are eight numbers from {LEAST_US:g} to {MOST_US:g}, whatever comes in: limit yours.",
                     expected="eight such numbers",
-                    actual=f"{wrong} at {one.at_s:.2f} s",
+                    actual=f"{wild[0]:g} at {one.at_s:.2f} s",
                 )
-            assert isinstance(values, list)
             found.append((one.at_s, values))
     if not found:
         return failed("It stores no page `pwm`, though controls, depth and imu come.", "a page for each imu", "none")
     return found
-
-
-def _wrong(values: Any) -> str:
-    if not isinstance(values, list) or len(values) != 8:
-        return str(values)[:100]
-    for value in values:
-        if type(value) not in (int, float) or not LEAST_US <= value <= MOST_US:
-            return str(value)[:50]
-    return ""
 
 
 def pushed(found: Pulses, from_s: float = 0.0, until_s: float = math.inf) -> list[float]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from snr_sim.grading.feed import Given, Produced
+    from snr_sim.grading.fields import field_of, page_of
     from snr_sim.grading.fly import Flown
     from snr_sim.grading.lab import Lab, check
     from snr_sim.grading.student import Student
@@ -15,13 +16,27 @@ if TYPE_CHECKING:
 # Imported when they are first used: the process of a student's program imports this package, too, and needs none of it.
 _PLACES = {
     "snr_sim.grading.feed": ("Given", "Produced"),
+    "snr_sim.grading.fields": ("field_of", "page_of"),
     "snr_sim.grading.fly": ("Flown",),
     "snr_sim.grading.lab": ("Lab", "check"),
     "snr_sim.grading.student": ("Student",),
     "snr_sim.grading.verdicts": ("Verdict", "failed", "partly", "passed"),
 }
 _MODULE_OF = {name: module for module, names in _PLACES.items() for name in names}
-__all__ = ["Flown", "Given", "Lab", "Produced", "Student", "Verdict", "check", "failed", "partly", "passed"]
+__all__ = [
+    "Flown",
+    "Given",
+    "Lab",
+    "Produced",
+    "Student",
+    "Verdict",
+    "check",
+    "failed",
+    "field_of",
+    "page_of",
+    "partly",
+    "passed",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -1,5 +1,9 @@
-"""What is no answer at all costs the student points, with a hint, and is never a fault of the first three labs."""
+"""What is no answer at all costs the student points, with a hint, and is never a fault of the lab's or the grader's.
 
+A few of each lab's pages are tried here, in its quick checks. With SNR_ALL_NONSENSE set, all of it in all checks.
+"""
+
+import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -7,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from snr_sim.grading.grade import grade_submission
-from snr_sim.grading.lab import find_lab
+from snr_sim.grading.lab import Lab, find_lab
+from snr_sim.grading.results import decode_graded, encode_graded
 
 HERE = Path(__file__).parent
 HELLO, DEPTH, SMOOTH = "01_hello_thruster", "02_depth_hold", "03_moving_average"
@@ -26,6 +31,127 @@ NONSENSE = [
     (SMOOTH, "my_tests.py", "[1.0, 1.5, 3.0, 4.0]", '[1.0, float("nan"), "x", 10**400]'),
     (SMOOTH, "my_tests.py", "    return [", "    return 5 or ["),
 ]
+
+
+# What stands in a page instead, made of its key, its data and the name of one of its fields.
+KINDS = {
+    "no field": "data = {name: value for name, value in data.items() if name != field}",
+    "another name": "data = {name + 'x': value for name, value in data.items()}",
+    "none": "data = None",
+    "text": "data = 'x'",
+    "list": "data = [1.0]",
+    "field none": "data = {**data, field: None}",
+    "field text": "data = {**data, field: 'x'}",
+    "field list": "data = {**data, field: []}",
+    "field number": "data = {**data, field: 1500.0}",
+    "field huge": "data = {**data, field: [10**400] * 8 if isinstance(data[field], list) else 10**400}",
+    "field nan": "data = {**data, field: float('nan')}",
+    "another key": "key += 'x'",
+    "ends the run": "return _tasks.terminate('won')",
+}
+STORES = """
+from snr_sim import Endpoint as _Endpoint, tasks as _tasks
+def _nonsense(store):
+    def stored(self, key, data, *more, **named):
+        field = FIELD
+        if key == KEY:
+            DOES
+        return store(self, key, data, *more, **named)
+    return stored
+_Endpoint.store_data_task = _nonsense(_Endpoint.store_data_task)
+"""
+# Lab, file, page, a field of it that is no text, the quick check that sees it, and others that do.
+PAGES = [
+    (HELLO, "hello_thruster.py", "pwm", "pulses_us", "heave", ["surge", "rest", "limits", "disarmed", "dives"]),
+    (DEPTH, "depth_hold.py", "pwm", "pulses_us", "keeps_goal", ["disarmed", "holds"]),
+    (SMOOTH, "smooth.py", "smooth", "altitude_m", "in_the_node", ["lands"]),
+    ("04_pub_sub_graph", "heading.py", "turn", "moment_nm", "heading_alone", ["in_any_order", "flies"]),
+    ("04_pub_sub_graph", "depth.py", "lift", "force_n", "depth_alone", ["in_any_order", "flies"]),
+    ("04_pub_sub_graph", "mixer.py", "pwm", "pulses_us", "mixer_alone", ["in_any_order", "flies"]),
+    ("04_pub_sub_graph", "gentle.py", "turn", "moment_nm", "dropped_in", []),
+    ("05_mission_state_machine", "mission.py", "mission", "state", "recovers", ["asks", "arrows", "swims"]),
+    ("05_mission_state_machine", "mission.py", "mission", "since_s", "", ["arrows"]),
+    ("05_mission_state_machine", "mission.py", "controls", "is_armed", "asks", ["stops", "swims"]),
+    ("06_perception_drop_in", "perception.py", "target", "right_px", "answers", ["clear", "lost", "hovers"]),
+    ("07_two_nodes", "two_nodes.py", "pwm", "pulses_us", "vehicle_alone", ["late", "cut"]),
+    ("07_two_nodes", "two_nodes.py", "controls", "surge", "surface_alone", ["late", "gone"]),
+    ("07_two_nodes", "two_nodes.py", "alarm", "state", "", ["watches"]),
+    ("08_sim_to_pi", "depth_hold.py", "pwm", "pulses_us", "limits", ["stale", "stop", "holds", "holds_on_the_board"]),
+]
+IS_ALL = bool(os.environ.get("SNR_ALL_NONSENSE"))
+
+
+def tried() -> list[tuple[str, str, str, str, str, str]]:
+    """Lab, check, file, page, field and kind of nonsense: all, or three of the kinds for each page in turn."""
+    found = []
+    for number, (lab, file, key, field, quick, more) in enumerate(PAGES):
+        kinds = list(KINDS)
+        few = [kinds[(3 * number + i) % len(kinds)] for i in range(3)]
+        for check in [quick, *more] if IS_ALL else [quick]:
+            found += [(lab, check, file, key, field, kind) for kind in (kinds if IS_ALL else few) if check]
+    return found
+
+
+def handed_in(lab: str, folder: Path) -> Path:
+    """A lab's reference."""
+    shutil.copytree(HERE.parents[1] / "assignments" / lab / "starter", folder)
+    return Path(shutil.copytree(HERE / lab.partition("_")[2] / "reference", folder, dirs_exist_ok=True))
+
+
+def of_one_case(name: str, *names: str) -> Lab:
+    """A lab with these checks alone, each with its first visible case."""
+    lab = find_lab(name)
+    lab.checks = tuple(replace(one, visible=one.visible[:1], needs=()) for one in lab.checks if one.name in names)
+    return lab
+
+
+@pytest.mark.usefixtures("warm_children")
+@pytest.mark.parametrize(("name", "check", "file", "key", "field", "kind"), tried())
+def test_nonsense_in_a_page_is_zero_for_its_case_and_the_check_itself_says_why(
+    name: str, check: str, file: str, key: str, field: str, kind: str, tmp_path: Path
+) -> None:
+    folder = handed_in(name, tmp_path / "handed_in")
+    program = STORES.replace("DOES", KINDS[kind]).replace("KEY", repr(key)).replace("FIELD", repr(field))
+    with (folder / file).open("a") as opened:
+        opened.write(program)
+    graded = grade_submission(of_one_case(name, check), folder, None, "none")
+    assert graded.status == "graded", graded.error
+    assert graded.faults == []
+    assert graded.points == 0.0
+    (case,) = graded.checks[0].cases
+    assert case.hint
+    assert decode_graded(encode_graded(graded)) == graded
+
+
+@pytest.mark.usefixtures("warm_children")
+@pytest.mark.parametrize(
+    ("name", "check", "file", "more", "told"),
+    [
+        ("04_pub_sub_graph", "flies", "graph.py", "x = (", "read"),
+        ("04_pub_sub_graph", "apart", "heading.py", "x = (", "heading.py could not be read to its end"),
+        ("09_debug_by_replay", "diverges", "findings.toml", "x = =", "findings.toml cannot be read"),
+        ("10_lunar_lander_q", "encodes", "q_lander.py", "def encode(h, v): return 10**400", ""),
+        ("10_lunar_lander_q", "encodes", "q_lander.py", "STATES = None", ""),
+        ("10_lunar_lander_q", "chooses", "q_lander.py", "def choose(*a): return []", ""),
+        ("10_lunar_lander_q", "updates", "q_lander.py", "def update(t, s): t.values[s.state] = 'x'", "Rows"),
+        ("10_lunar_lander_q", "updates", "q_lander.py", "def update(t, s): t.values[s.state][0] = 10**400", "Rows"),
+        ("10_lunar_lander_q", "updates", "q_lander.py", "def update(t, s): t.visits.clear()", "no append"),
+        ("11_write_the_queue", "keeps_order", "task_queue.py", "TaskQueue.put = lambda *a: 10**400", ""),
+        ("11_write_the_queue", "drives_a_node", "task_queue.py", "TaskQueue.take = lambda *a: 'x'", ""),
+        ("11_write_the_queue", "keeps_order", "task_queue.py", "TaskQueue = None", ""),
+    ],
+)
+def test_nonsense_in_a_file_is_zero_for_its_case(
+    name: str, check: str, file: str, more: str, told: str, tmp_path: Path
+) -> None:
+    folder = handed_in(name, tmp_path / "handed_in")
+    with (folder / file).open("a") as opened:
+        opened.write(f"\n{more}\n")
+    graded = grade_submission(of_one_case(name, check), folder, None, "none")
+    assert (graded.status, graded.faults) == ("graded", []), graded.error
+    assert graded.points == 0.0
+    assert graded.checks[0].cases[0].hint
+    assert told in graded.checks[0].cases[0].hint
 
 
 @pytest.mark.usefixtures("warm_children")
