@@ -60,7 +60,7 @@ def _nonsense(store):
     return stored
 _Endpoint.store_data_task = _nonsense(_Endpoint.store_data_task)
 """
-# Lab, file, page, a field of it that is no text, the quick check that sees it, and others that do.
+# Lab, file, page, a field of it, the quick check that asks for it, and others that read it.
 PAGES = [
     (HELLO, "hello_thruster.py", "pwm", "pulses_us", "heave", ["surge", "rest", "limits", "disarmed", "dives"]),
     (DEPTH, "depth_hold.py", "pwm", "pulses_us", "keeps_goal", ["disarmed", "holds"]),
@@ -78,6 +78,7 @@ PAGES = [
     ("07_two_nodes", "two_nodes.py", "alarm", "state", "", ["watches"]),
     ("08_sim_to_pi", "depth_hold.py", "pwm", "pulses_us", "limits", ["stale", "stop", "holds", "holds_on_the_board"]),
 ]
+NUMBERS = {"altitude_m", "moment_nm", "force_n", "since_s", "right_px", "surge"}  # among the fields
 IS_ALL = bool(os.environ.get("SNR_ALL_NONSENSE"))
 
 
@@ -85,7 +86,7 @@ def tried() -> list[tuple[str, str, str, str, str, str]]:
     """Lab, check, file, page, field and kind of nonsense: all, or three of the kinds for each page in turn."""
     found = []
     for number, (lab, file, key, field, quick, more) in enumerate(PAGES):
-        kinds = list(KINDS)
+        kinds = [kind for kind in KINDS if kind != "field number" or field not in NUMBERS]
         few = [kinds[(3 * number + i) % len(kinds)] for i in range(3)]
         for check in [quick, *more] if IS_ALL else [quick]:
             found += [(lab, check, file, key, field, kind) for kind in (kinds if IS_ALL else few) if check]
@@ -107,7 +108,7 @@ def of_one_case(name: str, *names: str) -> Lab:
 
 @pytest.mark.usefixtures("warm_children")
 @pytest.mark.parametrize(("name", "check", "file", "key", "field", "kind"), tried())
-def test_nonsense_in_a_page_is_zero_for_its_case_and_the_check_itself_says_why(
+def test_nonsense_in_a_page_costs_its_case_and_the_check_itself_says_why(
     name: str, check: str, file: str, key: str, field: str, kind: str, tmp_path: Path
 ) -> None:
     folder = handed_in(name, tmp_path / "handed_in")
@@ -117,9 +118,10 @@ def test_nonsense_in_a_page_is_zero_for_its_case_and_the_check_itself_says_why(
     graded = grade_submission(of_one_case(name, check), folder, None, "none")
     assert graded.status == "graded", graded.error
     assert graded.faults == []
-    assert graded.points == 0.0
     (case,) = graded.checks[0].cases
-    assert case.hint
+    assert case.hint or case.is_passed
+    # Others may do without the page: a landing may succeed by what else there is to go by.
+    assert graded.points == 0.0 or check not in [row[4] for row in PAGES]
     assert decode_graded(encode_graded(graded)) == graded
 
 
@@ -129,7 +131,7 @@ def test_nonsense_in_a_page_is_zero_for_its_case_and_the_check_itself_says_why(
     [
         ("04_pub_sub_graph", "flies", "graph.py", "x = (", "read"),
         ("04_pub_sub_graph", "apart", "heading.py", "x = (", "heading.py could not be read to its end"),
-        ("09_debug_by_replay", "diverges", "findings.toml", "x = =", "findings.toml cannot be read"),
+        ("09_debug_by_replay", "diverges", "findings.toml", "x = =", "look at the line named"),
         ("10_lunar_lander_q", "encodes", "q_lander.py", "def encode(h, v): return 10**400", ""),
         ("10_lunar_lander_q", "encodes", "q_lander.py", "STATES = None", ""),
         ("10_lunar_lander_q", "chooses", "q_lander.py", "def choose(*a): return []", ""),
