@@ -284,6 +284,9 @@ def in_use(scenario: Found, robot: Found, controller: ModuleType) -> list[InUse]
     ]
 
 
+OPTION_FILE = "option/"  # before the key of an option that names a file
+
+
 def hashes(used: Sequence[InUse]) -> dict[str, str]:
     """Returns the sha256 of every file in use, by `<label>/<path below its folder>`."""
     files = {

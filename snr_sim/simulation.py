@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import os
 import platform
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -276,8 +277,12 @@ class Simulation:
         return Opening.now(self.request.scenario, self.request.controller or "")
 
     def sources(self) -> dict[str, str]:
-        """Returns the sha256 of every file of scenario, robot and controller that is in use."""
+        """Returns the sha256 of every file of scenario, robot and controller that is in use, and of each that an option
+        names, such as a learned policy, by `option/<key>`."""
         elsewhere = {name: library.sha256_of(path) for name, path in self._read_elsewhere().items()}
+        for key, value in self.request.options.items():
+            if os.path.isabs(value) and os.path.isfile(value):  # not a pipe, which would be waited for
+                elsewhere[library.OPTION_FILE + key] = library.sha256_of(Path(value))
         return dict(sorted({**library.hashes(self._used), **elsewhere}.items()))
 
 

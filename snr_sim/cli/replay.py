@@ -87,7 +87,7 @@ def _replay(
 
 def _config(trace: Trace, with_file: str) -> tuple[Any, list[str]]:
     """Returns the wiring to replay with, and what is to be said about it."""
-    from snr_sim.library import hashes_of_files
+    from snr_sim.library import OPTION_FILE, hashes_of_files
     from snr_sim.simulation import prepare, request_of, wiring_of_file
 
     header, opening = trace.header, trace.opening
@@ -98,8 +98,16 @@ def _config(trace: Trace, with_file: str) -> tuple[Any, list[str]]:
         simulation = prepare(request_of(opening, header, with_file))
         config = simulation.config(None)
         now = simulation.sources()
-    changed = [] if with_file else _changed(header.sources, now)
-    return config, [f"Changed since the run: {name}" for name in changed]
+    changed = _changed(header.sources, now)
+    files = [name.removeprefix(OPTION_FILE) for name in changed if name.startswith(OPTION_FILE)]
+    notes = [
+        f"The {key} FILE is another one than was recorded: {header.options[key]}. Where the replay differs, look there "
+        "before you look at the code."
+        for key in files
+    ]
+    if not with_file:
+        notes += [f"Changed since the run: {name}" for name in changed if not name.startswith(OPTION_FILE)]
+    return config, notes
 
 
 def _changed(then: dict[str, str], now: dict[str, str]) -> list[str]:

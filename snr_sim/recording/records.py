@@ -65,7 +65,8 @@ class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=
         nodes: name of the node of each role, in the order they run.
         clock: 'sim' (stepped) or 'wall' (threads).
         commands: keys of pages that drive actuators, per node.
-        sources: sha256 of every source file of robot, controller and scenario, by path relative to its folder.
+        sources: sha256 of every source file of robot, controller and scenario, by path relative to its folder; and of a
+            file that an option names, by `option/` and the option's key.
         scene: shapes of the plant, see `Plant.scene`.
     """
 

@@ -11,6 +11,8 @@ from typing import Any
 import pytest
 
 from snr_sim.cli.resim import with_devices
+from snr_sim.learning.discretiser import Discretiser
+from snr_sim.learning.q_table import QTable
 from snr_sim.recording.folder import RESULT_NAME
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.records import TaskRecord
@@ -20,6 +22,7 @@ from snr_sim.simulation import Request
 Snr = Callable[..., Any]
 Mine = Callable[..., Path]
 WIRED = '        return self.store_data_task("engine", {"throttle": 0.3})'
+VERTICAL = "snr_sim/LanderVertical-v0"
 VERBS = ("run", "replay", "resim", "trace", "view", "list", "new", "check", "doctor", "bench")
 
 
@@ -81,6 +84,24 @@ def test_a_replay_of_unchanged_code_says_identical(snr: Snr, flown: Path) -> Non
     assert fields["outside_calls"] == []
     assert fields["trace_digest"] == json.loads((flown / RESULT_NAME).read_bytes())["trace_digest"]
     assert fields["tasks"] == fields["nodes"][0]["recorded"] > 0
+
+
+def test_a_replay_with_another_policy_file_says_that_it_is_the_file_and_not_the_code(snr: Snr, here: Path) -> None:
+    def save(throttle: int) -> None:
+        table = QTable(Discretiser(("altitude_m", "velocity_mps"), ((), ())), ("off", "low", "half", "full"), VERTICAL)
+        table.visits[0, throttle] = 1
+        table.save(here / "policy.npz")
+
+    save(0)
+    policy = ("--controller", "q", "--policy", "policy.npz")
+    run = snr("run", "lander_vertical", "--no-rrd", "--json", *policy).json["run_dir"]
+    assert "option/policy" in read_trace(here / run / FILE_NAME).header.sources
+    assert (snr("replay", run).status, snr("replay", run).err) == (0, "")
+    save(3)
+    answer = snr("replay", run)
+    assert answer.status == 1
+    assert f"The policy FILE is another one than was recorded: {here / 'policy.npz'}" in answer.err
+    assert "Changed since the run" not in answer.err
 
 
 def test_a_replay_after_one_constant_was_changed_names_the_record(snr: Snr, flown_mine: Path, mine: Mine) -> None:

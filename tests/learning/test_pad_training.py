@@ -1,9 +1,11 @@
 """Learning to land in the plane by tiles: it learns, its file is safe, and it flies in a node as it did here.
 
-How well it lands after two minutes of learning is measured by `snr bench learning`: too long for a test.
+How well it lands after two minutes of learning is measured by `snr bench learning`, and checked here for so many seeds:
+SNR_SEEDS=2 python -m pytest tests/learning/test_pad_training.py -k ninety
 """
 
 import json
+import os
 import pickle
 from pathlib import Path
 from typing import Any
@@ -18,6 +20,7 @@ from snr_sim.flight import Flight
 from snr_sim.learning.lander_envs import PAD_THROTTLES, PAD_TURNS, pad_command
 from snr_sim.learning.pad_training import BURN_AXES, LEAN_AXES, PadPolicy, PadTraining, train_pad, try_pad
 from snr_sim.learning.q_table import QTable
+from snr_sim.learning.tabular import evaluate
 from snr_sim.prelude.errors import ParameterError, RecordingError
 from snr_sim.simulation import Request, prepare
 
@@ -49,6 +52,13 @@ def test_the_same_seed_learns_the_same_and_another_seed_another(env: Any, learne
     assert np.array_equal(again.burn.weights, learned.burn.weights)
     assert np.array_equal(again.lean.weights, learned.lean.weights)
     assert not np.array_equal(other.lean.weights, learned.lean.weights)
+
+
+@pytest.mark.parametrize("seed", range(int(os.environ.get("SNR_SEEDS", "0"))))
+def test_ninety_of_a_hundred_unseen_starts_are_landed_after_a_whole_training(env: Any, seed: int) -> None:
+    policy = PadPolicy()
+    train_pad(policy, env, PadTraining(seed=seed))
+    assert sum(end["success"] for end in evaluate(env, policy.act, range(1, 101))) >= 90
 
 
 def test_all_is_off_once_a_foot_touches(learned: PadPolicy) -> None:
