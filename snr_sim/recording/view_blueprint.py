@@ -87,6 +87,8 @@ class Layout:
         is_in_water: whether there is a surface of water.
         images: entities of pictures that a camera took.
         changed_flags: entities of what was not always yes, nor always no.
+        end_s: time of the last number.
+        has_divergences: whether it is marked where two runs differ.
     """
 
     title: str
@@ -102,6 +104,7 @@ class Layout:
     is_in_water: bool = False
     images: list[str] = field(default_factory=list)
     changed_flags: list[str] = field(default_factory=list)
+    end_s: float = 0.0
     has_divergences: bool = False
 
 
@@ -278,13 +281,23 @@ def _marks(layout: Layout, lines: Sequence[Line]) -> list[str]:
     return ["+ /divergences/marks"] if layout.has_divergences and lines[0].unit != "kg" else []
 
 
+def _time_axis(rrb: Any, layout: Layout) -> Any:
+    """Plots of one run move together. Those of two show all of it: linked ones open on half a minute around the cursor,
+    and where two runs differ would be out of sight.
+    """
+    if len(layout.roots) == 1:
+        return rrb.TimeAxis(link="linkToGlobal")
+    begin, end = (rrb.TimeRangeBoundary.absolute(seconds=time_s) for time_s in (0.0, layout.end_s))
+    return rrb.TimeAxis(link="independent", view_range=rrb.TimeRange(begin, end))
+
+
 def _plots(rrb: Any, layout: Layout) -> Any:
     views = [
         rrb.TimeSeriesView(
             name=title,
             contents=[f"+ {line.entity}" for line in lines] + _marks(layout, lines),
             plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
-            axis_x=rrb.TimeAxis(link="linkToGlobal"),
+            axis_x=_time_axis(rrb, layout),
         )
         for title, lines in plots(layout.lines, layout.changed_flags).items()
     ]

@@ -96,6 +96,7 @@ class Writer:
         if parts not in self._known:
             self._see_series(parts, series, is_truth)
         entity = self._sender.entity(*parts)
+        self.layout.end_s = max(self.layout.end_s, float(series.when.t_s[-1]))
         self._sender.send(entity, series.when, [self._sender.numbers(series.values)])
         if series.is_flag and not is_of_link(series.path):
             self._see_flag(entity, series)

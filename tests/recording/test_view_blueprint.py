@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from snr_sim.recording.view_blueprint import FLAGS, Layout, Line, blueprint, plots
@@ -53,14 +55,32 @@ def test_what_was_always_yes_or_always_no_has_no_line() -> None:
     assert names(lines) == []
 
 
-def test_what_a_camera_saw_is_left_out_of_the_views_in_space() -> None:
-    rrb = pytest.importorskip("rerun.blueprint")
-    layout = Layout("run", bodies=["/world/vehicle"], cameras=["/world/follower"], images=["/urov/pages/camera/rgb"])
+def views_of(rrb: Any, layout: Layout) -> list[Any]:
     parts, views = [blueprint(rrb, layout).root_container], []
     while parts:
         part = parts.pop()
         parts += getattr(part, "contents", []) if isinstance(part, rrb.api.Container) else []
         views += [part] if isinstance(part, rrb.api.View) else []
+    return views
+
+
+@pytest.mark.parametrize(
+    ("roots", "shown_ns"), [([""], None), (["/recorded", "/replayed"], (0, 90_000_000_000))], ids=["one", "two"]
+)
+def test_plots_of_two_runs_open_on_all_of_it(roots: list[str], shown_ns: tuple[int, int] | None) -> None:
+    rrb = pytest.importorskip("rerun.blueprint")
+    layout = Layout("run", roots=roots, lines=[line("height"), line("speed", "m/s")], end_s=90.0)
+    axes = [view.properties["TimeAxis"] for view in views_of(rrb, layout) if isinstance(view, rrb.TimeSeriesView)]
+    assert len(axes) == 2
+    for axis in axes:
+        shown = axis.view_range and axis.view_range.as_arrow_array().to_pylist()
+        assert shown == (shown_ns and [{"start": shown_ns[0], "end": shown_ns[1]}])
+
+
+def test_what_a_camera_saw_is_left_out_of_the_views_in_space() -> None:
+    rrb = pytest.importorskip("rerun.blueprint")
+    layout = Layout("run", bodies=["/world/vehicle"], cameras=["/world/follower"], images=["/urov/pages/camera/rgb"])
+    views = views_of(rrb, layout)
     in_space = [view.contents for view in views if isinstance(view, rrb.Spatial3DView)]
     assert len(in_space) == 2
     assert all("- /urov/pages/camera/rgb" in contents for contents in in_space)
