@@ -1,7 +1,7 @@
 """Learns to land straight down, and writes the table to a file: python robots/lander/learn.py --out policy.npz
 
     --method batch            thousands of landings a second, with arrays (the default)
-    --method q_learning       one landing after the other, as in a textbook; also sarsa, expected_sarsa
+    --method q_learning       one landing after the other, as in a textbook: a minute; also sarsa, expected_sarsa
     --episodes N --seed N     how long (textbook methods), and which chance
 
 Afterwards the table lands 100 starts that it has never seen, and the way there is in policy.csv, the learning curve.
@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 import snr_sim.learning
-from snr_sim.learning.batch_training import BatchTraining, Trial, course_of, new_table, train_vertical
+from snr_sim.learning.batch_training import BatchTraining, Trial, coarse_grid, course_of, new_table, train_vertical
 from snr_sim.learning.tabular import METHODS, Decay, Training, evaluate, train
 from snr_sim.prelude.errors import SnrError
 
@@ -32,12 +32,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Learns to land straight down.")
     parser.add_argument("--out", type=Path, default=Path("policy.npz"))
     parser.add_argument("--method", choices=("batch", *METHODS), default="batch")
-    parser.add_argument("--episodes", type=int, default=3000)
+    parser.add_argument("--episodes", type=int, default=1500)
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
     assert snr_sim.learning is not None  # imported for what it makes known to gymnasium
     env = gymnasium.make("snr_sim/LanderVertical-v0").unwrapped
-    table, console = new_table(), Console(stderr=True)
+    table = new_table() if asked.method == "batch" else new_table(coarse_grid())
+    console = Console(stderr=True)
     rows: list[tuple[Any, ...]]
     with Progress(console=console, disable=not console.is_terminal) as progress:
         if asked.method == "batch":

@@ -95,6 +95,13 @@ def fine_grid() -> Discretiser:
     return Discretiser(VERTICAL_NAMES, (tuple(heights), tuple(float(one) for one in speeds)))
 
 
+def coarse_grid() -> Discretiser:
+    """Returns 36 heights times 23 speeds: few enough to be learned one landing after the other."""
+    heights = [1500.0 * (k / 36) ** 2 for k in range(1, 36)]
+    speeds = [-80, -60, -50, -42, -36, -30, -26, -22, -18, -15, -12, -10, -8, -6, -5, -4, -3, -2, -1, 0, 2, 6]
+    return Discretiser(VERTICAL_NAMES, (tuple(heights), tuple(float(one) for one in speeds)))
+
+
 def new_table(grid: Discretiser | None = None) -> QTable:
     """Returns an empty table for LanderVertical."""
     return QTable(fine_grid() if grid is None else grid, VERTICAL_ACTIONS, ENVIRONMENT)
