@@ -344,9 +344,12 @@ def why_down(flown: Flights, pilot: ByTable | Evidence) -> str:
 
 @check(points=15, visible=[Seed(1)], hidden=three, needs=["encodes", "chooses", "updates"], all_or_nothing=True)
 def learns(student: Student, case: Seed) -> Verdict:
-    """Trained here, for 40 000 steps, the file lands 80 of 100 starts: from every seed."""
+    """Trained here, for 80 000 steps, the file lands 80 of 100 starts: from every seed, in one of two trainings."""
     pilot, took = trained(student, case.seed)
     flown = fly(pilot, case.seed + 1, 100)
+    if 0.0 < flown.share < 0.8:  # one good training in some hundred has bad luck, but not two of them
+        pilot, took = trained(student, case.seed + 2)
+        flown = fly(pilot, case.seed + 3, 100)
     if flown.share >= 0.8:
         confirm(student, pilot)
         return passed(metrics={"landed_after_training": flown.share})

@@ -22,6 +22,9 @@ from snr_sim.grading.verdicts import Misbehaved
 from snr_sim.learning.vertical_batch import Floats
 
 ALIKE = 1e-6  # of the largest value: rounding in sums of another order is far less, one transition left out far more
+# What is learned keeps moving to and fro, and the mean over some dozens of steps does not. Of 337 trainings of the
+# reference (40 000 steps each) three ended with a table that lands fewer than 80 of 100; of 322 by the mean, none.
+MEAN_EVERY, MEAN_FOLLOWS = 5, 0.125
 ASKED_AGAIN = 3000  # observations: of an encode() that fakes one in a hundred, all but one in 1e13 are found
 
 
@@ -66,10 +69,22 @@ class Evidence:
         self.ledger = Ledger(self.states)
         self._chance = np.random.default_rng([seed, 4])
         self._seen: list[tuple[Floats, list[int]]] = []
+        self._steps = 0
+        self._mean: Floats = np.zeros((self.states, ACTIONS))
+        self._is_tried = np.zeros((self.states, ACTIONS), bool)
 
     def learn(self, transitions: Iterable[Step]) -> None:
         """Learns from transitions, one after the other."""
         self.ledger.learn(transitions)
+        self._steps += 1
+        if self._steps % MEAN_EVERY == 0:
+            self._follow()
+
+    def _follow(self) -> None:
+        """Moves the mean towards what is known now; what was tried for the first time begins as it is."""
+        follows = np.where(self._is_tried, MEAN_FOLLOWS, 1.0)
+        self._mean += follows * (np.array(self.ledger.values) - self._mean)
+        self._is_tried = np.array(self.ledger.visits) > 0
 
     def choose(self, told: Floats, states: list[int], epsilon: float) -> NDArray[np.intp]:
         """Returns what to try where these states were told: the best, or with probability epsilon any."""
@@ -79,10 +94,11 @@ class Evidence:
         return np.where(chance.random(len(states)) < epsilon, drawn, self.ledger.greedy(states))
 
     def act(self, told: Floats) -> NDArray[np.intp]:
-        """Returns the best actions by what was learned."""
+        """Returns the best actions by the mean of what was learned; the first of several, and 0 where nothing was."""
         states = checked_states(self._student.ask("see", packed(told.T), returns=str), len(told), self.states)
         self._seen.append((told, states))
-        return self.ledger.greedy(states)
+        best: NDArray[np.intp] = np.where(self._is_tried, self._mean, -np.inf)[states].argmax(axis=1)
+        return best
 
     def check_update(self) -> None:
         """Compares what the student's update() has made of the training with what was learned here.

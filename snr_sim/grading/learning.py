@@ -73,8 +73,8 @@ class Budget:
         episodes: of all landers together, begun.
     """
 
-    steps: int = 40_000
-    episodes: int = 1500
+    steps: int = 80_000
+    episodes: int = 3000
 
 
 @dataclass(frozen=True)
@@ -231,7 +231,7 @@ def fly(flier: Flier, seed: int, count: int, world: World | None = None) -> Flig
 def _transitions(
     states: list[int], actions: list[int], now: list[int], ends: list[list[Any]], answer: Told, count: int
 ) -> Iterator[Step]:
-    """Yields what a step was for each lander, if there was one; plain tuples, for there are 40 000 in a training."""
+    """Yields what a step was for each lander, if there was one; plain tuples, for there are 80 000 in a training."""
     then, is_terminated, is_truncated = list(now), [False] * len(now), [False] * len(now)
     if len(answer.last) != len(ends) or not all(0 <= state < count for state in answer.last):
         raise Misbehaved("It did not tell in which states episodes ended.", "Leave alone what asks encode().")
