@@ -293,10 +293,10 @@ class ChildProcess:
         """
         if self._socket.fileno() < 0:
             return
-        self.kill()
-        self._process.wait()
-        self._wait_for_the_end()
         try:
+            self.kill()
+            self._process.wait()
+            self._wait_for_the_end()
             if self._confiner is not None:
                 self._confiner.close()
             self._hear_output()

@@ -56,10 +56,10 @@ class Copied:
         dead = select.poll()
         dead.register(self._death, select.POLLIN)
         if dead.poll(None if timeout is None else timeout * 1000.0):
-            self._status = STATUS.unpack(self._nursery.asked(HOW_IT_ENDED)[0])[0]
             os.close(self._death)
             self._death = -1
             self._nursery.is_busy = False
+            self._status = self._nursery.how_it_ended()
 
 
 class Nursery:
@@ -108,6 +108,17 @@ class Nursery:
             os.close(said)
         self.is_busy = True
         return Copied(self, fds[0], heard)
+
+    def how_it_ended(self) -> int:
+        """Returns the status of the last copy, as `subprocess` tells it.
+
+        Raises:
+            LabFault: the sandbox has gone, too.
+        """
+        if self._socket is None:
+            raise self._fault()
+        status: int = STATUS.unpack(self.asked(HOW_IT_ENDED)[0])[0]
+        return status
 
     def asked(self, word: bytes, fds: tuple[int, ...] = ()) -> tuple[bytes, list[int]]:
         """Returns what the sandbox' own process says to a word, and the file descriptors that come with it."""
