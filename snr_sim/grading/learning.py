@@ -30,6 +30,7 @@ from snr_sim.learning.lander_envs import VERTICAL_THROTTLES, LanderVertical
 from snr_sim.learning.q_table import QTable
 from snr_sim.learning.vertical_batch import Floats, Landers, step
 from snr_sim.plants.gear import APOLLO_GEAR
+from snr_sim.prelude.structs import learned
 
 LANDERS = 128  # that fly at once in training: with more of them fewer reach the ground, with fewer the pipe costs more
 FLIGHT_STEPS = 600  # two minutes; free fall from the highest start takes 50 s
@@ -57,7 +58,7 @@ class Here:
     def ask(self, method: str, *args: Any, returns: Any = Any) -> Any:
         """Returns what a method of `Pilot` returns."""
         value = getattr(self.pilot, method)(*args)
-        return msgspec.convert(value, returns) if isinstance(value, dict) and returns is not Any else value
+        return msgspec.convert(value, learned(returns)) if isinstance(value, dict) and returns is not Any else value
 
     def act(self, told: Floats) -> NDArray[np.intp]:
         """Returns what the student's choose() does without chance."""

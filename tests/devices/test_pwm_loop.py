@@ -236,9 +236,10 @@ def test_h6_on_the_wall_clock_a_page_that_is_no_command_is_neutral_and_told_and_
     (note,) = [note for note in node.notes if "is no command" in note]
     assert "test_pwm_loop.py" in note
     assert "nan is no finite number" in note
-    # From when the first had been stored until the next command; one may just have been on its way.
-    meanwhile = [pulses for t, pulses, *_ in outputs.told if since_s[1] < t < since_s[10]]
-    assert [pulses for pulses in meanwhile if pulses != STILL][1:] == []
+    # What was on its way when the first was stored may still be written; then it is neutral until the next command.
+    meanwhile = [pulses for t, pulses, *_ in outputs.told if since_s[0] < t < since_s[10]]
+    assert STILL in meanwhile
+    assert [pulses for pulses in meanwhile[meanwhile.index(STILL) :] if pulses != STILL] == []
 
 
 def test_outputs_that_were_lost_are_opened_again_and_armed_only_after_half_a_second_of_neutral() -> None:
