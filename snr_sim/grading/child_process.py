@@ -31,9 +31,11 @@ from snr_sim.grading.sandbox import (
     Isolation,
     IsolationMissing,
     Limits,
+    closed_to_others,
     environment,
     find_bubblewrap,
     forbidden,
+    out_of_reach,
     start_command,
     unconfined,
 )
@@ -372,6 +374,8 @@ def try_confinement() -> None:
     """
     if missing := missing_rights():
         raise unconfined(f"root has no {missing[0]} here")
+    if closed := closed_to_others():
+        raise out_of_reach(closed)
     user, words = _user_of_a_trial("confined")
     if user is None or not FIRST <= user <= LAST:
         raise unconfined(words or "the process is another user's than it should be")

@@ -74,7 +74,7 @@ def environment(confiner: Confiner | None = None) -> dict[str, str]:
 @contextmanager
 def lent(folder: Path, isolation: Isolation) -> Iterator[Path]:
     """Yields a submission's folder as nobody can read it: itself, or a copy if only its owner may."""
-    is_reached = isolation == "sandbox" or all(path.stat().st_mode & 0o001 for path in folder.parents)
+    is_reached = isolation == "sandbox" or _closed_above(folder) is None
     if isolation == "none" or not is_root() or (is_reached and _is_open(folder)):
         yield folder
         return
@@ -86,6 +86,20 @@ def lent(folder: Path, isolation: Isolation) -> Iterator[Path]:
             if not path.is_symlink():
                 path.chmod(0o755 if path.is_dir() else 0o644)
         yield copy
+
+
+def closed_to_others() -> Path | None:
+    """Returns a folder on the way to Python, its packages or the kit that others may not enter; None if they may."""
+    for path in _outermost([*_pythons(), KIT]):
+        if not path.stat().st_mode & 0o001:
+            return path
+        if closed := _closed_above(path):
+            return closed
+    return None
+
+
+def _closed_above(path: Path) -> Path | None:
+    return next((parent for parent in path.parents if not parent.stat().st_mode & 0o001), None)
 
 
 def _is_open(folder: Path) -> bool:
@@ -173,6 +187,15 @@ def forbidden(words: str) -> IsolationMissing:
     return IsolationMissing(
         f"bubblewrap could not start Python: {words.strip()}",
         fix="Python and its packages must be readable for everybody; is part of them linked from elsewhere?",
+    )
+
+
+def out_of_reach(closed: Path) -> IsolationMissing:
+    """Returns what there is to say when Python, its packages or the kit are in a folder that others may not enter."""
+    return IsolationMissing(
+        f"Nor can a program confine itself here: it is another user's, who may not enter {closed}, and Python, its "
+        "packages or the kit are in there.",
+        fix=f"Or have the environment elsewhere, as in /opt, or let others pass: chmod o+x {closed}",
     )
 
 

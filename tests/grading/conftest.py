@@ -155,7 +155,8 @@ def docker() -> list[str]:
     """What comes before a command to run it as root in an ordinary Docker container, where no sandbox can be made."""
     if os.geteuid() == 0 and _isolation_here() == "confined":
         return []  # this is one
-    prefix = [str(Path(__file__).parent / "as_in_docker"), str(Path(sys.base_prefix).resolve())]
+    needed = [str(Path(one).resolve()) for one in (sys.base_prefix, sys.prefix, Path(__file__).parents[2])]
+    prefix = [str(Path(__file__).parent / "as_in_docker"), ":".join(needed)]
     tried = subprocess.run([*prefix, "true"], capture_output=True, text=True) if os.geteuid() == 0 else None
     if tried is None or tried.returncode != 0 or not Path("/proc/sys/kernel/seccomp").is_dir():
         if os.environ.get("SNR_REQUIRE_SANDBOX") and os.geteuid() == 0:

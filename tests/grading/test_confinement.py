@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -250,6 +251,23 @@ def test_it_starts_and_reaches_nothing(told: dict[str, Any]) -> None:
 def test_it_computes_as_any_program_does(told: dict[str, Any]) -> None:
     assert told["heavy"] == 1.5
     assert told["who"]["pair"] == "x"
+
+
+def test_a_kit_that_other_users_cannot_reach_is_named_before_a_student_is_blamed(
+    docker: list[str], open_folder: Path
+) -> None:
+    closed = open_folder / "private"
+    shutil.copytree(KIT, closed / "snr_sim", ignore=shutil.ignore_patterns("__pycache__"))
+    closed.chmod(0o700)
+    script = "from snr_sim.grading.child_process import try_confinement; try_confinement()"
+    words = [*docker, "env", f"PYTHONPATH={closed}", sys.executable, "-c", script]
+    done = subprocess.run(words, capture_output=True, text=True, cwd=open_folder)
+    assert done.returncode == 1
+    assert f"who may not enter {closed}, and Python, its packages or the kit are in there" in done.stderr
+    assert f"chmod o+x {closed}" in done.stderr
+    closed.chmod(0o711)
+    done = subprocess.run(words, capture_output=True, text=True, cwd=open_folder)
+    assert done.returncode == 0, done.stderr
 
 
 def test_a_flight_comes_to_the_same_result_in_either_isolation(
