@@ -15,7 +15,7 @@ from referencing import Registry, Resource
 
 from snr_sim.devices.emulated.toolchain import ToolsMissing, require_tools
 from snr_sim.flight import Flight
-from snr_sim.grading.child_process import try_sandbox
+from snr_sim.grading.isolation import try_sandbox
 from snr_sim.grading.sandbox import IsolationMissing
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.trace import FILE_NAME, TraceWriter

@@ -11,36 +11,19 @@ import select
 import signal
 import socket
 import subprocess
-import tempfile
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import msgspec
-
-from snr_sim.grading.confiner import Confiner, is_for_here, missing_rights
+from snr_sim.grading.confiner import Confiner
 from snr_sim.grading.endings import ended_badly, spent
 from snr_sim.grading.nursery import Copied, Nursery
 from snr_sim.grading.patience import Patience, seen_of
 from snr_sim.grading.protocol import MAX_ANSWER_BYTES, Answer, Ask, ProtocolError, decode_answer, encode
-from snr_sim.grading.sandbox import (
-    NOBODY,
-    Isolation,
-    IsolationMissing,
-    Limits,
-    closed_to_others,
-    environment,
-    find_bubblewrap,
-    forbidden,
-    out_of_reach,
-    start_command,
-    unconfined,
-)
+from snr_sim.grading.sandbox import Isolation, Limits, environment, start_command
 from snr_sim.grading.scratch import Scratch
-from snr_sim.grading.throwaway_user import FIRST, LAST
 from snr_sim.grading.verdicts import LabFault, Misbehaved
 
 KEPT_BYTES = 8_000  # of what it prints
@@ -330,66 +313,3 @@ def _started(
         )
     except OSError as error:
         raise LabFault(f"A student's process could not be started: {error}.") from error
-
-
-@lru_cache(maxsize=1)
-def find_isolation() -> Isolation:
-    """Returns how students' programs are kept apart here: in a sandbox wherever that can be had.
-
-    Raises:
-        IsolationMissing: not at all.
-    """
-    try:
-        try_sandbox()
-    except IsolationMissing as missing:
-        if not is_for_here():
-            raise
-        try:
-            try_confinement()
-        except IsolationMissing as lacking:
-            raise IsolationMissing(f"{missing.message} {lacking.message}", fix=f"{missing.fix} {lacking.fix}") from None
-        return "confined"
-    return "sandbox"
-
-
-@lru_cache(maxsize=1)
-def try_sandbox() -> None:
-    """Starts a process in the sandbox once, and hears whether it answers.
-
-    Raises:
-        IsolationMissing: it does not.
-    """
-    find_bubblewrap()
-    user, words = _user_of_a_trial("sandbox")
-    if user != NOBODY:
-        raise forbidden(words or "the process in the sandbox is not nobody's")
-
-
-@lru_cache(maxsize=1)
-def try_confinement() -> None:
-    """Starts a confined process once, and hears whether it answers.
-
-    Raises:
-        IsolationMissing: it does not.
-    """
-    if missing := missing_rights():
-        raise unconfined(f"root has no {missing[0]} here")
-    if closed := closed_to_others():
-        raise out_of_reach(closed)
-    user, words = _user_of_a_trial("confined")
-    if user is None or not FIRST <= user <= LAST:
-        raise unconfined(words or "the process is another user's than it should be")
-
-
-def _user_of_a_trial(isolation: Isolation) -> tuple[int | None, str]:
-    """Returns whose a process is that is kept so, or what it has said instead."""
-    with tempfile.TemporaryDirectory(prefix="snr-grading-") as name:
-        os.chmod(name, 0o755)
-        child = ChildProcess(Path(name), isolation, Limits())
-        try:
-            answer = child.ask("hello", None, 10.0)
-        except LabFault as error:
-            return None, child.printed or error.message
-        finally:
-            child.close()
-    return msgspec.json.decode(answer.value), ""

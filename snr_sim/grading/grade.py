@@ -10,7 +10,7 @@ from typing import Literal
 
 from snr_sim import __version__
 from snr_sim.core.blame import describe_error, without_addresses
-from snr_sim.grading.child_process import find_isolation
+from snr_sim.grading.isolation import find_isolation
 from snr_sim.grading.lab import Case, Check, Lab
 from snr_sim.grading.nursery import Nursery
 from snr_sim.grading.results import CaseResult, CheckResult, Graded

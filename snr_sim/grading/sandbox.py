@@ -174,41 +174,6 @@ def find_bubblewrap() -> Path:
     return Path(found).resolve()
 
 
-def forbidden(words: str) -> IsolationMissing:
-    """Returns what there is to say when bubblewrap could not start a process."""
-    if "setting up uid map" in words or "ermission" in words or "not permitted" in words:
-        return IsolationMissing(
-            f"This computer does not let bubblewrap make namespaces: {words.strip()}",
-            fix="a container needs --privileged."
-            if is_root()
-            else "run the grader as root; or allow user namespaces, on Ubuntu: sysctl -w "
-            "kernel.apparmor_restrict_unprivileged_userns=0",
-        )
-    return IsolationMissing(
-        f"bubblewrap could not start Python: {words.strip()}",
-        fix="Python and its packages must be readable for everybody; is part of them linked from elsewhere?",
-    )
-
-
-def out_of_reach(closed: Path) -> IsolationMissing:
-    """Returns what there is to say when Python, its packages or the kit are in a folder that others may not enter."""
-    return IsolationMissing(
-        f"Nor can a program confine itself here: it is another user's, who may not enter {closed}, and Python, its "
-        "packages or the kit are in there.",
-        fix=f"Or have the environment elsewhere, as in /opt, or let others pass: chmod o+x {closed}",
-    )
-
-
-def unconfined(words: str) -> IsolationMissing:
-    """Returns what there is to say when a process could not confine itself: its last line, which has the reason."""
-    reason = words.strip().rpartition("\n")[2]
-    return IsolationMissing(
-        f"Nor can a program confine itself here without namespaces: {reason}",
-        fix="Or take a kernel with Landlock and seccomp (Linux 5.13 or newer), a container that allows their system "
-        "calls, and a Python that everybody may read.",
-    )
-
-
 def is_root() -> bool:
     """Returns whether we are root, as in a container."""
     return os.geteuid() == 0

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.grading.child_process import find_isolation, try_sandbox
+from snr_sim.grading.isolation import find_isolation, try_sandbox
 from snr_sim.grading.sandbox import IsolationMissing
 
 # They run in the sandbox, and never in pytest, which imports whatever it collects.

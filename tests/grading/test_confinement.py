@@ -142,7 +142,7 @@ SCRIPT = """
 import json, sys
 from pathlib import Path
 from snr_sim.grading import Student
-from snr_sim.grading.child_process import find_isolation
+from snr_sim.grading.isolation import find_isolation
 from snr_sim.grading.throwaway_user import _processes
 
 folder, secret, port = Path(sys.argv[1]), sys.argv[2], int(sys.argv[3])
@@ -259,7 +259,7 @@ def test_a_kit_that_other_users_cannot_reach_is_named_before_a_student_is_blamed
     closed = open_folder / "private"
     shutil.copytree(KIT, closed / "snr_sim", ignore=shutil.ignore_patterns("__pycache__"))
     closed.chmod(0o700)
-    script = "from snr_sim.grading.child_process import try_confinement; try_confinement()"
+    script = "from snr_sim.grading.isolation import try_confinement; try_confinement()"
     words = [*docker, "env", f"PYTHONPATH={closed}", sys.executable, "-c", script]
     done = subprocess.run(words, capture_output=True, text=True, cwd=open_folder)
     assert done.returncode == 1

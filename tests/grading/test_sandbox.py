@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 
 import snr_sim
-from snr_sim.grading import Student, child_process
-from snr_sim.grading.child_process import find_isolation, try_confinement, try_sandbox
+from snr_sim.grading import Student, isolation
 from snr_sim.grading.grade import grade_submission
+from snr_sim.grading.isolation import find_isolation, forbidden, try_confinement, try_sandbox, unconfined
 from snr_sim.grading.lab import load_lab
 from snr_sim.grading.nursery import Nursery
-from snr_sim.grading.sandbox import IsolationMissing, Limits, find_bubblewrap, forbidden, is_root, unconfined
+from snr_sim.grading.sandbox import IsolationMissing, Limits, find_bubblewrap, is_root
 from snr_sim.grading.verdicts import Misbehaved
 
 PROBE = '''
@@ -275,18 +275,16 @@ def test_root_who_may_not_mount_is_refused_where_the_kernel_has_no_landlock(monk
     def no_namespaces() -> None:
         raise forbidden("bwrap: Creating new namespace failed: Operation not permitted")
 
-    monkeypatch.setattr(child_process, "try_sandbox", no_namespaces)
-    monkeypatch.setattr(child_process, "is_for_here", lambda: True)
-    monkeypatch.setattr(child_process, "try_confinement", no_landlock)
+    monkeypatch.setattr(isolation, "try_sandbox", no_namespaces)
+    monkeypatch.setattr(isolation, "is_for_here", lambda: True)
+    monkeypatch.setattr(isolation, "try_confinement", no_landlock)
     find_isolation.cache_clear()
     try:
         with pytest.raises(IsolationMissing, match=r"Creating new namespace failed.*Landlock: Function not") as refused:
             find_isolation()
         assert "--privileged" in refused.value.fix
         assert "Linux 5.13" in refused.value.fix
-        monkeypatch.setattr(
-            child_process, "is_for_here", lambda: False
-        )  # it may mount: then bubblewrap is to be mended
+        monkeypatch.setattr(isolation, "is_for_here", lambda: False)  # it may mount: then bubblewrap is to be mended
         with pytest.raises(IsolationMissing, match="Creating new namespace failed") as refused:
             find_isolation()
         assert "Landlock" not in str(refused.value)
@@ -295,7 +293,7 @@ def test_root_who_may_not_mount_is_refused_where_the_kernel_has_no_landlock(monk
 
 
 def test_root_without_the_right_to_become_another_user_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(child_process, "missing_rights", lambda: ["CAP_SETUID"])
+    monkeypatch.setattr(isolation, "missing_rights", lambda: ["CAP_SETUID"])
     with pytest.raises(IsolationMissing, match="CAP_SETUID"):
         try_confinement()
 
