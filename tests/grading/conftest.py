@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.grading.isolation import find_isolation, try_sandbox
+from snr_sim.grading.isolation import find_isolation
 from snr_sim.grading.sandbox import IsolationMissing
 
 # They run in the sandbox, and never in pytest, which imports whatever it collects.
@@ -112,17 +112,6 @@ def handed_in(tmp_path: Path) -> Callable[..., list[Path]]:
         return paths
 
     return write
-
-
-@pytest.fixture
-def sandbox() -> None:
-    """Skips where programs cannot be kept apart, but not in CI."""
-    try:
-        try_sandbox()
-    except IsolationMissing as error:
-        if os.environ.get("SNR_REQUIRE_EMULATORS"):
-            raise
-        pytest.skip(str(error))
 
 
 @pytest.fixture

@@ -14,6 +14,7 @@ import subprocess
 import sys
 import time
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -203,19 +204,26 @@ def left_behind() -> list[str]:
     return [str(path) for place in places if Path(place).is_dir() for path in Path(place).glob(f"*{TOKEN}*")]
 
 
-@pytest.mark.parametrize("isolation", ["sandbox", "confined"])
-def grade_class(lab: str, due: dict[Path, float | None], reached: list[str], tmp_path: Path, jobs: int) -> None:
+def grade_class(
+    lab: str,
+    due: dict[Path, float | None],
+    reached: list[str],
+    tmp_path: Path,
+    private: Path,
+    jobs: int,
+    isolation: str = "sandbox",
+    prefix: Sequence[str] = (),
+) -> None:
     """Grades a class, and looks whether everybody got what is due and nothing was left behind."""
     (tmp_path / "the_secret").write_text("correct horse battery staple")
-    (tmp_path / "tmp").mkdir()
     before, kit = children(), kit_files()
     ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1)  # who is left without a parent becomes ours, and is seen
     words = ["grade", lab, *map(str, due), "--out", str(tmp_path / "out"), "--jobs", str(jobs)]
     done = subprocess.run(
-        [sys.executable, "-m", "snr_sim", *words, "--secret", str(tmp_path / "the_secret")],
+        [*prefix, sys.executable, "-m", "snr_sim", *words, "--secret", str(tmp_path / "the_secret")],
         capture_output=True,
         text=True,
-        env={**os.environ, "TMPDIR": str(tmp_path / "tmp")},
+        env={**os.environ, "TMPDIR": str(private)},
     )
     ctypes.CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 0)
     assert done.returncode == 0, done.stderr + done.stdout
@@ -224,35 +232,43 @@ def grade_class(lab: str, due: dict[Path, float | None], reached: list[str], tmp
     table = {name: (float(row["points"]), row["status"]) for name, row in rows.items()}
     wanted = {path.stem: (points or 0.0, "refused" if points is None else "graded") for path, points in due.items()}
     assert table == wanted
+    assert {row["isolation"] for row in rows.values() if row["status"] == "graded"} <= {isolation}
     for path in (tmp_path / "out" / "results").iterdir():
         assert "AssertionError" not in path.read_text(), f"{path.stem} has not acted at all"
     assert reached == []
     assert still_alive(before) == set()
-    assert list((tmp_path / "tmp").iterdir()) == []
+    assert list(private.iterdir()) == []
     assert left_behind() == []
     assert kit_files() == kit
 
 
+@pytest.mark.parametrize("isolation", ["sandbox", "confined"])
 def test_everybody_gets_exactly_what_is_due(
-    sandbox: None, double_lab: Path, listener: tuple[int, list[str]], tmp_path: Path
+    isolation: str,
+    request: pytest.FixtureRequest,
+    double_lab: Path,
+    listener: tuple[int, list[str]],
+    tmp_path: Path,
+    open_folder: Path,
 ) -> None:
+    prefix = request.getfixturevalue("docker") if isolation == "confined" else request.getfixturevalue("sandbox") or []
     port, reached = listener
     (tmp_path / "submissions").mkdir()
     due = hand_in(tmp_path / "submissions", port)
     assert len(due) == 60
-    grade_class(str(double_lab), due, reached, tmp_path, jobs=6)
+    grade_class(str(double_lab), due, reached, tmp_path, open_folder, 6, isolation, prefix)
 
 
 @pytest.mark.parametrize("kind", ["right", "wrong", "attacks", "no program"])
 def test_everybody_gets_exactly_what_is_due_in_lab_ten(
-    kind: str, sandbox: None, listener: tuple[int, list[str]], tmp_path: Path
+    kind: str, sandbox: None, listener: tuple[int, list[str]], tmp_path: Path, open_folder: Path
 ) -> None:
     """Of each kind one; all of them with SNR_WHOLE_CLASS=1."""
     port, reached = listener
     (tmp_path / "submissions").mkdir()
     kinds = hand_in_lab_ten(tmp_path / "submissions", port)
     due = kinds[kind] if WHOLE_CLASS else dict([*kinds[kind].items()][:1])
-    grade_class("lunar_lander_q", due, reached, tmp_path, jobs=3)
+    grade_class("lunar_lander_q", due, reached, tmp_path, open_folder, jobs=3)
 
 
 def test_a_lab_of_the_course_gives_in_the_sandbox_what_its_own_tests_say(sandbox: None, tmp_path: Path) -> None:
