@@ -171,7 +171,7 @@ def hint_for(values: Sequence[float], length: int, got: list[float], from_: int,
     if len(got) != len(values):
         return f"There are {len(got)} means for {len(values)} values: one for each, also for the first ones."
     if got == list(values) and length > 1:
-        return "Values come out as they went in. Step 1 begins in MovingAverage.update."
+        return "Values come out as they went in. Step 2 begins in MovingAverage.update."
     for name, wrong in {**SHOWN, **OTHERS}.items():
         if same(got[from_:to], wrong(values, length)[from_:to]):
             return HINTS[name]
@@ -250,7 +250,7 @@ def in_the_node(student: Student, case: Fall) -> Verdict:
             return failed(hint + mixed, expected="a moving average", actual=f"begins with {got[:4]}")
         lengths.append(fitting)
     if lengths[0][0] == 1:
-        return failed("Page 'smooth' says what page 'radar' says. Choose a LENGTH; step 2 begins in on_radar.")
+        return failed("Page 'smooth' says what page 'radar' says. Choose a LENGTH; step 3 begins in on_radar.")
     return passed(f"length {lengths[0][0]}", metrics={"length": lengths[0][0]})
 
 

@@ -53,7 +53,7 @@ def test_each_mistake_loses_its_own_points_and_is_named(wrong: str, mark: Callab
 
 
 def test_the_starter_runs_and_is_told_where_to_begin(mark: Callable[..., Any]) -> None:
-    assert "Step 1 begins in MovingAverage.update" in mark(LAB, starter=True).told
+    assert "Step 2 begins in MovingAverage.update" in mark(LAB, starter=True).told
 
 
 def test_every_wrong_solution_is_tried() -> None:

@@ -39,7 +39,7 @@ class DepthHold(Endpoint):
         is_armed = controls is not None and controls["is_armed"]
         pulses = [STOP_US] * 8
         if controls is not None:
-            # Step 3: the pilot says a goal once. This forgets it in the next page.
+            # Step 2: the pilot says a goal once. This forgets it in the next page.
             self.goal_m = controls["depth_m"]
         if is_armed and depth is not None and self.goal_m is not None:
             pulses = pulses_us(up_force_n(depth["depth_m"], self.goal_m))
@@ -52,7 +52,7 @@ class DepthHold(Endpoint):
 
 def up_force_n(depth_m, goal_m):
     """Returns the force that should push the vehicle up [N]; negative pushes it down. At most MOST_N either way."""
-    # Step 1: proportional to the error.
+    # Step 2: proportional to the error.
     return 0.0
 
 

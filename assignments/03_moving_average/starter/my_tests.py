@@ -9,7 +9,7 @@ def cases():
     """Returns the list of your cases."""
     return [
         {"length": 1, "values": [5.0, 7.0], "means": [5.0, 7.0]},
-        # Step 3: your cases. Which mistake would each of them find?
+        # Step 5: your cases. Which mistake would each of them find?
     ]
 
 

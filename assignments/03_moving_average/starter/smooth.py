@@ -19,7 +19,7 @@ class MovingAverage:
 
     def update(self, value):
         """Takes the next value and returns the mean that belongs to it."""
-        # Step 1: so far this knows nothing of the values before.
+        # Step 2: so far this knows nothing of the values before.
         return value
 
 
@@ -44,7 +44,7 @@ class Smoother(Endpoint):
 
     def on_radar(self, task, task_id):
         radar = self.get_data("radar")
-        # Step 2: so far this passes on what the radar says.
+        # Step 3: so far this passes on what the radar says.
         smooth = {"altitude_m": radar["altitude_m"], "velocity_mps": radar["velocity_mps"]}
         return self.store_data_task("smooth", smooth)
 

@@ -10,7 +10,7 @@ READY_S = 2.0  # the vehicle's speed controllers want a moment before anybody ar
 STAY_S, NEAR_M = 1.0, 0.25  # who stays so long so near to the place before a gate has lined up
 BEHIND_M = 0.4  # who is so near to the place behind it has passed
 
-# Step 1: for each state the states that may follow. The picture in the README has seven states and all their arrows.
+# Step 2: for each state the states that may follow. The picture in the README has seven states and all their arrows.
 FOLLOWS = {
     "waiting": ("lining_up",),
     "lining_up": (),

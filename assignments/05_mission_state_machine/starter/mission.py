@@ -106,5 +106,5 @@ class Mission(Endpoint):
             controls["is_armed"] = True
             controls["surge"], controls["sway"] = self.sticks
             controls["depth_m"], controls["heading_rad"] = goal.depth_m, goal.heading_rad
-        # Step 2: what do "waiting", "holding", "surfacing" and "stopped" ask for?
+        # Step 3: what do "waiting", "holding", "surfacing" and "stopped" ask for?
         return controls

@@ -26,7 +26,7 @@ class Perception(Endpoint):
     def on_picture(self, task, task_id):
         camera = self.get_data("camera")
         found = find_plate(camera["rgb"])
-        # Step 2: what if it has not been found? Stop at once; search if that lasts for longer than a second.
+        # Step 4: what if it has not been found? Stop at once; search if that lasts for longer than a second.
         target = {"mode": "stop", "right_px": 0.0, "down_px": 0.0, "stamp_s": camera["stamp_s"]}
         if found is not None:
             right_px, down_px = found
@@ -43,5 +43,5 @@ def find_plate(rgb):
     rows, columns = np.nonzero(rgb[..., 0] > 150)  # yellow is red and green: but is it, down there?
     if len(rows) == 0:
         return None
-    # Step 1: which of these belong together? And this is counted from the top left corner, not from the middle.
+    # Step 3: which of these belong together? And this is counted from the top left corner, not from the middle.
     return float(columns.mean()), float(rows.mean())

@@ -32,5 +32,5 @@ class Topside(Endpoint):
 
     def link_state(self):
         """Returns "ok", "old" or "lost"."""
-        # Step 3: page "link_tether" says in "up" whether the link stands; and how old is page "vehicle"?
+        # Step 4: page "link_tether" says in "up" whether the link stands; and how old is page "vehicle"?
         return "ok"

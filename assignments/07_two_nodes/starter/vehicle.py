@@ -29,7 +29,7 @@ class Vehicle(Endpoint):
         }
 
     def on_controls(self, task, task_id):
-        # Step 2: a page that has overtaken another one is followed by an older one.
+        # Step 3: a page that has overtaken another one is followed by an older one.
         self.command = self.get_data("controls")
 
     def on_imu(self, task, task_id):
@@ -46,5 +46,5 @@ class Vehicle(Endpoint):
 
     def counts(self):
         """Returns whether the newest command counts now."""
-        # Step 1: how old is it?
+        # Step 3: how old is it?
         return self.command is not None and self.command["is_armed"]

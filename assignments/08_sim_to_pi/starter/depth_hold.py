@@ -55,11 +55,11 @@ class DepthHold(Endpoint):
 
     def up_force_n(self, depth_m):
         """Returns the force that should push the vehicle up [N]."""
-        # Step 1: this is a proportional controller. What does it lack?
+        # Step 2: this is a proportional controller. What does it lack?
         return 10.0 * (depth_m - self.wanted_m)
 
 
 def pulse_us(thrust_n):
     """Returns the pulse that makes a thruster push so hard; negative is astern."""
-    # Step 3: nothing turns within 30 us of 1500, and from there on thrust does not grow in a straight line.
+    # Step 2: nothing turns within 30 us of 1500, and from there on thrust does not grow in a straight line.
     return STOP_US + 5.0 * thrust_n
