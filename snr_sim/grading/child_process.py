@@ -22,7 +22,8 @@ from snr_sim.grading.endings import ended_badly, spent
 from snr_sim.grading.nursery import Copied, Nursery
 from snr_sim.grading.patience import Patience, seen_of
 from snr_sim.grading.protocol import MAX_ANSWER_BYTES, Answer, Ask, ProtocolError, decode_answer, encode
-from snr_sim.grading.sandbox import Isolation, Limits, environment, start_command
+from snr_sim.grading.results import Isolation
+from snr_sim.grading.sandbox import Limits, environment, start_command
 from snr_sim.grading.scratch import Scratch
 from snr_sim.grading.verdicts import LabFault, Misbehaved
 
@@ -68,7 +69,7 @@ class ChildProcess:
             try:
                 copied = nursery.copy(there.fileno()) if nursery is not None and not readable else None
                 self._process = copied or _started(folder, isolation, there.fileno(), limits, readable, self._confiner)
-            except LabFault:
+            except BaseException:
                 here.close()
                 if self._confiner is not None:
                     self._confiner.close()

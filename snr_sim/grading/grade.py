@@ -6,15 +6,14 @@ import shutil
 import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Literal
 
 from snr_sim import __version__
 from snr_sim.core.blame import describe_error, without_addresses
 from snr_sim.grading.isolation import find_isolation
 from snr_sim.grading.lab import Case, Check, Lab
 from snr_sim.grading.nursery import Nursery
-from snr_sim.grading.results import CaseResult, CheckResult, Graded
-from snr_sim.grading.sandbox import Isolation, Limits, lent
+from snr_sim.grading.results import CaseResult, CheckResult, Demanded, Graded, Isolation, Status
+from snr_sim.grading.sandbox import Limits, lent
 from snr_sim.grading.student import Student
 from snr_sim.grading.verdicts import LabFault, Misbehaved, Unjudged, Verdict
 
@@ -26,7 +25,7 @@ def grade_submission(
     lab: Lab,
     folder: Path,
     secret: bytes | None = None,
-    isolation: Literal["required", "none"] = "required",
+    isolation: Demanded = "required",
     *,
     name: str = "",
     out: Path | None = None,
@@ -50,7 +49,7 @@ def grade_submission(
         IsolationMissing: isolation is required, and cannot be had here.
     """
     sort = sandboxed(isolation)
-    status: Literal["graded", "fault"] = "graded"
+    status: Status = "graded"
     error = ""
     checks: tuple[CheckResult, ...] = ()
     with lent(folder.resolve(), sort) as readable, Nursery(readable, sort, limits or Limits()) as nursery:
@@ -72,7 +71,7 @@ def grade_submission(
     )
 
 
-def sandboxed(isolation: Literal["required", "none"]) -> Isolation:
+def sandboxed(isolation: Demanded) -> Isolation:
     """Returns how a student's process will be kept, as reports say it.
 
     Raises:

@@ -15,9 +15,9 @@ import msgspec
 
 from snr_sim.grading.child_process import ChildProcess
 from snr_sim.grading.confiner import is_for_here, missing_rights
+from snr_sim.grading.results import Isolation
 from snr_sim.grading.sandbox import (
     NOBODY,
-    Isolation,
     IsolationMissing,
     Limits,
     closed_to_others,

@@ -19,7 +19,8 @@ from contextlib import suppress
 from pathlib import Path
 
 from snr_sim.grading.nursery_process import COPIED, COPY, HOW_IT_ENDED, STATUS, USED_UP
-from snr_sim.grading.sandbox import Isolation, Limits, environment, is_root, start_command
+from snr_sim.grading.results import Isolation
+from snr_sim.grading.sandbox import Limits, environment, is_root, start_command
 from snr_sim.grading.verdicts import LabFault
 
 _MOST_BYTES = 64

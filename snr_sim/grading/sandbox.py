@@ -21,10 +21,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal, TypeAlias
 
 import snr_sim
 from snr_sim.grading.confiner import Confiner
+from snr_sim.grading.results import Isolation
 from snr_sim.grading.scratch import FILE_BYTES
 from snr_sim.prelude.errors import SnrError
 
@@ -35,8 +35,6 @@ SUBMISSION = Path("/submission")
 _SCRATCH_BYTES = 16 << 20
 _SYSTEM = ("/lib", "/lib32", "/lib64", "/libx32")
 _INSTALL = "apt install bubblewrap"
-
-Isolation: TypeAlias = Literal["sandbox", "confined", "none"]  # as reports say it
 
 
 class IsolationMissing(SnrError):

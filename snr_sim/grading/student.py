@@ -19,7 +19,8 @@ from snr_sim.grading.endings import misbehaved
 from snr_sim.grading.imports import check_imports
 from snr_sim.grading.nursery import Nursery
 from snr_sim.grading.protocol import ProtocolError, decode_as, plain_value
-from snr_sim.grading.sandbox import Isolation, Limits
+from snr_sim.grading.results import Isolation
+from snr_sim.grading.sandbox import Limits
 from snr_sim.grading.verdicts import LabFault, Misbehaved
 from snr_sim.prelude.structs import learned
 from snr_sim.prelude.values import encode_value, may_have_marks
