@@ -96,9 +96,13 @@ class ClassFolder:
         except OSError as error:
             os.close(self._lock)
             raise SnrError(f"Another snr grade works in {path}.", fix="wait for it, or name another folder.") from error
-        self._tidy_up()
-        self._manifest = self._read_manifest()
-        self.place = self._make_place()
+        try:
+            self._tidy_up()
+            self._manifest = self._read_manifest()
+            self.place = self._make_place()
+        except BaseException:
+            os.close(self._lock)
+            raise
 
     def _tidy_up(self) -> None:
         """Removes what a process that was killed has left."""
@@ -169,9 +173,10 @@ class ClassFolder:
             (self.path / name).unlink(missing_ok=True)
         every = {one.id: (one.id, str(one.given)) for one in [*self.known, *submissions]}
         self._manifest = _Manifest(terms, list(every.values()))
+        # Before the folders: by it whoever is killed here finds the folder to be a class's.
+        write_whole(self.path / "class.json", msgspec.json.format(msgspec.json.encode(self._manifest), indent=1))
         for folder in ("results", "students", ".staged"):
             (self.path / folder).mkdir(exist_ok=True)
-        write_whole(self.path / "class.json", msgspec.json.format(msgspec.json.encode(self._manifest), indent=1))
 
     def done(self, name: str, digest: str) -> Graded | None:
         """Returns the result of a submission, if it is done and still the same."""
@@ -237,7 +242,8 @@ def read_secret(path: Path) -> bytes:
 
 
 def _only_ours(path: Path) -> bool:
-    return {entry.name for entry in path.iterdir()} <= {".lock", "secret"}
+    """Returns whether nothing is there but what a run leaves that was killed before it had begun."""
+    return {entry.name for entry in path.iterdir()} <= {".lock", "secret", ".secret.part", ".class.json.part"}
 
 
 def _changed(before: Mapping[str, str], now: Mapping[str, str]) -> str:

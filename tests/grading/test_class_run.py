@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim.grading.class_folder import ClassFolder
+from snr_sim.grading.class_folder import ClassFolder, Terms
 from snr_sim.grading.class_run import ClassRun
 from snr_sim.grading.intake import name_submissions
 from snr_sim.grading.lab import load_lab
@@ -304,6 +304,32 @@ def test_a_folder_of_somebody_elses_is_left_alone(tmp_path: Path) -> None:
     with pytest.raises(SnrError, match="something else"):
         ClassFolder(tmp_path, is_resumed=True)
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_a_class_that_cannot_be_read_is_told_so_each_time(tmp_path: Path) -> None:
+    (tmp_path / "class.json").write_text("{")
+    for _ in range(2):
+        with pytest.raises(SnrError, match=r"class\.json cannot be read"):
+            ClassFolder(tmp_path, is_resumed=True)
+
+
+def test_killed_before_the_first_submission_it_goes_on_too(tmp_path: Path) -> None:
+    terms = Terms("01_double", "a", "1", "b", "none")
+    for left in (".class.json.part", ".secret.part", "results"):
+        place = tmp_path / left.strip(".")
+        place.mkdir()
+        folder = ClassFolder(place, is_resumed=False)
+        folder.secret(None)
+        (place / left).write_text("")
+        if left == "results":  # a file in a folder's place ends it where it would be killed
+            with pytest.raises(FileExistsError):
+                folder.begin(terms, [])
+            (place / left).unlink()
+        folder.close()
+        folder = ClassFolder(place, is_resumed=True)
+        folder.begin(terms, [])
+        folder.close()
+        assert not list(place.glob(".*.part"))
 
 
 def test_a_short_secret_is_refused(tmp_path: Path) -> None:
