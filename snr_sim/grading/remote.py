@@ -35,7 +35,7 @@ from snr_sim.grading.node_messages import (
     Told,
 )
 from snr_sim.grading.packing import packed
-from snr_sim.grading.protocol import Answer, ProtocolError, decode_as
+from snr_sim.grading.protocol import Answer, ProtocolError, T, decode_as
 from snr_sim.grading.proxies import RemoteEndpoint, RemoteEndpointFactory, RemoteLoop, RemoteLoopFactory
 from snr_sim.grading.verdicts import Misbehaved
 from snr_sim.prelude.errors import SnrError
@@ -89,11 +89,25 @@ class Remote:
                 raise misbehaved(answer.error)
             return answer
         except ProtocolError as error:
-            self.misbehaved = Misbehaved(error.message, "Leave the grader's file descriptors alone.")
-            raise self.misbehaved from error
+            raise self._nonsense(error) from error
         except Misbehaved as error:
             self.misbehaved = error
             raise
+
+    def _decode(self, decoder: msgspec.json.Decoder[T], answer: Answer) -> T:
+        """Returns what an answer says.
+
+        Raises:
+            Misbehaved: it has another form; kept, as in `ask`.
+        """
+        try:
+            return decode_as(decoder, answer.value)
+        except ProtocolError as error:
+            raise self._nonsense(error) from error
+
+    def _nonsense(self, error: ProtocolError) -> Misbehaved:
+        self.misbehaved = Misbehaved(error.message, "Leave the grader's file descriptors alone.")
+        return self.misbehaved
 
     def controller(self, path: Path, robots: Sequence[tuple[str, Path]]) -> ModuleType:
         """Returns a module that stands for the student's file: its `factories` makes proxies.
@@ -103,7 +117,7 @@ class Remote:
             robots: whose modules the student may import.
         """
         answer = self.ask("load", Load(self.file, [(name, str(folder)) for name, folder in robots]), 20.0)
-        loaded: Loaded = _decode(_decode_loaded, answer)
+        loaded = self._decode(_decode_loaded, answer)
         module = ModuleType(Path(self.file).stem)
         module.__file__ = str(path)
         if loaded.options is not None:
@@ -115,7 +129,7 @@ class Remote:
 
     def factories(self, robot: Robot) -> list[RemoteEndpointFactory | RemoteLoopFactory]:
         """Has the student's `factories(robot)` called; returns a proxy for each of its factories."""
-        opened: Opened = _decode(_decode_opened, self.ask("open", Open(self.file, packed(robot)), 20.0))
+        opened = self._decode(_decode_opened, self.ask("open", Open(self.file, packed(robot)), 20.0))
         self.files = opened.files
         first, self._made = self._made, self._made + len(opened.are_loops)
         return [
@@ -125,7 +139,7 @@ class Remote:
 
     def make(self, factory: int, parent: Node) -> Made:
         """Has a component made in the student's process."""
-        made: Made = _decode(_decode_made, self.ask("make", Make(parent.role, factory, parent.chance)))
+        made = self._decode(_decode_made, self.ask("make", Make(parent.role, factory, parent.chance)))
         self.admission.component(made)
         self.names.add(made.name)
         return made
@@ -150,7 +164,7 @@ class Remote:
         pages, came_s = self._new_pages(node)
         raw = msgspec.Raw(task.serialize())
         args = Handle(node.role, component.name, raw, node.machine.now_s, pages, came_s)
-        answer = _decode(_decode_returned, self.ask("handle", args))
+        answer = self._decode(_decode_returned, self.ask("handle", args))
         for name, tasks in answer.returned.items():
             self._answers[name] = self.admission.tasks(tasks, node, name)
         if answer.failed:
@@ -169,7 +183,7 @@ class Remote:
         answer = self.ask("step", Step(node.role, component.name, step, now_s, pages, came_s), may_raise=True)
         if answer.error is not None:
             raise StudentFailed(answer.error.text, answer.error.fix)
-        done: StepDone = _decode(_decode_step_done, answer)
+        done = self._decode(_decode_step_done, answer)
         self._take(done, node)
         return done
 
@@ -205,13 +219,6 @@ class Remote:
             if page.origin != node.name:
                 came_s[key] = node.came_at_s(key)
         return pages, came_s
-
-
-def _decode(decoder: Any, answer: Answer) -> Any:
-    try:
-        return decode_as(decoder, answer.value)
-    except ProtocolError as error:
-        raise Misbehaved(error.message, "Leave the grader's file descriptors alone.") from error
 
 
 _decode_loaded = msgspec.json.Decoder(Loaded)

@@ -182,6 +182,14 @@ def test_an_answer_forged_before_it_was_asked_for_is_no_answer(tmp_path: Path) -
         student.host("mine.py", "snr_sim.grading.queue_bench:QueueBench")
 
 
+def test_an_answer_of_another_form_ends_a_flight_with_its_own_hint_whatever_may_fail(tmp_path: Path) -> None:
+    body = "import sys; sys.modules['snr_sim.grading.node_verbs']._encode = lambda answer: b'5'"
+    (tmp_path / "mine.py").write_text(CONTROLLER.replace("BODY", body))
+    with pytest.raises(Misbehaved, match="no answer: Expected `object`, got `int`") as caught:
+        Student(tmp_path).fly("lander_vertical", 3, "mine.py", may_fail=True)
+    assert caught.value.hint == "Leave the grader's file descriptors alone."
+
+
 @pytest.mark.parametrize(
     ("source", "told"),
     [
