@@ -145,7 +145,7 @@ def take_in(given: Path, wanted: Sequence[str], into: Path) -> TakenIn:
     if given.is_dir():
         archives = sorted(path for path in given.glob("*.zip") if not path.is_symlink())
         is_wrapped = len(archives) == 1 and not any(_is_there(given, name) for name in wanted)
-        if is_wrapped and not any(entry.is_dir() for entry in os.scandir(given)):  # some systems hand out such folders
+        if is_wrapped and not any(path.is_dir() for path in given.iterdir()):  # some systems hand out such folders
             given = archives[0]
     members = _files_under(given, notes) if given.is_dir() else entries_of(given, notes, _is_litter)
     into.mkdir(mode=0o755)
@@ -290,7 +290,7 @@ def _top(into: Path, wanted: Sequence[str]) -> Path:
 
 def _lift(top: Path, into: Path) -> None:
     """Makes the contents of a folder inside a folder the contents of that folder."""
-    apart = into.with_name(f"{into.name}.top")
+    apart = into.with_name(f".{into.name}.top")  # no submission's name begins with a dot
     top.rename(apart)
     shutil.rmtree(into)
     apart.rename(into)

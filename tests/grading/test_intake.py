@@ -87,6 +87,18 @@ def test_an_archive_alone_in_a_folder_is_the_submission(tmp_path: Path) -> None:
     assert files_in(taken(tmp_path, given)) == {"depth_hold.py": CODE}
 
 
+def test_an_archive_beside_a_folder_is_told_to_be_one(tmp_path: Path) -> None:
+    given = folder(tmp_path, ada__zip=b"", depth_hold___notes__txt=b"x")
+    with pytest.raises(Refused, match=r"The lab wants depth_hold\.py"):
+        taken(tmp_path, given)
+
+
+def test_what_is_lifted_out_of_its_folder_meets_no_other_submission(tmp_path: Path) -> None:
+    archive = zipped(tmp_path, ("lab/depth_hold.py", CODE))
+    (tmp_path / "private.top" / "inside").mkdir(parents=True)  # of one who is called so
+    assert files_in(taken(tmp_path, archive)) == {"depth_hold.py": CODE}
+
+
 def test_names_with_backslashes_are_paths(tmp_path: Path) -> None:
     given = zipped(tmp_path, ("lab2\\depth_hold.py", CODE), ("lab2\\more\\a.py", b"a"))
     assert sorted(files_in(taken(tmp_path, given))) == ["depth_hold.py", "more/a.py"]
