@@ -24,7 +24,7 @@ from snr_sim.core.blame import describe_error, place_of, put_place_first
 from snr_sim.grading.child_limits import TookTooLong, become, heed_time, limit, refuse_company
 from snr_sim.grading.child_values import NoValue, encode_plain, short
 from snr_sim.grading.protocol import Answer, Said, decode_ask, encode
-from snr_sim.prelude.errors import SnrError
+from snr_sim.prelude.errors import SnrError, nearest
 from snr_sim.prelude.values import decode_value
 
 _CHUNK = 1 << 16  # much more would be given to the system and taken back at each read
@@ -120,8 +120,6 @@ def function_of(module: ModuleType, name: str) -> Callable[..., Any]:
     function = getattr(module, name, None)
     file = Path(str(module.__file__)).name
     if function is None:
-        from snr_sim.prelude.errors import nearest
-
         has = [known for known, value in vars(module).items() if callable(value) and known[:1] != "_"]
         raise SnrError(f"{file} has no function `{name}`.", fix=nearest(name, has))
     if not callable(function):

@@ -1,5 +1,6 @@
 """A student's process: what is its fault, and what is ours."""
 
+import socket
 from pathlib import Path
 
 import pytest
@@ -25,3 +26,15 @@ def test_a_process_that_ends_before_it_has_read_the_submission_is_no_fault_of_th
     with pytest.raises(LabFault, match="could not be started"):
         child.ask("call", {"file": "mine.py", "function": "f", "args": []}, 1.0)
     child.close()
+
+
+def test_a_process_that_cannot_be_started_leaves_no_line_open(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*args: object) -> tuple[list[str], Path]:
+        raise OSError(24, "Too many open files")
+
+    line = socket.socketpair()
+    monkeypatch.setattr(child_process, "start_command", fails)
+    monkeypatch.setattr("socket.socketpair", lambda: line)
+    with pytest.raises(OSError, match="Too many"):
+        ChildProcess(tmp_path, "none", Limits())
+    assert [end.fileno() for end in line] == [-1, -1]
