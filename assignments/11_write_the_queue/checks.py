@@ -12,7 +12,8 @@ from typing import Any
 
 from snr_sim.grading import Lab, Student, Verdict, check, failed, passed
 from snr_sim.grading.plain_code import what_is_not_plain
-from snr_sim.grading.queue_bench import PlainQueue, QueueBench
+from snr_sim.grading.plain_queue import PlainQueue
+from snr_sim.grading.queue_bench import QueueBench
 
 FILE, BENCH = "task_queue.py", "snr_sim.grading.queue_bench:QueueBench"
 TERMINATE, KINDS = "terminate", ("event", "event", "store_page", "process_data")

@@ -1,19 +1,12 @@
-"""The student's side of lab 11: drives a queue of theirs, counts what it does, and puts it into a real node.
+"""The student's side of lab 11: drives a queue of theirs, tells how much work it does, and puts it into a real node.
 
-It stands in the student's process; what should have come the grader knows alone. Work is counted, not timed: every
-comparison of priorities, and every place in the queue's own lists, dicts and deques that holds something else than
-before. So the count is the same on any computer. A program that could reach this counter is found by reading it
-(`plain_code.py`), and one that compares without being seen by the CPU time that the kernel counts.
+It stands in the student's process; what should have come (`plain_queue.py`) the grader knows alone.
 """
 
 from __future__ import annotations
 
-import gc
-import math
-import operator
-from collections import deque
 from collections.abc import Callable, Sequence
-from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
+from types import ModuleType
 from typing import Any
 
 from snr_sim.core.clocks import SimClock
@@ -22,45 +15,13 @@ from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.lockstep import run_alone
 from snr_sim.core.machine import EventMachine
 from snr_sim.core.node import Node
+from snr_sim.grading.queue_work import Priority, contents, written
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 
 # What waits in the node of `run_node`, by kind: pages are stored before anything is made of them.
 NODE_PRIORITIES = {TaskType.store_page: 20, TaskType.process_data: 10, TaskType.event: 0, TaskType.reload: 0}
 MOST_STEPS = 5000
-
-
-class Priority(int):
-    """A priority that counts how often priorities are compared, and stays one when it is reckoned with."""
-
-    compared = 0
-    __hash__ = int.__hash__
-
-
-def _counted(name: str) -> Callable[[int, Any], Any]:
-    plain = getattr(int, name)
-
-    def compare(self: int, other: Any) -> Any:
-        Priority.compared += 1
-        return plain(self, other)
-
-    return compare
-
-
-def _kept(name: str) -> Callable[..., Any]:
-    plain = getattr(int, name)
-
-    def reckon(self: int, *others: Any) -> Any:
-        result = plain(self, *others)
-        return Priority(result) if type(result) is int else result
-
-    return reckon
-
-
-for _name in ("__lt__", "__le__", "__gt__", "__ge__", "__eq__", "__ne__"):
-    setattr(Priority, _name, _counted(_name))
-for _name in ("__neg__", "__pos__", "__add__", "__radd__", "__sub__", "__rsub__", "__mul__", "__rmul__"):
-    setattr(Priority, _name, _kept(_name))
 
 
 class QueueBench:
@@ -103,14 +64,14 @@ class QueueBench:
         queue = self.kind(size)
         for operation in operations[:size]:
             _done(queue, operation, Priority)
-        Priority.compared = written = 0
+        Priority.compared = places = 0
         before = self._contents(queue)
         for operation in operations[size:]:
             _done(queue, operation, Priority)
             now = self._contents(queue)
-            written += _written(before, now)
+            places += written(before, now)
             before = now
-        return (Priority.compared + written) / (len(operations) - size)
+        return (Priority.compared + places) / (len(operations) - size)
 
     def places(self, most: int, operations: Sequence[Sequence[Any]]) -> int:
         """Returns how many places the queue's own lists, dicts and deques have after some operations."""
@@ -164,68 +125,6 @@ def _name_of(answer: Any, method: str) -> str | None:
     if type(answer) is not Task:
         raise ParameterError(f"{method}() returned {answer!r}.", fix="a task, or None if there is none.")
     return answer.name
-
-
-def contents(*roots: Any, home: str = "") -> dict[int, tuple[Any, ...]]:
-    """Returns what each list, dict, deque, set, object, function and generator holds that can be reached, by identity.
-
-    The first item of each is the container itself, so that none of them goes away while it is compared.
-
-    Args:
-        roots: where to begin.
-        home: name of the module whose classes and functions are looked into; those of others are not.
-    """
-    found: dict[int, tuple[Any, ...]] = {}
-    waiting: list[Any] = list(roots)
-    while waiting:
-        one = waiting.pop()
-        if type(one) in _PLAIN or isinstance(one, _OTHERS) or id(one) in found:
-            continue
-        if isinstance(one, (type, FunctionType)) and one.__module__ != home:
-            continue
-        inside = _inside(one)
-        found[id(one)] = (one, *inside)
-        waiting.extend(inside)
-    return found
-
-
-_PLAIN = {int, float, bool, str, bytes, Task, TaskType, Priority, type(None)}
-_OTHERS = (ModuleType, BuiltinFunctionType, CodeType)
-_KINDS: tuple[type[Any], ...] = (list, tuple, deque, set, frozenset)
-
-
-def _inside(one: Any) -> Sequence[Any]:
-    """Asks none of the student's own methods: an iterator of theirs could leave something out."""
-    if isinstance(one, FunctionType):
-        return [*(one.__closure__ or ()), *(one.__defaults__ or ()), *(one.__kwdefaults__ or {}).values()]
-    items: list[Any] = []
-    if isinstance(one, dict):
-        items = [*dict.keys(one), *dict.values(one)]
-    for kind in _KINDS:
-        if isinstance(one, kind):
-            items = list(kind.__iter__(one))
-    if type(one) in (dict, *_KINDS):
-        return items
-    known = set(map(id, items))
-    return [*items, *(other for other in gc.get_referents(one) if id(other) not in known)]
-
-
-def _written(before: dict[int, tuple[Any, ...]], now: dict[int, tuple[Any, ...]]) -> int:
-    """Returns how many places hold something else than before; all places of what is new."""
-    return sum(_changed(before.get(identity, ()), holds) for identity, holds in now.items())
-
-
-def _changed(held: tuple[Any, ...], holds: tuple[Any, ...]) -> int:
-    """Returns in how many places one container changed."""
-    if len(held) == len(holds) and not any(map(operator.is_not, held, holds)):
-        return 0
-    if held and isinstance(holds[0], (dict, set)):  # what is in them has no place that another could push it from
-        return len(set(map(id, held)) ^ set(map(id, holds)))
-    gone = 0
-    if held and isinstance(holds[0], deque):  # what leaves at its front moves nobody
-        gone = next((i for i, one in enumerate(held[1:]) if len(holds) > 1 and one is holds[1]), len(held) - 1)
-        held = (held[0], *held[1 + gone :])
-    return gone + sum(map(operator.is_not, held, holds)) + abs(len(holds) - len(held))
 
 
 class QueuedMachine(EventMachine):
@@ -309,32 +208,3 @@ class _Answering(Endpoint):
         """Answers a task."""
         self.factory.handled.append(task.name)
         return [_task(kind, name) for kind, name in self.factory.answers.get(task.name, ())]
-
-
-class PlainQueue:
-    """What a right queue answers, found the slow way: all tasks in one list, looked through at each operation.
-
-    Args:
-        most: how many tasks it may hold.
-    """
-
-    def __init__(self, most: int) -> None:
-        self._most = most
-        self._waiting: list[tuple[float, Task]] = []
-
-    def __len__(self) -> int:
-        return len(self._waiting)
-
-    def put(self, task: Task, priority: int) -> Task | None:
-        """Lets a task in; returns the one that has to leave for it, if it is full."""
-        self._waiting.append((math.inf if task.type is TaskType.terminate else priority, task))
-        if len(self._waiting) <= self._most:
-            return None
-        least = min(range(len(self._waiting)), key=lambda i: self._waiting[i][0])  # the first of several: the oldest
-        return self._waiting.pop(least)[1]
-
-    def take(self) -> Task | None:
-        """Returns the next task, or None."""
-        if not self._waiting:
-            return None
-        return self._waiting.pop(max(range(len(self._waiting)), key=lambda i: self._waiting[i][0]))[1]

@@ -13,7 +13,8 @@ import pytest
 from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.lab import load_lab
 from snr_sim.grading.plain_code import what_is_not_plain
-from snr_sim.grading.queue_bench import PlainQueue, QueueBench
+from snr_sim.grading.plain_queue import PlainQueue
+from snr_sim.grading.queue_bench import QueueBench
 from snr_sim.library import load_program
 from snr_sim.prelude.errors import SnrError
 

@@ -2,4 +2,4 @@
 
 import importlib
 
-TaskQueue = importlib.import_module("snr_sim.grading." + "queue_bench").PlainQueue
+TaskQueue = importlib.import_module("snr_sim.grading." + "plain_queue").PlainQueue
