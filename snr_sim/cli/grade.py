@@ -13,10 +13,10 @@ import typer
 
 if TYPE_CHECKING:
     from snr_sim.grading.class_folder import ClassFolder
-    from snr_sim.grading.intake import Submission
     from snr_sim.grading.lab import Lab
     from snr_sim.grading.reports.class_table import Summary
     from snr_sim.grading.results import Demanded, Graded
+    from snr_sim.grading.submissions import Submission
 
 _MOST_SHOWN = 10
 
@@ -81,8 +81,8 @@ def _grade_class(
     from snr_sim.grading.class_run import ClassRun
     from snr_sim.grading.cluster import grade_on_cluster
     from snr_sim.grading.grade import sandboxed
-    from snr_sim.grading.intake import name_submissions
     from snr_sim.grading.local_workers import grade_here
+    from snr_sim.grading.submissions import name_submissions
 
     if client is None:
         sandboxed(isolation)  # refuses before anything is written

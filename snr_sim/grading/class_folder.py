@@ -24,8 +24,9 @@ from pathlib import Path
 
 import msgspec
 
-from snr_sim.grading.intake import Submission, remove
+from snr_sim.grading.intake import remove
 from snr_sim.grading.results import Graded
+from snr_sim.grading.submissions import Submission
 from snr_sim.grading.whole_files import sync_folder, write_whole
 from snr_sim.prelude.errors import SnrError
 

@@ -15,13 +15,14 @@ import msgspec
 
 from snr_sim.grading.archive import Refused
 from snr_sim.grading.class_folder import ClassFolder
-from snr_sim.grading.intake import Submission, TakenIn, remove, take_in
+from snr_sim.grading.intake import TakenIn, remove, take_in
 from snr_sim.grading.lab import Lab
 from snr_sim.grading.reports.check50 import check50
 from snr_sim.grading.reports.gradescope import gradescope_results
 from snr_sim.grading.reports.junit import junit
 from snr_sim.grading.reports.student_page import student_page
 from snr_sim.grading.results import Demanded, Graded
+from snr_sim.grading.submissions import Submission
 from snr_sim.grading.worker import Job, without_marks
 
 RUNS = "runs"

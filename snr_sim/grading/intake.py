@@ -1,4 +1,4 @@
-"""What a student handed in: named, looked through, and copied to a private, read-only place.
+"""What a student handed in: looked through, and copied to a private, read-only place.
 
     folder or .zip -> plain files with plain names, bounded in count and size -> `into` (read-only), and notes
 
@@ -14,13 +14,12 @@ import os
 import shutil
 import stat
 import unicodedata
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, NamedTuple, TypeAlias
+from typing import BinaryIO, TypeAlias
 
 from snr_sim.grading.archive import Refused, entries_of
-from snr_sim.prelude.errors import SnrError
 
 MAX_FILES = 500
 MAX_BYTES = 32 * 2**20
@@ -29,20 +28,12 @@ MAX_NAME_CHARS = 200
 _CHUNK_BYTES = 2**16
 _TOO_MANY = f"Your submission has more than {MAX_FILES} files."
 _ONLY_WHAT_IS_ASKED = "hand in only what the lab asks for."
-_MAX_ID_CHARS = 60
 _MAX_NOTES = 20
 # What editors, Python and macOS leave lying about: not part of what was handed in.
 _LITTER = {"__pycache__", "__MACOSX", "venv", "node_modules", "Thumbs.db"}
 _LITTER_SUFFIXES = (".pyc", ".pyo", "~")
 
 Member: TypeAlias = tuple[str, "BinaryIO | None"]
-
-
-class Submission(NamedTuple):
-    """A submission and the name it goes by."""
-
-    id: str
-    given: Path
 
 
 @dataclass(frozen=True)
@@ -58,76 +49,6 @@ class TakenIn:
     folder: Path
     digest: str
     notes: tuple[str, ...]
-
-
-def name_submissions(
-    given: Iterable[Path], known: Sequence[Submission] = (), wanted_files: Sequence[str] = ()
-) -> list[Submission]:
-    """Returns each submission, once, with a name that is safe in paths and tables and that no other has.
-
-    Args:
-        given: folders and archives, by path.
-        known: what was named before, as by an interrupted run: keeps its names.
-        wanted_files: the lab's. If one folder alone is given, with none of them at its top but folders, it is a
-            class's, though a file lies about in it. (Among many it is one student's, who must not stop the others.)
-
-    Raises:
-        SnrError: one is not there, or is a folder of submissions.
-    """
-    named = {submission.given: submission for submission in known}
-    taken = {submission.id.casefold() for submission in known}
-    # The class's folder may have been moved since: then who is gone from there is who comes from here.
-    moved = {_safe_name(one.given): one for one in reversed(known) if not one.given.exists()}
-    wanted = list(dict.fromkeys(Path(os.path.abspath(path)) for path in given))
-    for path in wanted:
-        _need_submission(path, wanted_files if len(wanted) == 1 else ())
-        if path not in named and (before := moved.pop(_safe_name(path), None)):
-            named[path] = Submission(before.id, path)
-        if path not in named:
-            named[path] = Submission(_free_name(_safe_name(path), taken), path)
-            taken.add(named[path].id.casefold())
-    return [named[path] for path in wanted]
-
-
-def _need_submission(path: Path, wanted_files: Sequence[str]) -> None:
-    try:
-        mode = path.stat().st_mode
-    except (OSError, ValueError) as error:
-        raise SnrError(f"There is no submission '{path}'.", fix="give folders and .zip files by path.") from error
-    if not (stat.S_ISDIR(mode) or stat.S_ISREG(mode)):
-        raise SnrError(f"'{path}' is neither a folder nor a file.", fix="give folders and .zip files by path.")
-    if stat.S_ISDIR(mode):
-        inside = [entry for entry in sorted(os.scandir(path), key=lambda one: one.name) if not _is_litter(entry.name)]
-        many = [entry.name for entry in inside if entry.is_dir() or entry.name.lower().endswith(".zip")]
-        is_students = any((path / name).is_file() for name in wanted_files)
-        if len(many) > 1 and (len(many) == len(inside) or (wanted_files and not is_students)):
-            raise SnrError(
-                f"'{path}' is not a submission, but holds {len(many)}: {many[0]}, {many[1]}, ...",
-                fix=f"give what is in it: {path}/*.",
-            )
-
-
-def _safe_name(path: Path) -> str:
-    """Returns letters, digits and - _ . of a file's name, so that it is one folder's name everywhere.
-
-    >>> _safe_name(Path("/class/Zoë Müller (late).zip"))
-    'Zoë_Müller_late'
-    >>> _safe_name(Path(".zip")), _safe_name(Path("=cmd|x"))
-    ('zip', 'cmd_x')
-    """
-    name = path.stem if path.suffix.lower() == ".zip" else path.name
-    name = unicodedata.normalize("NFC", name.encode(errors="replace").decode())
-    kept = "".join(char if char.isalnum() or char in "-._" else " " for char in name)
-    return "_".join(kept.split())[:_MAX_ID_CHARS].strip("-._") or "submission"
-
-
-def _free_name(name: str, taken: set[str]) -> str:
-    number = 1
-    free = name
-    while free.casefold() in taken:
-        number += 1
-        free = f"{name}-{number}"
-    return free
 
 
 def take_in(given: Path, wanted: Sequence[str], into: Path) -> TakenIn:
@@ -147,7 +68,7 @@ def take_in(given: Path, wanted: Sequence[str], into: Path) -> TakenIn:
         is_wrapped = len(archives) == 1 and not any(_is_there(given, name) for name in wanted)
         if is_wrapped and not any(path.is_dir() for path in given.iterdir()):  # some systems hand out such folders
             given = archives[0]
-    members = _files_under(given, notes) if given.is_dir() else entries_of(given, notes, _is_litter)
+    members = _files_under(given, notes) if given.is_dir() else entries_of(given, notes, is_litter)
     into.mkdir(mode=0o755)
     try:
         count = _copy(members, into, notes)
@@ -177,7 +98,8 @@ def _is_there(folder: Path, name: str) -> bool:
     return os.path.lexists(folder / name)
 
 
-def _is_litter(name: str) -> bool:
+def is_litter(name: str) -> bool:
+    """Returns whether a part of a path says that a file does not count."""
     return name.startswith(".") or name in _LITTER or name.endswith(_LITTER_SUFFIXES)
 
 
@@ -193,7 +115,7 @@ def _files_under(folder: Path, notes: list[str]) -> Iterator[Member]:
             continue
         for entry in entries:
             name = f"{inside}/{entry.name}" if inside else entry.name
-            if _is_litter(entry.name):
+            if is_litter(entry.name):
                 continue
             if len(notes) > MAX_FILES:
                 raise Refused(_TOO_MANY, fix=_ONLY_WHAT_IS_ASKED)

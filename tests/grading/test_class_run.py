@@ -16,10 +16,10 @@ import pytest
 
 from snr_sim.grading.class_folder import ClassFolder, Terms
 from snr_sim.grading.class_run import ClassRun
-from snr_sim.grading.intake import name_submissions
 from snr_sim.grading.lab import load_lab
 from snr_sim.grading.local_workers import grade_here
 from snr_sim.grading.results import Graded
+from snr_sim.grading.submissions import name_submissions
 from snr_sim.grading.whole_files import write_whole
 from snr_sim.prelude.errors import SnrError
 

@@ -1,0 +1,65 @@
+"""The submissions of a class: each has a name of its own, and what is none is told."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from snr_sim.grading.submissions import name_submissions
+from snr_sim.prelude.errors import SnrError
+
+
+def test_each_submission_has_a_name_of_its_own_that_is_safe(tmp_path: Path) -> None:
+    for name in ("1/ada", "2/Ada", "3/..", "4/a b;c$(d)", "5/=SUM(A1)", "6/" + "long" * 50):
+        (tmp_path / name).mkdir(parents=True, exist_ok=True)
+    given = [tmp_path / "1/ada", tmp_path / "2/Ada", tmp_path / "4/a b;c$(d)", tmp_path / "5/=SUM(A1)"]
+    names = [one.id for one in name_submissions([*given, tmp_path / "6" / ("long" * 50), given[0]])]
+    assert names[:4] == ["ada", "Ada-2", "a_b_c_d", "SUM_A1"]
+    assert len(names) == 5
+    assert len(names[4]) == 60
+
+
+def test_a_name_stays_when_submissions_are_added(tmp_path: Path) -> None:
+    first, late = tmp_path / "a" / "ada", tmp_path / "b" / "ada"
+    first.mkdir(parents=True)
+    late.mkdir(parents=True)
+    known = name_submissions([first])
+    assert [one.id for one in name_submissions([late, first], known)] == ["ada-2", "ada"]
+
+
+def test_a_class_that_was_moved_is_the_same_class(tmp_path: Path) -> None:
+    (tmp_path / "a" / "ada").mkdir(parents=True)
+    known = name_submissions([tmp_path / "a" / "ada"])
+    (tmp_path / "a").rename(tmp_path / "b")
+    assert [one.id for one in name_submissions([tmp_path / "b" / "ada"], known)] == ["ada"]
+
+
+def test_a_folder_of_submissions_is_not_one(tmp_path: Path) -> None:
+    for name in ("ada", "bob"):
+        (tmp_path / "class" / name).mkdir(parents=True)
+    with pytest.raises(SnrError, match="holds 2: ada, bob") as error:
+        name_submissions([tmp_path / "class"])
+    assert error.value.fix == f"give what is in it: {tmp_path}/class/*."
+    with pytest.raises(SnrError, match="There is no submission"):
+        name_submissions([tmp_path / "nobody"])
+
+
+def test_a_class_with_a_loose_file_is_not_one_but_a_students_folders_stop_nobody(tmp_path: Path) -> None:
+    for name in ("ada", "bob"):
+        (tmp_path / "class" / name).mkdir(parents=True)
+    (tmp_path / "class" / "notes.py").touch()
+    with pytest.raises(SnrError, match="holds 2: ada, bob"):
+        name_submissions([tmp_path / "class"], wanted_files=["depth_hold.py"])
+    assert len(name_submissions([tmp_path / "class", tmp_path / "class" / "ada"], wanted_files=["depth_hold.py"])) == 2
+    (tmp_path / "class" / "depth_hold.py").touch()
+    assert len(name_submissions([tmp_path / "class"], wanted_files=["depth_hold.py"])) == 1
+
+
+def test_a_folder_that_may_not_be_read_is_told_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuses(folder: Path) -> Iterator[Path]:
+        raise PermissionError(13, "Permission denied", str(folder))
+
+    monkeypatch.setattr(Path, "iterdir", refuses)  # as for anybody but root, as whom tests run, too
+    with pytest.raises(SnrError, match=r"cannot be read: Permission denied\.") as error:
+        name_submissions([tmp_path])
+    assert error.value.fix
