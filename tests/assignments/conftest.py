@@ -184,7 +184,7 @@ def type_page(tmp_path: Path) -> Callable[..., dict[str, str]]:
     def type_page(page: Path, after: Mapping[str, Callable[[Path], None]]) -> dict[str, str]:
         (tmp_path / "assignments").symlink_to(ROOT / "assignments")
         (tmp_path / "bin").mkdir()
-        for name, argument in (("snr", "-m snr_sim "), ("python3", "")):
+        for name, argument in (("snr", "-m snr_sim "), ("python3", ""), ("python", "")):
             script = tmp_path / "bin" / name
             script.write_text(f'#!/bin/sh\nexec "{sys.executable}" {argument}"$@"\n')
             script.chmod(0o755)
