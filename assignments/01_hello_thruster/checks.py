@@ -273,7 +273,7 @@ def dives(student: Student, case: int) -> Verdict:
     if flown.success:
         return passed(moved)
     return failed(
-        f"The vehicle did not follow. Try: snr run urov_sticks --controller {FILE}, and look at its note.",
+        f"The vehicle did not follow. What says the note of: snr run urov_sticks --controller {FILE} (in your folder)?",
         expected="1 m down, then 0.4 m ahead, then 0.4 m up",
         actual=moved.replace("_m ", " "),
     )

@@ -328,7 +328,7 @@ def holds(student: Student, case: int) -> Verdict:
     metrics = {"energy_j": found["energy_j"], "steady_error_m": found["steady_error_m"]}
     if not hints:
         return passed(f"{way}: settled after {settling_s:.1f} s", metrics=metrics)
-    flies = f"{way}: snr run urov_tank --controller {FILE} --seed {case}"
+    flies = f"{way}; in your folder: snr run urov_tank --controller {FILE} --seed {case}"
     return partly(fraction, " ".join(hints), expected="the depth held", actual=flies, metrics=metrics)
 
 

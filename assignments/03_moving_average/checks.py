@@ -266,7 +266,7 @@ def lands(student: Student, case: int) -> Verdict:
         "Too few readings, and a bad one shuts the engine off up there. Too many, and the mean tells where it was, not "
         "where it is. Which LENGTH lies between?"
     )
-    actual += f": snr run lander_noisy --controller {FILE} --seed {case}"
+    actual += f"; in your folder: snr run lander_noisy --controller {FILE} --seed {case}"
     return failed(hint, expected="a touchdown below 3.05 m/s", actual=actual)
 
 

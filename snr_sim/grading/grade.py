@@ -113,16 +113,16 @@ class _Grading:
             if not cases and self._secret is None:
                 continue  # it has hidden cases only
             missing = [need for need in check.needs if need in done and not done[need].is_passed]
-            done[check.name] = self._skipped(check, missing[0]) if missing else self._tried(check, cases)
+            done[check.name] = self._skipped(check, done[missing[0]]) if missing else self._tried(check, cases)
         return tuple(done.values())
 
-    def _skipped(self, check: Check, need: str) -> CheckResult:
+    def _skipped(self, check: Check, need: CheckResult) -> CheckResult:
         return CheckResult(
             name=check.name,
             title=check.title,
             points=0.0,
             of=check.points,
-            skipped_because=f"'{need}' comes first, and did not get all its points.",
+            skipped_because=f"'{need.title.rstrip('.')}' comes first, and did not get all its points.",
         )
 
     def _tried(self, check: Check, cases: Sequence[Case]) -> CheckResult:

@@ -98,6 +98,7 @@ def test_a_part_of_a_case_gives_a_part_of_its_points_unless_all_or_nothing(tmp_p
 def test_a_check_that_needs_another_is_not_tried_without_it(tmp_path: Path) -> None:
     @check(points=50)
     def first(student: Student) -> Verdict:
+        """Stands still."""
         return failed("No.")
 
     @check(points=50, needs=["first"])
@@ -106,7 +107,7 @@ def test_a_check_that_needs_another_is_not_tried_without_it(tmp_path: Path) -> N
 
     result = graded(tmp_path, "", first, second)
     assert result.points == 0.0
-    assert result.checks[1].skipped_because == "'first' comes first, and did not get all its points."
+    assert result.checks[1].skipped_because == "'Stands still' comes first, and did not get all its points."
 
 
 def test_practice_leaves_out_what_has_hidden_cases_only_and_does_not_wait_for_it(tmp_path: Path) -> None:
