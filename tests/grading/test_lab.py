@@ -1,5 +1,6 @@
 """Labs: what they promise is checked when they are read; hidden cases come from the secret; points are shared."""
 
+import logging
 import random
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -108,6 +109,20 @@ def test_a_check_that_needs_another_is_not_tried_without_it(tmp_path: Path) -> N
     result = graded(tmp_path, "", first, second)
     assert result.points == 0.0
     assert result.checks[1].skipped_because == "'Stands still' comes first, and did not get all its points."
+
+
+def test_what_components_of_a_flight_warn_of_is_not_shown_and_afterwards_is(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    @check(points=100)
+    def flies(student: Student) -> Verdict:
+        logging.getLogger("snr.urov.link_tether").warning("link_tether is down")
+        return passed()
+
+    assert graded(tmp_path, "", flies).points == 100.0
+    assert caplog.messages == []
+    logging.getLogger("snr.urov.link_tether").warning("up")
+    assert caplog.messages == ["up"]
 
 
 def test_practice_leaves_out_what_has_hidden_cases_only_and_does_not_wait_for_it(tmp_path: Path) -> None:
