@@ -21,6 +21,7 @@ from snr_sim.prelude.errors import RecordingError
 
 FILE, POLICY = "q_lander.py", "policy.npz"
 MOST_BYTES = 1_000_000
+MET = 12  # transitions are drawn between as many states; one more leads to itself
 HOVERS = (
     "It hovers until its two minutes are over. What does your reward pay for: being on the ground, or being up there?"
 )
@@ -186,8 +187,8 @@ def shown(table: Table, state: int) -> str:
 def updates(student: Student, case: Seed) -> Verdict:
     """update() learns from 40 transitions exactly what Q-learning learns."""
     pilot, rng = student.host(FILE, PILOT), random.Random(case.seed)
-    table = drawn_table(max(12, count_of(pilot)), rng)
-    transitions = [drawn_transition(rng) for _ in range(40)]
+    table = with_a_new_action(drawn_table(max(MET + 1, count_of(pilot)), rng))
+    transitions = [*(drawn_transition(rng) for _ in range(39)), Transition(MET, 1, -1.0, MET, False, False)]
     learned = replayed(pilot, table, transitions)
     for transition in transitions:
         before = Ledger(len(table.values), table)
@@ -206,10 +207,16 @@ def replayed(pilot: Any, before: Table, transitions: list[Transition]) -> Table:
     return table_of(rows, len(before.values))
 
 
+def with_a_new_action(table: Ledger) -> Ledger:
+    """Returns the same table, but that in one state all was bad so far, and action 1 was not tried."""
+    table.values[MET], table.visits[MET] = [-4.0, 0.0, -2.0, -8.0], [3, 0, 5, 2]
+    return Ledger(len(table.values), table)
+
+
 def drawn_transition(rng: random.Random) -> Transition:
-    """Returns a transition between the first twelve states; every third ends an episode."""
+    """Returns a transition between the first states; every third ends an episode."""
     end = rng.choice(["", "", "", "terminated", "truncated", ""])
-    state, next_state = rng.sample(range(12), 2)
+    state, next_state = rng.sample(range(MET), 2)
     return Transition(
         state,
         rng.randrange(ACTIONS),

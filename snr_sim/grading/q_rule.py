@@ -119,7 +119,7 @@ def diagnosis(before: Ledger, step: Transition, right: Table, now: Table) -> str
     }
     if not changed and before.visits == now.visits:
         return "update() changes nothing: move values[state][action] towards what was seen, and count the visit."
-    if changed and all(state == step.next_state for state, _ in changed):
+    if changed and step.state != step.next_state and all(state == step.next_state for state, _ in changed):
         return "It changes the row of the next state. What was learned is about the state where the action was taken."
     if changed - {(step.state, step.action)}:
         return "It changes more than values[state][action]."
@@ -135,6 +135,11 @@ def diagnosis(before: Ledger, step: Transition, right: Table, now: Table) -> str
         return "After a touchdown nothing comes: is_terminated means that no value of a next state is added."
     if step.is_truncated and is_from(step.reward):
         return "is_truncated means only that time was up: it would have flown on, so the next state's value counts."
+    if visits == 1 and step.state == step.next_state and is_from(step.reward + DISCOUNT * max(worth, 0.0)):
+        return (
+            "The next state is this state again, and the action that is learned about is new: its 0 is no experience. "
+            "Look up what the next state is worth before you count the visit."
+        )
     if is_from(step.reward + DISCOUNT * most):
         return "The best of the next state is taken over actions that were never tried: their 0 is no experience."
     if is_from(step.reward + worth):

@@ -40,6 +40,7 @@ WRONG = {
     "bootstraps_through_terminal": ({"updates": 20, **UNTRAINED}, "After a touchdown nothing comes"),
     "stops_at_truncation": ({"updates": 20, **UNTRAINED}, "is_truncated means only that time was up"),
     "learns_from_the_untried": ({"updates": 20, **UNTRAINED}, "taken over actions that were never tried"),
+    "counts_before_it_looks": ({"updates": 20, **UNTRAINED}, "before you count the visit"),
     "stops_learning": ({"updates": 20, **UNTRAINED}, "a step that falls so soon"),
     "changes_the_next_state": ({"updates": 20, **UNTRAINED}, "It changes the row of the next state"),
     "explores_when_evaluated": ({"chooses": 15, **UNTRAINED}, "With epsilon 0 it still explores"),
