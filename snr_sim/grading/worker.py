@@ -16,9 +16,10 @@ import msgspec
 
 from snr_sim import __version__
 from snr_sim.core.blame import describe_error
-from snr_sim.grading.grade import grade_submission
+from snr_sim.grading.grade import grade_submission, sandboxed
 from snr_sim.grading.lab import Lab, load_lab
-from snr_sim.grading.results import Demanded, Graded, Status, encode_graded
+from snr_sim.grading.results import Demanded, Graded, Isolation, Status, encode_graded
+from snr_sim.prelude.errors import SnrError
 
 
 class Job(msgspec.Struct, frozen=True):
@@ -81,7 +82,7 @@ def _lab(path: str) -> Lab:
 
 
 def without_marks(job: Job, status: Status, error: str, title: str = "") -> Graded:
-    """Returns the result of a submission of which nothing was tried.
+    """Returns the result of a submission of which nothing was tried; its program would have been kept as it says.
 
     Args:
         job: whose.
@@ -94,9 +95,18 @@ def without_marks(job: Job, status: Status, error: str, title: str = "") -> Grad
         submission=job.name,
         lab=name,
         title=title or name,
-        isolation="none" if job.isolation == "none" else "sandbox",
+        isolation=_kept_here(job.isolation),
         is_hidden_included=True,
         kit=__version__,
         status=status,
         error=error,
     )
+
+
+@cache
+def _kept_here(demanded: Demanded) -> Isolation:
+    """Returns how programs are kept on this computer; where that cannot be found out, what was wanted."""
+    try:
+        return sandboxed(demanded)
+    except (SnrError, OSError):  # what has ended a grading may stop this, too: no memory, no processes
+        return "sandbox"
