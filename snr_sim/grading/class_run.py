@@ -21,7 +21,7 @@ from snr_sim.grading.reports.check50 import check50
 from snr_sim.grading.reports.gradescope import gradescope_results
 from snr_sim.grading.reports.junit import junit
 from snr_sim.grading.reports.student_page import student_page
-from snr_sim.grading.results import Demanded, Graded
+from snr_sim.grading.results import Demanded, Graded, with_runs_named
 from snr_sim.grading.submissions import Submission
 from snr_sim.grading.worker import Job, without_marks
 
@@ -99,8 +99,8 @@ class ClassRun:
     def keep(self, graded: Graded) -> None:
         """Keeps what somebody made of a job, with its reports."""
         taken = self._taken.pop(graded.submission)
-        whole = msgspec.structs.replace(_with_runs(graded), notes=taken.notes)
-        self._keep(whole, taken.digest)
+        named = with_runs_named(graded, lambda run: f"{RUNS}/{run}")  # as they stand in the student's folder
+        self._keep(msgspec.structs.replace(named, notes=taken.notes), taken.digest)
         remove(taken.folder)
 
     def _keep(self, graded: Graded, digest: str) -> None:
@@ -120,15 +120,3 @@ def reports_of(graded: Graded) -> dict[str, str]:
         "junit.xml": junit(graded),
         "check50.json": check50(graded),
     }
-
-
-def _with_runs(graded: Graded) -> Graded:
-    """Returns the result with its recorded runs named as they stand in the student's folder."""
-    checks = []
-    for check in graded.checks:
-        cases = tuple(
-            msgspec.structs.replace(case, run_folder=f"{RUNS}/{case.run_folder}") if case.run_folder else case
-            for case in check.cases
-        )
-        checks.append(msgspec.structs.replace(check, cases=cases))
-    return msgspec.structs.replace(graded, checks=tuple(checks))

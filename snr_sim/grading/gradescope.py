@@ -32,7 +32,7 @@ from snr_sim.grading.archive import Refused
 from snr_sim.grading.intake import remove, take_in
 from snr_sim.grading.lab import Lab, load_lab
 from snr_sim.grading.reports.gradescope import gradescope_results
-from snr_sim.grading.results import Demanded, Graded
+from snr_sim.grading.results import Demanded, Graded, with_runs_named
 from snr_sim.grading.whole_files import write_whole
 from snr_sim.grading.worker import Job, grade, without_marks
 from snr_sim.prelude.errors import SnrError
@@ -147,16 +147,8 @@ def _graded(job: Job, given: Path) -> Graded:
         return without_marks(job, "refused", str(refused), lab.title)
     except Exception:
         return without_marks(job, "fault", traceback.format_exc())
-    return msgspec.structs.replace(_without_runs(grade(job)), notes=taken.notes)
-
-
-def _without_runs(graded: Graded) -> Graded:
-    """Returns the result without recorded runs, which Gradescope does not hand out."""
-    checks = []
-    for check in graded.checks:
-        cases = tuple(msgspec.structs.replace(case, run_folder="") for case in check.cases)
-        checks.append(msgspec.structs.replace(check, cases=cases))
-    return msgspec.structs.replace(graded, checks=tuple(checks))
+    without_runs = with_runs_named(grade(job), lambda run: "")  # Gradescope does not hand them out
+    return msgspec.structs.replace(without_runs, notes=taken.notes)
 
 
 if __name__ == "__main__":

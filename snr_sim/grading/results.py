@@ -7,9 +7,11 @@ Nothing in it depends on when or how fast it was graded: the same submission, la
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Literal, TypeAlias
 
 import msgspec
+from msgspec.structs import replace
 
 Status: TypeAlias = Literal["graded", "refused", "fault"]
 Isolation: TypeAlias = Literal["sandbox", "confined", "none"]
@@ -142,6 +144,15 @@ class Graded(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
                 for name, value in case.metrics.items():
                     found.setdefault(f"{check.name}.{name}", []).append(value)
         return {name: sum(values) / len(values) for name, values in found.items()}
+
+
+def with_runs_named(graded: Graded, name: Callable[[str], str]) -> Graded:
+    """Returns the result with another name for the folder of each recorded run; "" for one that is not handed out."""
+    checks = []
+    for check in graded.checks:
+        cases = (replace(case, run_folder=name(case.run_folder)) if case.run_folder else case for case in check.cases)
+        checks.append(replace(check, cases=tuple(cases)))
+    return replace(graded, checks=tuple(checks))
 
 
 def encode_graded(graded: Graded) -> bytes:
