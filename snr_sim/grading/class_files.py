@@ -9,8 +9,8 @@ from pathlib import Path
 from snr_sim.grading.class_folder import ClassFolder
 from snr_sim.grading.reports.class_table import Summary, write_cases, write_class, write_leaderboard
 from snr_sim.grading.reports.distribution import draw_distribution
-from snr_sim.grading.whole_files import write_whole
 from snr_sim.prelude.errors import MissingExtra
+from snr_sim.recording.whole_files import write_whole
 
 
 def write_class_files(folder: ClassFolder, title: str) -> tuple[Summary, str]:

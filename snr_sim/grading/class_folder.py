@@ -27,8 +27,8 @@ import msgspec
 from snr_sim.grading.intake import remove
 from snr_sim.grading.results import Graded
 from snr_sim.grading.submissions import Submission
-from snr_sim.grading.whole_files import sync_folder, write_whole
 from snr_sim.prelude.errors import SnrError
+from snr_sim.recording.whole_files import sync_folder, write_whole
 
 MIN_SECRET_BYTES = 16
 _PLACE = "snr_grade_"

@@ -33,9 +33,9 @@ from snr_sim.grading.intake import remove, take_in
 from snr_sim.grading.lab import Lab, load_lab
 from snr_sim.grading.reports.gradescope import gradescope_results
 from snr_sim.grading.results import Demanded, Graded, with_runs_named
-from snr_sim.grading.whole_files import write_whole
 from snr_sim.grading.worker import Job, grade, without_marks
 from snr_sim.prelude.errors import SnrError
+from snr_sim.recording.whole_files import write_whole
 
 _KIT = Path(snr_sim.__file__).resolve().parent
 _EXTRAS = ("sim",)

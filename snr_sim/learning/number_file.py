@@ -7,6 +7,7 @@ array that its owner wanted, or the one error.
 
 from __future__ import annotations
 
+import io
 import math
 import stat
 import struct
@@ -25,6 +26,7 @@ from numpy.typing import NDArray
 
 from snr_sim.prelude.errors import ParameterError, RecordingError
 from snr_sim.prelude.structs import learned
+from snr_sim.recording.whole_files import write_whole
 
 MOST_BYTES = 256 * 2**20  # of a file that is read: nobody's fills the memory
 MOST_TEXT = 4 * 2**20  # bytes of what it says about its arrays
@@ -57,14 +59,17 @@ def write_numbers(path: str | Path, about: msgspec.Struct, arrays: dict[str, NDA
     """Writes arrays of numbers as npz, and a line of JSON about them.
 
     Raises:
-        RecordingError: it cannot be written there.
+        RecordingError: it cannot be written there; what stood there stands there still.
     """
     text = np.frombuffer(msgspec.json.encode(about), np.uint8)
+    packed = io.BytesIO()
+    np.savez_compressed(packed, allow_pickle=False, about=text, **arrays)
     try:
-        with Path(path).open("wb") as file:
-            np.savez_compressed(file, allow_pickle=False, about=text, **arrays)
+        write_whole(Path(path), packed.getvalue())
     except OSError as error:
-        raise RecordingError(f"{path} cannot be written: {error.strerror or error}.") from error
+        raise RecordingError(
+            f"{path} cannot be written: {error.strerror or error}.", fix="name a file in a folder that is there."
+        ) from error
 
 
 def read_numbers(

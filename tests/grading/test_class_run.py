@@ -20,7 +20,6 @@ from snr_sim.grading.lab import load_lab
 from snr_sim.grading.local_workers import grade_here
 from snr_sim.grading.results import Graded
 from snr_sim.grading.submissions import name_submissions
-from snr_sim.grading.whole_files import write_whole
 from snr_sim.prelude.errors import SnrError
 
 HandedIn = Callable[..., list[Path]]
@@ -338,19 +337,6 @@ def test_a_short_secret_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SnrError, match="has 5 bytes"):
         folder.secret(tmp_path / "short")
     folder.close()
-
-
-def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "class.csv"
-    write_whole(path, b"old")
-
-    def fails(descriptor: int) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("os.fsync", fails)
-    with pytest.raises(OSError, match="No space"):
-        write_whole(path, b"new")
-    assert files_under(tmp_path) == {"class.csv": b"old"}
 
 
 def test_what_threads_share_decodes_nothing_that_msgspec_would_have_to_learn_first() -> None:

@@ -247,8 +247,22 @@ def test_a_table_for_other_numbers_or_other_actions_is_refused_at_loading(
 def test_no_such_file_and_no_such_folder_are_told(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="There is no file"):
         QTable.load(tmp_path / "none.npz")
-    with pytest.raises(RecordingError, match="cannot be written"):
+    with pytest.raises(RecordingError, match="cannot be written") as error:
         table().save(tmp_path / "no" / "folder.npz")
+    assert error.value.fix == "name a file in a folder that is there."
+
+
+def test_a_disk_that_is_full_leaves_what_was_learned_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    table().save(tmp_path / "q.npz")
+    before = (tmp_path / "q.npz").read_bytes()
+    monkeypatch.setattr("os.fsync", fails)
+    with pytest.raises(RecordingError, match="No space left on device"):
+        table().save(tmp_path / "q.npz")
+    assert (tmp_path / "q.npz").read_bytes() == before
+    assert len(list(tmp_path.iterdir())) == 1
 
 
 def test_one_action_leaves_nothing_to_learn() -> None:
