@@ -22,14 +22,14 @@ from snr_sim.learning.lander_envs import (
     LANDED,
     NOT_LANDED,
     SPEED_WEIGHT,
-    TOUCHDOWN_MPS,
     VERTICAL_ACTIONS,
     VERTICAL_NAMES,
     VERTICAL_THROTTLES,
     LanderVertical,
+    suitable_speeds_mps,
 )
 from snr_sim.learning.q_table import QTable
-from snr_sim.learning.settings import check_learned, check_share, check_whole
+from snr_sim.learning.settings import check_batch, check_learned
 from snr_sim.learning.vertical_batch import Bools, Floats, Landers, step
 from snr_sim.plants.descent import Engine
 from snr_sim.plants.gear import APOLLO_GEAR
@@ -73,12 +73,7 @@ class BatchTraining:
     enough: int = 2
 
     def __post_init__(self) -> None:
-        for name in ("landers", "steps", "tried", "try_every", "enough"):
-            check_whole(name, getattr(self, name), least=1)
-        check_whole("seed", self.seed, least=0)
-        for name, shares in (("epsilon", self.epsilon), ("least_step", (self.least_step,))):
-            for share in shares:
-                check_share(name, share)
+        check_batch(self, ("landers", "steps", "tried", "try_every", "enough"))
 
 
 class Trial(NamedTuple):
@@ -148,10 +143,8 @@ class Course:
         return truth
 
     def suitable(self, height: Floats) -> Floats:
-        """Returns the speed that suits each height, as the reward reckons (`suitable_mps`)."""
-        gravity: float = self.engine.gravity_mps2
-        speeds: Floats = -np.sqrt(TOUCHDOWN_MPS**2 + 2.0 * gravity * np.maximum(0.0, height))
-        return speeds
+        """Returns the speed that suits each height, as the reward reckons."""
+        return suitable_speeds_mps(height, self.engine.gravity_mps2)
 
     def rewards(self, before: Landers, after: Landers, touches: Bools, landed: Bools) -> Floats:
         """Returns what a step was worth to each, as in `LanderEnv.reward`."""

@@ -40,16 +40,14 @@ from snr_sim.learning.lander_envs import (
     PAD_TURNS,
     SPEED_WEIGHT,
     LanderPad,
+    suitable_speeds_mps,
 )
 from snr_sim.learning.number_file import check_room, read_numbers, write_numbers
-from snr_sim.learning.plane_batch import PlaneLanders, step, touches
-from snr_sim.learning.tile_coding import Axis, TileCoder, TiledValues
+from snr_sim.learning.plane_batch import Bools, Floats, PlaneLanders, step, touches
+from snr_sim.learning.settings import check_batch
+from snr_sim.learning.tile_coding import Axis, Ints, TileCoder, TiledValues
 from snr_sim.plants.module import LunarModule
 from snr_sim.prelude.errors import RecordingError
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Ints = NDArray[np.int64]
 
 ENVIRONMENT = "snr_sim/LanderPad-v0"
 FORMAT = 1
@@ -169,6 +167,9 @@ class PadTraining:
         least_step: how far a value moves at least towards what was seen: at first, and at last.
         tried: landers that try the policy without chance.
         try_every: steps between two such trials, in the second half of the training.
+
+    Raises:
+        ParameterError: a number makes no sense.
     """
 
     landers: int = 1024
@@ -178,6 +179,9 @@ class PadTraining:
     least_step: tuple[float, float] = (0.05, 0.004)
     tried: int = 400
     try_every: int = 250
+
+    def __post_init__(self) -> None:
+        check_batch(self, ("landers", "steps", "tried", "try_every"))
 
 
 class Trial(NamedTuple):
@@ -231,9 +235,8 @@ class Sky:
         return PlaneLanders(height, vz, vx, attitude, rate, self.dry_kg + fuel, fuel, np.zeros(count))
 
     def suitable(self, height: Floats) -> Floats:
-        """Returns the speed that suits each height, as the environment reckons (`suitable_mps`)."""
-        speeds: Floats = -np.sqrt(1.0 + 2.0 * self.module.gravity_mps2 * np.maximum(0.0, height))
-        return speeds
+        """Returns the speed that suits each height, as the environment reckons."""
+        return suitable_speeds_mps(height, self.module.gravity_mps2)
 
     def told(self, landers: PlaneLanders) -> tuple[Floats, Floats]:
         """Returns what the sensors tell: height and vz, shape (n, 2); vx, attitude and rate, shape (n, 3)."""

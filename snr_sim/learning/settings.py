@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,25 @@ def check_share(name: str, value: Any) -> None:
     is_number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
     if not (is_number and 0.0 <= value <= 1.0):
         raise ParameterError(f"A training with {name}={value!r}.", fix="a number from 0 to 1.")
+
+
+def check_batch(training: Any, counts: Sequence[str]) -> None:
+    """Looks whether the settings of a training in a batch make sense.
+
+    Args:
+        training: with a `seed`, and `epsilon` and `least_step`, which are shares.
+        counts: names of its other numbers, whole and 1 or more.
+
+    Raises:
+        ParameterError: one of them does not; names it.
+    """
+    for name in counts:
+        check_whole(name, getattr(training, name), least=1)
+    check_whole("seed", training.seed, least=0)
+    for name in ("epsilon", "least_step"):
+        value = getattr(training, name)
+        for share in value if isinstance(value, (tuple, list)) else (value,):
+            check_share(name, share)
 
 
 def check_learned(surprise: float, where: str) -> None:

@@ -54,6 +54,14 @@ def test_the_same_seed_learns_the_same_and_another_seed_another(env: Any, learne
     assert not np.array_equal(other.lean.weights, learned.lean.weights)
 
 
+@pytest.mark.parametrize(
+    "wrong", [{"steps": 0}, {"landers": 1.5}, {"seed": -1}, {"try_every": 0}, {"least_step": (0.05, -0.1)}]
+)
+def test_a_training_that_makes_no_sense_is_refused_before_it_begins(wrong: dict[str, Any]) -> None:
+    with pytest.raises(ParameterError, match=f"A training with {next(iter(wrong))}="):
+        PadTraining(**wrong)
+
+
 @pytest.mark.parametrize("seed", range(int(os.environ.get("SNR_SEEDS", "1"))))
 def test_ninety_of_a_hundred_unseen_starts_are_landed_after_a_whole_training(env: Any, seed: int) -> None:
     policy = PadPolicy()
