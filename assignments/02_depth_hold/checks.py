@@ -99,7 +99,7 @@ def first_failure(verdicts: Iterable[Verdict]) -> Verdict:
 def answered(student: Student, said: Said) -> list[list[float]] | None:
     """Returns the pulses after each of the pilot's pages; nothing if there were none once."""
     level = {"roll_rad": 0.0, "pitch_rad": 0.0, "yaw_rad": 0.0}
-    pages = [Given(0.01, "depth", {"depth_m": HERE_M, "stamp_s": 0.01})]
+    pages = [Given(0.01, "depth", {"depth_m": HERE_M, "stamp_s": 0.01}, process=False)]
     for number, (is_armed, goal_m) in enumerate(zip(said.is_armed, said.goal_m, strict=True), start=1):
         controls = {"number": number, "mode": "depth_hold", "is_armed": is_armed, "depth_m": goal_m}
         pages += [Given(0.05 * number, "controls", controls), Given(0.05 * number + 0.01, "imu", level)]

@@ -6,7 +6,7 @@ import ast
 import math
 import random
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -85,7 +85,7 @@ def _played(parts: Sequence[tuple[list[dict[str, Any]], bool, Any, Any]], rng: r
                 depth += rng.gauss(0.0, 0.02)
                 depth_due_s += DEPTH_EVERY_S
                 page = {"depth_m": depth, "stamp_s": now_s}
-                script.pages.append(Given(now_s, "depth", page))
+                script.pages.append(Given(now_s, "depth", page, process=False))  # as the vehicle's sensor stores it
                 rate_mps = rate.update(depth, now_s)
             imu = {"roll_rad": 0.0, "pitch_rad": 0.0, "yaw_rad": yaw, "rate_radps": [0.0, 0.0, spin], "stamp_s": now_s}
             script.pages.append(Given(now_s, "imu", imu))
@@ -209,7 +209,18 @@ def heading_alone(student: Student, dive: Dive) -> Verdict:
 def depth_alone(student: Student, dive: Dive) -> Verdict:
     """depth.py by itself: one page "lift" for each page "imu", with the right numbers"""
     script = script_of(dive)
-    return judged(student.feed("depth.py", script.pages), "lift", script.lift, "depth.py")
+    verdict = judged(student.feed("depth.py", script.pages), "lift", script.lift, "depth.py")
+    if verdict.fraction == 1.0:
+        return verdict
+    pages = [replace(page, process=True) for page in script.pages]
+    if judged(student.feed("depth.py", pages), "lift", script.lift, "depth.py").fraction < 1.0:
+        return verdict
+    return failed(
+        "depth.py handles process_data 'depth', and nothing calls that handler: the sensor stores its page without a "
+        "task. Look the page up when 'imu' comes, and give it to your Rate there.",
+        verdict.expected,
+        verdict.actual,
+    )
 
 
 @check(points=20, visible=[Dive(1)], hidden=draw_dives)
@@ -308,6 +319,13 @@ def in_any_order(student: Student, case: Order) -> Verdict:
                 expected=f"{len(before)} pages '{key}', the same ones",
                 actual=f"{len(after)} pages",
             )
+    if len(pages_of(usual, "pwm")) == 2 * len(script.turn):
+        return failed(
+            "There are two pages 'pwm' for each page 'imu'. When 'turn' and 'lift' are both there before either is "
+            "handled, each handler finds the pair complete. Which pair was answered already?",
+            expected=str(len(script.turn)),
+            actual=str(len(pages_of(usual, "pwm"))),
+        )
     if len(pages_of(usual, "pwm")) != len(script.turn):
         return failed(
             "There is not one page 'pwm' for each page 'imu'. A mixer that answers 'imu' mixes what is left of the "

@@ -107,7 +107,7 @@ class Day:
         if self.ticks % round(LEAK_S / PANEL_S) == 0:
             each(Given(now_s, "leak", {"is_wet": self.is_wet, "stamp_s": now_s}))
         if self.ticks % round(PLACE_S / PANEL_S) == 0:
-            each(Given(now_s, "depth", {"depth_m": self.depth_m, "stamp_s": now_s}))
+            each(Given(now_s, "depth", {"depth_m": self.depth_m, "stamp_s": now_s}, process=False))
             if self.is_heard:
                 each(Given(now_s, "vehicle", {"is_stopped": self.is_stopped, "is_armed": False, "rules": "idle"}))
             if self.place is not None:
