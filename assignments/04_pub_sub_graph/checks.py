@@ -458,7 +458,14 @@ def draw_turns(rng: random.Random) -> list[Turn]:
 def flies(student: Student, case: Turn) -> Verdict:
     """The vehicle turns and keeps its depth (urov_heading_hold), with heading.py and with gentle.py in its place"""
     flown = student.fly("urov_heading_hold", case.seed, "graph.py", options={"heading": case.heading})
-    most = max((moment_nm(page) for _, page in flown.pages("turn")), default=0.0)
+    moments = [moment_nm(page) for _, page in flown.pages("turn")]
+    if not moments:
+        return failed(
+            f"With --option heading={case.heading} nobody in graph.py stores a page 'turn'.",
+            expected="pages 'turn' in the flight",
+            actual="none",
+        )
+    most = max(moments)
     if case.heading == "gentle" and most > GENTLE_NM + 1e-9:
         return failed(
             "With --option heading=gentle it turns harder than 1 N m: does graph.py put gentle.py in heading's place?",

@@ -10,6 +10,8 @@ from typing import Any
 import pytest
 
 from snr_sim.flight import Flight
+from snr_sim.grading.lab import Case, find_lab
+from snr_sim.grading.student import Student
 from snr_sim.simulation import Request, prepare
 
 LAB = "04_pub_sub_graph"
@@ -39,6 +41,22 @@ def test_all_commands_of_the_page_do_what_it_says(type_page: Callable[..., dict[
 def test_the_reference_gets_all_points_on_hidden_cases_too(mark: Callable[..., Any], leave_out: Any) -> None:
     leave_out("flies")  # the page's commands have shown that it does
     assert mark(LAB, is_hidden=True) == ({}, "")
+
+
+@pytest.mark.parametrize(
+    ("folders", "says"),
+    [
+        (["reference", "wrong/never_takes_gentle"], "does graph.py put gentle.py in heading's place?"),
+        ([], "nobody in graph.py stores a page 'turn'"),
+    ],
+)
+def test_who_is_asked_to_turn_gently_and_does_not_is_told(folders: list[str], says: str, tmp_path: Path) -> None:
+    flies = next(one for one in find_lab(LAB).checks if one.name == "flies")
+    for folder in (PAGE.parent / "starter", *(HERE / one for one in folders)):
+        shutil.copytree(folder, tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__"))
+    with Student(tmp_path) as student:
+        verdict = flies.judge(student, Case(flies.visible[1], is_visible=True))
+    assert (verdict.fraction, says in verdict.hint) == (0.0, True)
 
 
 @pytest.mark.parametrize("heading", ["plain", "gentle"])
