@@ -3,6 +3,7 @@
 import math
 import os
 import re
+import shutil
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -13,6 +14,8 @@ from typer.main import get_command
 
 from snr_sim.cli.main import app
 from snr_sim.flight import Flight
+from snr_sim.grading.lab import Case, find_lab
+from snr_sim.grading.student import Student
 from snr_sim.simulation import Request, prepare
 
 LAB = "05_mission_state_machine"
@@ -41,6 +44,15 @@ def test_the_reference_gets_all_points_on_hidden_cases_too(mark: Callable[..., A
 def test_the_reference_is_stopped_in_the_water_and_swims_on(mark: Callable[..., Any], leave_out: Any) -> None:
     leave_out("follows_the_picture", "asks", "time_outs", "trouble", "stops", "recovers", "swims")
     assert mark(LAB) == ({}, "")
+
+
+def test_the_reference_has_points_for_its_swim_and_who_stays_at_the_first_gate_has_none(tmp_path: Path) -> None:
+    swims = next(one for one in find_lab(LAB).checks if one.name == "swims")
+    for folder, share, told in ((FOLDER / "starter", 0.0, "did not swim"), (HERE / "reference", 1.0, "")):
+        shutil.copytree(folder, tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__"))
+        with Student(tmp_path) as student:
+            verdict = swims.judge(student, Case(swims.visible[0], is_visible=True))
+        assert (verdict.fraction, told in verdict.hint) == (share, True)
 
 
 @pytest.mark.parametrize("seed", range(100, 100 + SEEDS))
