@@ -338,6 +338,8 @@ def lands(student: Student, case: Starts) -> Verdict:
 def why_down(flown: Flights, pilot: ByTable | Evidence) -> str:
     """Returns what to think about when landings fail."""
     if isinstance(pilot, Evidence):
+        if pilot.states == 1:
+            return "STATES is 1, so it does the same wherever it is, and nothing that it learns can land. Step 1 first."
         if pilot.ledger.has_one_action:
             return "Only action 0 was ever tried: epsilon() asks for no chance, so nothing else can be found out."
         if pilot.ledger.is_flat:

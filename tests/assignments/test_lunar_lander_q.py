@@ -228,7 +228,8 @@ def test_the_starter_learns_nothing_says_so_and_is_told_what_it_lacks(tmp_path: 
     )
     result = json.loads(done.stdout)
     assert done.returncode == 1, done.stderr
-    assert "STATES is 1" in done.stdout
+    hints = {check["name"]: check["cases"][0].get("hint", "") for check in result["checks"] if check["cases"]}
+    assert all("STATES is 1" in hints[name] for name in ("encodes", "lands", "is_sturdy"))
     assert not [case["error"] for check in result["checks"] for case in check["cases"] if case.get("error")]
 
 
