@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from snr_sim.controller import call_student
@@ -147,6 +148,25 @@ class Flight:
             return self._referee.verdict
         ended_by = [node.exit_reason for node in self.nodes if node.is_terminated]
         return Verdict("ended", False) if ended_by else Verdict("timeout", False)
+
+
+def fly_recorded(simulation: Simulation, path: Path) -> Result:
+    """Flies a simulation from its first moment to its end, and records it.
+
+    Args:
+        simulation: what runs, on a fresh plant.
+        path: of the trace, which is written.
+
+    Raises:
+        ConfigError: the components cannot be made.
+    """
+    plant = simulation.plant()
+    config = simulation.config(plant)
+    recorder = TraceWriter(path, simulation.header(plant, config), simulation.opening())
+    try:
+        return Flight(simulation, plant, config, recorder).run()
+    finally:
+        recorder.close()
 
 
 def why_of(verdict: Verdict) -> list[str]:

@@ -14,14 +14,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from snr_sim.flight import Flight
+from snr_sim.flight import fly_recorded
 from snr_sim.grading import Flown, Given, Lab, Student, Verdict, check, failed, partly, passed
 from snr_sim.grading.verdicts import Misbehaved
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.values import decode_value
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import InputRecord, PageRecord, TaskRecord
-from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.recording.trace import FILE_NAME
 from snr_sim.simulation import Request, prepare
 
 STARTER = Path(__file__).parent / "starter"
@@ -63,15 +63,9 @@ class Step:
 def failed_landing() -> Trace:
     """Returns the failed landing, flown anew: with the code of the starter, which is ours."""
     simulation = prepare(Request(SCENARIO, seed=FAILED_SEED, controller=str(STARTER / "failed.py")))
-    plant = simulation.plant()
-    config = simulation.config(plant)
     with TemporaryDirectory() as folder:
         path = Path(folder) / FILE_NAME
-        recorder = TraceWriter(path, simulation.header(plant, config), simulation.opening())
-        try:
-            Flight(simulation, plant, config, recorder).run()
-        finally:
-            recorder.close()
+        fly_recorded(simulation, path)
         return read_trace(path)
 
 

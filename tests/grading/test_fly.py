@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.flight import Flight
+from snr_sim.flight import fly_recorded
 from snr_sim.grading.student import Student
 from snr_sim.grading.verdicts import LabFault
 from snr_sim.recording.reader import read_trace
-from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.recording.trace import FILE_NAME
 from snr_sim.simulation import Request, prepare
 
 ROBOTS = Path(__file__).parents[2] / "robots"
@@ -25,13 +25,8 @@ def metrics(plant: Watched, seed: int) -> dict[str, Any]:
 
 def digest_of_run(folder: Path, request: Request) -> str:
     """The digest of a run without a grader."""
-    simulation = prepare(request)
-    plant = simulation.plant()
-    config = simulation.config(plant)
-    recorder = TraceWriter(folder / FILE_NAME, simulation.header(plant, config), simulation.opening())
-    Flight(simulation, plant, config, recorder).run()
-    recorder.close()
-    return recorder.digest
+    fly_recorded(prepare(request), folder / FILE_NAME)
+    return read_trace(folder / FILE_NAME).digest
 
 
 # All that a component may do, in one controller: loops that stop and choose their time, steps of a life, chance,

@@ -5,23 +5,18 @@ from typing import Any
 
 import pytest
 
-from snr_sim.flight import Flight, Result
+from snr_sim.flight import Result, fly_recorded
 from snr_sim.prelude.errors import PlantError, TraceError, UnknownName
 from snr_sim.prelude.plant import Plant
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.recorded_run import RecordedRun
 from snr_sim.recording.records import InputRecord
-from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.recording.trace import FILE_NAME
 from snr_sim.simulation import Request, prepare
 
 
 def fly(folder: Path, scenario: str, **request: Any) -> tuple[Result, Trace]:
-    simulation = prepare(Request(scenario, **request))
-    plant = simulation.plant()
-    config = simulation.config(plant)
-    recorder = TraceWriter(folder / FILE_NAME, simulation.header(plant, config), simulation.opening())
-    result = Flight(simulation, plant, config, recorder).run()
-    recorder.close()
+    result = fly_recorded(prepare(Request(scenario, **request)), folder / FILE_NAME)
     return result, read_trace(folder / FILE_NAME)
 
 

@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
-from snr_sim.flight import Flight
+from snr_sim.flight import fly_recorded
 from snr_sim.prelude.errors import ConfigError, ParameterError, UnknownName
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import PageRecord
 from snr_sim.recording.replay import replay_node
-from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.recording.trace import FILE_NAME
 from snr_sim.simulation import Request, prepare
 
 # Somebody at the surface who goes ahead a little, and stops as the buttons say.
@@ -57,11 +57,7 @@ def written(folder: Path, text: str) -> str:
 def flown(folder: Path, until_s: float, **options: str) -> Trace:
     simulation = prepare(Request("urov_gate", 2, controller=written(folder, SURFACE), options=options))
     simulation.scenario.TIME_LIMIT_S = until_s
-    plant = simulation.plant()
-    config = simulation.config(plant)
-    recorder = TraceWriter(folder / FILE_NAME, simulation.header(plant, config), simulation.opening())
-    result = Flight(simulation, plant, config, recorder).run()
-    recorder.close()
+    result = fly_recorded(simulation, folder / FILE_NAME)
     assert result.error == ""
     return read_trace(folder / FILE_NAME)
 

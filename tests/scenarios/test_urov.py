@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from snr_sim import library
-from snr_sim.flight import Flight, Result
+from snr_sim.flight import Flight, Result, fly_recorded
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.replay import replay_node
-from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.recording.trace import FILE_NAME
 from snr_sim.simulation import Request, Simulation, prepare
 
 
@@ -24,11 +24,7 @@ def record(
 ) -> tuple[Simulation, Result, Trace]:
     folder.mkdir(parents=True)
     simulation = prepare(Request(scenario, seed, options=options or {}))
-    plant = simulation.plant()
-    config = simulation.config(plant)
-    recorder = TraceWriter(folder / FILE_NAME, simulation.header(plant, config), simulation.opening())
-    result = Flight(simulation, plant, config, recorder).run()
-    recorder.close()
+    result = fly_recorded(simulation, folder / FILE_NAME)
     return simulation, result, read_trace(folder / FILE_NAME)
 
 

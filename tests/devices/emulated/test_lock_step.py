@@ -7,25 +7,20 @@ import pytest
 from snr_sim.devices.emulated.board import Board
 from snr_sim.devices.emulated.toolchain import ToolsMissing
 from snr_sim.devices.mcu import McuPower
-from snr_sim.flight import Flight, Result
+from snr_sim.flight import Result, fly_recorded
 from snr_sim.prelude.errors import PlantError, UnknownName
 from snr_sim.prelude.signals import PowerReading
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.replay import replay_node
-from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.recording.trace import FILE_NAME
 from snr_sim.simulation import Request, prepare, request_of
 
 pytestmark = pytest.mark.usefixtures("emulators")
 
 
 def fly(path: Any, scenario: str, io: str = "emulated") -> tuple[Result, str]:
-    simulation = prepare(Request(scenario, io=io))
-    plant = simulation.plant()
-    config = simulation.config(plant)
-    recorder = TraceWriter(path / FILE_NAME, simulation.header(plant, config), simulation.opening())
-    result = Flight(simulation, plant, config, recorder).run()
-    recorder.close()
-    return result, recorder.digest
+    result = fly_recorded(prepare(Request(scenario, io=io)), path / FILE_NAME)
+    return result, read_trace(path / FILE_NAME).digest
 
 
 def test_thrust_comes_from_the_pulses_at_the_pins_and_not_from_the_command() -> None:
