@@ -28,6 +28,7 @@ PICTURES, PERIOD_S = 12, 0.4
 GONE = (4, 16)  # pictures without the plate, of a scene in which it is lost
 NOISE = 3  # grey levels either way
 PLATE_M = 0.2  # half of its side
+SHOWN = 18  # a scene in which the plate is well off the middle both ways, so that a wrong sign shows
 YELLOW, HOSE, LEAF, BRICK, FISH = [250, 215, 20], [235, 190, 40], [230, 210, 40], [170, 70, 40], [70, 75, 80]
 
 
@@ -231,25 +232,25 @@ def answers(student: Student) -> Verdict:
     return passed()
 
 
-@check(points=15, visible=[Scene("clear", 1)], hidden=few("clear", count=2), needs=["answers"])
+@check(points=15, visible=[Scene("clear", SHOWN)], hidden=few("clear", count=2), needs=["answers"])
 def clear(student: Student, case: Scene) -> Verdict:
     """Finds the plate in clear water."""
     return finds(student, case)
 
 
-@check(points=15, visible=[Scene("murky", 1)], hidden=few("murky", count=2), needs=["answers"])
+@check(points=15, visible=[Scene("murky", SHOWN)], hidden=few("murky", count=2), needs=["answers"])
 def murky(student: Student, case: Scene) -> Verdict:
     """Finds the plate in murky water."""
     return finds(student, case)
 
 
-@check(points=10, visible=[Scene("covered", 1)], hidden=few("covered", count=2), needs=["answers"])
+@check(points=10, visible=[Scene("covered", SHOWN)], hidden=few("covered", count=2), needs=["answers"])
 def covered(student: Student, case: Scene) -> Verdict:
     """Finds the plate where a part of it is covered."""
     return finds(student, case)
 
 
-@check(points=15, visible=[Scene("cluttered", 1)], hidden=few("cluttered", count=2), needs=["answers"])
+@check(points=15, visible=[Scene("cluttered", SHOWN)], hidden=few("cluttered", count=2), needs=["answers"])
 def cluttered(student: Student, case: Scene) -> Verdict:
     """Finds the plate among other things."""
     return finds(student, case)
@@ -257,7 +258,7 @@ def cluttered(student: Student, case: Scene) -> Verdict:
 
 @check(
     points=15,
-    visible=[Scene("lost", 1), Scene("lost among clutter", 1)],
+    visible=[Scene("lost", SHOWN), Scene("lost among clutter", SHOWN)],
     hidden=few("lost", "lost among clutter", count=1),
     needs=["answers"],
 )

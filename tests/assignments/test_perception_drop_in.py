@@ -78,6 +78,11 @@ def test_the_reference_has_a_margin_in_pictures(kind: str) -> None:
             {"clear": 15.0, "murky": 15.0, "covered": 10.0, "cluttered": 15.0, "hovers": 10.0},
             "the first index of an array is its row",
         ),
+        (
+            "left_for_right",
+            {"clear": 15.0, "murky": 15.0, "covered": 10.0, "cluttered": 15.0, "hovers": 10.0},
+            "Left and right have changed places",
+        ),
         ("keeps_the_last", {"lost": 15.0, "hovers": 10.0}, "what it saw last is no longer true"),
         ("waits_for_ever", {"lost": 15.0, "hovers": 10.0}, "It stops and waits for ever"),
         ("another_gain", {"unchanged": 10.0, "hovers": 10.0}, "steer.py is not the one of the starter"),
