@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeAlias
+from typing import Any
 
 import msgspec
 
@@ -21,6 +21,7 @@ from snr_sim.recording.records import (
     BeginRecord,
     By,
     ErrorRecord,
+    Executed,
     InputRecord,
     PageRecord,
     Record,
@@ -28,7 +29,6 @@ from snr_sim.recording.records import (
     TaskRecord,
 )
 
-Executed: TypeAlias = TaskRecord | PageRecord
 MAX_DIVERGENCES = 1000
 # A task that the recording does not have may have this many after it. One that asks for itself for ever is cut off.
 MAX_FOLLOWERS = 100

@@ -192,6 +192,7 @@ class EndRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fie
     summary: dict[str, Any]
 
 
+Executed: TypeAlias = TaskRecord | PageRecord
 Record: TypeAlias = InputRecord | TaskRecord | PageRecord | TruthRecord | BeginRecord | ErrorRecord | EndRecord
 
 _encode = msgspec.json.Encoder().encode

@@ -21,11 +21,12 @@ from snr_sim.prelude.page import KINDS
 from snr_sim.prelude.task import Task, TaskType
 from snr_sim.prelude.tasks import ADD_COMPONENT_TASK_NAME
 from snr_sim.prelude.values import decode_value
-from snr_sim.recording.checker import Checker, Executed, NodeReplay
+from snr_sim.recording.checker import Checker, NodeReplay
 from snr_sim.recording.compare import Tolerance
 from snr_sim.recording.reader import Trace
 from snr_sim.recording.records import (
     BeginRecord,
+    Executed,
     InputRecord,
     PageRecord,
     Record,

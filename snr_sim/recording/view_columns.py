@@ -24,6 +24,7 @@ from snr_sim.recording.records import (
     By,
     EndRecord,
     ErrorRecord,
+    Executed,
     InputRecord,
     PageRecord,
     Record,
@@ -34,7 +35,6 @@ from snr_sim.recording.records import (
 
 Floats: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
-Executed: TypeAlias = TaskRecord | PageRecord
 
 # A longer list in a page is a picture or a scan, not a handful of numbers: as lines in a plot it would explain nothing.
 LIST_PLOTTED_MAX = 32

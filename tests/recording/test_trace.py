@@ -23,7 +23,16 @@ from snr_sim.prelude.page import KINDS
 from snr_sim.prelude.values import decode_value
 from snr_sim.program import program_header, record_program
 from snr_sim.recording.reader import Trace, read_trace
-from snr_sim.recording.records import EndRecord, ErrorRecord, InputRecord, PageRecord, Record, TaskRecord, encode_record
+from snr_sim.recording.records import (
+    EndRecord,
+    ErrorRecord,
+    Executed,
+    InputRecord,
+    PageRecord,
+    Record,
+    TaskRecord,
+    encode_record,
+)
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.std_mods.comms.memory import MemoryLink
@@ -61,7 +70,7 @@ def record(tmp_path: Path, *factories: Any, roles: dict[str, list[Any]] | None =
     return trace
 
 
-def executed(trace: Trace) -> list[TaskRecord | PageRecord]:
+def executed(trace: Trace) -> list[Executed]:
     return [one for one in trace.records if isinstance(one, (TaskRecord, PageRecord))]
 
 
