@@ -10,12 +10,12 @@ import pytest
 
 from snr_sim.cli.doctor import drives_only, landing, packages
 from snr_sim.cli.doctor_hardware import answers, wires
-from snr_sim.devices.wire.mcu_frames import McuFrames, encode
-from snr_sim.devices.wire.mcu_messages import Fault, Hello, Ident, ResetCause, State, Telemetry
+from snr_sim.devices.wire.mcu_messages import Fault, Ident, ResetCause, State, Telemetry
 from snr_sim.devices.wire.permission import Owner
 from snr_sim.devices.wires_here import Machine
 from snr_sim.prelude.errors import MissingExtra
 from snr_sim.prelude.io import parse_io
+from snr_sim.testing.mcu_greeter import McuGreeter
 
 Snr = Callable[..., Any]
 IDENT = Ident(
@@ -29,36 +29,9 @@ TELEMETRY = Telemetry(
 )  # fmt: skip
 
 
-class FarEnd:
-    """A port with somebody behind it who answers a greeting."""
-
-    name = "/dev/ttyUSB0"
-
-    def __init__(self, ident: dict[str, Any], telemetry: dict[str, Any]) -> None:
-        self.ident = msgspec.structs.replace(IDENT, **ident)
-        self.telemetry = msgspec.structs.replace(TELEMETRY, **telemetry)
-        self.is_closed = False
-        self._frames, self._waiting = McuFrames(), b""
-
-    def write(self, data: bytes) -> None:
-        for message in self._frames.feed(data):
-            if isinstance(message, Hello):
-                answer = msgspec.structs.replace(self.ident, session=message.session)
-                self._waiting += encode(answer) + encode(self.telemetry)
-
-    def read(self) -> bytes:
-        data, self._waiting = self._waiting, b""
-        return data
-
-    def wait(self, seconds: float) -> bool:
-        return bool(self._waiting)
-
-    def close(self) -> None:
-        self.is_closed = True
-
-
 def asked(ident: dict[str, Any] | None = None, **telemetry: Any) -> list[tuple[str, str, str]]:
-    port = FarEnd(ident or {}, telemetry)
+    says = msgspec.structs.replace(IDENT, **ident or {}), msgspec.structs.replace(TELEMETRY, **telemetry)
+    port = McuGreeter(*says)
     found = list(answers(parse_io("mcu:/dev/ttyUSB0"), lambda: port))
     assert port.is_closed
     return [(one.tag, one.what, one.fix) for one in found]

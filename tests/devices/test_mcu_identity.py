@@ -9,9 +9,9 @@ import pytest
 from snr_sim.devices.mcu import McuPwm
 from snr_sim.devices.mcu_board import McuBoard
 from snr_sim.devices.mcu_identity import NAME, check_identity, misfits
-from snr_sim.devices.wire.mcu_frames import McuFrames, encode
-from snr_sim.devices.wire.mcu_messages import Arm, Fault, Hello, Ident, ResetCause, State, Telemetry, ToMcu
+from snr_sim.devices.wire.mcu_messages import Arm, Fault, Ident, ResetCause, State, Telemetry
 from snr_sim.prelude.errors import DeviceError
+from snr_sim.testing.mcu_greeter import McuGreeter
 
 FIRMWARE = Path(__file__).parents[2] / "robots/urov/firmware/esc.c"
 OURS = Ident(0, 1, 1, (1, 0), 8, 1100.0, 1500.0, 1900.0, 25.0, 500, 8000, 200, 1500, 400, 50, "atmega328p", NAME)
@@ -34,36 +34,8 @@ WRONG = [
 ]
 
 
-class FarEnd:
-    """A port with a board behind it that says of itself what it is told to."""
-
-    name = "/dev/ttyUSB0"
-
-    def __init__(self, ident: Ident) -> None:
-        self.heard: list[ToMcu] = []
-        self.telemetry = TELEMETRY
-        self._ident, self._frames, self._waiting = ident, McuFrames(), b""
-
-    def write(self, data: bytes) -> None:
-        for message in self._frames.feed(data):
-            self.heard.append(message)  # type: ignore[arg-type]
-            if isinstance(message, Hello):
-                self._waiting += encode(msgspec.structs.replace(self._ident, session=message.session))
-                self._waiting += encode(msgspec.structs.replace(self.telemetry, session=message.session))
-
-    def read(self) -> bytes:
-        data, self._waiting = self._waiting, b""
-        return data
-
-    def wait(self, seconds: float) -> bool:
-        return bool(self._waiting)
-
-    def close(self) -> None:
-        pass
-
-
-def configured(ident: Ident, channels: int = 8) -> tuple[McuPwm, FarEnd]:
-    port = FarEnd(ident)
+def configured(ident: Ident, channels: int = 8) -> tuple[McuPwm, McuGreeter]:
+    port = McuGreeter(ident, TELEMETRY)
     out = McuPwm(McuBoard(lambda: port, lambda: 0.0, line_s=lambda: 0.0), lambda: 0.0, channels)
     out.configure()
     return out, port
@@ -76,7 +48,7 @@ def test_our_firmware_fits_and_its_name_is_the_one_in_its_source() -> None:
 
 @pytest.mark.parametrize(("said", "told"), WRONG)
 def test_outputs_on_a_board_that_does_not_fit_are_not_configured(said: dict[str, Any], told: str) -> None:
-    port = FarEnd(msgspec.structs.replace(OURS, **said))
+    port = McuGreeter(msgspec.structs.replace(OURS, **said), TELEMETRY)
     out = McuPwm(McuBoard(lambda: port, lambda: 0.0, line_s=lambda: 0.0), lambda: 0.0, 8)
     with pytest.raises(DeviceError) as caught:
         out.configure()
@@ -96,8 +68,7 @@ def test_all_that_is_wrong_is_told_at_once_and_spare_channels_are_not_wrong() ->
 
 
 def test_telemetry_of_fewer_outputs_than_it_said_is_an_error_and_no_index_is_beyond() -> None:
-    port = FarEnd(OURS)
-    port.telemetry = msgspec.structs.replace(TELEMETRY, widths_us=(1500.0,) * 3)
+    port = McuGreeter(OURS, msgspec.structs.replace(TELEMETRY, widths_us=(1500.0,) * 3))
     out = McuPwm(McuBoard(lambda: port, lambda: 0.0, line_s=lambda: 0.0), lambda: 0.0, 8)
     out.configure()
     out.activate()
