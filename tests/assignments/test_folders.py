@@ -1,0 +1,37 @@
+"""Each lab is whole: a page with all its parts and the points of its checks, a starter, a solution, wrong ones."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from snr_sim.grading.lab import find_lab
+
+HERE = Path(__file__).parent
+LABS = sorted((HERE.parents[1] / "assignments").glob("[0-9]*"))
+
+
+def test_there_are_ten_and_one() -> None:
+    assert [int(lab.name[:2]) for lab in LABS] == list(range(1, 12))
+    listed = (LABS[0].parent / "README.md").read_text()
+    assert [lab.name for lab in LABS if f"({lab.name}/README.md)" not in listed] == []
+
+
+@pytest.mark.parametrize("lab", LABS, ids=lambda lab: lab.name)
+def test_its_page_says_what_for_how_long_and_what_each_check_is_worth(lab: Path) -> None:
+    text = (lab / "README.md").read_text()
+    for part in ("**Goal.**", "3 to 5 hours", "**You need**", "## The idea", "## What to do", "## How it is graded"):
+        assert part in text, part
+    rows = re.findall(r"^\| (\d+) \|", text.partition("## How it is graded")[2], flags=re.MULTILINE)
+    assert [float(points) for points in rows] == [check.points for check in find_lab(lab.name).checks]
+
+
+@pytest.mark.parametrize("lab", LABS, ids=lambda lab: lab.name)
+def test_it_has_what_is_wanted_a_solution_of_it_and_four_wrong_ones_that_are_tried(lab: Path) -> None:
+    solutions = HERE / lab.name.partition("_")[2]
+    tests = (HERE / f"test_{solutions.name}.py").read_text()
+    assert [file for file in find_lab(lab.name).files if not (lab / "starter" / file).is_file()] == []
+    assert any(solutions.glob("reference/*"))
+    wrong = [folder.name for folder in (solutions / "wrong").iterdir() if any(folder.glob("*.*"))]
+    assert len(wrong) >= 4
+    assert [name for name in wrong if f'"{name}"' not in tests and f"/{name}" not in tests] == []
