@@ -12,6 +12,7 @@ import random
 from array import array
 from base64 import b64decode, b64encode
 from collections.abc import Iterable, Sequence
+from numbers import Integral, Real
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -85,7 +86,7 @@ class Pilot:
         for name in FUNCTIONS:
             if not callable(getattr(module, name, None)):
                 raise ParameterError(f"The file has no function {name}().", fix="keep all that the starter has.")
-        states = getattr(module, "STATES", None)
+        states = own_whole(getattr(module, "STATES", None))
         if type(states) is not int or not 1 <= states <= MOST_STATES:
             raise ParameterError(
                 f"STATES is {states!r}.",
@@ -115,7 +116,7 @@ class Pilot:
         encode, count = self.module.encode, self.states
         found = []
         for height_m, speed_mps in zip(heights_m, speeds_mps, strict=True):
-            state = encode(height_m, speed_mps)
+            state = own_whole(encode(height_m, speed_mps))
             if type(state) is not int or not 0 <= state < count:
                 raise ParameterError(
                     f"encode({height_m:g}, {speed_mps:g}) returned {state!r}.",
@@ -181,7 +182,7 @@ class Pilot:
 
     def _epsilon(self, share: float) -> float:
         epsilon = self.module.epsilon(share)
-        if not isinstance(epsilon, (int, float)) or not math.isfinite(epsilon):
+        if not isinstance(epsilon, Real) or not math.isfinite(epsilon):
             raise ParameterError(f"epsilon({share:g}) returned {epsilon!r}.", fix="a number from 0 to 1.")
         return float(epsilon)
 
@@ -195,7 +196,7 @@ class Pilot:
 
     def _chosen(self, states: Sequence[int], epsilon: float) -> list[int]:
         choose, table, rng = self.module.choose, self.table, self.rng
-        actions = [choose(table, state, epsilon, rng) for state in states]
+        actions = [own_whole(choose(table, state, epsilon, rng)) for state in states]
         for action in actions:
             if type(action) is not int or not 0 <= action < ACTIONS:
                 raise ParameterError(f"choose() returned {action!r}.", fix=f"a whole number from 0 to {ACTIONS - 1}.")
@@ -222,6 +223,16 @@ class Pilot:
         for one in transitions:
             self.module.update(table, Transition(*one))
         return table.plain()
+
+
+def own_whole(value: Any) -> Any:
+    """Returns a whole number that NumPy has made as Python's own, and all else as it is.
+
+    >>> own_whole(7), own_whole(7.0), own_whole(True)
+    (7, 7.0, True)
+    """
+    is_foreign = type(value) is not int and isinstance(value, Integral) and not isinstance(value, bool)
+    return int(value) if is_foreign else value
 
 
 def rows_of(packed: str, count: int) -> list[list[float]]:

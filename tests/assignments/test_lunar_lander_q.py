@@ -117,6 +117,20 @@ def test_a_wrong_solution_loses_the_points_of_its_mistake_and_is_told_it(name: s
     assert hint in told(result)
 
 
+def test_numbers_that_numpy_has_made_are_numbers(tmp_path: Path) -> None:
+    file = submission(tmp_path) / "q_lander.py"
+    wrapped = "import numpy as np\nSTATES = np.int64(STATES)\n"
+    for name, kind in (("encode", "int64"), ("choose", "int32"), ("reward", "float32"), ("epsilon", "float32")):
+        wrapped += f"def {name}(*given, own={name}):\n    return np.{kind}(own(*given))\n"
+    wrapped += "def update(table, step, own=update):\n    own(table, step)\n"
+    for rows, kind in (("values", "float64"), ("visits", "int64")):
+        place = f"table.{rows}[step.state][step.action]"
+        wrapped += f"    {place} = np.{kind}({place})\n"
+    file.write_text(f"{file.read_text()}\n\n{wrapped}")
+    result = graded(tmp_path)
+    assert (lost(result), told(result).strip()) == ({}, "")
+
+
 def test_the_kits_own_learning_is_not_imported_and_the_line_is_told(tmp_path: Path) -> None:
     file = submission(tmp_path) / "q_lander.py"
     file.write_text("from snr_sim.learning.tabular import Learner\n" + file.read_text())
