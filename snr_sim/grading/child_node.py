@@ -175,6 +175,9 @@ class ChildNode(Node):
                 component.halt()
             else:
                 getattr(component, step)()
+        except BaseException:
+            machine.scheduled.clear()  # or the next step would bring it, of another component
+            raise
         finally:
             machine.running = None
         scheduled = [self._typed.leaves(task) for task in machine.scheduled]

@@ -110,6 +110,20 @@ def test_whatever_a_component_does_it_does_alike_in_a_flight(tmp_path: Path) -> 
     assert flown.truth()[0][1]["poses"]
 
 
+def test_what_a_component_scheduled_before_it_failed_is_put_down_to_no_other(tmp_path: Path) -> None:
+    fails = 'self.schedule(tasks.event("begun"))\n        if self.name == "two": raise ValueError'
+    begins = 'self.schedule(tasks.event("begun", [self.name]))'
+    assert begins in EVERYTHING
+    (tmp_path / "everything.py").write_text(EVERYTHING.replace(begins, fails))
+    (tmp_path / "beside.py").write_text("GAIN = 0.5\n")
+    run = fly_recorded(
+        prepare(Request("lander_vertical", seed=11, controller=str(tmp_path / "everything.py"))), tmp_path / FILE_NAME
+    )
+    flown = Student(tmp_path).fly("lander_vertical", 11, "everything.py", may_fail=True)
+    assert "ValueError" in flown.error
+    assert flown.notes == run.notes
+
+
 @pytest.mark.parametrize(
     ("scenario", "controller"),
     [
