@@ -117,7 +117,21 @@ class InputRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_f
     values: Values
 
 
-class TaskRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="task"):
+class _Executed(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What both kinds of tasks have that were executed."""
+
+    seq: Seq
+    t: float
+    node: str
+    type: str
+    name: str
+    values: Values
+    cause: Seq
+    nth: Count
+    handled: list[By]
+
+
+class TaskRecord(_Executed, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="task"):
     """A task that was executed, and what its handlers returned.
 
     Args:
@@ -126,29 +140,9 @@ class TaskRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fi
         handled: by whom, in order; a handler that raised is not among them.
     """
 
-    seq: Seq
-    t: float
-    node: str
-    type: str
-    name: str
-    values: Values
-    cause: Seq
-    nth: Count
-    handled: list[By]
 
-
-class PageRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="page"):
+class PageRecord(_Executed, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="page"):
     """A `store_page` task that was executed: `values` is [page]. Otherwise as `TaskRecord`."""
-
-    seq: Seq
-    t: float
-    node: str
-    type: str
-    name: str
-    values: Values
-    cause: Seq
-    nth: Count
-    handled: list[By]
 
 
 class TruthRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="truth"):
