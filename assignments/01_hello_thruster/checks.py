@@ -106,7 +106,8 @@ def misshapen(page: Any) -> str:
         return "There is no page 'pwm' with pulses_us after a page of controls. Does on_controls return it?"
     pulses = page["pulses_us"]
     if not isinstance(pulses, list):
-        return "pulses_us is no list."
+        found = {type(None): "nothing (None)", str: "a text", float: "one number"}.get(type(pulses), "no list")
+        return f"'pulses_us' of the page 'pwm' is {found}, and not a list of eight. What does pulses_us() return?"
     if len(pulses) > 8:
         return (
             f"There are {len(pulses)} pulses for eight thrusters. A list that is made outside of the function, or as a "

@@ -250,7 +250,10 @@ def in_the_node(student: Student, case: Fall) -> Verdict:
             return failed(hint + mixed, expected="a moving average", actual=f"begins with {got[:4]}")
         lengths.append(fitting)
     if lengths[0][0] == 1:
-        return failed("Page 'smooth' says what page 'radar' says. Choose a LENGTH; step 3 begins in on_radar.")
+        return failed(
+            "Page 'smooth' says what page 'radar' says. Step 3 begins in on_radar. Is LENGTH more than 1? And a filter "
+            "that is made in on_radar is a new one each time, and remembers nothing: make it in __init__."
+        )
     return passed(f"length {lengths[0][0]}", metrics={"length": lengths[0][0]})
 
 

@@ -34,7 +34,8 @@ def check(
 
     found = find_lab(lab)
     if not folder.is_dir():
-        raise UnknownName(f"There is no folder {folder}.", fix="name the folder with your files.")
+        what = f"{folder} is a file, not a folder." if folder.is_file() else f"There is no folder {folder}."
+        raise UnknownName(what, fix="name the folder with your files.")
     missing = [file for file in found.files if not (folder / file).is_file()]
     if missing:
         raise UnknownName(
@@ -86,13 +87,14 @@ def _show(lab: Lab, graded: Graded, out: Path) -> None:
     for check in graded.checks:
         for line in _lines(check, out):
             console.print(Text(line), soft_wrap=True)
+    for reason in dict.fromkeys(check.skipped_because for check in graded.checks if check.skipped_because):
+        skipped = (f"    {check.title}\n" for check in graded.checks if check.skipped_because == reason)
+        console.print(Text(f"- not tried: {reason}\n" + "".join(skipped)), soft_wrap=True)
     console.print(Text(_next(graded)), soft_wrap=True)
 
 
 def _lines(check: CheckResult, out: Path) -> Iterator[str]:
     """Yields what there is to say of a check that did not get all its points."""
-    if check.skipped_because:
-        yield f"- {check.title}\n    not tried: {check.skipped_because}\n"
     for case in check.cases:
         if not case.is_passed:
             about = f" ({case.label})" if case.label else ""

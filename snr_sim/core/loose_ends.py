@@ -28,7 +28,7 @@ def loose_ends(components: Mapping[str, Component], seen: Seen, datastore: Datas
     of_the_robot = {name: component for name, component in components.items() if name != CORE_NAME}
     return [
         *_unhandled(of_the_robot, seen),
-        *_never_called(of_the_robot, seen),
+        *_never_called(of_the_robot, seen, datastore),
         *_without_handlers(of_the_robot, seen),
         *_never_stored(datastore),
     ]
@@ -44,7 +44,7 @@ def _unhandled(components: Mapping[str, Component], seen: Seen) -> Iterator[str]
                 yield f"Nobody handled {describe((kind, name))}; {nearest(name, known, 'handlers wait for')}"
 
 
-def _never_called(components: Mapping[str, Component], seen: Seen) -> Iterator[str]:
+def _never_called(components: Mapping[str, Component], seen: Seen, datastore: Datastore) -> Iterator[str]:
     for component in components.values():
         for task_id in component.task_handlers:
             if (
@@ -53,6 +53,12 @@ def _never_called(components: Mapping[str, Component], seen: Seen) -> Iterator[s
                 and task_id[0] is not TaskType.terminate
             ):
                 kind, name = task_id
+                if kind is TaskType.process_data and name in datastore.pages:
+                    yield (
+                        f"'{component.name}' waits for {describe(task_id)}, which never came: that page was stored "
+                        f"without a task (process=False). Look it up: self.get_data({str(name)!r})."
+                    )
+                    continue
                 verb = "sent" if kind is TaskType.event else "stored" if kind is not TaskType.reload else "asked for"
                 near = nearest(name, seen[kind], f"{verb} were")
                 yield f"'{component.name}' waits for {describe(task_id)}, which nobody {verb}; {near}"

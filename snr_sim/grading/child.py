@@ -197,7 +197,7 @@ def node_verbs(child: Child) -> dict[str, Callable[[msgspec.Raw], bytes]]:
 def _said(child: Child, do: str, error: BaseException) -> Said:
     if isinstance(error, NoValue):
         return Said(child.step, _text(str(error.args[0])), component=child.component, is_value=True)
-    while_what = f"while it was asked to {do}" if do != "ask" else "while the lab tried what is in your file"
+    while_what = f"while it was asked to {do}" if do not in ("ask", "call") else "while the lab tried your file"
     if isinstance(error, TookTooLong):
         return Said("slow", _text(describe_error(error, while_what).replace("TookTooLong: ", "")), "", child.component)
     if isinstance(error, SnrError):

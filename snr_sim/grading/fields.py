@@ -54,6 +54,9 @@ def field_of(page: Any, key: str, name: str, kind: type[Kind], count: int | None
             raise _told(found, f"'{name}' of the page '{key}' is not {wanted}.", wanted)
         return found
     numbers = [found] if kind is float else _listed(found)
+    if any(isinstance(number, np.generic) and not _is_number(number) for number in numbers or ()):
+        hint = f"'{name}' of the page '{key}' holds a number of numpy's, not of Python's: write float(...) around it."
+        raise _told(found, hint, wanted)
     if numbers is None or count not in (None, len(numbers)) or not all(map(_is_number, numbers)):
         raise _told(found, f"'{name}' of the page '{key}' is not {wanted}.", wanted)
     if not all(-MOST < number < MOST for number in numbers):

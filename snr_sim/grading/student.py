@@ -287,7 +287,7 @@ def _checked(what: str, raw: msgspec.Raw, returns: Any, finite: bool) -> Any:
             f"{what} returned {reprlib.repr(value)}.",
             f"Return what the lab asks for: {_name_of(returns)}.",
             expected=_name_of(returns),
-            actual=str(error),
+            actual=str(error).replace("`$", "`"),
         ) from None
 
 
@@ -310,7 +310,20 @@ def _check_plain(what: str, value: Any, finite: bool) -> None:
         raise ProtocolError("It answered with something that is no plain value.")
 
 
+_IN_WORDS = {
+    float: "a number",
+    int: "a whole number",
+    str: "a text",
+    bool: "True or False",
+    list[float]: "a list of numbers",
+    list[int]: "a list of whole numbers",
+    list[str]: "a list of texts",
+}
+
+
 def _name_of(returns: Any) -> str:
+    if returns in _IN_WORDS:
+        return _IN_WORDS[returns]
     return returns.__name__ if isinstance(returns, type) and not hasattr(returns, "__args__") else str(returns)
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from statistics import fmean, pstdev
@@ -29,6 +31,7 @@ WRONG = {
     "window_of_all": ({"fresh": 10, "in_the_node": 20, "lands": 15}, "is shared by all"),
     "one_filter_for_two": ({"in_the_node": 20, "lands": 15}, "a filter each"),
     "future": ({"exact": 20, "warm_up": 10}, "values that come later"),
+    "made_in_on_radar": ({"in_the_node": 20, "lands": 15}, "remembers nothing"),
     "too_short": ({"lands": 15}, "Too few readings"),
     "only_the_visible": ({"exact": 40 / 3, "warm_up": 20 / 3}, "as they went in"),
     "weak_tests": ({"catches": 12.5}, "wrong filters pass all your cases"),
@@ -58,6 +61,17 @@ def test_the_starter_runs_and_is_told_where_to_begin(mark: Callable[..., Any]) -
 
 def test_every_wrong_solution_is_tried() -> None:
     assert {path.name for path in (Path(__file__).parent / "moving_average" / "wrong").iterdir()} == set(WRONG)
+
+
+def test_a_mean_that_was_reckoned_by_hand_is_right_at_home_too(tmp_path: Path) -> None:
+    shutil.copytree(FOLDER / "starter", tmp_path, dirs_exist_ok=True)
+    shutil.copytree(REFERENCE, tmp_path, dirs_exist_ok=True)
+    mine = (FOLDER / "starter" / "my_tests.py").read_text()
+    by_hand = '{"length": 2, "values": [0.1, 0.2], "means": [0.1, 0.15]}'  # and 0.15000000000000002 comes out
+    (tmp_path / "my_tests.py").write_text(mine.replace("# Step 5", by_hand + ",  # Step 5"))
+    said = subprocess.run([sys.executable, "my_tests.py"], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert f"right for {by_hand}".replace('"', "'") in said.stdout
+    assert "wrong" not in said.stdout
 
 
 def touchdown_mps(file: Path, seed: int) -> float:

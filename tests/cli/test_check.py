@@ -106,6 +106,19 @@ def test_what_is_missing_is_told_with_what_to_do(here: Path, lab: Path, snr: Any
     assert "snr new lab doubling" in answer.err
     assert snr("check", "dubling").status == 2
     assert snr("check", "doubling", "nowhere").status == 2
+    (here / "mine.py").write_text(WRONG)
+    assert "mine.py is a file, not a folder" in snr("check", "doubling", "mine.py").err
+
+
+def test_why_checks_were_not_tried_is_said_once_for_all_of_them(here: Path, lab: Path, snr: Any) -> None:
+    stays = '@check(points=30, needs=["doubles"])\ndef stays(student: Student) -> Verdict:\n    """Stays."""\n'
+    stays += "    return passed()"
+    three = CHECKS.replace("points=70", "points=40").replace("lands])", "lands, stays])")
+    (lab / "checks.py").write_text(three.replace("\nlab =", f"\n{stays}\n\n\nlab ="))
+    (here / "mine.py").write_text(WRONG)
+    said = snr("check", "doubling").out
+    assert said.count("not tried") == 1
+    assert "    Lands.\n    Stays.\n" in said
 
 
 def test_a_lab_that_fails_by_itself_is_not_the_students_fault(here: Path, lab: Path, snr: Any) -> None:

@@ -330,6 +330,16 @@ def test_a_page_waited_for_that_nobody_stores_is_reported_with_the_nearest_name(
     )
 
 
+def test_a_handler_of_a_page_that_was_stored_without_a_task_is_told_to_look_it_up() -> None:
+    waits = PartFactory(
+        {(TaskType.process_data, "depth"): lambda t, i: None},
+        begin=lambda p: p.schedule(p.store_data_task("depth", 1.0, process=False)),
+    )
+    (note,) = notes_of(waits)
+    assert "without a task (process=False)" in note
+    assert "self.get_data('depth')" in note
+
+
 def notes_of_failed(*factories: Any) -> list[str]:
     node = node_of(*factories, ender(0.1))
     with pytest.raises(ComponentFailed):

@@ -18,4 +18,5 @@ if __name__ == "__main__":
 
     for case in cases():
         means = smoothed(case["values"], case["length"])
-        print("right" if means == case["means"] else f"wrong: {means}", "for", case)
+        rounded = [round(mean, 9) for mean in means]  # 0.1 + 0.2 is 0.30000000000000004
+        print("right" if rounded == [round(mean, 9) for mean in case["means"]] else f"wrong: {means}", "for", case)
