@@ -40,7 +40,8 @@ def entries_of(path: Path, notes: list[str], is_litter: Callable[[str], bool]) -
     """
     if path.stat().st_size > MAX_ARCHIVE_BYTES:
         raise Refused(
-            f"Your archive is larger than {MAX_ARCHIVE_BYTES // 2**20} MB.", fix="hand in only what the lab asks for."
+            f"Your archive is larger than {MAX_ARCHIVE_BYTES // 2**20} MB.",
+            fix="zip only what the lab asks for, without recorded runs.",
         )
     try:
         with path.open("rb") as file, zipfile.ZipFile(cast(Any, _Bounded(file))) as archive:

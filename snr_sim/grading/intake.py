@@ -29,9 +29,10 @@ _CHUNK_BYTES = 2**16
 _TOO_MANY = f"Your submission has more than {MAX_FILES} files."
 _ONLY_WHAT_IS_ASKED = "hand in only what the lab asks for."
 _MAX_NOTES = 20
-# What editors, Python and macOS leave lying about: not part of what was handed in.
-_LITTER = {"__pycache__", "__MACOSX", "venv", "node_modules", "Thumbs.db"}
-_LITTER_SUFFIXES = (".pyc", ".pyo", "~")
+# What editors, Python and macOS leave lying about, and the runs that the labs' pages have recorded beside the program:
+# not part of what was handed in.
+_LITTER = {"__pycache__", "__MACOSX", "venv", "node_modules", "Thumbs.db", "trace.jsonl", "result.json"}
+_LITTER_SUFFIXES = (".pyc", ".pyo", "~", ".rrd")
 
 Member: TypeAlias = tuple[str, "BinaryIO | None"]
 
@@ -165,7 +166,7 @@ def _copy(members: Iterator[Member], into: Path, notes: list[str]) -> int:
                     if left < 0:
                         raise Refused(
                             f"Your submission is larger than {MAX_BYTES // 2**20} MB.",
-                            fix="hand in only what the lab asks for, without recorded runs.",
+                            fix=_ONLY_WHAT_IS_ASKED,
                         )
                     copy.write(data)
         except (FileExistsError, NotADirectoryError) as error:

@@ -112,6 +112,17 @@ def test_litter_is_not_part_of_it(tmp_path: Path) -> None:
     assert sorted(files_in(taken(tmp_path, given))) == ["a.py", "depth_hold.py"]
 
 
+def test_runs_that_were_recorded_beside_the_program_are_not_part_of_it_however_large(tmp_path: Path) -> None:
+    given = folder(tmp_path, depth_hold__py=CODE)
+    run = given / "first" / "lander_noisy-0-20261122-003519"
+    os.makedirs(run)
+    for name in ("trace.jsonl", "view.rrd", "replayed.rrd"):
+        with (run / name).open("wb") as file:
+            file.truncate(intake.MAX_BYTES)
+    (run / "result.json").write_bytes(b"{}")
+    assert files_in(taken(tmp_path, given)) == {"depth_hold.py": CODE}
+
+
 @pytest.mark.parametrize(
     ("given_name", "says"),
     [
