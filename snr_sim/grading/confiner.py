@@ -26,11 +26,16 @@ class Confiner:
 
     Raises:
         LabFault: there is no user left for it.
+        OSError: there is no room for its folder.
     """
 
     def __init__(self) -> None:
         self._user = ThrowawayUser()
-        self.scratch = Scratch(self._user.number)
+        try:
+            self.scratch = Scratch(self._user.number)
+        except OSError:
+            self._user.close()
+            raise
 
     def walls(self, readable: Sequence[Path], hidden: Path) -> Walls:
         """Returns what the process is told: what it may read, but for a folder in it."""

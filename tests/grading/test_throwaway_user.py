@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from snr_sim.grading import confiner
+from snr_sim.grading.scratch import Scratch
 from snr_sim.grading.throwaway_user import FIRST, LAST, ThrowawayUser
 
 pytestmark = pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files and processes to other users")
@@ -46,3 +48,27 @@ def test_a_user_who_still_runs_something_is_nobody_elses() -> None:
     assert left.poll() is None
     left.kill()
     left.wait()
+
+
+def test_a_user_for_whose_files_there_is_no_room_is_given_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[ThrowawayUser] = []
+    given_back: list[ThrowawayUser] = []
+
+    class Remembered(ThrowawayUser):
+        def __init__(self) -> None:
+            super().__init__()
+            made.append(self)
+
+        def close(self) -> None:
+            super().close()
+            given_back.append(self)
+
+    def full(user: int) -> Scratch:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(confiner, "ThrowawayUser", Remembered)
+    monkeypatch.setattr(confiner, "Scratch", full)
+    with pytest.raises(OSError, match="No space"):
+        confiner.Confiner()
+    assert given_back == made
+    assert len(made) == 1
