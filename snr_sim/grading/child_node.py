@@ -21,11 +21,7 @@ from snr_sim.core.machine import EventMachine, as_tasks
 from snr_sim.core.node import Node
 from snr_sim.grading.child import Child
 from snr_sim.grading.child_limits import TookTooLong
-from snr_sim.grading.node_messages import (
-    Made,
-    Returned,
-    StepDone,
-)
+from snr_sim.grading.node_messages import Made, Returned, StepDone
 from snr_sim.grading.typed_pages import TypedPages
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.task import Task

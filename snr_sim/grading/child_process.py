@@ -276,6 +276,7 @@ class ChildProcess:
 
         Raises:
             Misbehaved: it had printed too much.
+            LabFault: it was confined, and something of it cannot be ended.
         """
         if self._socket.fileno() < 0:
             return

@@ -291,7 +291,7 @@ def as_policy(student: Asked) -> QTable:
     ]
     grid = np.meshgrid(*middles, indexing="ij")
     states = student.ask("encode", *(axis.ravel().tolist() for axis in grid), returns=list[int])
-    learned = student.ask("learned")
-    policy.values[:] = np.array(learned["values"])[states]
-    policy.visits[:] = np.array(learned["visits"])[states]
+    rows = student.ask("learned")
+    policy.values[:] = np.array(rows["values"])[states]
+    policy.visits[:] = np.array(rows["visits"])[states]
     return policy

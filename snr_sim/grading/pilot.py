@@ -191,10 +191,11 @@ class Pilot:
         return packed_states(self.encode(*rows_of(packed, 2)))
 
     def choose(self, states: Sequence[int], epsilon: float) -> list[int]:
-        """Returns what is chosen in states, by what was learned."""
-        return self._chosen(states, epsilon)
+        """Returns what is chosen in states, by what was learned.
 
-    def _chosen(self, states: Sequence[int], epsilon: float) -> list[int]:
+        Raises:
+            ParameterError: choose() returned something that is no action.
+        """
         choose, table, rng = self.module.choose, self.table, self.rng
         actions = [own_whole(choose(table, state, epsilon, rng)) for state in states]
         for action in actions:
@@ -214,7 +215,7 @@ class Pilot:
         """Returns what is chosen in states of a given table, and what that did to table and chance."""
         self.table, self.rng = Table.of(plain), random.Random(seed)
         before = self.rng.getstate()
-        actions = self._chosen(states, epsilon)
+        actions = self.choose(states, epsilon)
         return {"actions": actions, "is_drawn": self.rng.getstate() != before, "table": self.table.plain()}
 
     def replay(self, plain: dict[str, Any], transitions: Sequence[Sequence[Any]]) -> dict[str, Any]:

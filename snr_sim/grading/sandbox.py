@@ -147,7 +147,7 @@ def start_command(
         f"import sys; sys.path[:] = {path!r}; from snr_sim.grading.{place} import main; "
         f"main({line}, {limited}, {isolation != 'none'}, {drops_to}{walls})"
     )
-    # What -I is, but for PYTHONHASHSEED, which it would not read: there is nothing else in the environment.
+    # What -I is, but for PYTHONHASHSEED: there is nothing else in the environment. And -S, as sys.path is given whole.
     python = [os.path.realpath(sys.executable), "-P", "-s", "-S", "-c", begin]
     if isolation == "sandbox":
         return [*_wrapping(folder, readable, makes_copies), *python], Path("/")

@@ -20,11 +20,8 @@ VERTICAL_THROTTLES = (0.0, 0.25, 0.5, 1.0)
 VERTICAL_NAMES = ("altitude_m", "velocity_mps")  # of what is observed
 VERTICAL_ACTIONS = tuple(f"throttle {throttle:g}" for throttle in VERTICAL_THROTTLES)
 VERTICAL_LOW, VERTICAL_HIGH = (-20.0, -250.0), (5000.0, 250.0)
-PAD_THROTTLES = (
-    0.0,
-    0.25,
-    0.6,
-)  # off (which the engine does not stay for long), about hovering, the most it gives steadily
+# Off (which the engine does not stay for long), about hovering, the most it gives steadily.
+PAD_THROTTLES = (0.0, 0.25, 0.6)
 PAD_TURNS = (-1.0, 0.0, 1.0)
 PAD_LOW = (-500.0, -20.0, -100.0, -100.0, -math.pi, -5.0, 0.0, 0.0, -10.0)
 PAD_HIGH = (500.0, 1000.0, 100.0, 100.0, math.pi, 5.0, 1.0, 1.0, 1000.0)

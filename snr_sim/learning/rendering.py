@@ -32,9 +32,8 @@ class Frame:
         statics = scene["statics"].values()
         self._cuts = [(rgb_of(shape), cut_by_plane(shape)) for shape in statics if shape.get("kind") == "mesh"]
         surface = scene["statics"].get("surface")
-        self._surface_m = (
-            None if surface is None else float(points_of(surface)[:, 2].max())
-        )  # of water, if there is any
+        # Of water, if there is any.
+        self._surface_m = None if surface is None else float(points_of(surface)[:, 2].max())
         self._feet_m, self._size_m = feet_and_size(self._bodies)
         self._strongest_n = 1e-9  # of what has pushed so far: flames are drawn beside it
 

@@ -180,12 +180,15 @@ def train(
 
 
 def evaluate(env: Any, act: Callable[[Sequence[float]], Any], starts: Sequence[int]) -> list[dict[str, Any]]:
-    """Tries a policy without learning and without chance of its own; returns the last `info` of each episode.
+    """Tries a policy without learning and without chance of its own.
 
     Args:
         env: over a scenario.
         act: from observation to action.
         starts: of the scenario, which the training should not have seen.
+
+    Returns:
+        the last `info` of each episode, with its sum of rewards as `return`.
     """
     ends = []
     for start in starts:
