@@ -3,6 +3,8 @@
 import csv
 import json
 import os
+import re
+import shutil
 import signal
 import stat
 import subprocess
@@ -74,6 +76,25 @@ def test_everybody_has_a_result_and_faults_are_no_marks(double_lab: Path, handed
     assert (tmp_path / "out" / "distribution.png").is_file()
     with (tmp_path / "out" / "leaderboard.csv").open(newline="") as file:
         assert [row["submission"] for row in csv.DictReader(file)] == ["s0", "s1"]
+
+
+def test_the_run_of_a_visible_case_that_failed_goes_to_its_student_and_of_hidden_ones_none(
+    landing_lab: Path, tmp_path: Path
+) -> None:
+    in_flight = Path(__file__).parent / "attacks" / "in_flight"
+    given = tmp_path / "submissions" / "eve"
+    given.mkdir(parents=True)
+    shutil.copy(in_flight / "falling.py", given)
+    shutil.copy(in_flight / "only_falls.py", given / "pilot.py")
+    assert grade(landing_lab, [given], tmp_path / "out").returncode == 0
+    student = tmp_path / "out" / "students" / "eve"
+    assert [str(path.relative_to(student)) for path in student.rglob("trace.jsonl")] == [
+        "runs/lands-1/flight-1/trace.jsonl"
+    ]
+    (told,) = re.findall(r"`(snr replay [^`]*) FILE`", (student / "report.md").read_text())
+    replay = [sys.executable, "-m", "snr_sim", *told.split()[1:], str(given / "pilot.py")]
+    done = subprocess.run(replay, cwd=student, capture_output=True, text=True)
+    assert (done.returncode, done.stdout[:9]) == (0, "identical"), done.stderr
 
 
 def test_one_at_a_time_or_several_and_again_the_bytes_are_the_same(

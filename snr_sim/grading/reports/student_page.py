@@ -52,5 +52,7 @@ def _case(case: CaseResult) -> list[str]:
         for heading, text in told.parts(case):
             lines += ["", f"  {heading}:", "", fenced(text, indent="  "), ""]
     if case.run_folder:
-        lines += ["", f"  To see this run: `snr view {case.run_folder}`; to step through it: `snr trace`.", ""]
+        run = case.run_folder
+        replay = f"`snr replay {run} --with FILE`, FILE being yours that flies"
+        lines += ["", f"  To see this run: `snr view {run}`; to run your code on it again: {replay}.", ""]
     return lines
