@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections import deque
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
@@ -19,7 +20,7 @@ class Door:
     """A queue that any thread may put into and one thread takes from; waiting at it costs nothing.
 
     `deque.append` and `SimpleQueue.put` are single steps that no other thread and no signal handler can cut in two.
-    So there is no lock here that an interrupt could leave held, which is how a node hangs at Ctrl-C.
+    So nothing enters through a lock that an interrupt could leave held, which is how a node hangs at Ctrl-C.
     """
 
     def __init__(self) -> None:
@@ -28,6 +29,7 @@ class Door:
         self._wake: SimpleQueue[None] = SimpleQueue()
         self._asleep = False
         self._lookout: Lookout | None = None
+        self._opening = threading.Lock()  # of the lookout; links' threads take it, never who waits or puts
         self.visits = 0  # how often the node has come to wait
 
     @property
@@ -41,9 +43,10 @@ class Door:
         What comes for a node that has nothing else to do costs no change of threads then. A node that has much to do
         does not come to its door, so who watches needs another way to read in the long run.
         """
-        if self._lookout is None:
-            self._lookout = Lookout()
-            self._wake.put(None)  # whoever waits already waits for this
+        with self._opening:  # two links may come up at one moment, each on its own thread
+            if self._lookout is None:
+                self._lookout = Lookout()
+                self._wake.put(None)  # whoever waits already waits for this
         self._lookout.watch(descriptor, serve)
 
     def unwatch(self, descriptor: int) -> None:

@@ -1,6 +1,8 @@
 import socket
 import threading
 
+import pytest
+
 from snr_sim import Config, Mode, Node, tasks
 from snr_sim.core.door import Door
 from snr_sim.core.lookout import Lookout
@@ -63,6 +65,30 @@ def test_whoever_waits_already_when_watching_begins_waits_for_that_too() -> None
         thread.join(LIMIT_S)
         assert not thread.is_alive()
         door.close()
+
+
+def test_two_who_begin_watching_at_one_moment_are_both_served(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two links that come up together, each on its thread: the second comes while the first one is at it."""
+    door, (near, far), (other_near, other_far) = Door(), socket.socketpair(), socket.socketpair()
+    served: set[str] = set()
+    second = threading.Thread(target=lambda: door.watch(other_far.fileno(), lambda: served.add("second")))
+
+    class Slow(Lookout):
+        def __init__(self) -> None:
+            super().__init__()
+            if second.ident is None:
+                second.start()
+                second.join(0.2)
+
+    monkeypatch.setattr("snr_sim.core.door.Lookout", Slow)
+    with near, far, other_near, other_far:
+        near.send(b"x")
+        other_near.send(b"x")
+        door.watch(far.fileno(), lambda: served.add("first"))
+        second.join(LIMIT_S)
+        door.wait(LIMIT_S)
+        door.close()
+    assert served == {"first", "second"}
 
 
 def test_what_is_no_longer_watched_is_not_served() -> None:
