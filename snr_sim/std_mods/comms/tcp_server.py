@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import selectors
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from snr_sim.core.loop import LoopFactory
 from snr_sim.core.node import Node
+from snr_sim.std_mods.comms.listener import Listener
 from snr_sim.std_mods.comms.options import LinkOptions
 from snr_sim.std_mods.comms.security import Network, is_allowed
 from snr_sim.std_mods.comms.session import Terms
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     import ssl
 
 MAX_STREAMS = 64  # per server, known or not; for one more, the stranger who waits longest has to go
-PAUSE_S = 0.5  # after the system had no descriptor left for a connection
 
 
 @dataclass(frozen=True)
@@ -60,23 +59,17 @@ class ServerLink(StreamLink):
         self._address = address
         self._gate = gate
         self._claim = claim
-        self._resume_s: float | None = None
 
     def _open(self) -> None:
-        self._listener = self._claim.take(self._address)
+        sock = self._claim.take(self._address)
         super()._open()
-        self._selector.register(self._listener, selectors.EVENT_READ, self._accept)
+        self._listener = Listener(sock, self._selector, self.log, self._accept)
 
     def _accept(self, events: int) -> None:
-        try:
-            sock, address = self._listener.accept()
-        except BlockingIOError:
+        come = self._listener.accept(self.get_time_s())
+        if come is None:
             return
-        except OSError as error:  # no descriptor left: accepting at once again would only spin
-            self.log.warning("cannot take a connection: %s", error.strerror)
-            self._selector.unregister(self._listener)
-            self._resume_s = self.get_time_s() + PAUSE_S
-            return
+        sock, address = come
         if len(self.streams) >= MAX_STREAMS:
             strangers = [stream for stream in self.streams if not stream.is_admitted]
             if not strangers:
@@ -100,9 +93,7 @@ class ServerLink(StreamLink):
             self._pump(self.streams[-1])
 
     def _tend(self, now_s: float) -> None:
-        if self._resume_s is not None and now_s >= self._resume_s:
-            self._resume_s = None
-            self._selector.register(self._listener, selectors.EVENT_READ, self._accept)
+        self._listener.tend(now_s)
         super()._tend(now_s)
 
     def halt(self) -> None:

@@ -12,6 +12,7 @@ from snr_sim.core.backing import ThreadBacking
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.prelude.errors import ConfigError
+from snr_sim.std_mods.comms.listener import Listener
 from snr_sim.std_mods.comms.security import as_secret, is_loopback
 from snr_sim.std_mods.comms.session import Terms
 from snr_sim.std_mods.comms.socket_port import Address, Claim
@@ -27,7 +28,6 @@ WATCH_EVERY_S = 0.05
 BUSY_EVERY_S = 0.01
 OUTCOME_EVERY_S = 0.002  # the node mostly does at once what it was asked for
 LINGER_S = 0.2  # how long a node's end may take to send the last answers
-PAUSE_S = 0.5  # after the system had no descriptor left for a connection
 
 
 class CommandReceiverFactory(LoopFactory):
@@ -113,7 +113,6 @@ class CommandReceiver(Loop):
         self._processor = CommandProcessor(parent, name)
         self._allowance = Allowance()
         self._lines: list[Line] = []
-        self._resume_s: float | None = None
 
     def begin(self) -> None:
         """Listens, and starts the thread.
@@ -121,11 +120,11 @@ class CommandReceiver(Loop):
         Raises:
             LinkError: the port is taken, or the host is not this machine.
         """
-        self._listener = self.factory.listener()
+        sock = self.factory.listener()
         self._wake_in, self._wake_out = socket.socketpair()
         self._wake_in.setblocking(False)
         self._selector = selectors.DefaultSelector()
-        self._selector.register(self._listener, selectors.EVENT_READ)
+        self._listener = Listener(sock, self._selector, self.log)
         self._selector.register(self._wake_out, selectors.EVENT_READ)
         self.begin_on(ThreadBacking(self))
 
@@ -139,13 +138,11 @@ class CommandReceiver(Loop):
     def loop(self) -> None:
         """One round: waits until something happens, and does what is to be done about it."""
         for key, events in self._selector.select(self._patience_s()):
-            if key.fileobj is self._listener:
+            if key.fileobj is self._listener.sock:
                 self._accept()
             elif isinstance(key.data, Line) and events & selectors.EVENT_READ:
                 self._guarded(key.data, self._read)
-        if self._resume_s is not None and time.monotonic() >= self._resume_s:
-            self._resume_s = None
-            self._selector.register(self._listener, selectors.EVENT_READ)
+        self._listener.tend(time.monotonic())
         for line in list(self._lines):
             self._guarded(line, self._tend)
 
@@ -170,20 +167,14 @@ class CommandReceiver(Loop):
             self._drop(line)
 
     def _accept(self) -> None:
-        try:
-            sock, _ = self._listener.accept()
-        except BlockingIOError:
-            return
-        except OSError as error:  # no descriptor left: accepting at once again would only spin
-            self.log.warning("cannot take a connection: %s", error.strerror)
-            self._selector.unregister(self._listener)
-            self._resume_s = time.monotonic() + PAUSE_S
+        come = self._listener.accept(time.monotonic())
+        if come is None:
             return
         strangers = [line for line in self._lines if not line.is_known]
         if len(strangers) >= STRANGERS_MAX:
             self._drop(strangers[0])
         conversation = Conversation(self._terms, self._processor.session(), time.monotonic(), self._allowance)
-        self._lines.append(Line(sock, conversation))
+        self._lines.append(Line(come[0], conversation))
 
     def _read(self, line: Line) -> None:
         was_known = line.is_known
@@ -216,8 +207,6 @@ class CommandReceiver(Loop):
 
     def halt(self) -> None:
         """Sends the last answers and says goodbye, not for longer than a moment; closes everything."""
-        if self._resume_s is None:
-            self._selector.unregister(self._listener)
         self._listener.close()
         give_up_s = time.monotonic() + LINGER_S
         node = self.parent

@@ -111,7 +111,7 @@ def test_weakness_10_clients_that_connect_and_close_do_not_end_the_node(robot: A
 
 
 def test_weakness_11_a_server_listens_where_it_was_told_and_nowhere_else(robot: Any, pair: SocketsPair) -> None:
-    assert robot.node.components["link_t"]._listener.getsockname()[0] == HERE
+    assert robot.node.components["link_t"]._listener.sock.getsockname()[0] == HERE
     with pytest.raises(OSError, match=r"."):
         socket.create_connection(("127.0.0.2", pair.port), 5)
 

@@ -236,7 +236,7 @@ def test_weakness_11_beyond_this_machine_a_console_without_a_token_is_refused_wh
 
 def test_weakness_11_a_console_listens_where_it_was_told_and_nowhere_else() -> None:
     with running() as (node, _):
-        listener = node.components["console"]._listener  # type: ignore[attr-defined]
+        listener = node.components["console"]._listener.sock  # type: ignore[attr-defined]
         assert listener.getsockname()[0] == "127.0.0.1"
 
 
