@@ -35,3 +35,17 @@ def test_it_has_what_is_wanted_a_solution_of_it_and_four_wrong_ones_that_are_tri
     wrong = [folder.name for folder in (solutions / "wrong").iterdir() if any(folder.glob("*.*"))]
     assert len(wrong) >= 4
     assert [name for name in wrong if f'"{name}"' not in tests and f"/{name}" not in tests] == []
+
+
+@pytest.mark.parametrize("lab", LABS, ids=lambda lab: lab.name)
+def test_its_hidden_cases_are_not_those_that_students_see_and_follow_from_the_secret(lab: Path) -> None:
+    drawn = [check for check in find_lab(lab.name).checks if check.hidden is not None]
+    assert sum(check.points for check in drawn) >= 40.0
+    for check in drawn:
+        ways = [
+            [case.value for case in check.cases(lab.name, secret) if not case.is_visible]
+            for secret in (b"one secret of these tests", b"another secret", b"and a third one")
+        ]
+        # A moment that is drawn to 0.01 s may happen to be the visible one: not all of a check's.
+        assert all(any(value not in check.visible for value in way) for way in ways), check.name
+        assert any(way != ways[0] for way in ways), check.name
