@@ -19,6 +19,7 @@ from snr_sim.learning.batch_training import ENVIRONMENT
 from snr_sim.learning.q_table import QTable
 from snr_sim.prelude.errors import RecordingError
 
+LEGS_MPS = 3.05
 FILE, POLICY = "q_lander.py", "policy.npz"
 MOST_BYTES = 1_000_000
 MET = 12  # transitions are drawn between as many states; one more leads to itself
@@ -332,7 +333,7 @@ def lands(student: Student, case: Starts) -> Verdict:
     is_low = isinstance(pilot, ByTable) and flown.share < 0.75
     if is_low and fly(pilot, SEEN.seed, SEEN.count).share > flown.share + 0.2:
         hint = "It lands the starts that you can see and not others: it was trained on what it is tested with."
-    return partly((flown.share - 0.5) / 0.45, hint, "95 of 100 or more", f"{flown.outcomes}", metrics)
+    return partly((flown.share - 0.5) / 0.45, hint, "95 of 100 or more", told(flown), metrics)
 
 
 def why_down(flown: Flights, pilot: ByTable | Evidence) -> str:
@@ -346,9 +347,16 @@ def why_down(flown: Flights, pilot: ByTable | Evidence) -> str:
             return "All rewards were 0, so there was nothing to learn: what does reward() pay for?"
     if flown.outcomes["timeout"] > 0.1 * len(flown.landed):
         return HOVERS
+    often = " The average is slow enough, and too many are not." if flown.touchdown_mps <= LEGS_MPS else ""
     return (
-        f"It comes down at {flown.touchdown_mps:.1f} m/s on average; the legs take 3.05. Finer states near the ground?"
+        f"It comes down at {flown.touchdown_mps:.1f} m/s on average; the legs take {LEGS_MPS}.{often} "
+        "Finer states near the ground?"
     )
+
+
+def told(flown: Flights) -> str:
+    """Returns what came of flights, in words."""
+    return ", ".join(f"{count} {outcome}" for outcome, count in flown.outcomes.items())
 
 
 @check(points=15, visible=[Seed(1)], hidden=three, needs=["encodes", "chooses", "updates"], all_or_nothing=True)
@@ -365,7 +373,7 @@ def learns(student: Student, case: Seed) -> Verdict:
     hint = why_down(flown, pilot)
     if sum(took.landed[-100:]) > 60:
         hint += " (In training it landed more often than in this test.)"
-    return failed(hint, "80 of 100 or more", f"{flown.outcomes} after {took.episodes} episodes")
+    return failed(hint, "80 of 100 or more", f"{told(flown)}, after {took.episodes} episodes")
 
 
 @check(
@@ -381,7 +389,7 @@ def is_sturdy(student: Student, case: Elsewhere) -> Verdict:
         confirm(student, pilot)
     if flown.share >= 0.75:
         return passed()
-    return partly((flown.share - 0.4) / 0.35, why_down(flown, pilot), "75 of 100 or more", f"{flown.outcomes}")
+    return partly((flown.share - 0.4) / 0.35, why_down(flown, pilot), "75 of 100 or more", told(flown))
 
 
 lab = Lab(

@@ -80,9 +80,9 @@ def _show(lab: Lab, graded: Graded, out: Path) -> None:
     table.add_column("points", justify="right")
     for check in graded.checks:
         mark = "-" if check.skipped_because else ("ok" if check.is_passed else "x")
-        table.add_row(mark, Text(check.title), f"{check.points:g} of {check.of:g}")
+        table.add_row(mark, Text(check.title), f"{round(check.points, 2):g} of {check.of:g}")
     points, most = graded.points or 0.0, sum(check.of for check in graded.checks)
-    table.add_row("", Text("together"), f"{points:g} of {most:g}", end_section=True)
+    table.add_row("", Text("together"), f"{round(points, 2):g} of {most:g}", end_section=True)
     console.print(table)
     for check in graded.checks:
         for line in _lines(check, out):

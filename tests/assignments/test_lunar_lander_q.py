@@ -23,7 +23,7 @@ import pytest
 from snr_sim.grading.evidence import Evidence
 from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.lab import load_lab
-from snr_sim.grading.learning import PILOT, Budget, ByTable, Here, World, fly, train
+from snr_sim.grading.learning import PILOT, Budget, ByTable, Flights, Here, World, fly, train
 from snr_sim.grading.results import Graded
 from snr_sim.grading.student import Student
 from snr_sim.grading.verdicts import Misbehaved
@@ -286,6 +286,14 @@ def test_a_file_is_trained_alike_apart_and_here_and_training_keeps_to_its_budget
         student.close()
     few = train(here, 7, Budget(steps=10_000_000, episodes=150))
     assert 150 < few.episodes < 150 + 128
+
+
+@pytest.mark.parametrize(("mean_mps", "is_blamed"), [(2.2, False), (4.0, True)])
+def test_crashes_where_most_land_are_not_blamed_on_the_average(mean_mps: float, is_blamed: bool) -> None:
+    checks = sys.modules[load_lab(LAB / "checks.py").checks[0].function.__module__]
+    flown = Flights([True] * 8 + [False] * 2, {"landed": 8, "crashed": 2, "timeout": 0}, 240.0, mean_mps)
+    assert ("slow enough, and too many are not" in checks.why_down(flown, None)) is not is_blamed
+    assert checks.told(flown) == "8 landed, 2 crashed, 0 timeout"
 
 
 def test_at_home_the_students_own_choice_and_table_fly_and_not_the_graders(tmp_path: Path) -> None:
