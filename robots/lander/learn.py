@@ -35,6 +35,8 @@ def main() -> int:
     parser.add_argument("--episodes", type=int, default=1500)
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
+    if not asked.out.parent.is_dir():  # said now, and not when all is learned
+        parser.error(f"--out: there is no folder {asked.out.parent}. Make it, or name a file in another one.")
     assert snr_sim.learning is not None  # imported for what it makes known to gymnasium
     env = gymnasium.make("snr_sim/LanderVertical-v0").unwrapped
     table = new_table() if asked.method == "batch" else new_table(coarse_grid())

@@ -31,6 +31,8 @@ def main() -> int:
     parser.add_argument("--steps", type=int, default=PadTraining.steps)
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
+    if not asked.out.parent.is_dir():  # said now, and not when all is learned
+        parser.error(f"--out: there is no folder {asked.out.parent}. Make it, or name a file in another one.")
     assert snr_sim.learning is not None  # imported for what it makes known to gymnasium
     env = gymnasium.make("snr_sim/LanderPad-v0").unwrapped
     policy, console = PadPolicy(), Console(stderr=True)

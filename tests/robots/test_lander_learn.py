@@ -1,0 +1,30 @@
+"""The lander's two trainings from a shell: what cannot come to a good end is said before it begins."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from snr_sim.library import find
+
+LANDER = find("robots", "lander").path
+
+
+def run(script: str, *words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, LANDER / script, *words], capture_output=True, text=True)
+
+
+@pytest.mark.parametrize("script", ["learn.py", "learn_pad.py"])
+def test_a_folder_that_is_missing_is_told_before_anything_is_learned(script: str, tmp_path: Path) -> None:
+    done = run(script, "--out", str(tmp_path / "nowhere" / "policy.npz"))
+    assert done.returncode == 2
+    assert f"there is no folder {tmp_path / 'nowhere'}. Make it, or name a file in another one." in done.stderr
+
+
+@pytest.mark.parametrize("script", ["learn.py", "learn_pad.py"])
+def test_a_seed_that_makes_no_sense_is_told_in_a_sentence(script: str, tmp_path: Path) -> None:
+    done = run(script, "--seed", "-1", "--out", str(tmp_path / "policy.npz"))
+    assert done.returncode == 1
+    assert done.stderr.startswith("Error: A training with seed=-1.")
+    assert not list(tmp_path.iterdir())
