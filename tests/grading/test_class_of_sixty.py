@@ -48,6 +48,7 @@ WRONG_IN_LAB_TEN = {  # what is left of 100: see tests/assignments/test_lunar_la
     "stops_at_truncation": 65.0,
     "learns_from_the_untried": 65.0,
     "changes_the_next_state": 65.0,
+    "counts_before_it_looks": 65.0,
     "explores_when_evaluated": 70.0,
     "chooses_the_untried": 70.0,
     "plays_a_recording": 70.0,
@@ -257,6 +258,10 @@ def test_everybody_gets_exactly_what_is_due(
     due = hand_in(tmp_path / "submissions", port)
     assert len(due) == 60
     grade_class(str(double_lab), due, reached, tmp_path, open_folder, 6, isolation, prefix)
+
+
+def test_every_wrong_solution_of_lab_ten_is_in_its_class() -> None:
+    assert {one.name for one in (LAB_TEN / "wrong").iterdir()} == {*WRONG_IN_LAB_TEN, *UNLEARNED}
 
 
 @pytest.mark.parametrize("kind", ["right", "wrong", "attacks", "no program"])
