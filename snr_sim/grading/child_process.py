@@ -259,9 +259,10 @@ class ChildProcess:
         return ended_badly(status)
 
     def kill(self) -> None:
-        """Ends it, with all that it may have started."""
-        with suppress(ProcessLookupError, PermissionError):
-            os.killpg(self._process.pid, signal.SIGKILL)
+        """Ends it, with all that it started: a copy is the first process of a namespace, which ends with it."""
+        if not isinstance(self._process, Copied):
+            with suppress(ProcessLookupError, PermissionError):
+                os.killpg(self._process.pid, signal.SIGKILL)
         with suppress(ProcessLookupError):
             self._process.kill()
 

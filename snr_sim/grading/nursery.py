@@ -37,7 +37,7 @@ class Copied:
         self._status: int | None = None
         self.stdout = io.FileIO(output)
         told = Path(f"/proc/self/fdinfo/{death}").read_text()
-        self.pid = int(told.partition("Pid:")[2].split()[0])
+        self.pid = int(told.partition("Pid:")[2].split()[0])  # to look at, as /proc counts; signals go by the handle
 
     def kill(self) -> None:
         """Ends it, with its namespace."""
