@@ -74,6 +74,19 @@ def test_a_mean_that_was_reckoned_by_hand_is_right_at_home_too(tmp_path: Path) -
     assert "wrong" not in said.stdout
 
 
+def test_every_command_of_the_page_does_what_it_says(type_page: Callable[..., dict[str, str]]) -> None:
+    def solved(here: Path) -> None:
+        shutil.copy(REFERENCE / "smooth.py", here / "moving_average")
+        tests = here / "moving_average" / "my_tests.py"  # with what prints, which the reference is without
+        begin, end = (REFERENCE / "my_tests.py").read_text(), tests.read_text().partition("\n\nif __name__")
+        tests.write_text(f"{begin}{''.join(end[1:])}")
+
+    printed = type_page(FOLDER / "README.md", after={"first.png": solved})
+    assert "crashed" in next(said for command, said in printed.items() if "--out moving_average/first" in command)
+    (tried,) = (said for command, said in printed.items() if "my_tests.py" in command)
+    assert {line.partition(" ")[0] for line in tried.splitlines()} == {"right"}
+
+
 def touchdown_mps(file: Path, seed: int) -> float:
     """The speed of one touchdown."""
     simulation = prepare(Request("lander_noisy", seed=seed, controller=str(file)))

@@ -4,6 +4,7 @@ import random
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -91,6 +92,11 @@ def test_the_starter_runs_before_it_is_edited_and_is_told_what_it_lacks(tmp_path
     result = graded(tmp_path)
     assert result.points == 15
     assert not [case.error for check in result.checks for case in check.cases if case.error]
+
+
+def test_every_command_of_the_page_does_what_it_says(type_page: Callable[..., dict[str, str]]) -> None:
+    printed = type_page(LAB / "README.md", after={})
+    assert any("15 of 100" in said for said in printed.values())
 
 
 def test_a_file_without_the_class_or_with_answers_of_another_kind_is_told_so(tmp_path: Path) -> None:
