@@ -18,6 +18,7 @@ from snr_sim.prelude.values import encode_value
 laws: Any = load_program(str(Path(__file__).parent / "starter" / "laws.py"))  # the mathematics is given, so it is ours
 
 TICK_S = 0.02
+IMU_AGE_S = 0.013  # a page comes some time after it was measured: its stamp is not the time of now
 DEPTH_EVERY_S = 0.05
 GENTLE_NM = 1.0
 MODULES = ("heading.py", "depth.py", "mixer.py", "gentle.py")
@@ -87,16 +88,17 @@ def _played(parts: Sequence[tuple[list[dict[str, Any]], bool, Any, Any]], rng: r
                 page = {"depth_m": depth, "stamp_s": now_s}
                 script.pages.append(Given(now_s, "depth", page, process=False))  # as the vehicle's sensor stores it
                 rate_mps = rate.update(depth, now_s)
-            imu = {"roll_rad": 0.0, "pitch_rad": 0.0, "yaw_rad": yaw, "rate_radps": [0.0, 0.0, spin], "stamp_s": now_s}
-            script.pages.append(Given(now_s, "imu", imu))
+            stamp_s = now_s - IMU_AGE_S
+            imu = {"roll_rad": 0.0, "pitch_rad": 0.0, "yaw_rad": yaw, "rate_radps": [0.0, 0.0, spin]}
+            script.pages.append(Given(now_s, "imu", imu | {"stamp_s": stamp_s}))
             if is_first:
                 heading_held = yaw if heading == "here" else heading_held if heading == "as before" else heading
                 depth_held = depth if wanted_m == "here" else wanted_m
             is_first = False
             moment = laws.turn_moment_nm(heading_held, yaw, spin) if is_armed else 0.0
             force = laws.lift_force_n(depth_held, depth, rate_mps) if is_armed else 0.0
-            script.turn.append({"stamp_s": now_s, "moment_nm": moment})
-            script.lift.append({"stamp_s": now_s, "force_n": force})
+            script.turn.append({"stamp_s": stamp_s, "moment_nm": moment})
+            script.lift.append({"stamp_s": stamp_s, "force_n": force})
             tick += 1
     return script
 
@@ -188,9 +190,9 @@ def _differs(file: str, key: str, number: int, found: Any, right: dict[str, Any]
         hint = f"{file} asks for something while nobody has armed the vehicle."
     else:
         hint = (
-            f"{file} does not go for what the pilot asked for. He says it in one page, and the next one may come "
-            "before 'imu': what is said once must be heard when it comes. "
-            "What he asked for before he disarmed is forgotten."
+            f"{file}: '{name}' is not what laws.py makes of what the pilot asked for. He says it in one page, and the "
+            "next one may come before 'imu': what is said once must be heard when it comes. "
+            "What he asked for before he disarmed is forgotten. And which argument of the law comes first?"
         )
     return failed(hint, expected=f"page {number}: {right}", actual=str(found))
 
@@ -479,6 +481,6 @@ def flies(student: Student, case: Turn) -> Verdict:
 
 lab = Lab(
     "Pub-sub graph",
-    files=["graph.py", "heading.py", "depth.py", "mixer.py", "gentle.py"],
+    files=["graph.py", "heading.py", "depth.py", "mixer.py", "gentle.py", "laws.py", "telling.py"],
     checks=[heading_alone, depth_alone, mixer_alone, in_any_order, apart, dropped_in, flies],
 )

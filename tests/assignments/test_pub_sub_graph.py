@@ -93,6 +93,7 @@ def turn(heading: str, seed: int) -> dict[str, Any]:
         ("keeps_what_was_asked_before", {"depth_alone": 12.0}, "What he asked for before he disarmed is forgotten"),
         ("waits_for_the_depth", {"depth_alone": 12.0}, "depth.py handles process_data 'depth'"),
         ("answers_each_pair_twice", {"in_any_order": 20.0}, "each handler finds the pair complete"),
+        ("stamps_its_own_time", {"depth_alone": 12.0, "in_any_order": 20.0}, "The stamp of 'lift' is not that of"),
         ("mixes_at_every_imu", {"mixer_alone": 20.0, "in_any_order": 20.0}, "from where else does it take them?"),
         ("mixes_with_the_last_one", {"mixer_alone": 20.0}, "The first page of a pair has no partner yet"),
         ("one_for_all_vehicles", {"apart": 3.0}, "'WAITING' stands outside of every object"),

@@ -1,0 +1,52 @@
+"""Stamps its page with the time of now, and not with that of the page "imu" which it answers.
+
+page "controls" --> the depth wanted ----.
+page "depth" -----> depth and its rate --+
+page "imu" comes, 50 times a second -----+--> page "lift"
+"""
+
+from laws import Rate, lift_force_n
+
+from snr_sim import Endpoint, EndpointFactory, TaskType
+
+
+def factories(robot):
+    return [DepthFactory()]
+
+
+class DepthFactory(EndpointFactory):
+    def get(self, parent):
+        return Depth(self, parent, "depth_hold")
+
+
+class Depth(Endpoint):
+    def __init__(self, factory, parent, name):
+        super().__init__(factory, parent, name)
+        self.wanted_m = None
+        self.is_armed = False
+        self.depth_m = None
+        self.rate = Rate()
+        self.task_handlers = {
+            (TaskType.process_data, "controls"): self.on_controls,
+            (TaskType.process_data, "imu"): self.on_imu,
+        }
+
+    def on_controls(self, task, task_id):
+        controls = self.get_data("controls")
+        self.is_armed = controls["is_armed"]
+        if not self.is_armed:
+            self.wanted_m = None
+        elif controls["depth_m"] is not None:
+            self.wanted_m = controls["depth_m"]
+
+    def on_imu(self, task, task_id):
+        imu, depth = self.get_data("imu"), self.get_data("depth")
+        if depth is None:
+            return None
+        rate_mps = self.rate.update(depth["depth_m"], depth["stamp_s"])
+        force_n = 0.0
+        if self.is_armed:
+            if self.wanted_m is None:
+                self.wanted_m = depth["depth_m"]
+            force_n = lift_force_n(self.wanted_m, depth["depth_m"], rate_mps)
+        return self.store_data_task("lift", {"stamp_s": self.get_time_s(), "force_n": force_n})
