@@ -59,6 +59,11 @@ def grade(
         raise SnrError("There is nothing to grade.", fix=f"snr grade {lab} submissions/* --out results")
     if out is None:
         raise SnrError("Where should the results go?", fix=f"snr grade {lab} ... --out results")
+    for one in submission:
+        if out.resolve().is_relative_to(one.resolve()):  # the secret would lie there, for the student to find
+            raise SnrError(
+                f"--out {out} is in the submission {one}.", fix="name a folder elsewhere, or leave that out."
+            )
     with connected(scheduler) if scheduler else nullcontext() as client:
         status = _grade_class(found, submission, out, secret, jobs, resume, demanded, client, as_json)
     raise typer.Exit(status)

@@ -230,6 +230,16 @@ def test_a_wrong_request_writes_nothing(
     assert not (tmp_path / "out").exists()
 
 
+def test_results_and_the_secret_are_not_written_into_a_submission(
+    double_lab: Path, handed_in: HandedIn, tmp_path: Path
+) -> None:
+    (given,) = handed_in(ada="right")
+    done = grade(double_lab, [given], given / "results")
+    assert done.returncode == 2
+    assert "is in the submission" in done.stderr
+    assert not (given / "results").exists()
+
+
 def test_a_lab_that_cannot_be_read_is_told_before_anything_is_graded(
     double_lab: Path, handed_in: HandedIn, tmp_path: Path
 ) -> None:
