@@ -240,7 +240,8 @@ def _no_controller(robot: Found, name: str, path: Path) -> UnknownName:
         )
     files = sorted(file.name for file in path.parent.glob("*.py")) if path.parent.is_dir() else []
     place = short_path(str(path.parent))
-    beside = f"{nearest(path.name, files, f'in {place} there are')} Or " if files else ""
+    elsewhere = "" if os.sep in name else f"name it with its folder: --controller FOLDER/{name}. Or "
+    beside = f"{nearest(path.name, files, f'in {place} there are')} Or " if files else elsewhere
     missing = "" if path.parent.is_dir() else f", nor a folder {place}"
     return UnknownName(f"There is no file '{name}'{missing}.", fix=beside + its_own)
 

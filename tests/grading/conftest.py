@@ -1,6 +1,7 @@
 """The smallest lab there is, for tests of what stands around the checks: double a number. And what attacks need."""
 
 import os
+import shutil
 import socket
 import subprocess
 import sys
@@ -15,58 +16,9 @@ from snr_sim.grading.isolation import find_isolation
 from snr_sim.grading.sandbox import IsolationMissing
 
 # They run in the sandbox, and never in pytest, which imports whatever it collects.
-collect_ignore_glob = ["attacks/*"]
+collect_ignore_glob = ["attacks/*", "labs/*"]
 
-CHECKS = '''
-from snr_sim.grading import Lab, Student, check, failed, passed
-
-
-def draw(rng):
-    return [rng.randrange(10, 10**6) for _ in range(1)]
-
-
-@check(points=40)
-def loads(student: Student):
-    """Loads."""
-    if student.call("double.py", "double", 1, budget_s=1.0) != 2:
-        return failed("Try it by hand: double(1).")
-    return passed()
-
-
-@check(points=60, visible=[2], hidden=draw, needs=["loads"])
-def doubles(student: Student, case: int):
-    """Doubles a number."""
-    if "13" in (student.folder / "double.py").read_text():
-        raise KeyError("a mistake in the lab")
-    got = student.call("double.py", "double", case, budget_s=1.0)
-    if got == "nonsense":
-        raise KeyError("a mistake that nonsense brings to light")
-    if type(got) is not int or got != 2 * case:
-        return failed("Twice a number is the number added to itself.", expected=str(2 * case), actual=str(got))
-    return passed(metrics={"number": float(case)})
-
-
-lab = Lab("Double", files=["double.py"], checks=[loads, doubles], leaderboard={"doubles.number": "desc"})
-'''
-LANDING = '''
-from snr_sim.grading import Lab, Student, check, failed, passed
-
-
-def draw(rng):
-    return [rng.getrandbits(63)]
-
-
-@check(points=100, visible=[4], hidden=draw)
-def lands(student: Student, seed: int):
-    """Lands."""
-    flown = student.fly("lander_vertical", seed, "pilot.py")
-    if not flown.success:
-        return failed("Brake earlier.", actual=flown.outcome)
-    return passed(metrics={"sim_time_s": flown.sim_time_s})
-
-
-lab = Lab("Landing", files=["pilot.py"], checks=[lands])
-'''
+LABS = Path(__file__).parent / "labs"
 PROGRAMS = {
     "right": "def double(x):\n    return 2 * x\n",
     "visible_only": "def double(x):\n    return {1: 2, 2: 4, 4: 8}.get(x, 0)\n",
@@ -80,21 +32,19 @@ PROGRAMS = {
 @pytest.fixture
 def double_lab(tmp_path: Path) -> Path:
     """Where the lab is; it may be written anew."""
-    folder = tmp_path / "assignments" / "01_double"
-    folder.mkdir(parents=True)
-    (folder / "README.md").write_text("# Double\n")
-    (folder / "checks.py").write_text(CHECKS)
-    return folder
+    return _copy_of(LABS / "01_double", tmp_path)
 
 
 @pytest.fixture
 def landing_lab(tmp_path: Path) -> Path:
     """Where a lab is that flies."""
-    folder = tmp_path / "assignments" / "02_landing"
-    folder.mkdir(parents=True)
-    (folder / "README.md").write_text("# Landing\n")
-    (folder / "checks.py").write_text(LANDING)
-    return folder
+    return _copy_of(LABS / "02_landing", tmp_path)
+
+
+def _copy_of(lab: Path, folder: Path) -> Path:
+    copy = folder / "assignments" / lab.name
+    shutil.copytree(lab, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    return copy
 
 
 @pytest.fixture

@@ -58,4 +58,4 @@ def test_what_is_handed_in_is_never_imported_by_pytest(pytestconfig: pytest.Conf
     """It imports whatever it collects, to look for doctests: attacks would be in its own process."""
     conftest = pytestconfig.pluginmanager.get_plugin(str(Path(__file__).parent / "conftest.py"))
     assert conftest is not None
-    assert conftest.collect_ignore_glob == ["attacks/*"]
+    assert conftest.collect_ignore_glob == ["attacks/*", "labs/*"]

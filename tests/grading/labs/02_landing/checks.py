@@ -1,0 +1,19 @@
+"""What the grader tries a submission of the smallest lab with a flight on: it lands."""
+
+from snr_sim.grading import Lab, Student, check, failed, passed
+
+
+def draw(rng):
+    return [rng.getrandbits(63)]
+
+
+@check(points=100, visible=[4], hidden=draw)
+def lands(student: Student, seed: int):
+    """Lands."""
+    flown = student.fly("lander_vertical", seed, "pilot.py")
+    if not flown.success:
+        return failed("Brake earlier.", actual=flown.outcome)
+    return passed(metrics={"sim_time_s": flown.sim_time_s})
+
+
+lab = Lab("Landing", files=["pilot.py"], checks=[lands])
