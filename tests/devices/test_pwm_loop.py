@@ -220,12 +220,17 @@ def test_h6_on_the_wall_clock_a_page_that_is_no_command_is_neutral_and_told_and_
     since_s: list[float] = []
 
     def says(t: float) -> Any:
-        """Arms, and is ahead until it goes ahead; then ten times nonsense, and then it is ahead for some more ticks."""
+        """Arms until it goes ahead; then ten times nonsense, and then it is ahead for some more ticks.
+
+        Again and again, as what is said for one tick alone is not heard by a loop whose thread begins a little later.
+        """
         if AHEAD in [pulses for _, pulses, *_ in outputs.told]:
             since_s.append(t)
         else:
             before_s.append(t)
-        return bad if 1 <= len(since_s) <= 10 else {"pulses_us": AHEAD, "is_armed": len(before_s) > 1}
+        if 1 <= len(since_s) <= 10:
+            return bad
+        return {"pulses_us": AHEAD, "is_armed": bool(since_s) or len(before_s) % 20 > 9}
 
     def end(loop: Any) -> None:
         if len(since_s) > 20:
