@@ -28,6 +28,7 @@ from snr_sim.grading.intake import remove
 from snr_sim.grading.results import Graded
 from snr_sim.grading.submissions import Submission
 from snr_sim.prelude.errors import SnrError
+from snr_sim.prelude.values import NO_JSON
 from snr_sim.recording.whole_files import sync_folder, write_whole
 
 MIN_SECRET_BYTES = 16
@@ -128,7 +129,7 @@ class ClassFolder:
             return _decode_manifest((self.path / "class.json").read_bytes())
         except FileNotFoundError:
             return None
-        except (OSError, msgspec.MsgspecError) as error:
+        except (OSError, *NO_JSON) as error:
             raise SnrError(f"{self.path / 'class.json'} cannot be read: {error}.", fix="name a new folder.") from error
 
     def close(self) -> None:
@@ -194,7 +195,7 @@ class ClassFolder:
     def _kept(self, name: str) -> _Kept | None:
         try:
             return _decode_kept((self.path / "results" / f"{name}.json").read_bytes())
-        except (OSError, msgspec.MsgspecError):
+        except (OSError, *NO_JSON):
             return None
 
     def stage(self, name: str) -> Path:

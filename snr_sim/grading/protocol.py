@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from snr_sim.prelude.errors import SnrError, ValueEncodingError
-from snr_sim.prelude.values import decode_value
+from snr_sim.prelude.values import NO_JSON, decode_value
 
 MAX_ANSWER_BYTES = 1 << 20
 MAX_DEPTH = 32
@@ -98,7 +98,7 @@ def decode_answer(line: bytes | bytearray) -> Answer:
     """
     try:
         return _decode_answer(line)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+    except NO_JSON as error:
         raise ProtocolError(f"It answered with something that is no answer: {error}.") from error
 
 
@@ -111,7 +111,7 @@ def decode_as(decoder: msgspec.json.Decoder[T], raw: msgspec.Raw) -> T:
     check_depth(bytes(raw))
     try:
         return decoder.decode(raw)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+    except NO_JSON as error:
         raise ProtocolError(f"It answered with something that is no answer: {error}.") from error
 
 

@@ -8,7 +8,7 @@ import msgspec
 
 from snr_sim.prelude.errors import ValueEncodingError
 from snr_sim.prelude.structs import learned
-from snr_sim.prelude.values import MARK, decode_value, encode_with_marks, may_have_marks
+from snr_sim.prelude.values import MARK, NO_JSON, decode_value, encode_with_marks, may_have_marks
 
 DataKey: TypeAlias = str
 
@@ -60,7 +60,7 @@ class Page(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MA
             # As we write it, and with no mark beside its own: then C can do it all.
             is_plain = data.startswith(_OWN_MARK) and not may_have_marks(data, len(_OWN_MARK))
             page: Any = _decode_page(data) if is_plain else decode_value(data, KINDS)
-        except (msgspec.DecodeError, RecursionError) as error:
+        except NO_JSON as error:
             raise ValueEncodingError(f"This is not a page ({error}): {data[:80]!r}", fix=_FIX) from error
         if not isinstance(page, Page):
             raise ValueEncodingError(f"This is not a page: {data[:80]!r}", fix=_FIX)

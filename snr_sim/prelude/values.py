@@ -35,6 +35,10 @@ from snr_sim.prelude.errors import MissingExtra, ValueEncodingError
 _encode = msgspec.json.Encoder().encode
 _decode = msgspec.json.Decoder().decode
 
+# What decoders raise for bytes that are no JSON, or other JSON than is wanted. Text that is no UTF-8 is refused by
+# Python's own error where a text is wanted, and by msgspec's where it is not.
+NO_JSON = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)
+
 MARK = "$"
 _MARK_BYTES = b'"$":'  # inside a JSON string the quotes would be escaped, so this is always a key
 _NOT_FINITE = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
@@ -102,7 +106,7 @@ def decode_value(raw: bytes | str, kinds: Mapping[str, Callable[..., Any]] | Non
     data = raw.encode() if isinstance(raw, str) else raw
     try:
         value = _decode(data)
-    except (msgspec.DecodeError, RecursionError) as error:
+    except NO_JSON as error:
         raise ValueEncodingError(f"This is not JSON ({error}): {data[:80]!r}") from error
     return _unmarked(value, kinds or {}) if may_have_marks(data) else value
 

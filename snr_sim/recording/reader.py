@@ -9,6 +9,7 @@ from typing import TypeVar
 import msgspec
 
 from snr_sim.prelude.errors import TraceError
+from snr_sim.prelude.values import NO_JSON
 from snr_sim.recording.records import (
     SCHEMA,
     BeginRecord,
@@ -78,7 +79,7 @@ def read_trace(path: Path) -> Trace:
     for number, line in enumerate(lines[2:], start=3):
         try:
             records.append(decode_record(line))
-        except (msgspec.DecodeError, RecursionError) as error:
+        except NO_JSON as error:
             raise TraceError(
                 f"{path}, line {number} is not a record: {error}. It reads: {line[:100]!r}", fix=_DAMAGED
             ) from error
@@ -94,7 +95,7 @@ _DAMAGED = "the file was changed or damaged after the run; use an untouched copy
 def _read_opening(path: Path, line: bytes) -> Opening:
     try:
         fields = _decode_any(line)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+    except NO_JSON:
         fields = None
     # A trace of format 1 began with its header.
     if not isinstance(fields, dict) or fields.get("kind") not in ("trace", "header"):
@@ -113,7 +114,7 @@ _Kind = TypeVar("_Kind", Opening, Header)
 def _read_beginning(path: Path, line: bytes, kind: type[_Kind], what: str) -> _Kind:
     try:
         read = decode_beginning(line)
-    except (msgspec.DecodeError, RecursionError) as error:
+    except NO_JSON as error:
         raise TraceError(f"{path}: {what} is damaged: {error}.", fix=_DAMAGED) from error
     if not isinstance(read, kind):
         raise TraceError(f"{path}: {what} is damaged: it is of another kind.", fix=_DAMAGED)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from snr_sim.prelude.errors import ValueEncodingError
 from snr_sim.prelude.page import KINDS, Page
-from snr_sim.prelude.values import decode_value
+from snr_sim.prelude.values import NO_JSON, decode_value
 from snr_sim.recording.records import (
     BeginRecord,
     By,
@@ -215,7 +215,7 @@ class Batch:
         """Whether the first page of a key at a node was made by another node: a link brought it."""
         try:
             ((page,),) = _decode_origins(b"[" + bytes(self._pages[node, key][0].values) + b"]")
-        except msgspec.DecodeError:
+        except NO_JSON:
             return False
         return page.origin not in ("", node)
 
@@ -281,7 +281,7 @@ def _page_data(raws: Sequence[msgspec.Raw]) -> list[Any]:
     if joined.count(b'"$":') == len(raws):
         try:
             return [page.data for (page,) in _decode_pages(joined)]
-        except msgspec.DecodeError:
+        except NO_JSON:
             pass  # a trace that was edited: one by one, so that the other pages are still shown
     return [_one_page_data(bytes(raw)) for raw in raws]
 

@@ -15,7 +15,7 @@ import msgspec
 
 from snr_sim.prelude.errors import RecordingError, ValueEncodingError
 from snr_sim.prelude.page import DataKey, Page
-from snr_sim.prelude.values import MARK
+from snr_sim.prelude.values import MARK, NO_JSON
 
 START = "start"
 _START_LINE = f'{{"{MARK}":"{START}"'.encode()
@@ -102,7 +102,7 @@ class PageReader:
             self._number += 1
             try:
                 stored = self._stored(line)
-            except (ValueEncodingError, msgspec.DecodeError, UnicodeDecodeError) as error:
+            except (ValueEncodingError, *NO_JSON) as error:
                 self._leave_out(error)
                 continue
             if stored is not None and (self._keys is None or stored.page.key in self._keys):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from snr_sim.grading import Student
@@ -42,6 +42,7 @@ def test_exactly_what_is_nested_too_deeply_is_refused(value: object, more: int, 
 
 
 @given(st.binary(max_size=60))
+@example(b'"\x80"')
 def test_bytes_that_are_no_answer_are_refused_and_never_raise_anything_else(data: bytes) -> None:
     for read in (decode_answer, lambda raw: plain_value(msgspec.Raw(raw))):
         with suppress(ProtocolError):

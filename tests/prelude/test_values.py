@@ -189,6 +189,8 @@ def test_text_that_is_no_unicode_is_refused_in_words(value: Any) -> None:
         b'{"$":"dict","v":[1]}',
         b'{"$":"tuple","v":5}',
         b"\xff",
+        b'"\x80"',
+        b'{"\x80":1}',
     ],
 )
 def test_damaged_values_are_refused_in_words(raw: bytes) -> None:
@@ -312,6 +314,14 @@ def test_a_page_with_a_damaged_field_is_refused(validator: Any, change: dict[str
     assert not validator("page")(page | change)
     with pytest.raises(ValueEncodingError, match="page"):
         Page.deserialize(json.dumps(page | change))
+
+
+@pytest.mark.parametrize("part", [b'"k"', b'"n"', b"1"])
+def test_a_page_with_text_that_is_no_utf8_is_refused(part: bytes) -> None:
+    raw = b'{"$":"page","key":"k","data":1,"origin":"n","created_at_s":0.5,"process":true}'
+    assert Page.deserialize(raw).key == "k"
+    with pytest.raises(ValueEncodingError, match="not a page"):
+        Page.deserialize(raw.replace(b":" + part, b':"\x80"'))
 
 
 @pytest.mark.parametrize("field", ["$", "key", "data", "origin", "created_at_s"])

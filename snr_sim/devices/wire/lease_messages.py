@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 import msgspec
 
 from snr_sim.prelude.errors import DeviceError
+from snr_sim.prelude.values import NO_JSON
 
 MOST_BYTES = 8192
 _HEAD = 2
@@ -125,6 +126,6 @@ class LeaseFrames:
             body, self._rest = self._rest[_HEAD : _HEAD + length], self._rest[_HEAD + length :]
             try:
                 messages.append(_decoder.decode(body))
-            except msgspec.DecodeError as error:
+            except NO_JSON as error:
                 raise DeviceError(f"{body[:60]!r} is no message of a supervisor: {error}.") from error
         return messages
