@@ -3,8 +3,10 @@
 Submissions are copies of a lab's reference. Bare are the same checks on the same cases in two processes that have the
 student's functions in themselves: no sandbox, no pipe, no process per case, nothing written; on a sample of at most 40
 of them, and what a submission takes is compared. The start of Python and its imports count for the grader and not for
-the bare side. Wall time on two cores is what the goal is about and wants a quiet computer. Where there are cgroups, CPU
-time is told, too, of everything that the grader starts: on a busy computer only that means something.
+the bare side. Wall time on two cores is what the goal is about and wants a quiet computer. Where there are cgroups, the
+grader is frozen now and then and the next slice of the bare side measured, so that both meet a computer that is now
+faster and now slower; and CPU time is told, too, of everything that the grader starts: on a busy computer only that
+means something.
 
 Run by `snr bench grading`, or by itself. The whole measure, about ten minutes; how far it is goes to stderr:
 python tests/bench/bench_grading.py --count 200 [--lab NAME_OR_PATH --reference FOLDER] [--quick] [--json]
@@ -17,7 +19,6 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -38,8 +39,8 @@ from snr_sim.grading.student import Student
 PROJECT = Path(__file__).resolve().parents[2]
 LAB, REFERENCE = "lunar_lander_q", PROJECT / "tests" / "assignments" / "lunar_lander_q" / "reference"
 JOBS, COUNT, QUICK_COUNT = 2, 40, 4
-SAMPLE = 40  # submissions of the bare side
-TELL_EVERY_S = 15.0
+SAMPLE, SLICES = 40, 5  # submissions of the bare side, and in how many parts they are measured
+TELL_EVERY_S, LOOK_S = 15.0, 0.2
 SECRET = b"of the benchmark, which everybody may know"
 WANTED_SHARE = 0.9
 MOST_GROWTH = 1.1
@@ -131,38 +132,38 @@ def bare(lab: str, given: list[Path]) -> Took:
     return Took(max(ended_s) - min(began_s), sum(cpu_s))
 
 
-def graded(lab: str, given: list[Path], place: Path) -> Took:
-    """Returns what `snr grade` takes."""
+def graded(lab: str, given: list[Path], place: Path, slices: list[list[Path]]) -> tuple[Took, list[Took]]:
+    """Returns what `snr grade` takes, and what the bare side takes on each slice, measured in between if it can be."""
     tell(f"graded: {len(given)} submissions")
     (place / "secret").write_bytes(SECRET)
     words = ["grade", lab, *map(str, given), "--out", str(place / "out"), "--secret", str(place / "secret")]
     samples: list[tuple[int, float]] = []
-    is_over = threading.Event()
+    bares: list[Took] = []
     with counted() as group:
-        start_s = time.perf_counter()
+        start_s = told_s = time.perf_counter()
+        frozen_s = 0.0
         command = [*group.enter, sys.executable, "-m", "snr_sim", *words, "--jobs", str(JOBS)]
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-
-        def watch() -> None:
-            told_s = start_s
-            while not is_over.wait(0.5):
-                done, now_s = len(list((place / "out" / "results").glob("*.json"))), time.perf_counter()
-                samples.append((done, memory_mb(process.pid)))
-                if now_s - told_s >= TELL_EVERY_S:
-                    told_s = now_s
-                    tell(f"graded {done} of {len(given)} in {now_s - start_s:.0f} s")
-
-        watcher = threading.Thread(target=watch)
-        watcher.start()
-        status = process.wait()
-        took_s = time.perf_counter() - start_s
-        is_over.set()
-        watcher.join()
+        while process.poll() is None:
+            time.sleep(LOOK_S)
+            done, now_s = len(list((place / "out" / "results").glob("*.json"))), time.perf_counter()
+            samples.append((done, memory_mb(process.pid)))
+            if now_s - told_s >= TELL_EVERY_S:
+                told_s = now_s
+                tell(f"graded {done} of {len(given)} in {now_s - start_s - frozen_s:.0f} s")
+            if len(bares) < len(slices) and done >= (len(bares) + 0.5) * len(given) / len(slices) and group.freeze():
+                try:
+                    bares.append(bare(lab, slices[len(bares)]))
+                finally:
+                    group.thaw()
+                frozen_s += time.perf_counter() - now_s
+        took_s = time.perf_counter() - start_s - frozen_s
         cpu_s = group.cpu_s()
-    assert status == 0
+    assert process.returncode == 0
+    bares += [bare(lab, one) for one in slices[len(bares) :]]
     early = [mb for done, mb in samples if 0.1 * len(given) <= done <= 0.3 * len(given)]
     late = [mb for done, mb in samples if done >= 0.8 * len(given)]
-    return Took(took_s, cpu_s, mean(early or [0.0]), mean(late or [0.0]))
+    return Took(took_s, cpu_s, mean(early or [0.0]), mean(late or [0.0])), bares
 
 
 class Group:
@@ -181,8 +182,25 @@ class Group:
         """Returns the CPU time so far [s]."""
         if self.folder is None:
             return None
-        told = dict(line.split() for line in (self.folder / "cpu.stat").read_text().splitlines())
-        return int(told["usage_usec"]) / 1e6
+        return int(self._told("cpu.stat")["usage_usec"]) / 1e6
+
+    def freeze(self) -> bool:
+        """Stops all that is in it; returns whether that can be done."""
+        if self.folder is None or not (self.folder / "cgroup.freeze").exists():
+            return False
+        (self.folder / "cgroup.freeze").write_text("1")
+        while self._told("cgroup.events")["frozen"] != "1":
+            time.sleep(0.001)
+        return True
+
+    def thaw(self) -> None:
+        """Lets it go on."""
+        if self.folder is not None:
+            (self.folder / "cgroup.freeze").write_text("0")
+
+    def _told(self, file: str) -> dict[str, str]:
+        assert self.folder is not None
+        return dict(line.split() for line in (self.folder / file).read_text().splitlines())
 
 
 @contextmanager
@@ -238,10 +256,8 @@ def measure(is_quick: bool) -> Iterator[Row]:
     with tempfile.TemporaryDirectory() as name:
         given = copies(Path(option("--reference", str(REFERENCE))), count, Path(name) / "submissions")
         sample = given[:SAMPLE]
-        halves = [sample[i::2] for i in range(2) if sample[i::2]]
-        before = bare(lab, halves[0])
-        took = graded(lab, given, Path(name))
-        bares = [before, *(bare(lab, half) for half in halves[1:])]
+        slices = [sample[i::SLICES] for i in range(SLICES) if len(sample) >= JOBS * SLICES] or [sample]
+        took, bares = graded(lab, given, Path(name), slices)
     bare_s = sum(one.wall_s for one in bares) / len(sample)
     yield Row(
         f"{count} submissions",
@@ -252,7 +268,7 @@ def measure(is_quick: bool) -> Iterator[Row]:
         compared_to="bare simulations",
         ratio=took.wall_s / count / bare_s,
         ratio_limit=1 / WANTED_SHARE,
-        note=f"wall time on {JOBS} cores, {len(sample)} bare ones in halves before and after; ratio is time to time",
+        note=f"wall time on {JOBS} cores; {len(sample)} bare ones in {len(slices)} parts between; ratio: time to time",
     )
     if took.cpu_s is not None:
         bare_cpu_s = sum(one.cpu_s or 0.0 for one in bares) / len(sample)
