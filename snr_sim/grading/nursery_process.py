@@ -20,6 +20,7 @@ import struct
 from snr_sim.grading import (
     child,
     pilot,  # noqa: F401  every copy has it
+    seccomp,  # noqa: F401  and this
 )
 
 SCRATCH = "/tmp"

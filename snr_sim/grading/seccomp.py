@@ -1,7 +1,8 @@
 """Seccomp: a small program in the kernel that looks at each request of a process to it, and says what comes of it.
 
 Two of them stand before a confined process. One knows what is allowed (`system_calls.py`); the other has each new file
-asked about, and somebody else counts (`scratch.py`). They see numbers only, so nothing can be changed behind them.
+asked about, and somebody else counts (`scratch.py`). A process in a sandbox has one, which keeps it from the kernel's
+keyrings: namespaces do not divide those. They see numbers only, so nothing can be changed behind them.
 
 Source: Documentation/userspace-api/seccomp_filter.rst of Linux; struct sock_filter in linux/filter.h.
 """
@@ -15,10 +16,19 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from snr_sim.grading.system_calls import ALLOWED, ARCHITECTURES, COLUMN, SECCOMP, STARTS_A_PROCESS, number_of
+from snr_sim.grading.system_calls import (
+    ALLOWED,
+    ARCHITECTURES,
+    COLUMN,
+    KEYRINGS,
+    SECCOMP,
+    STARTS_A_PROCESS,
+    number_of,
+)
 
 KILL, ERRNO, ASK, ALLOW = 0x80000000, 0x00050000, 0x7FC00000, 0x7FFF0000  # SECCOMP_RET_...
-_LOAD, _AND, _IF_EQUAL, _RETURN = 0x20, 0x54, 0x15, 0x06  # BPF: 32 bits of what is asked; and, jump, return
+_LOAD, _AND, _IF_EQUAL, _IF_FROM, _RETURN = 0x20, 0x54, 0x15, 0x35, 0x06  # BPF: 32 bits of what is asked; and, jumps
+_32_BITS = 0x40000000  # from here on the numbers of the x32 ABI; no other call has such a number
 _NUMBER_AT, _ARCHITECTURE_AT, _ARGUMENTS_AT = 0, 4, 16  # in struct seccomp_data
 _SET_FILTER, _NEW_LISTENER = 1, 1 << 3
 _CREATES = os.O_CREAT | 0o20000000  # O_CREAT, __O_TMPFILE
@@ -94,6 +104,14 @@ def asking(machine: str) -> list[Instruction]:
     for call, argument in (("open", 1), ("openat", 2)):
         flags = Test(argument, _CREATES, 0)
         program += _if_call(call, machine, [*_all((flags,)), (_RETURN, 0, 0, ALLOW), (_RETURN, 0, 0, ASK)])
+    return [*program, (_RETURN, 0, 0, ALLOW)]
+
+
+def refusing_keyrings(machine: str) -> list[Instruction]:
+    """Returns the program that refuses what would leave something in the kernel, and allows all else."""
+    program = [*_begin(machine), (_IF_FROM, 0, 1, _32_BITS), (_RETURN, 0, 0, ERRNO | errno.ENOSYS)]
+    for call in KEYRINGS:
+        program += _if_call(call, machine, [(_RETURN, 0, 0, ERRNO | errno.EPERM)])
     return [*program, (_RETURN, 0, 0, ALLOW)]
 
 

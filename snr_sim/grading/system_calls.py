@@ -1,4 +1,5 @@
-"""What a confined process may ask of Linux, by the numbers of its two kinds of computer; all else it may not.
+"""What a confined process may ask of Linux, by the numbers of its two kinds of computer; all else it may not. And what
+one in a sandbox may not ask, whose other walls stop what else there is.
 
 A list of what is allowed, and not of what is forbidden: what a newer kernel adds is refused without being known.
 
@@ -156,6 +157,8 @@ WITH_CONDITIONS = {
 }
 # Refused as the limit of processes refuses it, so that a program is told the same in either isolation.
 STARTS_A_PROCESS = {"clone": (56, 220), "fork": (57, ABSENT), "vfork": (58, ABSENT)}
+# What they keep belongs to the user, not to the process, and outlasts it: keyrings(7).
+KEYRINGS = {"add_key": (248, 217), "request_key": (249, 218), "keyctl": (250, 219)}
 SECCOMP = (317, 277)
 
 
@@ -166,5 +169,5 @@ def number_of(call: str, machine: str) -> int | None:
         >>> number_of("openat", "aarch64"), number_of("open", "aarch64")
         (56, None)
     """
-    number = (ALLOWED | WITH_CONDITIONS | STARTS_A_PROCESS)[call][COLUMN[machine]]
+    number = (ALLOWED | WITH_CONDITIONS | STARTS_A_PROCESS | KEYRINGS)[call][COLUMN[machine]]
     return None if number == ABSENT else number

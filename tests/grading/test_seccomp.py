@@ -8,12 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.grading.seccomp import ALLOW, ASK, ERRNO, KILL, Instruction, allowing, asking
+from snr_sim.grading.seccomp import ALLOW, ASK, ERRNO, KILL, Instruction, allowing, asking, refusing_keyrings
 from snr_sim.grading.system_calls import (
     ABSENT,
     ALLOWED,
     ARCHITECTURES,
     COLUMN,
+    KEYRINGS,
     SECCOMP,
     STARTS_A_PROCESS,
     WITH_CONDITIONS,
@@ -25,7 +26,7 @@ MACHINES = pytest.mark.parametrize("machine", sorted(ARCHITECTURES))
 
 
 def run(program: list[Instruction], machine: str, number: int, *arguments: int) -> int:
-    """What the kernel would come to; the four instructions of BPF that are used."""
+    """What the kernel would come to; the five instructions of BPF that are used."""
     arguments = (*arguments, *[0] * (6 - len(arguments)))
     data = struct.pack("<iIQ6Q", number, ARCHITECTURES[machine], 0, *[one & (2**64 - 1) for one in arguments])
     at = accumulator = 0
@@ -39,6 +40,8 @@ def run(program: list[Instruction], machine: str, number: int, *arguments: int) 
                 accumulator &= constant
             case 0x15:
                 at += if_true if accumulator == constant else if_false
+            case 0x35:
+                at += if_true if accumulator >= constant else if_false
             case 0x06:
                 return constant
             case _:
@@ -46,7 +49,7 @@ def run(program: list[Instruction], machine: str, number: int, *arguments: int) 
 
 
 def number(call: str, machine: str) -> int:
-    return (ALLOWED | WITH_CONDITIONS | STARTS_A_PROCESS)[call][COLUMN[machine]]
+    return (ALLOWED | WITH_CONDITIONS | STARTS_A_PROCESS | KEYRINGS)[call][COLUMN[machine]]
 
 
 @MACHINES
@@ -65,12 +68,21 @@ def test_what_is_on_the_list_is_allowed_and_everything_else_is_not(machine: str)
 @MACHINES
 def test_another_computers_numbers_end_the_process(machine: str) -> None:
     other = next(one for one in ARCHITECTURES if one != machine)
-    for program in (allowing(machine, PID), asking(machine)):
+    for program in (allowing(machine, PID), asking(machine), refusing_keyrings(machine)):
         assert run(program, other, number("read", other)) == KILL
 
 
 def test_the_numbers_of_32_bits_are_unknown() -> None:
-    assert run(allowing("x86_64", PID), "x86_64", 0x40000000 | number("read", "x86_64")) == ERRNO | errno.ENOSYS
+    for program in (allowing("x86_64", PID), refusing_keyrings("x86_64")):
+        assert run(program, "x86_64", 0x40000000 | number("read", "x86_64")) == ERRNO | errno.ENOSYS
+
+
+@MACHINES
+def test_in_a_sandbox_all_is_allowed_but_the_keyrings(machine: str) -> None:
+    refused = {number(call, machine) for call in KEYRINGS}
+    for call in range(600):
+        wanted = ERRNO | errno.EPERM if call in refused else ALLOW
+        assert run(refusing_keyrings(machine), machine, call) == wanted, call
 
 
 @MACHINES
