@@ -67,7 +67,7 @@ class ChildProcess:
         here.setblocking(False)
         with there:
             try:
-                copied = nursery.copy(there.fileno()) if nursery is not None and not readable else None
+                copied = nursery.copy(folder, there.fileno()) if nursery is not None and not readable else None
                 self._process = copied or _started(folder, isolation, there.fileno(), limits, readable, self._confiner)
             except BaseException:
                 here.close()

@@ -6,7 +6,7 @@ import logging
 import shutil
 import traceback
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from snr_sim import __version__
@@ -33,6 +33,7 @@ def grade_submission(
     out: Path | None = None,
     limits: Limits | None = None,
     on_case: OnCase | None = None,
+    nursery: Nursery | None = None,
 ) -> Graded:
     """Returns what a submission comes to. The same submission, lab and secret give the same result.
 
@@ -46,6 +47,7 @@ def grade_submission(
         out: where recorded runs of visible cases that failed go, each a folder; nowhere if not given.
         limits: of each of the student's processes.
         on_case: told of each case before it is tried: the check's name, and what the case is about.
+        nursery: kept for several submissions, of the same isolation and limits; if not given, there is one for this.
 
     Raises:
         IsolationMissing: isolation is required, and cannot be had here.
@@ -54,9 +56,13 @@ def grade_submission(
     status: Status = "graded"
     error = ""
     checks: tuple[CheckResult, ...] = ()
-    with _unwarned(), lent(folder.resolve(), sort) as readable, Nursery(readable, sort, limits or Limits()) as nursery:
+    with ExitStack() as stack:
+        stack.enter_context(_unwarned())
+        readable = stack.enter_context(lent(folder.resolve(), sort))
+        kept = nursery or stack.enter_context(Nursery(sort, limits or Limits()))
+        stack.enter_context(kept.holding(readable))
         try:
-            checks = _Grading(lab, readable, secret, sort, out, limits, on_case, nursery).checks()
+            checks = _Grading(lab, readable, secret, sort, out, limits, on_case, kept).checks()
         except LabFault as fault:
             status, error = "fault", str(fault)
     return Graded(

@@ -2,10 +2,14 @@
 
 A worker that dies, or does not end, costs the submission it had one more try in a fresh one; after that it is a fault,
 which is told, and no mark.
+
+A worker and the program that it grades take turns, never both at work. So where every core has its worker, each stays
+on its own, with its program: what they say to each other wakes nobody elsewhere, and what they compute with is at hand.
 """
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 import time
@@ -37,7 +41,7 @@ def grade_here(run: ClassRun, jobs: int, limit_s: float = LIMIT_S, target: str =
     Raises:
         Exception: whatever went wrong here, such as a full disk; workers are ended before.
     """
-    feeders = [_Feeder(run, target) for _ in range(jobs)]
+    feeders = [_Feeder(run, target, cores) for cores in _cores_of(jobs)]
     for feeder in feeders:
         feeder.start()
     try:
@@ -58,14 +62,23 @@ def grade_here(run: ClassRun, jobs: int, limit_s: float = LIMIT_S, target: str =
             raise feeder.failure
 
 
+def _cores_of(jobs: int) -> list[set[int]]:
+    """Returns for each worker the core that it stays on; none if it may go anywhere, as cores are left over."""
+    cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
+    if not cores or jobs < len(cores):
+        return [set() for _ in range(jobs)]
+    return [{cores[i % len(cores)]} for i in range(jobs)]
+
+
 class _Feeder(threading.Thread):
     """Keeps one worker busy, and replaces it when it dies."""
 
-    def __init__(self, run: ClassRun, target: str) -> None:
+    def __init__(self, run: ClassRun, target: str, cores: set[int]) -> None:
         super().__init__(daemon=True)
         self.failure: BaseException | None = None
         self._run = run
         self._target = target
+        self._cores = cores
         self._worker: Spawned | None = None
         self._job: Job | None = None
         self._since_s = time.monotonic()
@@ -102,6 +115,9 @@ class _Feeder(threading.Thread):
                 return 0
             said = partial(print_line, sys.stderr)
             worker = self._worker = Spawned(self._target, out=said, err=said)
+            if self._cores:
+                with suppress(OSError):  # it has died already: whoever listens is told
+                    os.sched_setaffinity(worker.pid, self._cores)
         try:
             self._ask(worker)
             return worker.listen(partial(self._hear, worker))

@@ -1,7 +1,10 @@
-"""A sandbox kept for the cases of one submission: each case gets a copy of the process in it, and none sees another.
+"""A sandbox kept for many cases: each case gets a copy of the process in it, and none sees another.
 
     grader -- "copy", line, output --> nursery_process.py (nothing of the student's)  -- fork --> child.py, for one case
            <-- a handle of the copy --
+
+What the sandbox shows as the submission is a folder of ours: whichever submission is held stands there, and is gone
+before the next one is brought. So not even a submission needs a start of Python.
 
 Only for root: a copy that belonged to the same user as what it is copied from could end or change that. Anybody else
 gets a fresh sandbox for each case.
@@ -12,15 +15,18 @@ from __future__ import annotations
 import io
 import os
 import select
+import shutil
 import signal
 import socket
 import subprocess
-from contextlib import suppress
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from snr_sim.grading.nursery_process import COPIED, COPY, HOW_IT_ENDED, STATUS, USED_UP
 from snr_sim.grading.results import Isolation
-from snr_sim.grading.sandbox import Limits, environment, is_root, start_command
+from snr_sim.grading.sandbox import Limits, copy_for_all, environment, is_root, start_command
 from snr_sim.grading.verdicts import LabFault
 
 _MOST_BYTES = 64
@@ -64,18 +70,21 @@ class Copied:
 
 
 class Nursery:
-    """Copies for the cases of one submission, one at a time. Close it in the end, or use `with`.
+    """Copies for the cases of one submission after the other, one at a time. Close it in the end, or use `with`.
 
     Args:
-        folder: of the submission.
         isolation: without a sandbox there are no copies.
         limits: of each copy.
+        place: where a submission stands while it is held; a temporary folder if not given.
     """
 
-    def __init__(self, folder: Path, isolation: Isolation, limits: Limits) -> None:
-        self._folder = folder
+    def __init__(self, isolation: Isolation, limits: Limits, place: Path | None = None) -> None:
         self._limits = limits
+        self._place = place
         self._is_for_use = isolation == "sandbox" and is_root()
+        self._shown: Path | None = None  # the folder that the sandbox shows as the submission
+        self._held: Path | None = None
+        self._is_brought = False
         self._process: subprocess.Popen[bytes] | None = None
         self._socket: socket.socket | None = None
         self.is_busy = False
@@ -86,19 +95,43 @@ class Nursery:
     def __exit__(self, *why: object) -> None:
         self.close()
 
-    def copy(self, line: int) -> Copied | None:
+    @contextmanager
+    def holding(self, folder: Path) -> Iterator[None]:
+        """Has copies hold a submission, until the end; then nothing is left of it.
+
+        Args:
+            folder: of the submission.
+        """
+        self._held = folder.resolve()
+        try:
+            yield
+        finally:
+            self._held, self._is_brought = None, False
+            if self.is_busy:
+                self._end()  # somebody has not ended his copy
+            if self._shown is not None:
+                _empty(self._shown)
+
+    def copy(self, folder: Path, line: int) -> Copied | None:
         """Returns a new student's process that answers on a line; None if there is none to be had.
+
+        Args:
+            folder: of its submission, which must be the one that is held.
+            line: the file descriptor on which it answers.
 
         Raises:
             LabFault: the sandbox cannot be started, or does not answer.
         """
-        if not self._is_for_use or self.is_busy:
+        if not self._is_for_use or self.is_busy or folder != self._held:
             return None
+        if not self._is_brought:
+            copy_for_all(folder, self._shown_folder())
+            self._is_brought = True
         heard, said = os.pipe()
         try:
             word, fds = self.asked(COPY, (line, said))
             if word == USED_UP:
-                self.close()
+                self._end()
                 word, fds = self.asked(COPY, (line, said))
             if word != COPIED or len(fds) != 1:
                 raise self._fault()
@@ -109,6 +142,11 @@ class Nursery:
             os.close(said)
         self.is_busy = True
         return Copied(self, fds[0], heard)
+
+    def _shown_folder(self) -> Path:
+        if self._shown is None:
+            self._shown = Path(tempfile.mkdtemp(prefix="snr_held_", dir=self._place))
+        return self._shown
 
     def how_it_ended(self) -> int:
         """Returns the status of the last copy, as `subprocess` tells it.
@@ -140,7 +178,9 @@ class Nursery:
         here.settimeout(_ANSWER_S)
         self._socket = here
         with there:
-            command, cwd = start_command(self._folder, "sandbox", there.fileno(), self._limits, (), makes_copies=True)
+            command, cwd = start_command(
+                self._shown_folder(), "sandbox", there.fileno(), self._limits, (), makes_copies=True
+            )
             try:
                 self._process = subprocess.Popen(
                     command,
@@ -158,12 +198,19 @@ class Nursery:
     def _fault(self) -> LabFault:
         """Returns what there is to say when no copy can be had; ends what there is."""
         return LabFault(
-            f"A student's process could not be started. {self.close()}".rstrip(),
+            f"A student's process could not be started. {self._end()}".rstrip(),
             fix="is the computer out of memory or processes? Grade with fewer --jobs.",
         )
 
-    def close(self) -> str:
-        """Ends the sandbox with all that is in it; returns what its own process has printed. Safe to call twice."""
+    def close(self) -> None:
+        """Ends the sandbox with all that is in it, and removes what it showed. Safe to call twice."""
+        self._end()
+        if self._shown is not None:
+            shutil.rmtree(self._shown, ignore_errors=True)
+        self._shown, self._is_brought = None, False
+
+    def _end(self) -> str:
+        """Ends the sandbox with all that is in it; returns what its own process has printed."""
         said = b""
         if self._process is not None:
             with suppress(ProcessLookupError, PermissionError):
@@ -175,4 +222,13 @@ class Nursery:
             far_end.poll(_END_S * 1000.0)
             self._socket.close()
         self._process = self._socket = None
+        self.is_busy = False
         return said.decode(errors="replace")
+
+
+def _empty(folder: Path) -> None:
+    for path in folder.iterdir():
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        else:
+            path.unlink()

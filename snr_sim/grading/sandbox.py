@@ -79,11 +79,16 @@ def lent(folder: Path, isolation: Isolation) -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix="snr-grading-") as name:
         os.chmod(name, 0o755)
         copy = Path(name) / folder.name
-        shutil.copytree(folder, copy, symlinks=True, ignore=_what_is_no_file)
-        for path in [copy, *copy.rglob("*")]:
-            if not path.is_symlink():
-                path.chmod(0o755 if path.is_dir() else 0o644)
+        copy_for_all(folder, copy)
         yield copy
+
+
+def copy_for_all(folder: Path, copy: Path) -> None:
+    """Copies a submission so that everybody may read it; the copy's folder may be there already, and empty."""
+    shutil.copytree(folder, copy, symlinks=True, ignore=_what_is_no_file, dirs_exist_ok=True)
+    for path in [copy, *copy.rglob("*")]:
+        if not path.is_symlink():
+            path.chmod(0o755 if path.is_dir() else 0o644)
 
 
 def closed_to_others() -> Path | None:

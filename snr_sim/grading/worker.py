@@ -18,7 +18,9 @@ from snr_sim import __version__
 from snr_sim.core.blame import describe_error
 from snr_sim.grading.grade import grade_submission, sandboxed
 from snr_sim.grading.lab import Lab, load_lab
+from snr_sim.grading.nursery import Nursery
 from snr_sim.grading.results import Demanded, Graded, Isolation, Status, encode_graded
+from snr_sim.grading.sandbox import Limits
 from snr_sim.prelude.errors import SnrError
 
 
@@ -49,8 +51,22 @@ def serve(line: Connection) -> int:
     """Answers jobs until nobody asks any more; `Spawned` calls it."""
     jobs: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(line, jobs), daemon=True).start()
+    nursery: Nursery | None = None
     while True:
-        line.send_bytes(encode_graded(grade(_decode_job(jobs.get()))))
+        job = _decode_job(jobs.get())
+        nursery = nursery or _nursery(job)
+        line.send_bytes(encode_graded(grade(job, nursery)))
+
+
+def _nursery(job: Job) -> Nursery | None:
+    """Returns where all submissions of a class get their processes; it dies with us, and the class's place goes later.
+
+    None where programs cannot be kept apart: each grading says so.
+    """
+    try:
+        return Nursery(sandboxed(job.isolation), Limits(), Path(job.folder).parent)
+    except (SnrError, OSError):
+        return None
 
 
 def _listen(line: Connection, jobs: queue.SimpleQueue[bytes]) -> None:
@@ -61,14 +77,21 @@ def _listen(line: Connection, jobs: queue.SimpleQueue[bytes]) -> None:
             os._exit(0)  # the sandboxes die with us
 
 
-def grade(job: Job) -> Graded:
-    """Returns what a job's submission comes to; a failure that is not the student's is in it, as a fault."""
+def grade(job: Job, nursery: Nursery | None = None) -> Graded:
+    """Returns what a job's submission comes to; a failure that is not the student's is in it, as a fault.
+
+    Args:
+        job: the submission.
+        nursery: of the class, if there is one.
+    """
     title = ""
     try:
         lab = _lab(job.lab)
         title = lab.title
         runs = Path(job.runs)
-        graded = grade_submission(lab, Path(job.folder), job.secret, job.isolation, name=job.name, out=runs)
+        graded = grade_submission(
+            lab, Path(job.folder), job.secret, job.isolation, name=job.name, out=runs, nursery=nursery
+        )
     except Exception as error:
         return without_marks(
             job, "fault", describe_error(error, f"while the submission '{job.name}' was graded"), title

@@ -282,8 +282,8 @@ def test_a_worker_that_dies_costs_no_mark_and_stops_nobody(
         "import os\n"
         "from snr_sim.grading import worker\n"
         "grade = worker.grade\n"
-        "def fails(job):\n"
-        "    return os.kill(os.getpid(), 9) if job.name == 'bob' else grade(job)\n"
+        "def fails(job, nursery):\n"
+        "    return os.kill(os.getpid(), 9) if job.name == 'bob' else grade(job, nursery)\n"
         "def serve(line):\n"
         "    worker.grade = fails\n"
         "    return worker.serve(line)\n"
@@ -305,6 +305,30 @@ def test_a_worker_that_does_not_end_is_ended(
     with Class(double_lab, handed_in(ada="right"), tmp_path / "out") as group:
         grade_here(group.run, jobs=1, limit_s=0.0, target="hanging:serve")
     assert [(graded.status, "took too long" in graded.error) for graded in group.results] == [("fault", True)]
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="this system does not tell on which cores one runs")
+def test_where_every_core_has_a_worker_each_stays_on_its_own(
+    double_lab: Path, handed_in: HandedIn, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "telling.py").write_text(
+        "import os\n"
+        "from pathlib import Path\n"
+        "from snr_sim.grading import worker\n"
+        "def serve(line):\n"
+        f"    told = Path({str(tmp_path)!r}, f'on_{{os.getpid()}}')\n"
+        "    grade = worker.grade\n"
+        "    worker.grade = lambda *job: told.write_text(str(*os.sched_getaffinity(0))) and grade(*job)\n"
+        "    return worker.serve(line)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    cores = sorted(os.sched_getaffinity(0))
+    given = handed_in(**{f"s{i}": "right" for i in range(2 * len(cores))})
+    with Class(double_lab, given, tmp_path / "out") as group:
+        grade_here(group.run, jobs=len(cores), target="telling:serve")
+    assert {graded.status for graded in group.results} == {"graded"}
+    assert sorted(int(file.read_text()) for file in tmp_path.glob("on_*")) == cores
+    assert sorted(os.sched_getaffinity(0)) == cores
 
 
 def test_a_disk_that_is_full_ends_it_with_a_sentence_and_no_worker_is_left(

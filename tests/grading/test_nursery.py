@@ -1,4 +1,4 @@
-"""Cases of one submission in one sandbox: none meets what another has left, and the sandbox is nobody's to break."""
+"""Cases of several submissions in one sandbox: none meets what another has left, and it is nobody's to break."""
 
 import os
 import signal
@@ -30,6 +30,7 @@ def traces():
         "number": [os.getpid(), os.getppid(), os.getsid(0), os.getpgrp()],
         "modules": sorted(sys.modules),
         "folder": os.getcwd(),
+        "files": sorted(os.listdir()),
     }
 
 
@@ -75,7 +76,7 @@ def nursery(tmp_path: Path) -> Iterator[Nursery]:
         pytest.skip("there are copies for root alone")
     (tmp_path / "mine.py").write_text(PROGRAM)
     tmp_path.chmod(0o755)
-    with Nursery(tmp_path, "sandbox", Limits()) as nursery:
+    with Nursery("sandbox", Limits()) as nursery, nursery.holding(tmp_path):
         yield nursery
 
 
@@ -144,3 +145,49 @@ def test_a_sandbox_that_is_gone_is_no_fault_of_the_students(nursery: Nursery, tm
     with pytest.raises(LabFault, match="could not be started"):
         asked(nursery, tmp_path, "traces")
     assert asked(nursery, tmp_path, "traces")["kept"] == 1
+
+
+def test_a_submission_finds_nothing_of_the_one_before_in_the_same_sandbox(tmp_path: Path) -> None:
+    if not is_root():
+        pytest.skip("there are copies for root alone")
+    place = tmp_path / "place"
+    place.mkdir()
+    found, sandboxes = [], set()
+    with Nursery("sandbox", Limits(), place) as nursery:
+        for name in ("ada", "bob"):
+            folder = tmp_path / name
+            (folder / f"of_{name}").mkdir(parents=True)
+            (folder / "mine.py").write_text(PROGRAM)
+            (folder / "mine.py").chmod(0o600)  # only its owner may read it
+            (folder / "elsewhere").symlink_to("/etc")
+            with nursery.holding(folder):
+                found.append(asked(nursery, folder, "traces"))
+                assert nursery._process is not None
+                sandboxes.add(nursery._process.pid)
+            (shown,) = place.iterdir()
+            assert list(shown.iterdir()) == []
+            assert (folder / "mine.py").exists()
+    assert [one.pop("files") for one in found] == [["elsewhere", "mine.py", f"of_{name}"] for name in ("ada", "bob")]
+    assert found[0] == found[1]
+    assert len(sandboxes) == 1
+    assert list(place.iterdir()) == []
+
+
+def test_a_process_that_nobody_has_ended_does_not_see_the_next_submission(nursery: Nursery, tmp_path: Path) -> None:
+    student = Student(tmp_path, "sandbox", nursery=nursery)
+    student.call("mine.py", "traces")
+    with nursery.holding(tmp_path):
+        pass
+    assert nursery._process is None  # the whole sandbox went, and the process with it
+    with pytest.raises(LabFault), student:
+        student.call("mine.py", "traces")
+
+
+def test_another_submission_than_the_one_that_is_held_gets_a_sandbox_of_its_own(
+    nursery: Nursery, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    other = tmp_path_factory.mktemp("other")
+    (other / "mine.py").write_text("def traces():\n    return 'of the other'\n")
+    other.chmod(0o755)
+    assert asked(nursery, other, "traces") == "of the other"
+    assert nursery._process is None
