@@ -1,8 +1,8 @@
 """What the grader of lab 10 knows for itself: what a student's program has told, what was learned from it, who flies.
 
 Of a training it has all evidence: states, actions, rewards, where they led. From these it learns a table of its own,
-which begins empty, explores by its own chance, and flies by that table. The program is asked only in which state an
-observation is. In the end two things are compared: the table that the student's update() has made of the same
+which begins empty, and explores by its own chance; what flies is that table. The program is asked only in which state
+an observation is. In the end two things are compared: the table that the student's update() has made of the same
 transitions, and what encode() says of the same observations in a process that has seen neither training nor flight.
 """
 
@@ -25,7 +25,7 @@ ALIKE = 1e-6  # of the largest value: rounding in sums of another order is far l
 # What is learned keeps moving to and fro, and the mean over some dozens of steps does not. Of 337 trainings of the
 # reference (40 000 steps each) three ended with a table that lands fewer than 80 of 100; of 322 by the mean, none.
 MEAN_EVERY, MEAN_FOLLOWS = 5, 0.125
-ASKED_AGAIN = 3000  # observations: of an encode() that fakes one in a hundred, all but one in 1e13 are found
+ASKED_AGAIN = 3000  # observations of a training: who fakes one in a hundred is found, but for one in 1e13
 
 
 class Asked(Protocol):
@@ -43,6 +43,9 @@ class Rows(msgspec.Struct):
     visits: list[list[int]]
 
 
+Change = tuple[int, int, float, int]  # state, action, and what value and visits are now
+
+
 class Told(msgspec.Struct):
     """What comes back of a step of training, as `Pilot.learn` says."""
 
@@ -53,7 +56,7 @@ class Told(msgspec.Struct):
 
 
 class Evidence:
-    """A student's file that is trained, as the grader sees it; flies by what was learned here.
+    """A student's file that is trained, as the grader sees it, and what was learned here.
 
     Args:
         student: its file.
@@ -68,7 +71,8 @@ class Evidence:
         self.states = count_of(student)
         self.ledger = Ledger(self.states)
         self._chance = np.random.default_rng([seed, 4])
-        self._seen: list[tuple[Floats, list[int]]] = []
+        self._trained: list[tuple[Floats, list[int]]] = []
+        self._flown: list[tuple[Floats, list[int]]] = []
         self._steps = 0
         self._mean: Floats = np.zeros((self.states, ACTIONS))
         self._is_tried = np.zeros((self.states, ACTIONS), bool)
@@ -88,17 +92,20 @@ class Evidence:
 
     def choose(self, told: Floats, states: list[int], epsilon: float) -> NDArray[np.intp]:
         """Returns what to try where these states were told: the best, or with probability epsilon any."""
-        self._seen.append((told, states))
+        self._trained.append((told, states))
         chance = self._chance
         drawn = chance.integers(ACTIONS, size=len(states))
         return np.where(chance.random(len(states)) < epsilon, drawn, self.ledger.greedy(states))
 
-    def act(self, told: Floats) -> NDArray[np.intp]:
-        """Returns the best actions by the mean of what was learned; the first of several, and 0 where nothing was."""
+    def states_at(self, told: Floats) -> list[int]:
+        """Returns the states of observations, as the program tells them; in the end all of them are asked again."""
         states = checked_states(self._student.ask("see", packed(told.T), returns=str), len(told), self.states)
-        self._seen.append((told, states))
-        best: NDArray[np.intp] = np.where(self._is_tried, self._mean, -np.inf)[states].argmax(axis=1)
-        return best
+        self._flown.append((told, states))
+        return states
+
+    def rows(self) -> tuple[Floats, NDArray[np.int64]]:
+        """Returns the mean of what the actions were worth, and which of them were tried (1, else 0)."""
+        return self._mean, self._is_tried.astype(np.int64)
 
     def check_update(self) -> None:
         """Compares what the student's update() has made of the training with what was learned here.
@@ -124,7 +131,8 @@ class Evidence:
             )
 
     def check_states(self, fresh: Asked) -> None:
-        """Asks again, in another process and order, in which states some of all observations are.
+        """Asks again, in another process and order, in which states observations are: all that it flies by, and some
+        of those that it was trained with.
 
         Args:
             fresh: the same file, in a process that has seen nothing yet.
@@ -132,17 +140,24 @@ class Evidence:
         Raises:
             Misbehaved: encode() does not go by its two numbers alone.
         """
-        told = np.concatenate([one for one, _ in self._seen])
-        states = np.concatenate([one for _, one in self._seen])
+        told, states = _joined(self._trained)
         which = self._chance.choice(len(states), min(ASKED_AGAIN, len(states)), replace=False)
-        again = checked_states(fresh.ask("see", packed(told[which].T), returns=str), len(which), self.states)
-        for i, state in zip(which.tolist(), again, strict=True):
+        told, states = _joined([(told[which], states[which]), *self._flown])
+        order = self._chance.permutation(len(states))
+        again = checked_states(fresh.ask("see", packed(told[order].T), returns=str), len(order), self.states)
+        for i, state in zip(order.tolist(), again, strict=True):
             if state != states[i]:
                 height_m, speed_mps = told[i].tolist()
                 raise Misbehaved(
                     f"encode({height_m:g}, {speed_mps:g}) returned {states[i]} once, and {state} in another run.",
                     "encode() must go by its two numbers alone: what does it keep from call to call, or draw?",
                 )
+
+
+def _joined(parts: Iterable[tuple[Floats, Any]]) -> tuple[Floats, NDArray[np.intp]]:
+    """Returns observations and their states, all in a row."""
+    told, states = zip(*parts, strict=True)
+    return np.concatenate(told), np.concatenate(states)
 
 
 def count_of(student: Asked) -> int:
@@ -164,12 +179,29 @@ def table_of(rows: Rows, states: int) -> Table:
         Misbehaved: it has other rows than it had.
     """
     if any([len(row) for row in each] != [ACTIONS] * states for each in (rows.values, rows.visits)):
-        raise Misbehaved(
-            "update() has made the table larger or smaller.", "Change numbers that stand in the table: no append."
-        )
+        raise _resized()
     table = Table(0)
     table.values, table.visits = rows.values, rows.visits
     return table
+
+
+def changed(table: Table, changes: Iterable[Change]) -> Table:
+    """Returns a table, changed in some places.
+
+    Raises:
+        Misbehaved: it has no such place.
+    """
+    for state, action, value, visits in changes:
+        if not (0 <= state < len(table.values) and 0 <= action < ACTIONS):
+            raise _resized()
+        table.values[state][action], table.visits[state][action] = value, visits
+    return table
+
+
+def _resized() -> Misbehaved:
+    return Misbehaved(
+        "update() has made the table larger or smaller.", "Change numbers that stand in the table: no append."
+    )
 
 
 def checked_states(answer: str, count: int, most: int) -> list[int]:

