@@ -13,6 +13,7 @@ others; the numbers tell the rest that they have had it, and everybody what was 
 
 from __future__ import annotations
 
+import atexit
 import heapq
 import json
 import math
@@ -40,6 +41,7 @@ TEND_EVERY_S = 0.05
 MAX_TIME_BYTES = 32  # of the answer to a ping
 DEAF_LOOK_S = 0.002  # how often a link that lets nothing in looks whether the node has caught up
 LINGER_S = 0.3  # how long the end of a link may take to send what waits
+LEAVE_S = 5.0  # how long the end of the program waits for a link that has not left by then
 BATCH_BYTES = 1 << 17
 MAX_PLACE_BYTES = 1 << 13
 NUMBER_BYTES = 8
@@ -398,6 +400,8 @@ class ZenohLink(FleetLink):
         leaving = threading.Thread(target=self._leave, name=f"{self.name} leaves", daemon=True)
         leaving.start()
         leaving.join(LINGER_S)
+        if leaving.is_alive():  # a Python that ends while a thread is in Zenoh is aborted
+            atexit.register(leaving.join, LEAVE_S)
 
     def _leave(self) -> None:
         with suppress(self._zenoh.ZError):

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,11 @@ zenoh = pytest.importorskip("zenoh")  # part of snr_sim[dev]
 Start = Callable[..., Any]
 LIMIT_S = 90.0
 NODE = Path(__file__).with_name("zenoh_node.py")
+# The same, but that nobody waits until its link has left: as on a computer with too much to do.
+HASTY = (
+    "import runpy; from snr_sim.std_mods.comms import zenoh_link; zenoh_link.LINGER_S = 0.0; "
+    f"runpy.run_path({str(NODE)!r}, run_name='__main__')"
+)
 
 
 def free_address(protocol: str = "tcp") -> str:
@@ -54,9 +59,11 @@ def names(running: Any) -> list[str]:
 class Process:
     """A node in a process of its own, which joins a net; see zenoh_node.py."""
 
-    def __init__(self, net: ZenohNet, role: str, keys: Any = (), **options: Any) -> None:
+    def __init__(
+        self, net: ZenohNet, role: str, keys: Any = (), program: Sequence[str] = (str(NODE),), **options: Any
+    ) -> None:
         where = {"name": net.name, "connect": [net.listen[0].text], **options}
-        command = [sys.executable, str(NODE), role, json.dumps(where), json.dumps({"keys": keys})]
+        command = [sys.executable, *program, role, json.dumps(where), json.dumps({"keys": keys})]
         self.popen = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         self.stored: dict[str, list[Any]] = {}
         self.news = threading.Condition()
@@ -157,6 +164,15 @@ def test_pages_go_both_ways_and_either_node_starts_first(start: Start, net: Zeno
     shore.store("mission", {"dive": True})
     assert rov.until_stored("mission") == [{"dive": True}]
     assert shore.until_stored("depth") == [1.5]
+
+
+def test_a_program_that_ends_before_its_link_has_left_is_not_aborted(
+    start: Start, process: Callable[..., Process], net: ZenohNet
+) -> None:
+    start("shore", [net.link()])
+    a = process(net, "a", "x", program=("-c", HASTY))
+    a.until_peers("shore_node")
+    a.end()
 
 
 def test_three_processes_hear_each_other_through_the_one_that_listens(
