@@ -93,6 +93,12 @@ def _user_of_a_trial(isolation: Isolation) -> tuple[int | None, str]:
 
 def forbidden(words: str) -> IsolationMissing:
     """Returns what there is to say when bubblewrap could not start a process."""
+    _, is_seccomp, why = words.rpartition("SeccompMissing: ")
+    if is_seccomp:
+        return IsolationMissing(
+            f"A program cannot be kept from the kernel's keyrings here: {why.strip()}.",
+            fix="grade on Linux for x86-64 or aarch64, where the kernel and the container allow seccomp filters.",
+        )
     if "setting up uid map" in words or "ermission" in words or "not permitted" in words:
         return IsolationMissing(
             f"This computer does not let bubblewrap make namespaces: {words.strip()}",

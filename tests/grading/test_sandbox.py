@@ -5,11 +5,12 @@ import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import snr_sim
-from snr_sim.grading import Student, isolation
+from snr_sim.grading import Student, child_process, isolation
 from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.isolation import find_isolation, forbidden, try_confinement, try_sandbox, unconfined
 from snr_sim.grading.lab import load_lab
@@ -273,6 +274,20 @@ def test_a_computer_that_forbids_namespaces_is_told_what_allows_them(monkeypatch
         assert words in str(forbidden(words))
         assert told in str(forbidden(words))
     assert "readable for everybody" in str(forbidden("ModuleNotFoundError: No module named 'snr_sim'"))
+
+
+def test_a_computer_without_seccomp_is_told_that_and_nothing_about_namespaces(monkeypatch: pytest.MonkeyPatch) -> None:
+    begin = child_process.start_command
+
+    def on_another_kind(*args: Any, **more: Any) -> tuple[list[str], Path]:
+        command, folder = begin(*args, **more)
+        unknown = "from snr_sim.grading import seccomp; seccomp.COLUMN = {}"
+        return [*command[:-1], command[-1].replace("; main(", f"; {unknown}; main(")], folder
+
+    monkeypatch.setattr(child_process, "start_command", on_another_kind)
+    with pytest.raises(IsolationMissing, match="keyrings here: seccomp: the system calls of a computer") as refused:
+        try_sandbox.__wrapped__()
+    assert "x86-64 or aarch64" in refused.value.fix
 
 
 def test_root_who_may_not_mount_is_refused_where_the_kernel_has_no_landlock(monkeypatch: pytest.MonkeyPatch) -> None:
