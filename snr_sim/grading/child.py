@@ -154,7 +154,7 @@ def main(
         if is_alone:
             from snr_sim.grading import seccomp  # here and below: at home nothing of it is needed
 
-            seccomp.install(seccomp.refusing_keyrings(seccomp.machine_here()))
+            seccomp.install(seccomp.refusing_the_undivided(seccomp.machine_here()))
         limit(limits, is_alone)
     else:
         from snr_sim.grading.confinement import Walls, close_in, confine

@@ -1,8 +1,9 @@
 """Seccomp: a small program in the kernel that looks at each request of a process to it, and says what comes of it.
 
 Two of them stand before a confined process. One knows what is allowed (`system_calls.py`); the other has each new file
-asked about, and somebody else counts (`scratch.py`). A process in a sandbox has one, which keeps it from the kernel's
-keyrings: namespaces do not divide those. They see numbers only, so nothing can be changed behind them.
+asked about, and somebody else counts (`scratch.py`). A process in a sandbox has one, which keeps it from what no
+namespace divides: the kernel's keyrings, and the other cores. They see numbers only, so nothing can be changed behind
+them.
 
 Source: Documentation/userspace-api/seccomp_filter.rst of Linux; struct sock_filter in linux/filter.h.
 """
@@ -20,9 +21,9 @@ from snr_sim.grading.system_calls import (
     ALLOWED,
     ARCHITECTURES,
     COLUMN,
-    KEYRINGS,
     SECCOMP,
     STARTS_A_PROCESS,
+    UNDIVIDED,
     number_of,
 )
 
@@ -107,10 +108,10 @@ def asking(machine: str) -> list[Instruction]:
     return [*program, (_RETURN, 0, 0, ALLOW)]
 
 
-def refusing_keyrings(machine: str) -> list[Instruction]:
-    """Returns the program that refuses what would leave something in the kernel, and allows all else."""
+def refusing_the_undivided(machine: str) -> list[Instruction]:
+    """Returns the program that keeps a process from what namespaces do not divide, and allows all else."""
     program = [*_begin(machine), (_IF_FROM, 0, 1, _32_BITS), (_RETURN, 0, 0, ERRNO | errno.ENOSYS)]
-    for call in KEYRINGS:
+    for call in UNDIVIDED:
         program += _if_call(call, machine, [(_RETURN, 0, 0, ERRNO | errno.EPERM)])
     return [*program, (_RETURN, 0, 0, ALLOW)]
 

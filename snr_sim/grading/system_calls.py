@@ -157,8 +157,9 @@ WITH_CONDITIONS = {
 }
 # Refused as the limit of processes refuses it, so that a program is told the same in either isolation.
 STARTS_A_PROCESS = {"clone": (56, 220), "fork": (57, ABSENT), "vfork": (58, ABSENT)}
-# What they keep belongs to the user, not to the process, and outlasts it: keyrings(7).
-KEYRINGS = {"add_key": (248, 217), "request_key": (249, 218), "keyctl": (250, 219)}
+# What no namespace divides. Keyrings belong to the user, not to the process, and outlast it: keyrings(7). On another
+# core is another worker with its submission, of whose time the process would take half: sched_setaffinity(2).
+UNDIVIDED = {"add_key": (248, 217), "request_key": (249, 218), "keyctl": (250, 219), "sched_setaffinity": (203, 122)}
 SECCOMP = (317, 277)
 
 
@@ -169,5 +170,5 @@ def number_of(call: str, machine: str) -> int | None:
         >>> number_of("openat", "aarch64"), number_of("open", "aarch64")
         (56, None)
     """
-    number = (ALLOWED | WITH_CONDITIONS | STARTS_A_PROCESS | KEYRINGS)[call][COLUMN[machine]]
+    number = (ALLOWED | WITH_CONDITIONS | STARTS_A_PROCESS | UNDIVIDED)[call][COLUMN[machine]]
     return None if number == ABSENT else number

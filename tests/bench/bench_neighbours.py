@@ -1,10 +1,15 @@
 """Neighbours: whether a program that attacks makes the grading of another one slower, which goes on beside it.
 
-An honest submission of a lab with flights is graded again and again, in this process. Beside it, in another one, each
-program of tests/grading/attacks is, or in turns with it an honest program of the same small lab. What counts is wall
-time beside the attack, in that beside the honest one; it wants a computer that does nothing else.
+Here an honest controller's flights are graded, one after the other. Beside it, in another process on another core, as
+`snr grade` has its workers, each program of tests/grading/attacks is graded, and in short turns with it an honest
+program of the same lab. What counts is the wall time of a flight's grading beside the attack, in that beside the honest
+one just before or after; and of all such pairs of turns the median, for a computer's speed swings by a fifth within
+minutes. An attack that seems to be a bad neighbour gets more turns, and all of its pairs count. With the wall open that
+`takes_another_core` runs into, a flight takes twice as long. It wants a computer of at least two cores that does
+nothing else.
 
-Run by `snr bench neighbours`, or by itself: python tests/bench/bench_neighbours.py [--quick] [--json]
+Run by `snr bench neighbours`, or by itself. The whole measure takes a quarter of an hour; how far it is goes to stderr:
+python tests/bench/bench_neighbours.py [--quick] [--json]
 """
 
 from __future__ import annotations
@@ -14,103 +19,147 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from statistics import mean
+from statistics import mean, median
 
 from harness import Row, report
 
-from snr_sim.grading.grade import grade_submission
-from snr_sim.grading.lab import find_lab, load_lab
+from snr_sim.grading.grade import grade_submission, sandboxed
+from snr_sim.grading.lab import load_lab
+from snr_sim.grading.nursery import Nursery
+from snr_sim.grading.sandbox import Limits
 
 TESTS = Path(__file__).resolve().parents[1]
-ATTACKS = TESTS / "grading" / "attacks"
-DOUBLE = TESTS / "grading" / "labs" / "01_double" / "checks.py"
-QUICK = ("busy", "fills_memory")
-HONEST = "def double(x):\n    return 2 * x\n"
-LAB, REFERENCE = "moving_average", TESTS / "assignments" / "moving_average" / "reference"
+ATTACKS, LABS = TESTS / "grading" / "attacks", TESTS / "grading" / "labs"
+DOUBLE, LANDING = LABS / "01_double" / "checks.py", LABS / "02_landing" / "checks.py"
+DOUBLES = "def double(x):\n    return 2 * x\n"
+LANDS = (TESTS.parent / "robots" / "lander" / "controllers" / "optimal.py").read_text()
+FALLING = ATTACKS / "in_flight" / "falling.py"  # what those in flight have in common
 SECRET = b"of the benchmark, which everybody may know"
-ROUNDS, QUICK_ROUNDS = 2, 1
+QUICK = ("busy", "fills_memory", "takes_another_core", "floods_steadily")
+ROUNDS, MORE_ROUNDS, QUICK_ROUNDS, FLIGHTS = 7, 28, 3, 3
+SEEMS_BAD = 1.05
 MOST = 1.1
 
 
 def measure(is_quick: bool) -> Iterator[Row]:
     """Yields a row for the attack that is the worst neighbour, and one for all of them."""
-    lab = find_lab(LAB)
-    assert lab.folder is not None
-    names = QUICK if is_quick else sorted(path.stem for path in ATTACKS.glob("*.py"))
-    with tempfile.TemporaryDirectory() as name:
-        own = Path(name) / "own"
-        shutil.copytree(lab.folder / "starter", own)
-        shutil.copytree(REFERENCE, own, dirs_exist_ok=True)
-        honest = handed_in(Path(name) / "honest", HONEST)
+    attacks = sorted({*ATTACKS.glob("*.py"), *(ATTACKS / "in_flight").glob("*.py")} - {FALLING})
+    if is_quick:
+        attacks = [attack for attack in attacks if attack.stem in QUICK]
+    core, other = sorted(os.sched_getaffinity(0))[:2]
+    os.sched_setaffinity(0, {core})
+    ratios: dict[str, float] = {}
+    alike_s: list[float] = []
+    with tempfile.TemporaryDirectory() as name, graded_beside(Path(name), other) as beside:
+        os.chmod(name, 0o755)
+        honest = {lab: handed_in(Path(name) / lab.parent.name, lab) for lab in (DOUBLE, LANDING)}
+        lab, nursery = load_lab(LANDING), Nursery(sandboxed("required"), Limits(), Path(name))
 
-        def took_s(beside: Path) -> float:
-            with graded_beside(beside, Path(name)):
-                start_s = time.perf_counter()
-                assert grade_submission(lab, own, SECRET).points == 100.0
-                return time.perf_counter() - start_s
+        def took_s(other_lab: Path, folder: Path) -> float:
+            beside(f"{other_lab} {folder}")
+            start_s = time.perf_counter()
+            for _ in range(FLIGHTS):
+                assert grade_submission(lab, honest[LANDING], SECRET, nursery=nursery).points == 100.0
+            return (time.perf_counter() - start_s) / FLIGHTS
 
-        ratios: dict[str, float] = {}
-        alike_s: list[float] = []
-        took_s(honest)
-        for attack in names:
-            beside = handed_in(Path(name) / attack, (ATTACKS / f"{attack}.py").read_text())
-            turns = [(took_s(honest), took_s(beside)) for _ in range(QUICK_ROUNDS if is_quick else ROUNDS)]
-            ratios[attack] = mean(attacked_s / alike for alike, attacked_s in turns)
-            alike_s += [alike for alike, _ in turns]
-            print(f"{attack}: {ratios[attack]:.2f}", file=sys.stderr, flush=True)
+        with nursery:
+            took_s(LANDING, honest[LANDING])
+            for attack in attacks:
+                at = LANDING if attack.parent.name == "in_flight" else DOUBLE
+                folder = handed_in(Path(name) / attack.stem, at, attack.read_text())
+                pairs: list[float] = []
+                rounds = QUICK_ROUNDS if is_quick else ROUNDS
+                while len(pairs) < rounds or (len(pairs) < MORE_ROUNDS and median(pairs) > SEEMS_BAD):
+                    turns = [honest[at], folder] if len(pairs) % 2 else [folder, honest[at]]
+                    took = {turn: took_s(at, turn) for turn in turns}
+                    pairs.append(took[folder] / took[honest[at]])
+                    alike_s.append(took[honest[at]])
+                ratios[attack.stem] = median(pairs)
+                each = " ".join(f"{pair:.2f}" for pair in pairs)
+                print(f"{attack.stem}: {ratios[attack.stem]:.2f} ({each})", file=sys.stderr, flush=True)
     worst = max(ratios, key=lambda attack: ratios[attack])
     for title, ratio in ((f"beside the worst, {worst}", ratios[worst]), ("beside any", mean(ratios.values()))):
         yield Row(
-            f"{title}: a submission of {LAB}",
-            ratio * mean(alike_s),
+            f"{title}: a flight is graded",
+            ratio * median(alike_s),
             "s",
-            baseline=mean(alike_s),
+            baseline=median(alike_s),
             compared_to="beside an honest one",
             ratio=ratio,
             ratio_limit=MOST,
-            note=f"wall time; {len(ratios)} programs, each graded again and again in another process",
+            note=f"wall time; {len(ratios)} programs, each graded again and again on another core",
         )
 
 
-def handed_in(folder: Path, program: str) -> Path:
-    """Returns a submission to the small lab."""
+def handed_in(folder: Path, lab: Path, program: str = "") -> Path:
+    """Returns a submission to a small lab, an honest one unless a program is given."""
     folder.mkdir()
-    (folder / "double.py").write_text(program)
-    (folder / "token.txt").write_text("snr_attack_of_the_benchmark")
-    (folder / "port.txt").write_text("9")
+    if lab == DOUBLE:
+        (folder / "double.py").write_text(program or DOUBLES)
+        (folder / "token.txt").write_text("snr_attack_of_the_benchmark")
+        (folder / "port.txt").write_text("9")
+    else:
+        (folder / "pilot.py").write_text(program or LANDS)
+        shutil.copy(FALLING, folder)
     return folder
 
 
 @contextmanager
-def graded_beside(folder: Path, place: Path) -> Iterator[None]:
-    """Has a submission graded in another process, again and again, from the first time on; with all it leaves there."""
-    words = [sys.executable, __file__, "--beside", str(folder)]
+def graded_beside(place: Path, core: int) -> Iterator[Callable[[str], None]]:
+    """Yields what has a submission graded in another process, again and again, and returns when that has begun."""
+    words = [sys.executable, __file__, "--beside", str(core)]
     with tempfile.TemporaryDirectory(dir=place) as scratch:
         os.chmod(scratch, 0o755)
-        with subprocess.Popen(words, stdout=subprocess.PIPE, env={**os.environ, "TMPDIR": scratch}) as process:
+        with subprocess.Popen(
+            words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env={**os.environ, "TMPDIR": scratch}
+        ) as process:
+            assert process.stdin is not None
             assert process.stdout is not None
-            process.stdout.readline()
+
+            def beside(which: str) -> None:
+                process.stdin.write(which + "\n")
+                process.stdin.flush()
+                if process.stdout.readline() != which + "\n":
+                    raise SystemExit("The process beside has ended; see what it printed.")
+
             try:
-                yield
+                yield beside
             finally:
                 process.kill()
 
 
-def grade_again_and_again(folder: Path) -> None:
-    """Never returns."""
-    lab = load_lab(DOUBLE)
-    grade_submission(lab, handed_in(Path(tempfile.mkdtemp()) / "first", HONEST), SECRET)
-    print(flush=True)
-    while True:
-        grade_submission(lab, folder, SECRET)
+def grade_what_is_asked(core: int) -> None:
+    """Grades the submission that was asked for last, again and again, until nobody is there any more."""
+    os.sched_setaffinity(0, {core})
+    asked: list[str] = []
+    is_asked = threading.Event()
+
+    def listen() -> None:
+        for line in sys.stdin:
+            asked.append(line.strip())
+            is_asked.set()
+        os._exit(0)
+
+    threading.Thread(target=listen, daemon=True).start()
+    is_asked.wait()
+    labs = {str(path): load_lab(path) for path in (DOUBLE, LANDING)}
+    with Nursery(sandboxed("required"), Limits(), Path(tempfile.gettempdir())) as nursery:
+        told = 0
+        while True:
+            if told < len(asked):
+                told, which = len(asked), asked[-1]
+                print(which, flush=True)
+            lab, folder = which.split(" ", 1)
+            grade_submission(labs[lab], Path(folder), SECRET, nursery=nursery)
 
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["--beside"]:
-        grade_again_and_again(Path(sys.argv[2]))
+        grade_what_is_asked(int(sys.argv[2]))
     else:
         report(measure)

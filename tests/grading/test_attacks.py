@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 Handed = Callable[..., list[Path]]
-HARMLESS = ("looks_around", "reads_the_parent", "shouts_into_the_network")
+HARMLESS = ("looks_around", "reads_the_parent", "shouts_into_the_network", "takes_another_core")
 
 
 def grade(lab: Path, given: list[Path], folder: Path, *words: str) -> dict[str, float]:

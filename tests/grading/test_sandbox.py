@@ -100,6 +100,7 @@ def facts():
         "root again": tried(os.setuid, 0),
         "rights": rights(),
         "keyring": tried(keyring),
+        "cores": tried(os.sched_setaffinity, 0, os.sched_getaffinity(0)),
         "parent": tried(os.kill, os.getppid(), 9),
         "core": resource.getrlimit(resource.RLIMIT_CORE),
         "more memory": tried(resource.setrlimit, resource.RLIMIT_AS, (-1, -1)),
@@ -168,7 +169,7 @@ def test_a_process_in_the_sandbox_is_nobody_alone_and_can_write_on_little_but_it
     assert may_gain_no_rights == 1
     assert facts["root again"] in ("EPERM", "EINVAL")
     assert facts["parent"] in ("EPERM", "done")  # its parent is the namespace's own first process, or nobody
-    assert facts["keyring"] == "EPERM"
+    assert facts["keyring"] == facts["cores"] == "EPERM"
     assert facts["core"] == [0, 0]
     assert facts["more memory"] in ("EPERM", "ValueError")
     assert facts["open files"] == 5  # the three of every process, its line, and the socket that was tried
@@ -285,7 +286,7 @@ def test_a_computer_without_seccomp_is_told_that_and_nothing_about_namespaces(mo
         return [*command[:-1], command[-1].replace("; main(", f"; {unknown}; main(")], folder
 
     monkeypatch.setattr(child_process, "start_command", on_another_kind)
-    with pytest.raises(IsolationMissing, match="keyrings here: seccomp: the system calls of a computer") as refused:
+    with pytest.raises(IsolationMissing, match="other cores here: seccomp: the system calls of a computer") as refused:
         try_sandbox.__wrapped__()
     assert "x86-64 or aarch64" in refused.value.fix
 
