@@ -42,13 +42,13 @@ def bench(
     """
     import json
 
-    from rich.console import Console
+    from snr_sim.cli.plain_console import plain_console
 
     folder = _folder()
     files = _chosen(folder, names or [])
     options = ["--json", *(["--quick"] if is_quick else []), *(["--install"] if with_install else [])]
     rows: list[Row] = []
-    errors = Console(stderr=True)
+    errors = plain_console(stderr=True)
     for file in files:
         subject = file.stem.removeprefix(_PREFIX)
         for row in _measured(file, options, subject, errors):
@@ -156,17 +156,15 @@ def _cpu_model() -> str:
 
 
 def _show(rows: list[Row]) -> None:
-    from rich.console import Console
+    from snr_sim.cli.plain_console import plain_console
 
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=_WIDTH_IN_A_PIPE)
+    console = plain_console(width_in_a_pipe=_WIDTH_IN_A_PIPE)
     console.print(_table(rows))
     for row in rows:
         if row["note"]:
-            console.print(f"{row['name']}: {row['note']}.", highlight=False)
+            console.print(f"{row['name']}: {row['note']}.")
     here = machine()
-    console.print(f"{here['cpu']}, {here['cores']} cores, Python {here['python']}, {here['date']}", highlight=False)
+    console.print(f"{here['cpu']}, {here['cores']} cores, Python {here['python']}, {here['date']}")
     missed = sum(row["is_met"] is False for row in rows)
     if missed:
         console.print(
@@ -177,6 +175,7 @@ def _show(rows: list[Row]) -> None:
 def _table(rows: list[Row]) -> Table:
     from rich import box
     from rich.table import Table
+    from rich.text import Text
 
     table = Table(box=box.SIMPLE_HEAD)
     for title in ("", "value", "bare", "ratio", "target"):
@@ -186,7 +185,7 @@ def _table(rows: list[Row]) -> Table:
         value = f"{row['value']:.3g} {row['unit']}" if row["value"] < 1000 else f"{row['value']:.0f} {row['unit']}"
         baseline = "" if row["baseline"] is None else f"{row['baseline']:.3g}"
         ratio = "" if row["ratio"] is None else f"{row['ratio']:.2f} x"
-        table.add_row(row["name"], value, baseline, ratio, _target(row), _in_a_word(row["is_met"]))
+        table.add_row(row["name"], value, baseline, ratio, _target(row), Text(*_in_a_word(row["is_met"])))
     return table
 
 
@@ -204,7 +203,8 @@ def _target(row: Row) -> str:
     return ", ".join(words)
 
 
-def _in_a_word(is_met: bool | None) -> str:
+def _in_a_word(is_met: bool | None) -> tuple[str, str]:
+    """Returns the word, and its colour."""
     if is_met is None:
-        return ""
-    return "[green]met[/green]" if is_met else "[red]missed[/red]"
+        return "", ""
+    return ("met", "green") if is_met else ("missed", "red")

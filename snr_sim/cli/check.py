@@ -60,37 +60,37 @@ def _status(is_quiet: bool) -> Iterator[Callable[[str, str], None]]:
     if is_quiet or not sys.stderr.isatty():
         yield lambda check, case: None
         return
-    from rich.console import Console
+    from snr_sim.cli.plain_console import as_it_is, plain_console
 
-    with Console(stderr=True).status("starting") as status:
-        yield lambda check, case: status.update(f"{check}: {case}" if case else check)
+    with plain_console(stderr=True).status("starting") as status:
+        yield lambda check, case: status.update(as_it_is(f"{check}: {case}" if case else check))
 
 
 def _show(lab: Lab, graded: Graded, out: Path) -> None:
     """Shows a table of the checks, what went wrong, and what to do next."""
     from rich import box
-    from rich.console import Console
     from rich.table import Table
-    from rich.text import Text
 
-    console = Console(highlight=False)
+    from snr_sim.cli.plain_console import plain_console
+
+    console = plain_console()
     table = Table(box=box.SIMPLE, title=f"{lab.title}: practice, visible cases only", title_justify="left")
     table.add_column("")
     table.add_column("check")
     table.add_column("points", justify="right")
     for check in graded.checks:
         mark = "-" if check.skipped_because else ("ok" if check.is_passed else "x")
-        table.add_row(mark, Text(check.title), f"{round(check.points, 2):g} of {check.of:g}")
+        table.add_row(mark, check.title, f"{round(check.points, 2):g} of {check.of:g}")
     points, most = graded.points or 0.0, sum(check.of for check in graded.checks)
-    table.add_row("", Text("together"), f"{round(points, 2):g} of {most:g}", end_section=True)
+    table.add_row("", "together", f"{round(points, 2):g} of {most:g}", end_section=True)
     console.print(table)
     for check in graded.checks:
         for line in _lines(check, out):
-            console.print(Text(line), soft_wrap=True)
+            console.print(line, soft_wrap=True)
     for reason in dict.fromkeys(check.skipped_because for check in graded.checks if check.skipped_because):
         skipped = (f"    {check.title}\n" for check in graded.checks if check.skipped_because == reason)
-        console.print(Text(f"- not tried: {reason}\n" + "".join(skipped)), soft_wrap=True)
-    console.print(Text(_next(graded)), soft_wrap=True)
+        console.print(f"- not tried: {reason}\n" + "".join(skipped), soft_wrap=True)
+    console.print(_next(graded), soft_wrap=True)
 
 
 def _lines(check: CheckResult, out: Path) -> Iterator[str]:

@@ -138,10 +138,11 @@ def _signal_fields(one: Compared) -> dict[str, Any]:
 
 def _print(comparison: Comparison) -> None:
     """Prints a table: of each page and number what is seen in either run, with one value where they agree."""
-    from rich.console import Console
     from rich.table import Table
 
-    console = Console(width=None if sys.stdout.isatty() else 120, highlight=False)
+    from snr_sim.cli.plain_console import plain_console
+
+    console = plain_console(width_in_a_pipe=120)
     if comparison.is_identical:
         console.print("The traces are the same, byte for byte.")
     table = Table(title=f"{comparison.node}: {' | '.join(comparison.labels)}", box=None, title_justify="left")

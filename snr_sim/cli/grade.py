@@ -156,21 +156,22 @@ def _progress(total: int) -> Iterator[Callable[[Graded, bool], None]]:
     if not sys.stderr.isatty():
         yield lambda graded, was_there: None
         return
-    from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from snr_sim.cli.plain_console import plain_console
 
     columns = (
         TextColumn("graded"),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", style="dim", markup=False),
     )
-    with Progress(*columns, console=Console(stderr=True)) as bar:
+    with Progress(*columns, console=plain_console(stderr=True)) as bar:
         task = bar.add_task("", total=total)
 
         def told(graded: Graded, was_there: bool) -> None:
-            bar.update(task, advance=1, description=f"[dim]{graded.submission}")
+            bar.update(task, advance=1, description=graded.submission)
 
         yield told
 

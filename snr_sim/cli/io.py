@@ -91,7 +91,9 @@ def _confirm(name: str, io: str) -> None:
 
 def _print_once(bench: Bench, io: str, scenario: str, as_json: bool) -> None:
     if not as_json:
-        console = _console()
+        from snr_sim.cli.plain_console import plain_console
+
+        console = plain_console(width_in_a_pipe=120)
         shown(bench)  # the first time takes a while, to import: readings are looked at after it
         bench.tick()
         console.print(shown(bench))
@@ -144,15 +146,10 @@ def _shower(stack: Any) -> Any:
         return lambda bench: print("\n".join(lines(bench)), flush=True)
     from rich.live import Live
 
-    live = stack.enter_context(Live(console=_console(), auto_refresh=False))
+    from snr_sim.cli.plain_console import plain_console
+
+    live = stack.enter_context(Live(console=plain_console(), auto_refresh=False))
     return lambda bench: live.update(shown(bench), refresh=True)
-
-
-def _console() -> Any:
-    from rich.console import Console
-
-    # Without markup: it would take [us], and [hardware] in advice what to install, for colours, and leave them out.
-    return Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 120)
 
 
 def lines(bench: Bench) -> list[str]:

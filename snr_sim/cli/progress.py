@@ -16,17 +16,16 @@ def progress(name: str, is_shown: bool) -> Iterator[Callable[[float], None] | No
     if not (is_shown and sys.stderr.isatty()):
         yield None
         return
-    from rich.console import Console
+    from snr_sim.cli.plain_console import as_it_is, plain_console
 
-    console = Console(stderr=True)
     shown_at_s = 0.0
-    with console.status("starting") as status:
+    with plain_console(stderr=True).status("starting") as status:
 
         def tick(time_s: float) -> None:
             nonlocal shown_at_s
             now_s = time.monotonic()
             if now_s - shown_at_s > _PERIOD_S:
                 shown_at_s = now_s
-                status.update(f"{name}: t = {time_s:.1f} s (Ctrl-C ends the run in order)")
+                status.update(as_it_is(f"{name}: t = {time_s:.1f} s (Ctrl-C ends the run in order)"))
 
         yield tick

@@ -39,6 +39,7 @@ def test_a_table_is_printed_for_people(snr: Snr) -> None:
     optimal, coast = flown(snr), flown(snr, "--controller", "coast")
     answer = snr("compare", optimal, coast)
     assert "optimal | coast" in answer.out
+    assert "later [ms]" in answer.out
     assert "altitude_m" in answer.out
     assert "The commands first differ at t = " in answer.out
     assert "byte for byte" in snr("compare", optimal, optimal).out
