@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from fractions import Fraction
 from operator import mul
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -20,6 +21,8 @@ from snr_sim.prelude.wrench import AXES, lacking_axes, thruster_matrix
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+
+_ROUNDING = 1e-12  # a share of a thruster below this comes of the rounded directions of the others
 
 
 class Allotment(NamedTuple):
@@ -83,7 +86,7 @@ class Allocation:
         self._limits = _checked_limits(limits_n, self.count)
         rest = [i for i, axis in enumerate(AXES) if axis not in first]
         self._groups = [[AXES.index(axis) for axis in first], rest] if first and rest else [list(range(len(AXES)))]
-        inverse = _inverse(given, self.lacking)
+        inverse = _inverse(self._given, self.lacking)
         self._of_wrench = [[[row[i] for i in group] for row in inverse] for group in self._groups]
 
     def require(self, *axes: str) -> None:
@@ -140,19 +143,28 @@ class Allocation:
         return max(0.0, share)
 
 
-def _inverse(given: NDArray[np.float64], lacking: tuple[str, ...]) -> list[list[float]]:
+def _inverse(given: list[list[float]], lacking: tuple[str, ...]) -> list[list[float]]:
     """Returns the pseudo-inverse, n x 6, of the axes that can be pushed; the others' columns are zeros.
 
     Without the lacking axes the rows left are independent, so what is wanted of them is given exactly. With them, least
     squares would give a little less surge for a little less of the pitch that comes with it.
-    """
-    import numpy as np
 
+    Of independent rows R it is R^T (R R^T)^-1. That is reckoned in fractions and rounded once, in the end: what a
+    library of linear algebra returns differs in its last bits from one processor to another, and so would every trace.
+    """
     reached = [i for i, axis in enumerate(AXES) if axis not in lacking]
-    inverse = np.zeros((given.shape[1], len(AXES)))
-    inverse[:, reached] = np.linalg.pinv(given[reached])
-    inverse[np.abs(inverse) < 1e-12] = 0.0
-    return inverse.tolist()
+    rows = [[Fraction(value) for value in given[i]] for i in reached]
+    solved = [[sum(map(mul, row, other)) for other in rows] + row for row in rows]  # R R^T X = R, by Gauss and Jordan
+    for k, pivot_row in enumerate(solved):
+        pivot_row[:] = [value / pivot_row[k] for value in pivot_row]
+        for row in solved:
+            if row is not pivot_row and row[k]:
+                row[:] = [value - row[k] * by for value, by in zip(row, pivot_row, strict=True)]
+    inverse = [[0.0] * len(AXES) for _ in given[0]]
+    for axis, row in zip(reached, solved, strict=True):
+        for thruster, value in zip(inverse, row[len(rows) :], strict=True):
+            thruster[axis] = float(value) if abs(value) > _ROUNDING else 0.0
+    return inverse
 
 
 def _check_axis(axis: str) -> None:

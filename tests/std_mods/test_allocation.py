@@ -1,6 +1,9 @@
 """Thrust allocation on the BlueROV2's two frames, as they are published (FRD turned to x forward, y left, z up)."""
 
 import math
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -150,3 +153,39 @@ def test_unknown_axes_and_impossible_numbers_are_refused_when_it_is_made() -> No
 def test_what_is_no_wrench_is_refused(wrench: list[float]) -> None:
     with pytest.raises(ParameterError, match="six finite numbers: " + ", ".join(AXES)):
         heavy().allocate(wrench)
+
+
+@pytest.mark.parametrize("off", [(), (5,)])
+def test_it_is_the_pseudo_inverse_and_the_thrusts_are_those_of_numpy(off: tuple[int, ...]) -> None:
+    given = matrix(HEAVY)
+    given[:, list(off)] = 0.0
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        wrench = rng.normal(size=6)
+        by_numpy = np.linalg.pinv(given) @ wrench
+        assert heavy(off=off).allocate(wrench.tolist()).thrusts_n == pytest.approx(by_numpy.tolist(), abs=1e-12)
+
+
+DIGEST = """
+import hashlib, sys
+from snr_sim import library
+library.load_robot(library.find("robots", "urov"))
+from snr_sim.std_mods.allocation import Allocation
+scenario = library.load_scenario(library.find("scenarios", "urov_depth_hold"))
+made = Allocation(scenario.parameters(0).vehicle.thruster_matrix(), (-40.0, 50.0), first=("heave", "yaw"))
+thrusts = [made.allocate([k / 7, 1 / (k + 3), k / 3 - 1, 0.1, 0.2, 0.3]).thrusts_n for k in range(50)]
+print(hashlib.sha256(repr(thrusts).encode()).hexdigest())
+"""
+
+
+def test_thrusts_are_the_same_to_the_last_bit_on_every_processor() -> None:
+    """OpenBLAS, which numpy brings, takes other ways for other processors; it can be told which it has."""
+    digests = set()
+    for kind in ("Nehalem", "Prescott", ""):
+        environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_CORETYPE"}
+        if kind:
+            environment["OPENBLAS_CORETYPE"] = kind
+        done = subprocess.run([sys.executable, "-c", DIGEST], capture_output=True, text=True, env=environment)
+        assert done.returncode == 0, done.stderr
+        digests.add(done.stdout)
+    assert len(digests) == 1
