@@ -150,18 +150,15 @@ def main(
     os.close(line)
     if user is not None:
         become(user)
-    if walls is None:
-        if is_alone:
-            from snr_sim.grading import seccomp  # here and below: at home nothing of it is needed
-
-            seccomp.install(seccomp.refusing_the_undivided(seccomp.machine_here()))
-        limit(limits, is_alone)
-    else:
-        from snr_sim.grading.confinement import Walls, close_in, confine
+    if walls is not None:
+        from snr_sim.grading.confinement import Walls, confine  # here and below: at home nothing of it is needed
 
         confine(Walls(*walls), private)
-        limit(limits, is_alone)
-        close_in()
+    limit(limits, is_alone)
+    if is_alone:  # the last wall, behind which no limit needs to be set any more
+        from snr_sim.grading import seccomp
+
+        seccomp.install(seccomp.allowing(seccomp.machine_here(), os.getpid()))
     _printed.reconfigure(line_buffering=True, errors="backslashreplace")  # type: ignore[union-attr]
     refuse_company()
     heed_time()

@@ -96,7 +96,7 @@ def forbidden(words: str) -> IsolationMissing:
     _, is_seccomp, why = words.rpartition("SeccompMissing: ")
     if is_seccomp:
         return IsolationMissing(
-            f"A program cannot be kept from the kernel's keyrings and from other cores here: {why.strip()}.",
+            f"A sandbox needs seccomp filters besides, which are not to be had here: {why.strip()}.",
             fix="grade on Linux for x86-64 or aarch64, where the kernel and the container allow seccomp filters.",
         )
     if "setting up uid map" in words or "ermission" in words or "not permitted" in words:

@@ -1,9 +1,9 @@
 """Seccomp: a small program in the kernel that looks at each request of a process to it, and says what comes of it.
 
-Two of them stand before a confined process. One knows what is allowed (`system_calls.py`); the other has each new file
-asked about, and somebody else counts (`scratch.py`). A process in a sandbox has one, which keeps it from what no
-namespace divides: the kernel's keyrings, and the other cores. They see numbers only, so nothing can be changed behind
-them.
+One stands before each student's process and knows what is allowed (`system_calls.py`). A sandbox needs it, too: no
+namespace divides the kernel's keyrings and the other cores, no limit counts shared memory and files in memory, and who
+may make namespaces of his own is root in there. Before a confined process stands a second one, which has each new file
+asked about, and somebody else counts (`scratch.py`). They see numbers only, so nothing can be changed behind them.
 
 Source: Documentation/userspace-api/seccomp_filter.rst of Linux; struct sock_filter in linux/filter.h.
 """
@@ -23,13 +23,11 @@ from snr_sim.grading.system_calls import (
     COLUMN,
     SECCOMP,
     STARTS_A_PROCESS,
-    UNDIVIDED,
     number_of,
 )
 
 KILL, ERRNO, ASK, ALLOW = 0x80000000, 0x00050000, 0x7FC00000, 0x7FFF0000  # SECCOMP_RET_...
-_LOAD, _AND, _IF_EQUAL, _IF_FROM, _RETURN = 0x20, 0x54, 0x15, 0x35, 0x06  # BPF: 32 bits of what is asked; and, jumps
-_32_BITS = 0x40000000  # from here on the numbers of the x32 ABI; no other call has such a number
+_LOAD, _AND, _IF_EQUAL, _RETURN = 0x20, 0x54, 0x15, 0x06  # BPF: 32 bits of what is asked; and, jumps
 _NUMBER_AT, _ARCHITECTURE_AT, _ARGUMENTS_AT = 0, 4, 16  # in struct seccomp_data
 _SET_FILTER, _NEW_LISTENER = 1, 1 << 3
 _CREATES = os.O_CREAT | 0o20000000  # O_CREAT, __O_TMPFILE
@@ -81,7 +79,7 @@ def conditions(pid: int) -> dict[str, tuple[Test, ...]]:
 
 
 def allowing(machine: str, pid: int) -> list[Instruction]:
-    """Returns the program that allows what a confined process may do.
+    """Returns the program that allows what a student's process may do.
 
     Args:
         machine: "x86_64" or "aarch64".
@@ -105,14 +103,6 @@ def asking(machine: str) -> list[Instruction]:
     for call, argument in (("open", 1), ("openat", 2)):
         flags = Test(argument, _CREATES, 0)
         program += _if_call(call, machine, [*_all((flags,)), (_RETURN, 0, 0, ALLOW), (_RETURN, 0, 0, ASK)])
-    return [*program, (_RETURN, 0, 0, ALLOW)]
-
-
-def refusing_the_undivided(machine: str) -> list[Instruction]:
-    """Returns the program that keeps a process from what namespaces do not divide, and allows all else."""
-    program = [*_begin(machine), (_IF_FROM, 0, 1, _32_BITS), (_RETURN, 0, 0, ERRNO | errno.ENOSYS)]
-    for call in UNDIVIDED:
-        program += _if_call(call, machine, [(_RETURN, 0, 0, ERRNO | errno.EPERM)])
     return [*program, (_RETURN, 0, 0, ALLOW)]
 
 

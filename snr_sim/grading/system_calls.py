@@ -1,5 +1,4 @@
-"""What a confined process may ask of Linux, by the numbers of its two kinds of computer; all else it may not. And what
-one in a sandbox may not ask, whose other walls stop what else there is.
+"""What a student's process may ask of Linux, by the numbers of its two kinds of computer; all else it may not.
 
 A list of what is allowed, and not of what is forbidden: what a newer kernel adds is refused without being known.
 
@@ -157,9 +156,6 @@ WITH_CONDITIONS = {
 }
 # Refused as the limit of processes refuses it, so that a program is told the same in either isolation.
 STARTS_A_PROCESS = {"clone": (56, 220), "fork": (57, ABSENT), "vfork": (58, ABSENT)}
-# What no namespace divides. Keyrings belong to the user, not to the process, and outlast it: keyrings(7). On another
-# core is another worker with its submission, of whose time the process would take half: sched_setaffinity(2).
-UNDIVIDED = {"add_key": (248, 217), "request_key": (249, 218), "keyctl": (250, 219), "sched_setaffinity": (203, 122)}
 SECCOMP = (317, 277)
 
 
@@ -170,5 +166,5 @@ def number_of(call: str, machine: str) -> int | None:
         >>> number_of("openat", "aarch64"), number_of("open", "aarch64")
         (56, None)
     """
-    number = (ALLOWED | WITH_CONDITIONS | STARTS_A_PROCESS | UNDIVIDED)[call][COLUMN[machine]]
+    number = (ALLOWED | WITH_CONDITIONS | STARTS_A_PROCESS)[call][COLUMN[machine]]
     return None if number == ABSENT else number

@@ -93,7 +93,7 @@ def epsilon(share):
 def hand_in(folder: Path, port: int) -> dict[Path, float | None]:
     """Returns every submission with the points that are its due, None if there is nothing to be graded in it."""
     due: dict[Path, float | None] = {}
-    for i in range(9):
+    for i in range(7):
         due[write(folder / f"right_{i}", RIGHT[i % len(RIGHT)])] = 100.0
     for i, (body, points) in enumerate([*WRONG.items()] * 2):
         due[write(folder / f"wrong_{i}", body)] = points

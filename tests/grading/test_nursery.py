@@ -87,7 +87,9 @@ def asked(nursery: Nursery, folder: Path, function: str, *args: Any) -> Any:
 
 
 @pytest.mark.parametrize("what", ["nothing", "file", "trace of a file", "segment", "module"])
-def test_a_case_finds_nothing_that_another_has_left(what: str, nursery: Nursery, tmp_path: Path) -> None:
+def test_a_case_finds_nothing_that_another_has_left(
+    what: str, namespaces_alone: None, nursery: Nursery, tmp_path: Path
+) -> None:
     first = asked(nursery, tmp_path, "traces")
     asked(nursery, tmp_path, "leave", what)
     assert asked(nursery, tmp_path, "traces") == first
@@ -108,7 +110,9 @@ def test_a_sandbox_is_kept_until_somebody_has_written_in_it(nursery: Nursery, tm
     assert sandbox() != first
 
 
-def test_a_case_cannot_end_what_the_next_one_is_a_copy_of(nursery: Nursery, tmp_path: Path) -> None:
+def test_a_case_cannot_end_what_the_next_one_is_a_copy_of(
+    namespaces_alone: None, nursery: Nursery, tmp_path: Path
+) -> None:
     assert asked(nursery, tmp_path, "kill") in ([1], [1, 0])  # itself, which the kernel lets live
     assert asked(nursery, tmp_path, "traces")["kept"] == 1
 

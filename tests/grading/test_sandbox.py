@@ -15,7 +15,7 @@ from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.isolation import find_isolation, forbidden, try_confinement, try_sandbox, unconfined
 from snr_sim.grading.lab import load_lab
 from snr_sim.grading.nursery import Nursery
-from snr_sim.grading.sandbox import IsolationMissing, Limits, find_bubblewrap, is_root
+from snr_sim.grading.sandbox import WAYS_TO_RECKON, IsolationMissing, Limits, find_bubblewrap, is_root
 from snr_sim.grading.verdicts import Misbehaved
 
 PROBE = '''
@@ -66,13 +66,34 @@ def rights():
     return [refused, [*sets[:2], *sets[3:5]], libc.prctl(39, 0, 0, 0, 0)]
 
 
-def keyring():
-    """Leaves a key with the user, where the next of this user would find it."""
+def undivided():
+    """Returns what the kernel says to what no namespace divides, no limit counts, or makes a namespace of one's own."""
     ctypes = __import__("ctypes")
     libc = ctypes.CDLL(None, use_errno=True)
-    number = {"x86_64": 248, "aarch64": 217}[os.uname().machine]
-    if libc.syscall(number, b"user", b"snr_test", b"x", 1, -4) < 0:
-        raise OSError(ctypes.get_errno(), "add_key")
+    intel = os.uname().machine == "x86_64"
+    all_cores = ctypes.byref((ctypes.c_ubyte * 128)(*[255] * 128))
+    asked = {
+        "add_key": (libc.syscall, 248 if intel else 217, b"user", b"snr_test", b"x", 1, -4),
+        "keyctl": (libc.syscall, 250 if intel else 219, 0, -3, 0),
+        "sched_setaffinity": (libc.sched_setaffinity, 0, 128, all_cores),
+        "shmget": (libc.shmget, 0, 4096, 0o1600),
+        "semget": (libc.semget, 0, 1, 0o1600),
+        "msgget": (libc.msgget, 0, 0o1600),
+        "memfd_create": (libc.memfd_create, b"more", 0),
+        "unshare": (libc.unshare, 0x10000000),
+        "socket": (libc.socket, 2, 1, 0),
+        "io_uring_setup": (libc.syscall, 425, 8, None),
+        "bpf": (libc.syscall, 321 if intel else 280, 0, None, 64),
+        "perf_event_open": (libc.syscall, 298 if intel else 241, None, 0, -1, -1, 0),
+        "userfaultfd": (libc.syscall, 323 if intel else 282, 1),
+        "ptrace": (libc.ptrace, 16, 1, None, None),
+        "ioprio_set": (libc.syscall, 251 if intel else 30, 1, 0, 3 << 13),
+    }
+    told = {}
+    for name, (function, *args) in asked.items():
+        ctypes.set_errno(0)
+        told[name] = errno.errorcode[ctypes.get_errno()] if function(*args) == -1 else "done"
+    return told
 
 
 def facts():
@@ -83,7 +104,6 @@ def facts():
         "uid": [os.getuid(), os.geteuid(), os.getgid()],
         "groups": os.getgroups(),
         "environment": sorted(os.environ),
-        "arguments": sys.orig_argv[1:],
         "here": os.getcwd(),
         "root": sorted(os.listdir("/")),
         "processes": os.path.exists("/proc/1"),
@@ -99,13 +119,15 @@ def facts():
         "program": tried(os.posix_spawn, sys.executable, ["python"], {}),
         "root again": tried(os.setuid, 0),
         "rights": rights(),
-        "keyring": tried(keyring),
-        "cores": tried(os.sched_setaffinity, 0, os.sched_getaffinity(0)),
         "parent": tried(os.kill, os.getppid(), 9),
         "core": resource.getrlimit(resource.RLIMIT_CORE),
         "more memory": tried(resource.setrlimit, resource.RLIMIT_AS, (-1, -1)),
         "open files": len([fd for fd in range(1024) if tried(os.fstat, fd) == "done"]),
     }
+
+
+def arguments():
+    return sys.orig_argv[1:]
 
 
 def looks(paths):
@@ -140,8 +162,18 @@ def nursery(request: pytest.FixtureRequest, submission: Path) -> Iterator[Nurser
         yield nursery
 
 
-def test_a_process_in_the_sandbox_is_nobody_alone_and_can_write_on_little_but_its_scratch(
+def test_a_process_in_the_sandbox_is_refused_what_no_other_wall_stops(
     submission: Path, nursery: Nursery | None
+) -> None:
+    """The last wall: what no namespace divides, as cores and keys, and what no limit counts, as shared memory."""
+    with Student(submission, "sandbox", nursery=nursery) as student:
+        told = student.call("mine.py", "undivided")
+    assert told == dict.fromkeys(told, "ENOSYS")
+    assert len(told) == 15
+
+
+def test_a_process_in_the_sandbox_is_nobody_alone_and_can_write_on_little_but_its_scratch(
+    namespaces_alone: None, submission: Path, nursery: Nursery | None
 ) -> None:
     submission.parent.chmod(0o755)
     with Student(submission, "sandbox", nursery=nursery) as student:
@@ -149,7 +181,8 @@ def test_a_process_in_the_sandbox_is_nobody_alone_and_can_write_on_little_but_it
     assert facts["uid"] == [65534, 65534, 65534]
     assert facts["groups"] == [] or os.getuid() != 0
     threads = ["MKL_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"]
-    assert facts["environment"] == sorted([*threads, "LC_ALL", "PWD", "PYTHONDONTWRITEBYTECODE", "PYTHONHASHSEED"])
+    known = {*threads, "LC_ALL", "PWD", "PYTHONDONTWRITEBYTECODE", "PYTHONHASHSEED"}
+    assert set(facts["environment"]) == known | (os.environ.keys() & set(WAYS_TO_RECKON))
     assert facts["here"] == "/submission"
     assert "proc" not in facts["root"]
     assert "etc" not in facts["root"]
@@ -169,7 +202,6 @@ def test_a_process_in_the_sandbox_is_nobody_alone_and_can_write_on_little_but_it
     assert may_gain_no_rights == 1
     assert facts["root again"] in ("EPERM", "EINVAL")
     assert facts["parent"] in ("EPERM", "done")  # its parent is the namespace's own first process, or nobody
-    assert facts["keyring"] == facts["cores"] == "EPERM"
     assert facts["core"] == [0, 0]
     assert facts["more memory"] in ("EPERM", "ValueError")
     assert facts["open files"] == 5  # the three of every process, its line, and the socket that was tried
@@ -197,7 +229,7 @@ def test_a_process_sees_nothing_of_the_grader_or_of_other_submissions(
     with Student(submission, "sandbox", nursery=nursery) as student:
         assert student.call("mine.py", "looks", hidden) == ["ENOENT"] * len(hidden)
         assert student.call("mine.py", "seen_under", "/submission") == ["/submission/mine.py"]
-        assert not any("do not tell" in argument for argument in student.call("mine.py", "facts")["arguments"])
+        assert not any("do not tell" in argument for argument in student.call("mine.py", "arguments"))
 
 
 def test_what_a_process_knows_does_not_depend_on_the_case(submission: Path, nursery: Nursery | None) -> None:
@@ -205,7 +237,7 @@ def test_what_a_process_knows_does_not_depend_on_the_case(submission: Path, nurs
         with Student(submission, "sandbox", nursery=nursery) as student:
             for _ in range(n):
                 student.call("mine.py", "looks", [])
-            arguments: list[str] = student.call("mine.py", "facts")["arguments"]
+            arguments: list[str] = student.call("mine.py", "arguments")
             return [argument for argument in arguments if "main(" not in argument]
 
     assert told(0) == told(2)
@@ -286,7 +318,9 @@ def test_a_computer_without_seccomp_is_told_that_and_nothing_about_namespaces(mo
         return [*command[:-1], command[-1].replace("; main(", f"; {unknown}; main(")], folder
 
     monkeypatch.setattr(child_process, "start_command", on_another_kind)
-    with pytest.raises(IsolationMissing, match="other cores here: seccomp: the system calls of a computer") as refused:
+    with pytest.raises(
+        IsolationMissing, match="filters besides, which are not to be had here: seccomp: the system calls of a computer"
+    ) as refused:
         try_sandbox.__wrapped__()
     assert "x86-64 or aarch64" in refused.value.fix
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.grading.seccomp import ALLOW, ASK, ERRNO, KILL, Instruction, allowing, asking, refusing_the_undivided
+from snr_sim.grading.seccomp import ALLOW, ASK, ERRNO, KILL, Instruction, allowing, asking
 from snr_sim.grading.system_calls import (
     ABSENT,
     ALLOWED,
@@ -16,7 +16,6 @@ from snr_sim.grading.system_calls import (
     COLUMN,
     SECCOMP,
     STARTS_A_PROCESS,
-    UNDIVIDED,
     WITH_CONDITIONS,
 )
 
@@ -26,7 +25,7 @@ MACHINES = pytest.mark.parametrize("machine", sorted(ARCHITECTURES))
 
 
 def run(program: list[Instruction], machine: str, number: int, *arguments: int) -> int:
-    """What the kernel would come to; the five instructions of BPF that are used."""
+    """What the kernel would come to; the four instructions of BPF that are used."""
     arguments = (*arguments, *[0] * (6 - len(arguments)))
     data = struct.pack("<iIQ6Q", number, ARCHITECTURES[machine], 0, *[one & (2**64 - 1) for one in arguments])
     at = accumulator = 0
@@ -40,8 +39,6 @@ def run(program: list[Instruction], machine: str, number: int, *arguments: int) 
                 accumulator &= constant
             case 0x15:
                 at += if_true if accumulator == constant else if_false
-            case 0x35:
-                at += if_true if accumulator >= constant else if_false
             case 0x06:
                 return constant
             case _:
@@ -49,7 +46,7 @@ def run(program: list[Instruction], machine: str, number: int, *arguments: int) 
 
 
 def number(call: str, machine: str) -> int:
-    return (ALLOWED | WITH_CONDITIONS | STARTS_A_PROCESS | UNDIVIDED)[call][COLUMN[machine]]
+    return (ALLOWED | WITH_CONDITIONS | STARTS_A_PROCESS)[call][COLUMN[machine]]
 
 
 @MACHINES
@@ -68,21 +65,12 @@ def test_what_is_on_the_list_is_allowed_and_everything_else_is_not(machine: str)
 @MACHINES
 def test_another_computers_numbers_end_the_process(machine: str) -> None:
     other = next(one for one in ARCHITECTURES if one != machine)
-    for program in (allowing(machine, PID), asking(machine), refusing_the_undivided(machine)):
+    for program in (allowing(machine, PID), asking(machine)):
         assert run(program, other, number("read", other)) == KILL
 
 
 def test_the_numbers_of_32_bits_are_unknown() -> None:
-    for program in (allowing("x86_64", PID), refusing_the_undivided("x86_64")):
-        assert run(program, "x86_64", 0x40000000 | number("read", "x86_64")) == ERRNO | errno.ENOSYS
-
-
-@MACHINES
-def test_in_a_sandbox_all_is_allowed_but_what_is_undivided(machine: str) -> None:
-    refused = {number(call, machine) for call in UNDIVIDED}
-    for call in range(600):
-        wanted = ERRNO | errno.EPERM if call in refused else ALLOW
-        assert run(refusing_the_undivided(machine), machine, call) == wanted, call
+    assert run(allowing("x86_64", PID), "x86_64", 0x40000000 | number("read", "x86_64")) == ERRNO | errno.ENOSYS
 
 
 @MACHINES
@@ -128,7 +116,7 @@ def test_the_numbers_are_those_of_linuxs_own_headers(machine: str, header: str) 
     found = re.findall(r"#define __NR(?:3264)?_(\w+)\s+(\d+)\s*$", Path(header).read_text(), re.MULTILINE)
     numbers = {name: int(text) for name, text in found}
     numbers.setdefault("newfstatat", numbers.get("fstatat", ABSENT))  # its name where nothing is older
-    known = ALLOWED | WITH_CONDITIONS | STARTS_A_PROCESS | UNDIVIDED | {"seccomp": SECCOMP}
+    known = ALLOWED | WITH_CONDITIONS | STARTS_A_PROCESS | {"seccomp": SECCOMP}
     assert {name: numbers.get(name, ABSENT) for name in known} == {
         name: pair[COLUMN[machine]] for name, pair in known.items()
     }
