@@ -267,9 +267,9 @@ def one_page(student: Student, case: Sticks) -> Verdict:
 
 
 @check(points=15, visible=[0], hidden=seeds, needs=["loads"])
-def dives(student: Student, case: int) -> Verdict:
+def dives(student: Student, seed: int) -> Verdict:
     """Follows the pilot's sticks in the water."""
-    flown = student.fly("urov_sticks", case, FILE)
+    flown = student.fly("urov_sticks", seed, FILE)
     moved = ", ".join(f"{name} {flown.metrics[name]:.2f} m" for name in ("down_m", "ahead_m", "up_m"))
     if flown.success:
         return passed(moved)

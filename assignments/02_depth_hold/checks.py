@@ -297,9 +297,9 @@ def disarmed(student: Student, case: Said) -> Verdict:
 
 
 @check(points=30, visible=[0, 1], hidden=seeds, needs=["loads"])
-def holds(student: Student, case: int) -> Verdict:
+def holds(student: Student, seed: int) -> Verdict:
     """Goes to the depth and stays there: 12 points to settle, 9 not to overshoot, 9 to end near it."""
-    flown = student.fly("urov_tank", case, FILE)
+    flown = student.fly("urov_tank", seed, FILE)
     sent = [field_of(page, "pwm", "pulses_us", list[float]) for _, page in flown.pages("pwm")]
     if wild := [pulse for pulses in sent for pulse in pulses if not in_range(pulse)]:
         hint = "It sends pulses that no thruster may be sent. Which force did it ask for, and in which unit?"
@@ -328,7 +328,7 @@ def holds(student: Student, case: int) -> Verdict:
     metrics = {"energy_j": found["energy_j"], "steady_error_m": found["steady_error_m"]}
     if not hints:
         return passed(f"{way}: settled after {settling_s:.1f} s", metrics=metrics)
-    flies = f"{way}; in your folder: snr run urov_tank --controller {FILE} --seed {case}"
+    flies = f"{way}; in your folder: snr run urov_tank --controller {FILE} --seed {seed}"
     return partly(fraction, " ".join(hints), expected="the depth held", actual=flies, metrics=metrics)
 
 

@@ -258,9 +258,9 @@ def in_the_node(student: Student, case: Fall) -> Verdict:
 
 
 @check(points=15, visible=[0, 1], hidden=seeds, needs=["loads"])
-def lands(student: Student, case: int) -> Verdict:
+def lands(student: Student, seed: int) -> Verdict:
     """Lands by its own page 'smooth'."""
-    flown = student.fly("lander_noisy", case, FILE)
+    flown = student.fly("lander_noisy", seed, FILE)
     if flown.success:
         return passed(metrics={"fuel_kg": flown.metrics["fuel_kg"]})
     speed_mps = (flown.metrics.get("touchdown") or {}).get("vertical_mps")
@@ -269,7 +269,7 @@ def lands(student: Student, case: int) -> Verdict:
         "Too few readings, and a bad one shuts the engine off up there. Too many, and the mean tells where it was, not "
         "where it is. Which LENGTH lies between?"
     )
-    actual += f"; in your folder: snr run lander_noisy --controller {FILE} --seed {case}"
+    actual += f"; in your folder: snr run lander_noisy --controller {FILE} --seed {seed}"
     return failed(hint, expected="a touchdown below 3.05 m/s", actual=actual)
 
 
@@ -295,7 +295,7 @@ def cases_of(student: Student) -> tuple[list[Series], list[list[float]], str]:
 
 
 @check(points=5, visible=[4])
-def own_tests(student: Student, case: int) -> Verdict:
+def own_tests(student: Student, least: int) -> Verdict:
     """Has at least four cases of its own, which a right filter passes."""
     read, means, problem = cases_of(student)
     if problem:
@@ -304,9 +304,9 @@ def own_tests(student: Student, case: int) -> Verdict:
         if not same(wanted, right(one.values, one.length)):
             expected, actual = first_difference(list(wanted), right(one.values, one.length), one, 0)
             return failed(f"Case {number} would fail a right filter. Reckon it again by hand.", expected, actual)
-    if len(read) < case:
+    if len(read) < least:
         return failed(
-            "Four cases are wanted, each for another mistake.", expected=f"{case} cases", actual=f"{len(read)}"
+            "Four cases are wanted, each for another mistake.", expected=f"{least} cases", actual=f"{len(read)}"
         )
     return passed()
 

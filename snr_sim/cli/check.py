@@ -95,13 +95,17 @@ def _show(lab: Lab, graded: Graded, out: Path) -> None:
 
 def _lines(check: CheckResult, out: Path) -> Iterator[str]:
     """Yields what there is to say of a check that did not get all its points."""
+    told: dict[str, list[CaseResult]] = {}  # what went wrong in the same way is told once
     for case in check.cases:
         if not case.is_passed:
-            about = f" ({case.label})" if case.label else ""
-            yield f"x {check.title}{about}\n" + "".join(f"    {line}\n" for line in _of_case(case, out))
+            told.setdefault("".join(f"    {line}\n" for line in _of_case(case)), []).append(case)
+    for words, cases in told.items():
+        about = "; ".join(case.label for case in cases if case.label)
+        runs = "".join(f"    {_of_run(out / case.run_folder)}\n" for case in cases if case.run_folder)
+        yield f"x {check.title}{f' ({about})' if about else ''}\n{words}{runs}"
 
 
-def _of_case(case: CaseResult, out: Path) -> Iterator[str]:
+def _of_case(case: CaseResult) -> Iterator[str]:
     yield from case.error.splitlines()
     if case.hint:
         yield f"hint: {case.hint}"
@@ -112,9 +116,10 @@ def _of_case(case: CaseResult, out: Path) -> Iterator[str]:
     if case.printed:
         yield "what your program printed:"
         yield from (f"  {line}" for line in case.printed.splitlines()[-10:])
-    if case.run_folder:
-        run = out / case.run_folder
-        yield f"look at the run: snr view {run}    run your code on it again: snr replay {run}"
+
+
+def _of_run(run: Path) -> str:
+    return f"look at the run: snr view {run}    run your code on it again: snr replay {run}"
 
 
 def _next(graded: Graded) -> str:

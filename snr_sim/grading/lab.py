@@ -34,20 +34,24 @@ class Case:
     Args:
         value: what the check's function gets.
         is_visible: whether students see it.
+        name: what the check's function calls it.
     """
 
     value: Any
     is_visible: bool
+    name: str = ""
 
     @property
     def label(self) -> str:
-        """What it is about, in a few words: its own `label`, or its fields."""
+        """What it is about, in a few words: its own `label`, or its fields; a bare number is called by its name."""
         label = getattr(self.value, "label", None)
         if isinstance(label, str):
             return label
         if is_dataclass(self.value):
             pairs = [(one.name, getattr(self.value, one.name)) for one in fields(self.value)]
             return ", ".join(f"{name} {value}" for name, value in pairs)
+        if isinstance(self.value, (int, float)):
+            return f"{self.name} {self.value}".strip()
         return "" if self.value is None else str(self.value)
 
 
@@ -87,13 +91,14 @@ class Check:
         Raises:
             LabFault: drawing them failed.
         """
-        found = [Case(value, True) for value in self.visible]
+        name = next(iter([*inspect.signature(self.function).parameters][1:]), "")
+        found = [Case(value, True, name) for value in self.visible]
         if self.hidden is None:
             return found or [Case(None, True)]
         if secret is None:
             return found
         try:
-            drawn = [Case(value, False) for value in self.hidden(chance(secret, lab, self.name))]
+            drawn = [Case(value, False, name) for value in self.hidden(chance(secret, lab, self.name))]
         except Exception as error:
             what = f"while hidden cases were drawn for the check '{self.name}'"
             raise LabFault(describe_error(error, what)) from error

@@ -42,7 +42,7 @@ def test_all_commands_of_the_lab_do_what_it_says_and_the_reference_holds(
     printed = type_page(LAB / "README.md", {"snr trace depth_lab/first": solve})
     assert "settled never after the step" in next(said for line, said in printed.items() if "depth_lab/first" in line)
     compared = next(said for line, said in printed.items() if line.endswith("emulated/*"))
-    assert re.search(r"0 \| 20 ms *\n? *after the command", compared)
+    assert "0 | 20 ms after the command" in " ".join(compared.split())  # the table breaks lines where it must
 
 
 def test_the_reference_gets_all_points_on_hidden_cases_too(mark: Callable[..., Any], emulators: None) -> None:

@@ -127,3 +127,15 @@ def test_a_lab_that_fails_by_itself_is_not_the_students_fault(here: Path, lab: P
     answer = snr("check", "doubling")
     assert answer.status == 2
     assert "lander_nowhere" in answer.err
+
+
+def test_what_goes_wrong_in_the_same_way_in_several_cases_is_told_once(lab: Path, snr: Any) -> None:
+    (lab / "checks.py").write_text(CHECKS.replace("visible=[2]", "visible=[2, 3]"))
+    (lab / "starter" / "mine.py").write_text("def double(x):\n    return 1 / 0\n")
+    told = snr("check", "doubling", lab / "starter").out
+    assert told.count("ZeroDivisionError") == 1
+    assert "x Doubles. (case 2; case 3)\n" in told
+    (lab / "starter" / "mine.py").write_text("def double(x):\n    return x\n")
+    told = snr("check", "doubling", lab / "starter").out
+    assert "x Doubles. (case 2)\n" in told
+    assert "x Doubles. (case 3)\n" in told

@@ -53,9 +53,9 @@ def test_points_must_sum_to_a_hundred_and_needs_come_before() -> None:
         Lab("Small", files=[], checks=[one, late])
 
 
-def test_a_case_is_called_by_its_fields_or_its_label() -> None:
+def test_a_case_is_called_by_its_fields_its_label_or_what_the_check_calls_its_number() -> None:
     one = check(points=100, visible=[Start(1.0, 3.0), 7])(doubles.function)
-    assert [case.label for case in one.cases("small", None)] == ["start_m 1.0, goal_m 3.0", "7"]
+    assert [case.label for case in one.cases("small", None)] == ["start_m 1.0, goal_m 3.0", "case 7"]
     assert one.title == "Doubles."
 
 
