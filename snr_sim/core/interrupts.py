@@ -16,6 +16,7 @@ from types import FrameType
 from typing import Any
 
 from snr_sim.core.node import Node
+from snr_sim.core.wake_up import woken_by
 from snr_sim.prelude import tasks
 from snr_sim.prelude.component import Component
 
@@ -72,7 +73,8 @@ def orderly(nodes: Sequence[Node]) -> Iterator[list[str]]:
         handlers[signal.SIGALRM] = on_impatience
     before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     try:
-        yield caught
+        with woken_by((signal.SIGINT, signal.SIGTERM), caught):
+            yield caught
     finally:
         if hasattr(signal, "setitimer"):
             signal.setitimer(signal.ITIMER_REAL, 0)

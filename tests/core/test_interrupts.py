@@ -1,5 +1,6 @@
 """Ctrl-C and SIGTERM at any moment: an orderly halt, soon, and no node that hangs."""
 
+import _thread
 import json
 import os
 import signal
@@ -37,6 +38,46 @@ def test_weakness_1_nodes_interrupted_at_random_moments_all_halt_in_order_and_so
     for kind in {child["kind"] for child in children}:
         took_s = [child["took_s"] for child in children if child["kind"] == kind]
         assert median(took_s) < 1.0, kind  # a hang holds up all of its kind
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_that_comes_just_before_a_handler_falls_asleep_ends_the_run_all_the_same(
+    number: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Python has noted it and the sleep goes on: as in `interrupt_main`, which notes a signal and wakes nobody."""
+
+    def sleeps(task: Any, task_id: Any) -> None:
+        threading.Timer(0.05, _thread.interrupt_main, [number]).start()
+        time.sleep(60)
+
+    worker = PartFactory({TaskType.event: sleeps}, "worker", begin=lambda part: part.schedule(tasks.event("work")))
+    began_s = time.monotonic()
+    runner = SynchronousRunner("r", Config(factories={"r": [worker]}))
+    runner.run()
+    name = signal.Signals(number).name
+    assert f"note: {name}: component 'worker' did not return, and was interrupted." in capfd.readouterr().err
+    assert time.monotonic() - began_s < 30.0
+    assert [thread for thread in threading.enumerate() if thread.name == "wake_up"] == []
+    assert signal.set_wakeup_fd(-1) == -1
+
+
+def test_a_signal_to_a_copy_of_the_process_is_not_taken_for_ours() -> None:
+    def fork_and_end(task: Any, task_id: Any) -> Any:
+        pid = os.fork()
+        if pid == 0:
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(0.2)
+            os._exit(0)
+        os.waitpid(pid, 0)
+        time.sleep(0.5)
+        return tasks.terminate("by itself")
+
+    worker = PartFactory(
+        {TaskType.event: fork_and_end}, "worker", begin=lambda part: part.schedule(tasks.event("work"))
+    )
+    runner = TestRunner(Config(factories={"test": [worker]}))
+    runner.run()
+    assert runner.node.exit_reason == "by itself"
 
 
 def sends(*numbers: int) -> TickerFactory:
