@@ -124,14 +124,22 @@ def open_folder() -> Iterator[Path]:
 
 
 @pytest.fixture
-def namespaces_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Takes the filter of system calls down in sandboxes, so that the other walls are seen to stand by themselves."""
+def at_first(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
+    """Has a line of Python run in each student's process, before it puts up its walls."""
     begin = sandbox_module.start_command
 
-    def without(*args: Any, **more: Any) -> tuple[list[str], Path]:
-        command, folder = begin(*args, **more)
-        down = "from snr_sim.grading import seccomp; seccomp.install = lambda program: 0"
-        return [*command[:-1], command[-1].replace("; main(", f"; {down}; main(")], folder
+    def run_at_first(line: str) -> None:
+        def changed(*args: Any, **more: Any) -> tuple[list[str], Path]:
+            command, folder = begin(*args, **more)
+            return [*command[:-1], command[-1].replace("; main(", f"; {line}; main(")], folder
 
-    for module in (child_process, nursery_module):
-        monkeypatch.setattr(module, "start_command", without)
+        for module in (child_process, nursery_module):
+            monkeypatch.setattr(module, "start_command", changed)
+
+    return run_at_first
+
+
+@pytest.fixture
+def namespaces_alone(at_first: Callable[[str], None]) -> None:
+    """Takes the filter of system calls down in sandboxes, so that the other walls are seen to stand by themselves."""
+    at_first("from snr_sim.grading import seccomp; seccomp.install = lambda program: 0")
