@@ -1,7 +1,7 @@
 """What rich shows on a terminal, to the letter.
 
-By itself it would take the [us] and [hardware] of a text for colours, :x: for a picture, and the name of a submission,
-[/], for a mistake in its own language, which ends the program.
+By itself it would take the [us] and [hardware] of a text for colours, :x: for a picture, and a check whose title begins
+with [/] for a mistake in its own language, which ends the program.
 """
 
 from __future__ import annotations

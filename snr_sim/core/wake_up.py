@@ -15,6 +15,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 
 WAKE_S = 0.1  # a note is taken at once, but in a long step of a library's
+_NO_SIGNAL = b"\0"  # the end is told by it: the pipe does not close while a copy of this process has it, too
 _watched: list[int] = []  # file descriptors; the copy of a process would tell what it notes as if it were ours
 
 
@@ -34,7 +35,7 @@ def woken_by(numbers: Sequence[int], taken: Sequence[object]) -> Iterator[None]:
     main, is_over = threading.get_ident(), threading.Event()
 
     def watch() -> None:
-        while number := os.read(heard, 1):
+        while (number := os.read(heard, 1)) != _NO_SIGNAL:
             while number[0] in numbers and not taken and not is_over.wait(WAKE_S):
                 if not taken:
                     signal.pthread_kill(main, number[0])
@@ -49,8 +50,9 @@ def woken_by(numbers: Sequence[int], taken: Sequence[object]) -> Iterator[None]:
         signal.set_wakeup_fd(before)
         _watched.remove(noted)
         is_over.set()
-        os.close(noted)
+        os.write(noted, _NO_SIGNAL)
         watcher.join()
+        os.close(noted)
         os.close(heard)
 
 

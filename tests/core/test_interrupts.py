@@ -80,6 +80,28 @@ def test_a_signal_to_a_copy_of_the_process_is_not_taken_for_ours() -> None:
     assert runner.node.exit_reason == "by itself"
 
 
+def test_a_copy_of_the_process_that_lives_on_holds_up_no_end() -> None:
+    copies: list[int] = []
+
+    def fork(task: Any, task_id: Any) -> Any:
+        pid = os.fork()
+        if pid == 0:
+            time.sleep(60)
+            os._exit(0)
+        copies.append(pid)
+        return tasks.terminate("by itself")
+
+    worker = PartFactory({TaskType.event: fork}, "worker", begin=lambda part: part.schedule(tasks.event("work")))
+    began_s = time.monotonic()
+    try:
+        TestRunner(Config(factories={"test": [worker]})).run()
+        assert time.monotonic() - began_s < 30.0
+    finally:
+        for pid in copies:
+            os.kill(pid, signal.SIGKILL)
+            os.waitpid(pid, 0)
+
+
 def sends(*numbers: int) -> TickerFactory:
     def send(loop: Any) -> None:
         for number in numbers:

@@ -86,7 +86,7 @@ def test_a_dive_is_the_same_dive_every_time_and_both_roles_replay(tmp_path: Path
         assert replay_node(trace, role, simulation.config(None)).is_identical
 
 
-def test_a_dive_is_the_same_dive_on_every_processor(tmp_path: Path) -> None:
+def test_a_dive_is_the_same_dive_whichever_way_numpys_library_takes(tmp_path: Path) -> None:
     """numpy's library of linear algebra takes other ways for other processors; it can be told which it has."""
     digests = set()
     for kind in ("Nehalem", "Prescott"):
