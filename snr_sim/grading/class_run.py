@@ -76,6 +76,11 @@ class ClassRun:
             if job is not None:
                 return job
 
+    def stop(self) -> None:
+        """Hand out no further submission."""
+        with self._next:
+            self._waiting = iter(())
+
     def _begun(self, submission: Submission) -> Job | None:
         name = submission.id
         private = self._folder.place / name

@@ -13,8 +13,11 @@ import os
 import sys
 import threading
 import time
-from contextlib import suppress
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext, suppress
 from functools import partial
+from queue import Empty, SimpleQueue
+from typing import TypeAlias
 
 import msgspec
 
@@ -28,38 +31,59 @@ _TRIES = 2
 _WORKER = "snr_sim.grading.worker:serve"
 _LOOK_S = 1.0
 
+Interruptible: TypeAlias = Callable[[], AbstractContextManager[None]]
 
-def grade_here(run: ClassRun, jobs: int, limit_s: float = LIMIT_S, target: str = _WORKER) -> None:
-    """Grades all that a run has; returns when it is done.
+
+def grade_here(
+    run: ClassRun,
+    jobs: int,
+    limit_s: float = LIMIT_S,
+    target: str = _WORKER,
+    interruptible: Interruptible = nullcontext,
+) -> None:
+    """Grade all that a run has; return when every thread and worker has ended, however that comes.
 
     Args:
         run: gives the submissions and keeps the results.
         jobs: how many at a time.
         limit_s: how long one may take on the wall clock.
         target: what runs in a worker.
+        interruptible: is entered while this only waits, and may raise there: `StopSignals.interruptible`.
 
     Raises:
         Exception: whatever went wrong here, such as a full disk; workers are ended before.
     """
-    feeders = [_Feeder(run, target, cores) for cores in _cores_of(jobs)]
-    for feeder in feeders:
-        feeder.start()
+    ended: SimpleQueue[_Feeder] = SimpleQueue()
+    feeders = [_Feeder(run, target, cores, ended) for cores in _cores_of(jobs)]
     try:
-        while any(feeder.is_alive() for feeder in feeders):
-            for feeder in feeders:
-                feeder.join(_LOOK_S / jobs)
-                feeder.end_if_later_than(limit_s)
-            failed = next((feeder.failure for feeder in feeders if feeder.failure), None)
-            if failed is not None:
-                raise failed
+        for feeder in feeders:
+            feeder.start()
+        _wait_for(set(feeders), ended, limit_s, interruptible)
     finally:
+        run.stop()
         for feeder in feeders:
             feeder.stop()
         for feeder in feeders:
-            feeder.join()
-    for feeder in feeders:
-        if feeder.failure is not None:
-            raise feeder.failure
+            if feeder.ident is not None:  # the system may have refused to start it
+                feeder.join()
+
+
+def _wait_for(running: set[_Feeder], ended: SimpleQueue[_Feeder], limit_s: float, interruptible: Interruptible) -> None:
+    """Wait for all feeders.
+
+    Raises:
+        Exception: the failure of the first one that failed.
+    """
+    while running:
+        # Not by `Thread.join` or `is_alive`: if an exception interrupts them, Python before 3.13 marks the thread as
+        # ended, and no later `join` waits for it (bpo-46726). The thread then wrote to a folder that was being removed.
+        with suppress(Empty), interruptible():
+            feeder = ended.get(timeout=_LOOK_S)
+            running.remove(feeder)
+            if feeder.failure is not None:
+                raise feeder.failure
+        for feeder in running:
+            feeder.end_if_later_than(limit_s)
 
 
 def _cores_of(jobs: int) -> list[set[int]]:
@@ -73,12 +97,13 @@ def _cores_of(jobs: int) -> list[set[int]]:
 class _Feeder(threading.Thread):
     """Keeps one worker busy, and replaces it when it dies."""
 
-    def __init__(self, run: ClassRun, target: str, cores: set[int]) -> None:
+    def __init__(self, run: ClassRun, target: str, cores: set[int], ended: SimpleQueue[_Feeder]) -> None:
         super().__init__(daemon=True)
         self.failure: BaseException | None = None
         self._run = run
         self._target = target
         self._cores = cores
+        self._ended = ended
         self._worker: Spawned | None = None
         self._job: Job | None = None
         self._since_s = time.monotonic()
@@ -103,6 +128,8 @@ class _Feeder(threading.Thread):
                     tries = 0
         except BaseException as error:
             self.failure = error
+        finally:
+            self._ended.put(self)
 
     def _job_left(self) -> Job | None:
         """Returns the job that the worker has not done, if one is to be done."""

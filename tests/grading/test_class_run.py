@@ -9,6 +9,7 @@ import signal
 import stat
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -343,6 +344,29 @@ def test_a_disk_that_is_full_ends_it_with_a_sentence_and_no_worker_is_left(
             grade_here(group.run, jobs=2)
     assert group.results == []
     assert list((tmp_path / "out" / "results").iterdir()) == []
+
+
+def test_interrupted_grading_waits_for_the_thread_that_keeps_a_result(
+    double_lab: Path, handed_in: HandedIn, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    has_returned, main = threading.Event(), threading.main_thread().ident
+    returned_before_keep_ended: list[bool] = []
+    with Class(double_lab, handed_in(ada="right", bob="right"), tmp_path / "out") as group:
+        keep = group.run.keep
+
+        def interrupted_keep(graded: Graded) -> None:
+            assert main is not None
+            signal.pthread_kill(main, signal.SIGINT)
+            returned_before_keep_ended.append(has_returned.wait(1.5))
+            keep(graded)
+
+        monkeypatch.setattr(group.run, "keep", interrupted_keep)
+        with pytest.raises(KeyboardInterrupt):
+            grade_here(group.run, jobs=1)
+        has_returned.set()
+    assert returned_before_keep_ended == [False]
+    assert [graded.submission for graded in group.results] == ["ada"]
+    assert not group.folder.place.exists()
 
 
 def test_two_do_not_work_in_one_folder(tmp_path: Path) -> None:
