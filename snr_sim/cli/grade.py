@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from snr_sim.grading.lab import Lab
     from snr_sim.grading.reports.class_table import Summary
     from snr_sim.grading.results import Demanded, Graded
+    from snr_sim.grading.stop_signals import StopSignals
     from snr_sim.grading.submissions import Submission
 
 _MOST_SHOWN = 10
@@ -45,6 +46,7 @@ def grade(
     """
     from snr_sim.grading.cluster import connected
     from snr_sim.grading.lab import find_lab
+    from snr_sim.grading.stop_signals import StopSignals
     from snr_sim.prelude.errors import SnrError
 
     if isolation not in ("required", "none"):
@@ -64,8 +66,8 @@ def grade(
             raise SnrError(
                 f"--out {out} is in the submission {one}.", fix="name a folder elsewhere, or leave that out."
             )
-    with connected(scheduler) if scheduler else nullcontext() as client:
-        status = _grade_class(found, submission, out, secret, jobs, resume, demanded, client, as_json)
+    with connected(scheduler) if scheduler else nullcontext() as client, StopSignals() as signals:
+        status = _grade_class(found, submission, out, secret, jobs, resume, demanded, client, signals, as_json)
     raise typer.Exit(status)
 
 
@@ -78,6 +80,7 @@ def _grade_class(
     is_resumed: bool,
     isolation: Demanded,
     client: Any,
+    signals: StopSignals,
     as_json: bool,
 ) -> int:
     from snr_sim import __version__
@@ -108,10 +111,12 @@ def _grade_class(
         with _progress(len(submissions)) as told:
             run = ClassRun(lab, folder, submissions, secret, isolation, told)
             if client is not None:
-                grade_on_cluster(run, client)
+                with signals.interruptible():
+                    grade_on_cluster(run, client)
             else:
-                grade_here(run, min(jobs or _cores(), len(submissions)))
-        summary, no_picture = write_class_files(folder, lab.title)
+                grade_here(run, min(jobs or _cores(), len(submissions)), interruptible=signals.interruptible)
+        with signals.interruptible():
+            summary, no_picture = write_class_files(folder, lab.title)
         if no_picture:
             _say(no_picture)
         _tell(folder, submissions, summary, as_json)

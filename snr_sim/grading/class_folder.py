@@ -119,9 +119,13 @@ class ClassFolder:
     def _make_place(self) -> Path:
         """Returns a private place for submissions: nobody can list it, but a sandbox of another user can enter."""
         place = Path(tempfile.mkdtemp(prefix=_PLACE))
-        place.chmod(stat.S_IRWXU | stat.S_IXGRP | stat.S_IXOTH)
-        os.ftruncate(self._lock, 0)
-        os.pwrite(self._lock, os.fsencode(place), 0)
+        try:
+            place.chmod(stat.S_IRWXU | stat.S_IXGRP | stat.S_IXOTH)
+            os.ftruncate(self._lock, 0)
+            os.pwrite(self._lock, os.fsencode(place), 0)
+        except OSError:  # the disk of the class's folder is full
+            remove(place)
+            raise
         return place
 
     def _read_manifest(self) -> _Manifest | None:
@@ -133,7 +137,10 @@ class ClassFolder:
             raise SnrError(f"{self.path / 'class.json'} cannot be read: {error}.", fix="name a new folder.") from error
 
     def close(self) -> None:
-        """Leaves it, and removes what was private. Safe to call twice."""
+        """Leave it, and remove what was private. Safe to call twice.
+
+        Whatever writes into the private place has ended: all threads, and all workers.
+        """
         if self._lock < 0:
             return
         remove(self.place)

@@ -156,6 +156,37 @@ def test_interrupted_it_says_how_to_go_on_and_leaves_nothing_private(
     assert list(private.iterdir()) == []
 
 
+@pytest.mark.parametrize("raced", ["tempfile.mkdtemp", "remove"])
+def test_signal_while_the_private_place_is_made_or_removed_leaves_nothing(
+    double_lab: Path, handed_in: HandedIn, tmp_path: Path, raced: str
+) -> None:
+    private = tmp_path / "private"
+    private.mkdir()
+    words = command(double_lab, handed_in(ada="right"), tmp_path / "out")[3:]
+    program = (
+        "import signal, sys\n"
+        "from unittest.mock import patch\n"
+        "from snr_sim.cli.main import main\n"
+        "from snr_sim.grading import class_folder\n"
+        f"raced = class_folder.{raced}\n"
+        "def raced_by_a_signal(*args, **named):\n"
+        "    made = raced(*args, **named) if raced.__name__ == 'mkdtemp' else None\n"
+        "    signal.raise_signal(signal.SIGTERM)\n"
+        "    return made or raced(*args, **named)\n"
+        f"with patch('snr_sim.grading.class_folder.{raced}', raced_by_a_signal):\n"
+        "    main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, *words],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "TMPDIR": str(private)},
+    )
+    assert done.returncode == 128 + signal.SIGTERM, done.stderr
+    assert "Traceback" not in done.stderr
+    assert list(private.iterdir()) == []
+
+
 def test_a_submission_that_has_changed_is_graded_again_and_a_late_one_too(
     double_lab: Path, handed_in: HandedIn, tmp_path: Path
 ) -> None:
