@@ -75,12 +75,10 @@ class Nursery:
     Args:
         isolation: without a sandbox there are no copies.
         limits: of each copy.
-        place: where a submission stands while it is held; a temporary folder if not given.
     """
 
-    def __init__(self, isolation: Isolation, limits: Limits, place: Path | None = None) -> None:
+    def __init__(self, isolation: Isolation, limits: Limits) -> None:
         self._limits = limits
-        self._place = place
         self._is_for_use = isolation == "sandbox" and is_root()
         self._shown: Path | None = None  # the folder that the sandbox shows as the submission
         self._held: Path | None = None
@@ -145,7 +143,7 @@ class Nursery:
 
     def _shown_folder(self) -> Path:
         if self._shown is None:
-            self._shown = Path(tempfile.mkdtemp(prefix="snr_held_", dir=self._place))
+            self._shown = Path(tempfile.mkdtemp(prefix="snr_held_"))
         return self._shown
 
     def how_it_ended(self) -> int:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import queue
+import tempfile
 import threading
 from functools import cache
 from multiprocessing.connection import Connection
@@ -54,17 +55,20 @@ def serve(line: Connection) -> int:
     nursery: Nursery | None = None
     while True:
         job = _decode_job(jobs.get())
+        # A worker may be killed at any moment and then removes nothing. So all its temporary folders are in the
+        # class's place, which the grader removes.
+        tempfile.tempdir = str(Path(job.folder).parent)
         nursery = nursery or _nursery(job)
         line.send_bytes(encode_graded(grade(job, nursery)))
 
 
 def _nursery(job: Job) -> Nursery | None:
-    """Returns where all submissions of a class get their processes; it dies with us, and the class's place goes later.
+    """Return where all submissions of a class get their processes, which die with this one.
 
     None where programs cannot be kept apart: each grading says so.
     """
     try:
-        return Nursery(sandboxed(job.isolation), Limits(), Path(job.folder).parent)
+        return Nursery(sandboxed(job.isolation), Limits())
     except (SnrError, OSError):
         return None
 

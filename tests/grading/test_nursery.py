@@ -2,6 +2,7 @@
 
 import os
 import signal
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -151,13 +152,16 @@ def test_a_sandbox_that_is_gone_is_no_fault_of_the_students(nursery: Nursery, tm
     assert asked(nursery, tmp_path, "traces")["kept"] == 1
 
 
-def test_a_submission_finds_nothing_of_the_one_before_in_the_same_sandbox(tmp_path: Path) -> None:
+def test_a_submission_finds_nothing_of_the_one_before_in_the_same_sandbox(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     if not is_root():
         pytest.skip("there are copies for root alone")
     place = tmp_path / "place"
     place.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(place))
     found, sandboxes = [], set()
-    with Nursery("sandbox", Limits(), place) as nursery:
+    with Nursery("sandbox", Limits()) as nursery:
         for name in ("ada", "bob"):
             folder = tmp_path / name
             (folder / f"of_{name}").mkdir(parents=True)
