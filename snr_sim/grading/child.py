@@ -21,7 +21,7 @@ import msgspec
 
 from snr_sim import library
 from snr_sim.core.blame import describe_error, place_of, put_place_first
-from snr_sim.grading.child_limits import TookTooLong, become, heed_time, limit, refuse_company
+from snr_sim.grading.child_limits import TookTooLong, become, end_with_parent, heed_time, limit, refuse_company
 from snr_sim.grading.child_values import NoValue, encode_plain, short
 from snr_sim.grading.protocol import Answer, Said, decode_ask, encode
 from snr_sim.prelude.errors import SnrError, nearest
@@ -154,6 +154,8 @@ def main(
         from snr_sim.grading.confinement import Walls, confine  # here and below: at home nothing of it is needed
 
         confine(Walls(*walls), private)
+    elif not is_alone:  # bubblewrap does the same for a sandbox
+        end_with_parent()  # a worker that is killed cannot end its program, which may be in a loop without an end
     limit(limits, is_alone)
     if is_alone:  # the last wall, behind which no limit needs to be set any more
         from snr_sim.grading import seccomp

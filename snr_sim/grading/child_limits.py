@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import resource
 import signal
+import sys
 import threading
 import time
 from types import FrameType
 
 from snr_sim.prelude.errors import SnrError
+
+_PARENT_DEATH_SIGNAL = 1  # prctl
 
 
 class TookTooLong(BaseException):
@@ -21,6 +25,26 @@ def become(user: int) -> None:
     os.setgroups([])
     os.setresgid(user, user, user)
     os.setresuid(user, user, user)  # with it all of root's rights are gone, for good
+
+
+def end_with_parent() -> None:
+    """Have the kernel kill this process when the thread that started it ends; on Linux only.
+
+    A change of the user takes it back.
+    """
+    if sys.platform == "linux":
+        process_control(_PARENT_DEATH_SIGNAL, signal.SIGKILL)
+
+
+def process_control(option: int, value: int) -> None:
+    """Call prctl.
+
+    Raises:
+        OSError: the kernel refuses it.
+    """
+    libc = ctypes.CDLL(None, use_errno=True)
+    if libc.prctl(option, ctypes.c_ulong(value), ctypes.c_ulong(0), ctypes.c_ulong(0), ctypes.c_ulong(0)) != 0:
+        raise OSError(ctypes.get_errno(), "prctl")
 
 
 def limit(limits: tuple[int, int, int, int], is_alone: bool) -> None:

@@ -19,6 +19,7 @@ import secrets
 import shutil
 import stat
 import tempfile
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -33,6 +34,7 @@ from snr_sim.recording.whole_files import sync_folder, write_whole
 
 MIN_SECRET_BYTES = 16
 _PLACE = "snr_grade_"
+_REMOVE_TIMEOUT_S = 2.0
 _MADE_AT_THE_END = ("class.csv", "cases.csv", "leaderboard.csv", "distribution.png")
 
 
@@ -143,8 +145,9 @@ class ClassFolder:
         """
         if self._lock < 0:
             return
-        remove(self.place)
-        os.ftruncate(self._lock, 0)
+        _remove_wholly(self.place)
+        if not self.place.exists():  # else the next run in this folder removes it
+            os.ftruncate(self._lock, 0)
         os.close(self._lock)
         self._lock = -1
 
@@ -225,6 +228,17 @@ class ClassFolder:
         sync_folder(final.parent)
         record = msgspec.json.encode(_Kept(digest, graded), order="deterministic")
         write_whole(self.path / "results" / f"{graded.submission}.json", record + b"\n", mode=0o600)
+
+
+def _remove_wholly(place: Path) -> None:
+    """Remove a folder, and what a program that is dying puts there meanwhile."""
+    # The kernel kills a student's process with the worker that started it, but the grader cannot wait for what is not
+    # its child. Such a process may finish one system call, and a folder with a new file in it is not removed.
+    give_up_s = time.monotonic() + _REMOVE_TIMEOUT_S
+    remove(place)
+    while place.exists() and time.monotonic() < give_up_s:
+        time.sleep(0.01)
+        remove(place)
 
 
 def made_secret() -> bytes:

@@ -12,19 +12,17 @@ the submission.
 
 from __future__ import annotations
 
-import ctypes
 import os
-import signal
 import socket
 from pathlib import Path
 from typing import NamedTuple
 
 from snr_sim.grading import seccomp
-from snr_sim.grading.child_limits import become
+from snr_sim.grading.child_limits import become, end_with_parent, process_control
 from snr_sim.grading.landlock import READ, SCRATCH, WRITE_FILE, but_for, restrict
 
 _DEVICES = {"null": READ | WRITE_FILE, "zero": READ, "full": READ, "random": READ, "urandom": READ}
-_PARENT_DEATH_SIGNAL, _NO_NEW_PRIVILEGES = 1, 38  # prctl
+_NO_NEW_PRIVILEGES = 38  # prctl
 
 
 class Walls(NamedTuple):
@@ -51,22 +49,16 @@ def confine(walls: Walls, line: int) -> None:
         line: the conversation with the grader.
     """
     parent = os.getppid()
-    _process_control(_NO_NEW_PRIVILEGES, 1)
+    process_control(_NO_NEW_PRIVILEGES, 1)
     granted = {Path(walls.scratch): SCRATCH}
     for tree in walls.readable:
         granted.update(but_for(Path(tree), Path(walls.hidden)))
     restrict(granted | {Path("/dev", name): access for name, access in _DEVICES.items()})
     become(walls.user)
-    _process_control(_PARENT_DEATH_SIGNAL, signal.SIGKILL)  # now: with another user it would be forgotten
+    end_with_parent()  # now: with another user it would be forgotten
     if os.getppid() != parent:
         os._exit(1)
     listener = seccomp.install(seccomp.asking(seccomp.machine_here()), has_listener=True)
     with socket.socket(fileno=os.dup(line)) as sender:
         socket.send_fds(sender, [b"\n"], [listener])
     os.close(listener)
-
-
-def _process_control(option: int, value: int) -> None:
-    libc = ctypes.CDLL(None, use_errno=True)
-    if libc.prctl(option, ctypes.c_ulong(value), ctypes.c_ulong(0), ctypes.c_ulong(0), ctypes.c_ulong(0)) != 0:
-        raise OSError(ctypes.get_errno(), "prctl")

@@ -4,6 +4,7 @@ import csv
 import json
 import os
 import re
+import select
 import shutil
 import signal
 import stat
@@ -19,6 +20,7 @@ import pytest
 
 from snr_sim.grading.class_folder import ClassFolder, Terms
 from snr_sim.grading.class_run import ClassRun
+from snr_sim.grading.intake import remove
 from snr_sim.grading.lab import load_lab
 from snr_sim.grading.local_workers import grade_here
 from snr_sim.grading.results import Graded
@@ -185,6 +187,45 @@ def test_signal_while_the_private_place_is_made_or_removed_leaves_nothing(
     assert done.returncode == 128 + signal.SIGTERM, done.stderr
     assert "Traceback" not in done.stderr
     assert list(private.iterdir()) == []
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux ends a program with the worker that started it")
+def test_stopped_in_a_flight_it_leaves_no_recording_and_no_program(landing_lab: Path, tmp_path: Path) -> None:
+    given, private = tmp_path / "submissions" / "eve", tmp_path / "private"
+    given.mkdir(parents=True)
+    private.mkdir()
+    shutil.copy(Path(__file__).parent / "attacks" / "in_flight" / "falling.py", given)
+    first, number = tmp_path / "first", tmp_path / "number"
+    (given / "pilot.py").write_text(  # the hidden case is recorded in a temporary folder of the worker
+        "import os\n"
+        "from pathlib import Path\n"
+        "from falling import falling\n"
+        f"first, number = Path({str(first)!r}), Path({str(number)!r})\n"
+        "is_hidden = first.exists()\n"
+        "first.touch()\n"
+        "def act(pilot):\n"
+        "    if is_hidden:\n"
+        "        number.with_suffix('.part').write_text(str(os.getpid()))\n"
+        "        number.with_suffix('.part').rename(number)\n"
+        "        while True:\n"
+        "            pass\n"
+        "def factories(robot):\n"
+        "    return falling(act)\n"
+    )
+    environment = {**os.environ, "TMPDIR": str(private)}
+    process = subprocess.Popen(command(landing_lab, [given], tmp_path / "out"), env=environment)
+    give_up_s = time.monotonic() + 240
+    while not number.exists():
+        assert process.poll() is None
+        assert time.monotonic() < give_up_s
+        time.sleep(0.002)
+    program = os.pidfd_open(int(number.read_text()))
+    process.send_signal(signal.SIGTERM)
+    assert process.wait() == 128 + signal.SIGTERM
+    assert list(private.iterdir()) == []
+    is_ended = bool(select.select([program], [], [], 2.0)[0])  # its own limit would end it after 5 s
+    os.close(program)
+    assert is_ended
 
 
 def test_a_submission_that_has_changed_is_graded_again_and_a_late_one_too(
@@ -398,6 +439,24 @@ def test_interrupted_grading_waits_for_the_thread_that_keeps_a_result(
     assert returned_before_keep_ended == [False]
     assert [graded.submission for graded in group.results] == ["ada"]
     assert not group.folder.place.exists()
+
+
+def test_place_in_which_a_dying_program_still_writes_is_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = ClassFolder(tmp_path / "out", is_resumed=False)
+    calls: list[Path] = []
+
+    def remove_before_the_last_write(place: Path) -> None:
+        calls.append(place)
+        if len(calls) == 1:
+            (place / "last_words").touch()
+        else:
+            remove(place)
+
+    monkeypatch.setattr("snr_sim.grading.class_folder.remove", remove_before_the_last_write)
+    folder.close()
+    assert not folder.place.exists()
 
 
 def test_two_do_not_work_in_one_folder(tmp_path: Path) -> None:
