@@ -1,0 +1,295 @@
+"""Wrong solutions of the lab "pub-sub graph", their lost points and their hints."""
+
+from tests.assignments.mistakes import Mistake, replace, write
+
+MISTAKES = {
+    "a_board_for_all": Mistake(
+        "Shares a global dict between modules instead of storing pages.",
+        lost={"mixer_alone": 20.0, "in_any_order": 20.0, "apart": 6.0},
+        hint="it imports shared",
+        changes=[
+            replace(
+                "heading.py",
+                "from laws import turn_moment_nm\n",
+                "from laws import turn_moment_nm\nfrom shared import BOARD\n",
+            ),
+            replace(
+                "heading.py",
+                """\
+        return self.store_data_task("turn", {"stamp_s": imu["stamp_s"], "moment_nm": self.moment_nm(imu)})
+""",
+                """\
+        BOARD["stamp_s"], BOARD["moment_nm"] = imu["stamp_s"], self.moment_nm(imu)
+        return self.store_data_task("turn", dict(BOARD))
+""",
+            ),
+            replace(
+                "mixer.py",
+                "from laws import STOP_US, pulses_us\n",
+                "from laws import STOP_US, pulses_us\nfrom shared import BOARD\n",
+            ),
+            replace("mixer.py", 'self.turn = self.get_data("turn")', "self.turn = BOARD"),
+            write("shared.py", 'BOARD = {"stamp_s": None, "moment_nm": 0.0}\n'),
+        ],
+    ),
+    "passes_by_the_mixer": Mistake(
+        "Writes into the mixer object instead of storing a page.",
+        lost={"depth_alone": 12.0, "in_any_order": 20.0, "apart": 3.0},
+        hint="it asks the node for another component",
+        changes=[
+            replace("depth.py", "return None", "return"),
+            replace(
+                "depth.py",
+                '        return self.store_data_task("lift", {"stamp_s": imu["stamp_s"], "force_n": force_n})\n',
+                """\
+        self.parent.components["mixer"].lift = {"stamp_s": imu["stamp_s"], "force_n": force_n}
+        return
+""",
+            ),
+        ],
+    ),
+    "looks_up_what_is_said_once": Mistake(
+        "Reads the newest `controls` at each `imu` page and misses a request that is sent once.",
+        lost={"heading_alone": 12.0, "dropped_in": 12.0},
+        hint="said once must be heard",
+        changes=[
+            replace("heading.py", '            (TaskType.process_data, "controls"): self.on_controls,\n', ""),
+            replace(
+                "heading.py",
+                '    def on_controls(self, task, task_id):\n        controls = self.get_data("controls")\n',
+                "    def hear(self, controls):\n",
+            ),
+            replace(
+                "heading.py",
+                '        imu = self.get_data("imu")\n',
+                """\
+        imu, controls = self.get_data("imu"), self.get_data("controls")
+        if controls is not None:
+            self.hear(controls)
+""",
+            ),
+        ],
+    ),
+    "keeps_what_was_asked_before": Mistake(
+        "Keeps the requested depth after the vehicle is disarmed.",
+        lost={"depth_alone": 12.0},
+        hint="What he asked for before he disarmed is forgotten",
+        changes=[
+            replace(
+                "depth.py",
+                """\
+        if not self.is_armed:
+            self.wanted_m = None
+        elif controls["depth_m"] is not None:
+""",
+                '        if controls["depth_m"] is not None:\n',
+            )
+        ],
+    ),
+    "waits_for_the_depth": Mistake(
+        "Waits for process_data of `depth`, which the vehicle's sensor does not send.",
+        lost={"depth_alone": 12.0},
+        hint="depth.py handles process_data 'depth'",
+        changes=[
+            replace("depth.py", "self.depth_m = None", "self.rate_mps = 0.0"),
+            replace(
+                "depth.py",
+                """\
+            (TaskType.process_data, "controls"): self.on_controls,
+            (TaskType.process_data, "imu"): self.on_imu,
+""",
+                """\
+            (TaskType.process_data, "imu"): self.on_imu,
+            (TaskType.process_data, "depth"): self.on_depth,
+            (TaskType.process_data, "controls"): self.on_controls,
+""",
+            ),
+            replace(
+                "depth.py",
+                '            self.wanted_m = controls["depth_m"]\n\n',
+                """\
+            self.wanted_m = controls["depth_m"]
+
+    def on_depth(self, task, task_id):
+        depth = self.get_data("depth")
+        self.rate_mps = self.rate.update(depth["depth_m"], depth["stamp_s"])
+
+""",
+            ),
+            replace("depth.py", '        rate_mps = self.rate.update(depth["depth_m"], depth["stamp_s"])\n', ""),
+            replace(
+                "depth.py",
+                '(self.wanted_m, depth["depth_m"], rate_mps)',
+                '(self.wanted_m, depth["depth_m"], self.rate_mps)',
+            ),
+        ],
+    ),
+    "answers_each_pair_twice": Mistake(
+        "Answers a pair as often as it finds it complete, which may be twice.",
+        lost={"in_any_order": 20.0},
+        hint="each handler finds the pair complete",
+        changes=[
+            replace(
+                "mixer.py",
+                """\
+        self.turn = None
+        self.lift = None
+        self.task_handlers = {
+            (TaskType.process_data, "turn"): self.on_turn,
+            (TaskType.process_data, "lift"): self.on_lift,
+""",
+                """\
+        self.task_handlers = {
+            (TaskType.process_data, "turn"): self.on_any,
+            (TaskType.process_data, "lift"): self.on_any,
+""",
+            ),
+            replace(
+                "mixer.py",
+                """\
+    def on_turn(self, task, task_id):
+        self.turn = self.get_data("turn")
+        return self.mixed()
+
+    def on_lift(self, task, task_id):
+        self.lift = self.get_data("lift")
+        return self.mixed()
+
+    def mixed(self):
+        if self.turn is None or self.lift is None or self.turn["stamp_s"] != self.lift["stamp_s"]:
+""",
+                """\
+    def on_any(self, task, task_id):
+        turn, lift = self.get_data("turn"), self.get_data("lift")
+        if turn is None or lift is None or turn["stamp_s"] != lift["stamp_s"]:
+""",
+            ),
+            replace(
+                "mixer.py",
+                'pulses_us(self.turn["moment_nm"], self.lift["force_n"])',
+                'pulses_us(turn["moment_nm"], lift["force_n"])',
+            ),
+        ],
+    ),
+    "stamps_its_own_time": Mistake(
+        "Stamps its page with the current time instead of the stamp of the `imu` page.",
+        lost={"depth_alone": 12.0, "in_any_order": 20.0},
+        hint="The stamp of 'lift' is not that of",
+        changes=[replace("depth.py", 'imu["stamp_s"]', "self.get_time_s()")],
+    ),
+    "mixes_at_every_imu": Mistake(
+        "Stores pulses at every `imu` page instead of once for each pair.",
+        lost={"mixer_alone": 20.0, "in_any_order": 20.0},
+        hint="from where else does it take them?",
+        changes=[
+            replace(
+                "mixer.py",
+                """\
+            (TaskType.process_data, "turn"): self.on_turn,
+            (TaskType.process_data, "lift"): self.on_lift,
+""",
+                '            (TaskType.process_data, "imu"): self.on_imu,\n',
+            ),
+            replace(
+                "mixer.py",
+                """\
+    def on_turn(self, task, task_id):
+        self.turn = self.get_data("turn")
+        return self.mixed()
+
+    def on_lift(self, task, task_id):
+        self.lift = self.get_data("lift")
+        return self.mixed()
+
+    def mixed(self):
+        if self.turn is None or self.lift is None or self.turn["stamp_s"] != self.lift["stamp_s"]:
+""",
+                """\
+    def on_imu(self, task, task_id):
+        self.turn, self.lift = self.get_data("turn"), self.get_data("lift")
+        if self.turn is None or self.lift is None:
+""",
+            ),
+        ],
+    ),
+    "mixes_with_the_last_one": Mistake(
+        "Combines a lift with the newest turn, whatever its stamp.",
+        lost={"mixer_alone": 20.0},
+        hint="The first page of a pair has no partner yet",
+        changes=[
+            replace("mixer.py", '            (TaskType.process_data, "turn"): self.on_turn,\n', ""),
+            replace(
+                "mixer.py",
+                """\
+    def on_turn(self, task, task_id):
+        self.turn = self.get_data("turn")
+        return self.mixed()
+
+    def on_lift(self, task, task_id):
+        self.lift = self.get_data("lift")
+""",
+                """\
+    def on_lift(self, task, task_id):
+        self.turn, self.lift = self.get_data("turn"), self.get_data("lift")
+""",
+            ),
+            replace("mixer.py", ' or self.lift is None or self.turn["stamp_s"] != self.lift["stamp_s"]:', ":"),
+        ],
+    ),
+    "one_for_all_vehicles": Mistake(
+        "Keeps the waiting pages in a global, which all vehicles share.",
+        lost={"apart": 3.0},
+        hint="'WAITING' stands outside of every object",
+        changes=[
+            replace(
+                "mixer.py",
+                "from snr_sim import Endpoint, EndpointFactory, TaskType\n",
+                """\
+from snr_sim import Endpoint, EndpointFactory, TaskType
+
+WAITING = {}
+""",
+            ),
+            replace("mixer.py", "        self.turn = None\n        self.lift = None\n", ""),
+            replace("mixer.py", 'self.turn = self.get_data("turn")', 'WAITING["turn"] = self.get_data("turn")'),
+            replace("mixer.py", 'self.lift = self.get_data("lift")', 'WAITING["lift"] = self.get_data("lift")'),
+            replace(
+                "mixer.py",
+                """\
+        if self.turn is None or self.lift is None or self.turn["stamp_s"] != self.lift["stamp_s"]:
+""",
+                """\
+        turn, lift = WAITING.get("turn"), WAITING.get("lift")
+        if turn is None or lift is None or turn["stamp_s"] != lift["stamp_s"]:
+""",
+            ),
+            replace(
+                "mixer.py",
+                'pulses_us(self.turn["moment_nm"], self.lift["force_n"])',
+                'pulses_us(turn["moment_nm"], lift["force_n"])',
+            ),
+        ],
+    ),
+    "forgets_to_limit": Mistake(
+        "Limits the moment to 2 N m instead of 1 N m.",
+        lost={"dropped_in": 12.0},
+        hint="gentle.py turns harder than 1 N m",
+        changes=[replace("gentle.py", "MOST_NM = 1.0", "MOST_NM = 2.0")],
+    ),
+    "never_takes_gentle": Mistake(
+        "Ignores the option heading=gentle.",
+        lost={"flies": 6.0},
+        hint="does graph.py put gentle.py in heading's place?",
+        changes=[
+            replace("graph.py", "from gentle import GentleFactory\n", ""),
+            replace(
+                "graph.py",
+                """\
+    turns = GentleFactory() if robot.options.get("heading") == "gentle" else HeadingFactory()
+    return [turns, DepthFactory(), MixerFactory(), TellingFactory()]
+""",
+                "    return [HeadingFactory(), DepthFactory(), MixerFactory(), TellingFactory()]\n",
+            ),
+        ],
+    ),
+}
