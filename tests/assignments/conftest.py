@@ -1,4 +1,4 @@
-"""Reference solutions and wrong ones stand here, out of the wheel; they run as a student's files, not by themselves.
+"""References and mistakes of the labs are here, outside the wheel; they run as a student's files, not by themselves.
 
 `mark` grades one as a submission is graded, each case in a process of its own. But a new process takes half a second to
 import the kit, and the labs' tests would need thousands. So one process imports it once, and each case has a copy (a
@@ -8,7 +8,6 @@ fork) of that one, with nothing of a student's in it.
 import io
 import os
 import re
-import shutil
 import signal
 import socket
 import struct
@@ -26,8 +25,9 @@ from snr_sim.grading import child_process
 from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.lab import Check, Lab, find_lab, load_lab
 from snr_sim.grading.sandbox import environment
+from tests.assignments.mistakes import write_solution, write_starter
 
-collect_ignore_glob = ["*/reference/*", "*/wrong/*"]
+collect_ignore_glob = ["*/reference/*"]
 
 ROOT = Path(__file__).parents[2]
 SECRET = b"the secret of these tests"
@@ -149,17 +149,17 @@ class Mark(NamedTuple):
 
 @pytest.fixture
 def mark(tmp_path: Path, warm_children: None) -> Callable[..., Mark]:
-    """Returns a function that grades a lab's starter, with the reference over it, and a wrong solution over that.
+    """Return a function that grades a lab's reference, or a mistake of its table, or its starter alone.
 
     `flown` is a check whose cases are flights, which take long: of these one that is hidden is enough.
     """
 
-    def mark(lab: str, wrong: str = "", *, starter: bool = False, is_hidden: bool = False, flown: str = "") -> Mark:
-        here = Path(__file__).parent / lab.partition("_")[2]
+    def mark(lab: str, mistake: str = "", *, starter: bool = False, is_hidden: bool = False, flown: str = "") -> Mark:
         handed_in = tmp_path / "handed_in"
-        folders = [ROOT / "assignments" / lab / "starter", *([] if starter else [here / "reference"])]
-        for folder in [*folders, here / "wrong" / wrong] if wrong else folders:
-            shutil.copytree(folder, handed_in, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__"))
+        if starter:
+            write_starter(lab, handed_in)
+        else:
+            write_solution(lab, handed_in, mistake)
         checks = find_lab(lab)
         checks.checks = tuple(one_hidden(check) if check.name == flown else check for check in checks.checks)
         graded = grade_submission(checks, handed_in, SECRET if is_hidden else None, isolation="none")

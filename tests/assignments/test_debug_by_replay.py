@@ -11,6 +11,7 @@ import pytest
 from snr_sim.flight import Flight
 from snr_sim.grading.lab import find_lab
 from snr_sim.simulation import Request, Simulation, prepare
+from tests.assignments.debug_by_replay.mistakes import MISTAKES
 
 LAB = "09_debug_by_replay"
 PAGE = Path(__file__).parents[2] / "assignments" / LAB / "README.md"
@@ -61,40 +62,11 @@ def descent(simulation: Simulation, low_m: float) -> tuple[float, float]:
     return abs(result.metrics["touchdown"]["vertical_mps"]), max(speeds)
 
 
-@pytest.mark.parametrize(
-    ("wrong", "lost", "says"),
-    [
-        ("first_command", {"diverges": 10.0}, "not where the commands begin to differ"),
-        (
-            "two_of_three",
-            {"filled_in": 3.333, "diverges": 10.0, "lands": 40.0, "each_is_needed": 15.0},
-            "Finding 3 has no repair yet",
-        ),
-        ("symptom", {"diverges": 20.0}, "one of the two treats what another one does wrong"),
-        (
-            "without_the_spaces",
-            {"filled_in": 3.333, "diverges": 10.0, "lands": 40.0, "each_is_needed": 15.0},
-            "with the spaces before it",
-        ),
-        (
-            "failed_code_changed",
-            {"unchanged": 5.0, "filled_in": 10.0, "diverges": 30.0, "lands": 40.0, "each_is_needed": 15.0},
-            "failed.py has been changed",
-        ),
-        ("no_causes", {"filled_in": 10.0}, "Say in `cause`, in one line, what is wrong"),
-        (
-            "not_toml",
-            {"filled_in": 10.0, "diverges": 30.0, "lands": 40.0, "each_is_needed": 15.0},
-            "findings.toml cannot be read",
-        ),
-    ],
-)
-def test_a_wrong_solution_loses_its_own_points(
-    mark: Callable[..., Any], wrong: str, lost: dict[str, float], says: str
-) -> None:
-    found = mark(LAB, wrong)
-    assert found.lost == lost
-    assert says in found.told
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_wrong_solution_loses_its_own_points(mark: Callable[..., Any], name: str) -> None:
+    found = mark(LAB, name)
+    assert found.lost == MISTAKES[name].lost
+    assert MISTAKES[name].hint in found.told
 
 
 def test_the_starter_fails_politely(mark: Callable[..., Any]) -> None:

@@ -14,28 +14,12 @@ import pytest
 
 from snr_sim.flight import Flight
 from snr_sim.simulation import Request, prepare
+from tests.assignments.depth_hold.mistakes import MISTAKES
 
 LAB = "02_depth_hold"
 FOLDER = Path(__file__).parents[2] / "assignments" / LAB
 REFERENCE = Path(__file__).parent / "depth_hold" / "reference"
 SEEDS = int(os.environ.get("SNR_SEEDS", "2"))
-
-# What each wrong solution loses, and some words of the hint that names its mistake.
-WRONG = {
-    "sign_error": ({"direction": 10, "holds": 30}, "pushes the wrong way"),
-    "centimetres": ({"proportional": 10}, "is the error in centimetres?"),
-    "newtons_as_kgf": ({"pulses": 20, "holds": 30}, "gets newtons: 1 kgf is 9.80665 N"),
-    "not_shared": ({"pulses": 20, "holds": 30}, "share it among the four"),
-    "same_way": ({"pulses": 20, "holds": 30}, "mounted the other way round"),
-    "not_clamped": ({"clamp": 10}, "keep it in -MOST_N to MOST_N"),
-    "forgets_goal": ({"keeps_goal": 10, "holds": 30}, "forgotten its goal"),
-    "winds_up": ({"proportional": 10, "holds": 30}, "added up from call to call"),
-    "pushes_disarmed": ({"disarmed": 5}, "Nobody has armed the vehicle"),
-    "only_the_visible": (
-        {"direction": 5, "proportional": 10, "keeps_goal": 5, "holds": 30},
-        "Where does the goal come in?",
-    ),
-}
 
 # What was measured with the reference over 60 seeds: mean, standard deviation, and the limit of `urov_tank`.
 SPREAD = {"settling_s": (2.72, 0.48, 6.5), "overshoot": (0.046, 0.024, 0.20), "steady_error_m": (0.022, 0.008, 0.10)}
@@ -46,20 +30,15 @@ def test_the_reference_gets_all_points(mark: Callable[..., Any]) -> None:
     assert result.lost == {}, result.told
 
 
-@pytest.mark.parametrize("wrong", WRONG)
-def test_each_mistake_loses_its_own_points_and_is_named(wrong: str, mark: Callable[..., Any]) -> None:
-    points, named = WRONG[wrong]
-    result = mark(LAB, wrong, is_hidden=True, flown="holds")
-    assert result.lost == pytest.approx(points, abs=0.001), result.told
-    assert named in result.told
+@pytest.mark.parametrize("name", MISTAKES)
+def test_each_mistake_loses_its_own_points_and_is_named(name: str, mark: Callable[..., Any]) -> None:
+    result = mark(LAB, name, is_hidden=True, flown="holds")
+    assert result.lost == pytest.approx(MISTAKES[name].lost, abs=0.001), result.told
+    assert MISTAKES[name].hint in result.told
 
 
 def test_the_starter_runs_and_is_told_where_to_begin(mark: Callable[..., Any]) -> None:
     assert "Your work begins in up_force_n" in mark(LAB, starter=True).told
-
-
-def test_every_wrong_solution_is_tried() -> None:
-    assert {path.name for path in (Path(__file__).parent / "depth_hold" / "wrong").iterdir()} == set(WRONG)
 
 
 def dive(file: Path, seed: int) -> dict[str, Any]:

@@ -1,11 +1,17 @@
 """Each lab is whole: a page with all its parts and the points of its checks, a starter, a solution, wrong ones."""
 
+import ast
+import importlib
+import inspect
 import re
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import pytest
 
 from snr_sim.grading.lab import find_lab
+from tests.assignments.mistakes import mistakes_of
 
 HERE = Path(__file__).parent
 LABS = sorted((HERE.parents[1] / "assignments").glob("[0-9]*"))
@@ -28,13 +34,26 @@ def test_its_page_says_what_for_how_long_and_what_each_check_is_worth(lab: Path)
 
 @pytest.mark.parametrize("lab", LABS, ids=lambda lab: lab.name)
 def test_it_has_what_is_wanted_a_solution_of_it_and_four_wrong_ones_that_are_tried(lab: Path) -> None:
-    solutions = HERE / lab.name.partition("_")[2]
-    tests = (HERE / f"test_{solutions.name}.py").read_text()
+    name = lab.name.partition("_")[2]
     assert [file for file in find_lab(lab.name).files if not (lab / "starter" / file).is_file()] == []
-    assert any(solutions.glob("reference/*"))
-    wrong = [folder.name for folder in (solutions / "wrong").iterdir() if any(folder.glob("*.*"))]
-    assert len(wrong) >= 4
-    assert [name for name in wrong if f'"{name}"' not in tests and f"/{name}" not in tests] == []
+    assert any((HERE / name).glob("reference/*"))
+    mistakes = mistakes_of(lab.name)
+    assert len(mistakes) >= 4
+    tests = importlib.import_module(f"tests.assignments.test_{name}")
+    assert set(mistakes) - parameters(tests) - texts(tests) == set()
+
+
+def parameters(module: ModuleType) -> set[Any]:
+    """Return all values that the tests of a module are parametrised with."""
+    marks = [mark for one in vars(module).values() for mark in getattr(one, "pytestmark", [])]
+    rows = [row for mark in marks if mark.name == "parametrize" for row in mark.args[1]]
+    return {value for row in rows for value in (row if isinstance(row, tuple) else (row,)) if isinstance(value, str)}
+
+
+def texts(module: ModuleType) -> set[str]:
+    """Return all texts that the tests of a module pass to a function."""
+    calls = [node for node in ast.walk(ast.parse(inspect.getsource(module))) if isinstance(node, ast.Call)]
+    return {one.value for call in calls for one in call.args if isinstance(one, ast.Constant)}
 
 
 @pytest.mark.parametrize("lab", LABS, ids=lambda lab: lab.name)

@@ -15,36 +15,12 @@ import pytest
 
 from snr_sim.flight import Flight
 from snr_sim.simulation import Request, prepare
+from tests.assignments.hello_thruster.mistakes import MISTAKES
 
 LAB = "01_hello_thruster"
 FOLDER = Path(__file__).parents[2] / "assignments" / LAB
 REFERENCE = Path(__file__).parent / "hello_thruster" / "reference" / "hello_thruster.py"
 STARTER = FOLDER / "starter" / "hello_thruster.py"
-
-# What each wrong solution loses, and a word of the hint that names its mistake.
-WRONG = {
-    "sign_error": ({"heave": 20, "surge": 15, "dives": 15}, "plus and minus are exchanged"),
-    "off_by_one": ({"heave": 20, "surge": 15, "dives": 15}, "the first channel of a list is number 0"),
-    "not_clamped": ({"limits": 10}, "full thrust, and no more"),
-    "no_rest": ({"rest": 10}, "at rest, on either side"),
-    "ignores_arming": ({"disarmed": 15}, "nobody has armed"),
-    "returns_nothing": (
-        {
-            "loads": 5,
-            "heave": 20,
-            "surge": 15,
-            "rest": 10,
-            "limits": 10,
-            "disarmed": 15,
-            "one_page": 10,
-            "dives": 15,
-        },
-        "is nothing (None), and not a list of eight",
-    ),
-    "grows": ({"heave": 20, "surge": 15, "rest": 10, "limits": 10, "disarmed": 7.5, "dives": 15}, "it grows"),
-    "too_many_pages": ({"one_page": 10}, "return the page 'pwm' alone"),
-    "only_the_visible": ({"heave": 20 * 2 / 3, "surge": 15 * 2 / 3, "limits": 10, "dives": 15}, "1500 + 400 x stick"),
-}
 
 SEEDS = int(os.environ.get("SNR_SEEDS", "1"))
 # What was measured with the reference over 25 seeds: mean, standard deviation, and the limit of `urov_sticks`.
@@ -56,20 +32,15 @@ def test_the_reference_gets_all_points(mark: Callable[..., Any]) -> None:
     assert result.lost == {}, result.told
 
 
-@pytest.mark.parametrize("wrong", WRONG)
-def test_each_mistake_loses_its_own_points_and_is_named(wrong: str, mark: Callable[..., Any]) -> None:
-    points, named = WRONG[wrong]
-    result = mark(LAB, wrong, is_hidden=True, flown="dives")
-    assert result.lost == pytest.approx(points, abs=0.001), result.told
-    assert named in result.told
+@pytest.mark.parametrize("name", MISTAKES)
+def test_each_mistake_loses_its_own_points_and_is_named(name: str, mark: Callable[..., Any]) -> None:
+    result = mark(LAB, name, is_hidden=True, flown="dives")
+    assert result.lost == pytest.approx(MISTAKES[name].lost, abs=0.001), result.told
+    assert MISTAKES[name].hint in result.told
 
 
 def test_the_starter_runs_and_is_told_where_to_begin(mark: Callable[..., Any]) -> None:
     assert "Your work begins in pulses_us" in mark(LAB, starter=True).told
-
-
-def test_every_wrong_solution_is_tried() -> None:
-    assert {path.name for path in (Path(__file__).parent / "hello_thruster" / "wrong").iterdir()} == set(WRONG)
 
 
 def test_every_command_of_the_page_does_what_it_says(type_page: Callable[..., dict[str, str]]) -> None:

@@ -29,45 +29,18 @@ from snr_sim.grading.student import Student
 from snr_sim.grading.verdicts import Misbehaved
 from snr_sim.learning.q_table import QTable
 from snr_sim.library import load_program
+from tests.assignments.lunar_lander_q.mistakes import CHEATS, MISTAKES, WRONG
+from tests.assignments.mistakes import write_solution
 
 LAB = Path(__file__).parents[2] / "assignments" / "10_lunar_lander_q"
-HERE = Path(__file__).parent / "lunar_lander_q"
-REFERENCE = HERE / "reference"
-UNTRAINED = {"learns": 15}  # what is wrong in a part is not trained
-
-# What each wrong solution loses, and what its student is told.
-WRONG = {
-    "bootstraps_through_terminal": ({"updates": 20, **UNTRAINED}, "After a touchdown nothing comes"),
-    "stops_at_truncation": ({"updates": 20, **UNTRAINED}, "is_truncated means only that time was up"),
-    "learns_from_the_untried": ({"updates": 20, **UNTRAINED}, "taken over actions that were never tried"),
-    "counts_before_it_looks": ({"updates": 20, **UNTRAINED}, "before you count the visit"),
-    "stops_learning": ({"updates": 20, **UNTRAINED}, "a step that falls so soon"),
-    "changes_the_next_state": ({"updates": 20, **UNTRAINED}, "It changes the row of the next state"),
-    "explores_when_evaluated": ({"chooses": 15, **UNTRAINED}, "With epsilon 0 it still explores"),
-    "chooses_the_untried": ({"chooses": 15, **UNTRAINED}, "It takes an action that was never tried"),
-    "plays_a_recording": ({"chooses": 15, **UNTRAINED}, "choose() must go by its arguments"),
-    "loses_the_sign": ({"encodes": 10, **UNTRAINED}, "did the sign get lost?"),
-    "learns_for_a_while": ({"learns": 15}, "What does update() keep in between, or leave out?"),
-    "is_paid_for_hovering": ({"lands": 25, "learns": 15, "is_sturdy": 10}, "It hovers until its two minutes are over"),
-}
-# Who learns nothing and lands all the same: nobody. These come without policy.npz, so what they learn here flies.
-UNLEARNED = {"policy_file": 5, "lands": 25, "learns": 15, "is_sturdy": 10}
-CHEATS = {
-    "flies_by_a_formula": (UNLEARNED, "All rewards were 0"),
-    "brings_its_table": (UNLEARNED, "Only action 0 was ever tried"),
-    "speaks_by_its_states": (UNLEARNED, "encode() must go by its two numbers alone"),
-    "replaces_the_grader": ({"encodes": 10, "chooses": 15, "updates": 20, **UNLEARNED}, "update() has made another"),
-}
+REFERENCE = Path(__file__).parent / "lunar_lander_q" / "reference"
 # Policies that were handed in; the rest of these submissions is the reference.
 HANDED_IN = {"policy_file": 5, "lands": 25, "is_sturdy": 10}
 
 
-def submission(folder: Path, wrong: str = "") -> Path:
-    """The reference, with the files of a wrong solution in the place of its own."""
-    shutil.copytree(REFERENCE, folder, dirs_exist_ok=True)
-    if wrong:
-        shutil.copytree(HERE / "wrong" / wrong, folder, dirs_exist_ok=True)
-    return folder
+def submission(folder: Path, mistake: str = "") -> Path:
+    """Write the reference, or a mistake, into a folder."""
+    return write_solution(LAB.name, folder, mistake, starter=False)
 
 
 def graded(folder: Path, secret: bytes | None = None) -> Graded:
@@ -111,10 +84,9 @@ def test_the_reference_gets_all_points_also_of_hidden_cases() -> None:
 @pytest.mark.parametrize("name", WRONG)
 def test_a_wrong_solution_loses_the_points_of_its_mistake_and_is_told_it(name: str, tmp_path: Path) -> None:
     result = graded(submission(tmp_path, name))
-    points, hint = WRONG[name]
     assert result.status == "graded"
-    assert lost(result) == points
-    assert hint in told(result)
+    assert lost(result) == WRONG[name].lost
+    assert WRONG[name].hint in told(result)
 
 
 def test_numbers_that_numpy_has_made_are_numbers(tmp_path: Path) -> None:
@@ -141,16 +113,10 @@ def test_the_kits_own_learning_is_not_imported_and_the_line_is_told(tmp_path: Pa
 
 @pytest.mark.parametrize("name", CHEATS)
 def test_who_learns_nothing_lands_nothing(name: str, tmp_path: Path) -> None:
-    (submission(tmp_path, name) / "policy.npz").unlink()
-    result = graded(tmp_path)
-    points, hint = CHEATS[name]
+    result = graded(submission(tmp_path, name))
     assert result.status == "graded"
-    assert lost(result) == points
-    assert hint in told(result)
-
-
-def test_every_wrong_solution_is_tried() -> None:
-    assert {one.name for one in (HERE / "wrong").iterdir()} == {*WRONG, *CHEATS, "trained_on_the_test"}
+    assert lost(result) == CHEATS[name].lost
+    assert CHEATS[name].hint in told(result)
 
 
 def test_a_policy_that_was_trained_on_the_visible_starts_lands_those_alone_and_is_told_so(tmp_path: Path) -> None:
@@ -158,7 +124,7 @@ def test_a_policy_that_was_trained_on_the_visible_starts_lands_those_alone_and_i
     assert handed_in(tmp_path)["lands"] == (1.0, "")
     share, words = handed_in(tmp_path, b"secret")["lands"]
     assert share < 0.3
-    assert "it was trained on what it is tested with" in words
+    assert MISTAKES["trained_on_the_test"].hint in words
 
 
 def cut(path: Path) -> None:

@@ -17,6 +17,7 @@ from snr_sim.flight import Flight
 from snr_sim.grading.lab import Case, find_lab
 from snr_sim.grading.student import Student
 from snr_sim.simulation import Request, prepare
+from tests.assignments.mission_state_machine.mistakes import MISTAKES
 
 LAB = "05_mission_state_machine"
 FOLDER = Path(__file__).parents[2] / "assignments" / LAB
@@ -73,30 +74,12 @@ def off_m(scenario: Any, plant: Any) -> list[float]:
     return found
 
 
-@pytest.mark.parametrize(
-    ("wrong", "lost", "says"),
-    [
-        ("stops_while_pressed", {"stops": 15.0, "recovers": 10.0}, "Nobody has pressed reset"),
-        ("stops_in_some_states", {"stops": 7.5}, "the emergency stop counts in every state"),
-        ("stops_with_sticks_at_zero", {"asks": 8.0, "stops": 15.0}, "Sticks at 0 are no stop"),
-        (
-            "counts_from_the_start",
-            {"time_outs": 12.5, "trouble": 6.667, "stops": 1.875},
-            "counted from when 'passing' began",
-        ),
-        ("holds_for_ever", {"time_outs": 7.5}, "'holding' for more than 5 s"),
-        ("adds_up_short_stays", {"follows_the_picture": 6.0}, "two short stays are none"),
-        ("goes_on_where_it_was", {"recovers": 10.0, "arrows": 10.0}, "there is no such arrow"),
-        ("remembers_an_early_reset", {"recovers": 4.0}, "A reset from before the stop does not count"),
-    ],
-)
-def test_a_wrong_solution_loses_its_own_points(
-    mark: Callable[..., Any], leave_out: Any, wrong: str, lost: dict[str, float], says: str
-) -> None:
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_wrong_solution_loses_its_own_points(mark: Callable[..., Any], leave_out: Any, name: str) -> None:
     leave_out(*FLIGHTS)
-    found = mark(LAB, wrong, is_hidden=wrong in ("counts_from_the_start", "remembers_an_early_reset"))
-    assert found.lost == lost
-    assert says in found.told
+    found = mark(LAB, name, is_hidden=name in ("counts_from_the_start", "remembers_an_early_reset"))
+    assert found.lost == MISTAKES[name].lost
+    assert MISTAKES[name].hint in found.told
 
 
 def test_the_starter_fails_politely(mark: Callable[..., Any], leave_out: Any) -> None:

@@ -16,27 +16,12 @@ import pytest
 
 from snr_sim.flight import Flight
 from snr_sim.simulation import Request, prepare
+from tests.assignments.moving_average.mistakes import MISTAKES
 
 LAB = "03_moving_average"
 FOLDER = Path(__file__).parents[2] / "assignments" / LAB
 REFERENCE = Path(__file__).parent / "moving_average" / "reference"
 SEEDS = int(os.environ.get("SNR_SEEDS", "8"))
-
-# What each wrong solution loses, and some words of the hint that names its mistake.
-WRONG = {
-    "off_by_one": ({"exact": 20}, "one value too long"),
-    "mean_of_all": ({"exact": 20, "in_the_node": 20, "lands": 15}, "never forgets"),
-    "not_warmed_up": ({"warm_up": 10, "in_the_node": 20, "lands": 15}, "divides by the length"),
-    "forgets_the_newest": ({"exact": 20, "in_the_node": 20, "lands": 15}, "wrong end leaves the window"),
-    "window_of_all": ({"fresh": 10, "in_the_node": 20, "lands": 15}, "is shared by all"),
-    "one_filter_for_two": ({"in_the_node": 20, "lands": 15}, "a filter each"),
-    "future": ({"exact": 20, "warm_up": 10}, "values that come later"),
-    "made_in_on_radar": ({"in_the_node": 20, "lands": 15}, "remembers nothing"),
-    "too_short": ({"lands": 15}, "Too few readings"),
-    "only_the_visible": ({"exact": 40 / 3, "warm_up": 20 / 3}, "as they went in"),
-    "weak_tests": ({"catches": 12.5}, "wrong filters pass all your cases"),
-    "wrong_tests": ({"own_tests": 5, "catches": 15}, "would fail a right filter"),
-}
 
 # The touchdown's speed, measured with the reference over 40 seeds: mean, standard deviation, and what the gear takes.
 MEAN_MPS, SD_MPS, LIMIT_MPS = 1.70, 0.24, 3.05
@@ -47,20 +32,15 @@ def test_the_reference_gets_all_points(mark: Callable[..., Any]) -> None:
     assert result.lost == {}, result.told
 
 
-@pytest.mark.parametrize("wrong", WRONG)
-def test_each_mistake_loses_its_own_points_and_is_named(wrong: str, mark: Callable[..., Any]) -> None:
-    points, named = WRONG[wrong]
-    result = mark(LAB, wrong, is_hidden=True, flown="lands")
-    assert result.lost == pytest.approx(points, abs=0.001), result.told
-    assert named in result.told
+@pytest.mark.parametrize("name", MISTAKES)
+def test_each_mistake_loses_its_own_points_and_is_named(name: str, mark: Callable[..., Any]) -> None:
+    result = mark(LAB, name, is_hidden=True, flown="lands")
+    assert result.lost == pytest.approx(MISTAKES[name].lost, abs=0.001), result.told
+    assert MISTAKES[name].hint in result.told
 
 
 def test_the_starter_runs_and_is_told_where_to_begin(mark: Callable[..., Any]) -> None:
     assert "Step 2 begins in MovingAverage.update" in mark(LAB, starter=True).told
-
-
-def test_every_wrong_solution_is_tried() -> None:
-    assert {path.name for path in (Path(__file__).parent / "moving_average" / "wrong").iterdir()} == set(WRONG)
 
 
 def test_a_mean_that_was_reckoned_by_hand_is_right_at_home_too(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from snr_sim.flight import Flight
 from snr_sim.grading.lab import find_lab
 from snr_sim.library import load_controller
 from snr_sim.simulation import Request, prepare
+from tests.assignments.perception_drop_in.mistakes import MISTAKES
 
 LAB = "06_perception_drop_in"
 FOLDER = Path(__file__).parents[2] / "assignments" / LAB
@@ -59,41 +60,11 @@ def test_the_reference_has_a_margin_in_pictures(kind: str) -> None:
             assert found is None or math.dist(found, shot.off_px) < 3.0  # 5 are asked for, in 80 % of the pictures
 
 
-@pytest.mark.parametrize(
-    ("wrong", "lost", "says"),
-    [
-        (
-            "red_threshold",
-            {"clear": 15.0, "murky": 15.0, "covered": 10.0, "cluttered": 15.0, "lost": 15.0, "hovers": 10.0},
-            "water takes the red first",
-        ),
-        (
-            "fixed_threshold",
-            {"murky": 15.0, "hovers": 10.0},
-            "compare with the rest of the picture, not with a number of yours",
-        ),
-        ("mean_of_all", {"cluttered": 15.0, "lost": 7.5, "hovers": 10.0}, "which pixels touch each other"),
-        (
-            "rows_for_columns",
-            {"clear": 15.0, "murky": 15.0, "covered": 10.0, "cluttered": 15.0, "hovers": 10.0},
-            "the first index of an array is its row",
-        ),
-        (
-            "left_for_right",
-            {"clear": 15.0, "murky": 15.0, "covered": 10.0, "cluttered": 15.0, "hovers": 10.0},
-            "Left and right have changed places",
-        ),
-        ("keeps_the_last", {"lost": 15.0, "hovers": 10.0}, "what it saw last is no longer true"),
-        ("waits_for_ever", {"lost": 15.0, "hovers": 10.0}, "It stops and waits for ever"),
-        ("another_gain", {"unchanged": 10.0, "hovers": 10.0}, "steer.py is not the one of the starter"),
-    ],
-)
-def test_a_wrong_solution_loses_its_own_points(
-    mark: Callable[..., Any], wrong: str, lost: dict[str, float], says: str
-) -> None:
-    found = mark(LAB, wrong)
-    assert found.lost == lost
-    assert says in found.told
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_wrong_solution_loses_its_own_points(mark: Callable[..., Any], name: str) -> None:
+    found = mark(LAB, name)
+    assert found.lost == MISTAKES[name].lost
+    assert MISTAKES[name].hint in found.told
 
 
 def test_the_starter_fails_politely(mark: Callable[..., Any]) -> None:

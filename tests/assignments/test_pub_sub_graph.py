@@ -13,6 +13,8 @@ from snr_sim.flight import Flight
 from snr_sim.grading.lab import Case, find_lab
 from snr_sim.grading.student import Student
 from snr_sim.simulation import Request, prepare
+from tests.assignments.mistakes import write_solution, write_starter
+from tests.assignments.pub_sub_graph.mistakes import MISTAKES
 
 LAB = "04_pub_sub_graph"
 PAGE = Path(__file__).parents[2] / "assignments" / LAB / "README.md"
@@ -44,16 +46,18 @@ def test_the_reference_gets_all_points_on_hidden_cases_too(mark: Callable[..., A
 
 
 @pytest.mark.parametrize(
-    ("folders", "says"),
+    ("mistake", "says"),
     [
-        (["reference", "wrong/never_takes_gentle"], "does graph.py put gentle.py in heading's place?"),
-        ([], "nobody in graph.py stores a page 'turn'"),
+        ("never_takes_gentle", MISTAKES["never_takes_gentle"].hint),
+        ("", "nobody in graph.py stores a page 'turn'"),  # the starter
     ],
 )
-def test_who_is_asked_to_turn_gently_and_does_not_is_told(folders: list[str], says: str, tmp_path: Path) -> None:
+def test_who_is_asked_to_turn_gently_and_does_not_is_told(mistake: str, says: str, tmp_path: Path) -> None:
     flies = next(one for one in find_lab(LAB).checks if one.name == "flies")
-    for folder in (PAGE.parent / "starter", *(HERE / one for one in folders)):
-        shutil.copytree(folder, tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__"))
+    if mistake:
+        write_solution(LAB, tmp_path, mistake)
+    else:
+        write_starter(LAB, tmp_path)
     with Student(tmp_path) as student:
         verdict = flies.judge(student, Case(flies.visible[1], is_visible=True))
     assert (verdict.fraction, says in verdict.hint) == (0.0, True)
@@ -80,33 +84,12 @@ def turn(heading: str, seed: int) -> dict[str, Any]:
     return result.metrics
 
 
-@pytest.mark.parametrize(
-    ("wrong", "lost", "says"),
-    [
-        ("a_board_for_all", {"mixer_alone": 20.0, "in_any_order": 20.0, "apart": 6.0}, "it imports shared"),
-        (
-            "passes_by_the_mixer",
-            {"depth_alone": 12.0, "in_any_order": 20.0, "apart": 3.0},
-            "it asks the node for another component",
-        ),
-        ("looks_up_what_is_said_once", {"heading_alone": 12.0, "dropped_in": 12.0}, "said once must be heard"),
-        ("keeps_what_was_asked_before", {"depth_alone": 12.0}, "What he asked for before he disarmed is forgotten"),
-        ("waits_for_the_depth", {"depth_alone": 12.0}, "depth.py handles process_data 'depth'"),
-        ("answers_each_pair_twice", {"in_any_order": 20.0}, "each handler finds the pair complete"),
-        ("stamps_its_own_time", {"depth_alone": 12.0, "in_any_order": 20.0}, "The stamp of 'lift' is not that of"),
-        ("mixes_at_every_imu", {"mixer_alone": 20.0, "in_any_order": 20.0}, "from where else does it take them?"),
-        ("mixes_with_the_last_one", {"mixer_alone": 20.0}, "The first page of a pair has no partner yet"),
-        ("one_for_all_vehicles", {"apart": 3.0}, "'WAITING' stands outside of every object"),
-        ("forgets_to_limit", {"dropped_in": 12.0}, "gentle.py turns harder than 1 N m"),
-    ],
-)
-def test_a_wrong_solution_loses_its_own_points(
-    mark: Callable[..., Any], leave_out: Any, wrong: str, lost: dict[str, float], says: str
-) -> None:
+@pytest.mark.parametrize("name", [name for name in MISTAKES if "flies" not in MISTAKES[name].lost])
+def test_a_wrong_solution_loses_its_own_points(mark: Callable[..., Any], leave_out: Any, name: str) -> None:
     leave_out("flies")
-    found = mark(LAB, wrong)
-    assert found.lost == lost
-    assert says in found.told
+    found = mark(LAB, name)
+    assert found.lost == MISTAKES[name].lost
+    assert MISTAKES[name].hint in found.told
 
 
 def test_the_starter_flies_and_fails_politely(mark: Callable[..., Any], leave_out: Any) -> None:

@@ -21,6 +21,7 @@ from snr_sim.grading.verdicts import LabFault
 from snr_sim.library import load_controller
 from snr_sim.prelude.scenario import Robot
 from snr_sim.simulation import Request, prepare
+from tests.assignments.sim_to_pi.mistakes import MISTAKES
 
 ROOT = Path(__file__).parents[2]
 NAME = "08_sim_to_pi"
@@ -60,24 +61,11 @@ def test_the_reference_has_a_margin_in_simulation(seed: int) -> None:
     assert result.metrics["steady_error_m"] < 0.03  # of 0.05
 
 
-@pytest.mark.parametrize(
-    ("wrong", "lost", "says"),
-    [
-        ("no_ages", {"stale": 10.0, "no_jump": 2.5}, "the last one of a dead cable looks like any other"),
-        ("stop_ends_by_itself", {"stop": 10.0}, "keep it in `self.is_stopped`"),
-        ("clears_while_armed", {"stop": 3.333}, "counts only if it is disarmed"),
-        ("looks_at_the_newest_only", {"stop": 3.333}, "A stop that stood in one page alone was missed"),
-        ("never_lets_go", {"no_jump": 5.0}, "let go of it while nothing may push"),
-        ("proportional_only", {"holds": 35.0}, "what knows how long it has been wrong"),
-        ("in_the_dead_band", {"holds": 35.0}, "are the pulses beyond the dead band"),
-    ],
-)
-def test_a_wrong_solution_loses_its_own_points_and_is_kept_off_the_board(
-    mark: Callable[..., Any], wrong: str, lost: dict[str, float], says: str
-) -> None:
-    found = mark(NAME, wrong)
-    assert found.lost == {**lost, "holds_on_the_board": 20.0}
-    assert says in found.told
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_wrong_solution_loses_its_own_points_and_is_kept_off_the_board(mark: Callable[..., Any], name: str) -> None:
+    found = mark(NAME, name)
+    assert found.lost == {**MISTAKES[name].lost, "holds_on_the_board": 20.0}
+    assert MISTAKES[name].hint in found.told
 
 
 @pytest.mark.parametrize(

@@ -18,36 +18,11 @@ from snr_sim.grading.plain_queue import PlainQueue
 from snr_sim.grading.queue_bench import QueueBench
 from snr_sim.library import load_program
 from snr_sim.prelude.errors import SnrError
+from tests.assignments.mistakes import write_solution
+from tests.assignments.write_the_queue.mistakes import MISTAKES
 
 LAB = Path(__file__).parents[2] / "assignments" / "11_write_the_queue"
-HERE = Path(__file__).parent / "write_the_queue"
-REFERENCE = HERE / "reference" / "task_queue.py"
-
-EVERYTHING = {
-    "is_plain": 5,
-    "keeps_order": 10,
-    "urgent_first": 15,
-    "terminate_first": 10,
-    "is_bounded": 20,
-    "forgets": 10,
-    "is_quick": 15,
-    "drives_a_node": 15,
-}
-# What each wrong solution loses, and what its student is told.
-WRONG = {
-    "is_a_stack": ({"keeps_order": 10, "is_bounded": 20, "drives_a_node": 15}, "that is a stack"),
-    "heap_without_number": ({"keeps_order": 10, "is_bounded": 20, "drives_a_node": 15}, "a heap compare names"),
-    "terminate_waits": ({"terminate_first": 10, "drives_a_node": 15}, "told to end does not finish its queue first"),
-    "turns_news_away": ({"is_bounded": 20, "drives_a_node": 15}, "The new task is turned away"),
-    "tells_nobody": ({"is_bounded": 20, "drives_a_node": 15}, "whoever called is told which"),
-    "grows_without_end": ({"is_bounded": 20, "forgets": 10, "drives_a_node": 15}, "The queue is full, and put()"),
-    "leaves_lines_behind": ({"forgets": 10}, "priorities in a heap that nobody has"),
-    "one_sorted_list": ({"is_quick": 15}, "go through a whole list"),
-    "compares_unseen": ({"is_quick": 15}, "something looks through all of them"),
-    "counts_for_itself": (EVERYTHING, "leave out what reaches further"),
-    "takes_the_kits": (EVERYTHING, "leave out what reaches further"),
-    "answers_for_itself": (EVERYTHING, "leave out what reaches further"),
-}
+REFERENCE = Path(__file__).parent / "write_the_queue" / "reference" / "task_queue.py"
 
 
 def graded(folder: Path, secret: bytes | None = None) -> Any:
@@ -67,17 +42,12 @@ def test_the_reference_gets_all_points_also_of_hidden_cases() -> None:
     assert (result.status, result.points, hints(result).strip()) == ("graded", 100.0, "")
 
 
-@pytest.mark.parametrize("name", WRONG)
-def test_a_wrong_solution_loses_the_points_of_its_mistake_and_is_told_it(name: str) -> None:
-    result = graded(HERE / "wrong" / name)
-    points, hint = WRONG[name]
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_wrong_solution_loses_the_points_of_its_mistake_and_is_told_it(name: str, tmp_path: Path) -> None:
+    result = graded(write_solution(LAB.name, tmp_path, name, starter=False))
     assert result.status == "graded"
-    assert lost(result) == points
-    assert hint in hints(result)
-
-
-def test_every_wrong_solution_is_tried() -> None:
-    assert {one.name for one in (HERE / "wrong").iterdir()} == set(WRONG)
+    assert lost(result) == MISTAKES[name].lost
+    assert MISTAKES[name].hint in hints(result)
 
 
 def test_the_starter_runs_before_it_is_edited_and_is_told_what_it_lacks(tmp_path: Path) -> None:

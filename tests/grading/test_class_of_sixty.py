@@ -19,6 +19,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.assignments.mistakes import mistakes_of, write_solution, write_starter
+
 ATTACKS = sorted((Path(__file__).parent / "attacks").glob("*.py"))
 TOKEN = f"snr_attack_{os.getpid()}"
 # What is not there earns nothing; these do something that is right as well.
@@ -39,30 +41,9 @@ WRONG = {  # of each kind two, with their points: 40 for loading, 30 for a visib
 RIGHT = ("return 2 * x", "return x + x", "return x << 1", "return sum([x, x])")
 
 
-LAB_TEN = Path(__file__).parents[1] / "assignments" / "lunar_lander_q"
-STARTER = Path(__file__).parents[2] / "assignments" / "10_lunar_lander_q" / "starter"
+LAB_TEN = "10_lunar_lander_q"
+REFERENCE = Path(__file__).parents[1] / "assignments" / "lunar_lander_q" / "reference"
 WHOLE_CLASS = "SNR_WHOLE_CLASS" in os.environ  # then it takes minutes: one attack is busy for ten seconds in each case
-WRONG_IN_LAB_TEN = {  # what is left of 100: see tests/assignments/test_lunar_lander_q.py
-    "stops_learning": 65.0,
-    "bootstraps_through_terminal": 65.0,
-    "stops_at_truncation": 65.0,
-    "learns_from_the_untried": 65.0,
-    "changes_the_next_state": 65.0,
-    "counts_before_it_looks": 65.0,
-    "explores_when_evaluated": 70.0,
-    "chooses_the_untried": 70.0,
-    "plays_a_recording": 70.0,
-    "loses_the_sign": 75.0,
-    "is_paid_for_hovering": 50.0,
-    "learns_for_a_while": 85.0,
-    "trained_on_the_test": 72.34,  # of `lands` the visible case of four; in one world of `is_sturdy` it lands 59 of 100
-}
-UNLEARNED = {  # these have no policy.npz, and nobody lands by what was not learned
-    "flies_by_a_formula": 45.0,
-    "brings_its_table": 45.0,
-    "speaks_by_its_states": 45.0,
-    "replaces_the_grader": 0.0,
-}
 # What an attack on the lab of numbers is as a lander: whatever it does, it does in each of the five functions.
 AS_LANDER = """
 
@@ -132,28 +113,23 @@ def hand_in(folder: Path, port: int) -> dict[Path, float | None]:
 def hand_in_lab_ten(folder: Path, port: int) -> dict[str, dict[Path, float | None]]:
     """Returns submissions to lab 10 by kind, as `hand_in` returns them; the first of each kind is a quick one."""
 
-    def submission(name: str, over: Path | None = None) -> Path:
-        shutil.copytree(LAB_TEN / "reference", folder / name, ignore=shutil.ignore_patterns("__pycache__"))
-        if over is not None:
-            shutil.copytree(over, folder / name, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__"))
-        return folder / name
+    def submission(name: str, mistake: str = "") -> Path:
+        return write_solution(LAB_TEN, folder / name, mistake, starter=False)
 
     right: dict[Path, float | None] = {submission("reference"): 100.0, submission("untrained"): 95.0}
     (folder / "untrained" / "policy.npz").unlink()  # what the grader trains flies in its place
     with zipfile.ZipFile(folder / "zipped.zip", "w") as archive:
-        for file in (LAB_TEN / "reference").iterdir():
+        for file in REFERENCE.iterdir():
             if file.is_file():
                 archive.write(file, f"work/{file.name}")
     right[folder / "zipped.zip"] = 100.0
     wrong: dict[Path, float | None] = {
-        submission(name, LAB_TEN / "wrong" / name): points for name, points in WRONG_IN_LAB_TEN.items()
+        submission(name, name): round(100.0 - sum(mistake.lost.values()), 2)
+        for name, mistake in mistakes_of(LAB_TEN).items()
     }
     for name, data in (("pickled", pickle.dumps([[0.0] * 4] * 63)), ("cut", b"PK\3\4")):
         wrong[submission(name)] = 60.0  # policy_file, lands and is_sturdy are about the table
         (folder / name / "policy.npz").write_bytes(data)
-    for name, points in UNLEARNED.items():
-        wrong[submission(name, LAB_TEN / "wrong" / name)] = points
-        (folder / name / "policy.npz").unlink()
     attacks: dict[Path, float | None] = {}
     for attack in sorted(ATTACKS, key=lambda path: (path.stem != "writes_results", path)):
         path = folder / f"attack_{attack.stem}"
@@ -166,12 +142,11 @@ def hand_in_lab_ten(folder: Path, port: int) -> dict[str, dict[Path, float | Non
     for name in ("empty", "misspelt", "is_a_link"):
         (folder / name).mkdir()
         none[folder / name] = None
-    shutil.copy(LAB_TEN / "reference" / "q_lander.py", folder / "misspelt" / "q_landr.py")
+    shutil.copy(REFERENCE / "q_lander.py", folder / "misspelt" / "q_landr.py")
     (folder / "is_a_link" / "q_lander.py").symlink_to(folder / "reference" / "q_lander.py")
     (folder / "no_archive.zip").write_bytes(b"Dear professor,")
     none[folder / "no_archive.zip"] = None
-    none[submission("starter", STARTER)] = 0.0
-    (folder / "starter" / "policy.npz").unlink()
+    none[write_starter(LAB_TEN, folder / "starter")] = 0.0
     return {"right": right, "wrong": wrong, "attacks": attacks, "no program": none}
 
 
@@ -260,8 +235,11 @@ def test_everybody_gets_exactly_what_is_due(
     grade_class(str(double_lab), due, reached, tmp_path, open_folder, 6, isolation, prefix)
 
 
-def test_every_wrong_solution_of_lab_ten_is_in_its_class() -> None:
-    assert {one.name for one in (LAB_TEN / "wrong").iterdir()} == {*WRONG_IN_LAB_TEN, *UNLEARNED}
+def test_every_wrong_solution_of_lab_ten_is_in_its_class(tmp_path: Path) -> None:
+    (tmp_path / "submissions").mkdir()
+    wrong = hand_in_lab_ten(tmp_path / "submissions", port=0)["wrong"]
+    assert {path.name for path in wrong} == {*mistakes_of(LAB_TEN), "pickled", "cut"}
+    assert 72.34 in wrong.values()  # trained_on_the_test: the visible case of `lands` and little of `is_sturdy`
 
 
 @pytest.mark.parametrize("kind", ["right", "wrong", "attacks", "no program"])
@@ -277,14 +255,12 @@ def test_everybody_gets_exactly_what_is_due_in_lab_ten(
 
 
 def test_a_lab_of_the_course_gives_in_the_sandbox_what_its_own_tests_say(sandbox: None, tmp_path: Path) -> None:
-    lab = Path(__file__).parents[1] / "assignments" / "debug_by_replay"
-    due = {"reference": 100.0, "not_toml": 5.0}
-    given = []
-    for name in due:
-        given.append(tmp_path / "submissions" / name)
-        shutil.copytree(lab / "reference", given[-1])
-        if name != "reference":
-            shutil.copytree(lab / "wrong" / name, given[-1], dirs_exist_ok=True)
+    lab, submissions = "09_debug_by_replay", tmp_path / "submissions"
+    due = {"reference": 100.0, "not_toml": 100.0 - sum(mistakes_of(lab)["not_toml"].lost.values())}
+    given = [
+        write_solution(lab, submissions / "reference", starter=False),
+        write_solution(lab, submissions / "not_toml", "not_toml", starter=False),
+    ]
     words = ["grade", "debug_by_replay", *map(str, given), "--out", str(tmp_path / "out")]
     done = subprocess.run([sys.executable, "-m", "snr_sim", *words, "--json"], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -3,8 +3,8 @@ from pathlib import Path
 import pytest
 
 from snr_sim.grading.plain_code import what_is_not_plain
-
-SOLUTIONS = Path(__file__).parents[1] / "assignments" / "write_the_queue"
+from tests.assignments.mistakes import write_solution
+from tests.assignments.write_the_queue.mistakes import MISTAKES
 
 PLAIN = """
 from __future__ import annotations
@@ -52,9 +52,10 @@ CHEATS = {
 }
 
 
-@pytest.mark.parametrize("file", sorted(SOLUTIONS.rglob("task_queue.py")), ids=lambda file: file.parent.name)
-def test_solutions_are_plain_but_those_that_cheat(file: Path) -> None:
-    assert what_is_not_plain(file.read_text()) == CHEATS.get(file.parent.name, "")
+@pytest.mark.parametrize("name", ["", *MISTAKES], ids=lambda name: name or "reference")
+def test_solutions_are_plain_but_those_that_cheat(name: str, tmp_path: Path) -> None:
+    file = write_solution("11_write_the_queue", tmp_path, name, starter=False) / "task_queue.py"
+    assert what_is_not_plain(file.read_text()) == CHEATS.get(name, "")
 
 
 @pytest.mark.parametrize(

@@ -239,7 +239,7 @@ class TaskQueue:
         changes=[
             write(
                 "task_queue.py",
-                "import sys\n\n" + ONE_SORTED_LIST + COUNTS_NOTHING,
+                '"""A queue."""\n\nimport sys\n\n' + ONE_SORTED_LIST + COUNTS_NOTHING,
             )
         ],
     ),
@@ -250,11 +250,13 @@ class TaskQueue:
         changes=[
             write(
                 "task_queue.py",
-                """\
+                '''\
+"""A queue."""
+
 import importlib
 
 TaskQueue = importlib.import_module("snr_sim.grading." + "plain_queue").PlainQueue
-""",
+''',
             )
         ],
     ),
@@ -266,6 +268,8 @@ TaskQueue = importlib.import_module("snr_sim.grading." + "plain_queue").PlainQue
             write(
                 "task_queue.py",
                 '''\
+"""A queue."""
+
 import json
 import os
 import stat
