@@ -4,7 +4,6 @@ A few of each lab's pages are tried here, in its quick checks. With SNR_ALL_NONS
 """
 
 import os
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,8 +12,9 @@ import pytest
 from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.lab import Lab, find_lab
 from snr_sim.grading.results import decode_graded, encode_graded
+from tests.assignments.mistakes import replace as replace_text
+from tests.assignments.mistakes import write_solution
 
-HERE = Path(__file__).parent
 HELLO, DEPTH, SMOOTH = "01_hello_thruster", "02_depth_hold", "03_moving_average"
 
 # Of a reference: file, a line in it, and what stands there instead.
@@ -93,12 +93,6 @@ def tried() -> list[tuple[str, str, str, str, str, str]]:
     return found
 
 
-def handed_in(lab: str, folder: Path) -> Path:
-    """A lab's reference."""
-    shutil.copytree(HERE.parents[1] / "assignments" / lab / "starter", folder)
-    return Path(shutil.copytree(HERE / lab.partition("_")[2] / "reference", folder, dirs_exist_ok=True))
-
-
 def of_one_case(name: str, *names: str) -> Lab:
     """A lab with these checks alone, each with its first visible case."""
     lab = find_lab(name)
@@ -111,7 +105,7 @@ def of_one_case(name: str, *names: str) -> Lab:
 def test_nonsense_in_a_page_costs_its_case_and_the_check_itself_says_why(
     name: str, check: str, file: str, key: str, field: str, kind: str, tmp_path: Path
 ) -> None:
-    folder = handed_in(name, tmp_path / "handed_in")
+    folder = write_solution(name, tmp_path / "handed_in")
     program = STORES.replace("DOES", KINDS[kind]).replace("KEY", repr(key)).replace("FIELD", repr(field))
     with (folder / file).open("a") as opened:
         opened.write(program)
@@ -146,7 +140,7 @@ def test_nonsense_in_a_page_costs_its_case_and_the_check_itself_says_why(
 def test_nonsense_in_a_file_is_zero_for_its_case(
     name: str, check: str, file: str, more: str, told: str, tmp_path: Path
 ) -> None:
-    folder = handed_in(name, tmp_path / "handed_in")
+    folder = write_solution(name, tmp_path / "handed_in")
     with (folder / file).open("a") as opened:
         opened.write(f"\n{more}\n")
     graded = grade_submission(of_one_case(name, check), folder, None, "none")
@@ -159,14 +153,11 @@ def test_nonsense_in_a_file_is_zero_for_its_case(
 @pytest.mark.usefixtures("warm_children")
 @pytest.mark.parametrize(("name", "file", "line", "nonsense"), NONSENSE)
 def test_nonsense_loses_points_and_is_told(name: str, file: str, line: str, nonsense: str, tmp_path: Path) -> None:
-    handed_in, lab = tmp_path / "handed_in", find_lab(name)
-    shutil.copytree(HERE.parents[1] / "assignments" / name / "starter", handed_in)
-    shutil.copytree(HERE / name.partition("_")[2] / "reference", handed_in, dirs_exist_ok=True)
-    right = (handed_in / file).read_text()
-    assert line in right
-    (handed_in / file).write_text(right.replace(line, nonsense))
+    lab = find_lab(name)
+    folder = write_solution(name, tmp_path / "handed_in")
+    replace_text(file, line, nonsense)(folder)
     lab.checks = tuple(replace(check, visible=check.visible[:1]) for check in lab.checks)
-    graded = grade_submission(lab, handed_in, None, "none")
+    graded = grade_submission(lab, folder, None, "none")
     assert graded.status == "graded", graded.error
     assert graded.points <= 80.0
     assert any(case.hint for check in graded.checks for case in check.cases)

@@ -1,6 +1,5 @@
 """Whoever gives pages a dataclass or a Struct instead of a dict gets all points, as with dicts."""
 
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,8 +7,7 @@ import pytest
 
 from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.lab import find_lab
-
-HERE = Path(__file__).parent
+from tests.assignments.mistakes import write_solution
 
 # What is changed in the reference, file by file: each text for another.
 TYPED: dict[str, dict[str, dict[str, str]]] = {
@@ -45,10 +43,8 @@ TYPED: dict[str, dict[str, dict[str, str]]] = {
 @pytest.mark.parametrize("lab", TYPED)
 def test_the_reference_with_types_gets_all_points(lab: str, tmp_path: Path, warm_children: None) -> None:
     checks = find_lab(lab)
-    assert checks.folder is not None
     checks.checks = tuple(replace(check, visible=check.visible[:1]) for check in checks.checks)
-    for folder in (checks.folder / "starter", HERE / lab.partition("_")[2] / "reference"):
-        shutil.copytree(folder, tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns("__pycache__"))
+    write_solution(lab, tmp_path)
     for name, changes in TYPED[lab].items():
         text = (tmp_path / name).read_text()
         for before, after in changes.items():
