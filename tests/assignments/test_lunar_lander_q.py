@@ -32,6 +32,8 @@ from snr_sim.library import load_program
 from tests.assignments.lunar_lander_q.mistakes import CHEATS, MISTAKES, WRONG
 from tests.assignments.mistakes import write_solution
 
+pytestmark = pytest.mark.usefixtures("warm_children")
+
 LAB = Path(__file__).parents[2] / "assignments" / "10_lunar_lander_q"
 REFERENCE = Path(__file__).parent / "lunar_lander_q" / "reference"
 # Policies that were handed in; the rest of these submissions is the reference.

@@ -21,6 +21,8 @@ from snr_sim.prelude.errors import SnrError
 from tests.assignments.mistakes import write_solution
 from tests.assignments.write_the_queue.mistakes import MISTAKES
 
+pytestmark = pytest.mark.usefixtures("warm_children")
+
 LAB = Path(__file__).parents[2] / "assignments" / "11_write_the_queue"
 REFERENCE = Path(__file__).parent / "write_the_queue" / "reference" / "task_queue.py"
 
