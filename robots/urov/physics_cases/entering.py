@@ -8,7 +8,7 @@ gets drier, that water is left behind with its speed.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, partial
 
 from snr_sim.plants.urov import Urov
 from snr_sim.plants.vehicle import Vehicle
@@ -58,15 +58,19 @@ def entries() -> Iterator[Case]:
             def fall(step_s: float, one: Vehicle = one, time_s: float = time_s) -> Urov:
                 return go(swim(one, step_s, position_m=(0.0, 0.0, DROP_M)), time_s)
 
-            z, w = dropped(name, DROP_M, time_s)
+            fallen = partial(dropped, name, DROP_M, time_s)
             what = f"{name}, dropped from {DROP_M} m, after {time_s:g} s"
             yield Case(
-                GROUP, f"{what}: height", z, "m", lambda h, fall=fall: fall(h).position_m[2],
+                GROUP, f"{what}: height", lambda fallen=fallen: fallen()[0], "m",
+                lambda h, fall=fall: fall(h).position_m[2],
                 1e-2 if time_s < 0.5 else 2e-3, KINK,
             )  # fmt: skip
-            yield Case(GROUP, f"{what}: speed up", w, "m/s", lambda h, fall=fall: fall(h).velocity_mps[2], 2e-3, KINK)
-        bobbed = dropped(name, 0.0, 1.5)[0]
+            yield Case(
+                GROUP, f"{what}: speed up", lambda fallen=fallen: fallen()[1], "m/s",
+                lambda h, fall=fall: fall(h).velocity_mps[2], 2e-3, KINK,
+            )  # fmt: skip
         yield Case(
-            GROUP, f"{name}, let go with its middle at the surface: height after 1.5 s", bobbed, "m",
+            GROUP, f"{name}, let go with its middle at the surface: height after 1.5 s",
+            lambda name=name: dropped(name, 0.0, 1.5)[0], "m",
             lambda h, one=one: go(swim(one, h, position_m=(0.0, 0.0, 0.0)), 1.5).position_m[2], 1e-4, SECOND_ORDER,
         )  # fmt: skip
