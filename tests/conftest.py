@@ -3,7 +3,7 @@
 import logging
 import os
 import signal
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -25,33 +25,22 @@ from snr_sim.simulation import Request, prepare
 Fly = Callable[..., Trace]
 IsValid = Callable[[Any], bool]
 
-# No test of ours depends on how fast this computer is, so neither do hypothesis' own.
-settings.register_profile("any computer", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile("any computer")
+# How many examples a property is tried with: `--hypothesis-profile ci` in .ci/run, `nightly` in .ci/nightly. The first
+# two are the same examples in every run. No deadline: no test depends on the speed of the computer.
+for name, count in (("fast", 10), ("ci", 25), ("nightly", 500)):
+    settings.register_profile(
+        name,
+        max_examples=count,
+        derandomize=name != "nightly",
+        deadline=None,
+        suppress_health_check=[HealthCheck.too_slow],
+        print_blob=True,
+    )
+settings.load_profile("fast")
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     # As in the background of a shell's script: whatever the tests start would ignore Ctrl-C, too.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
-    """With several tests at a time (pytest -n), one that goes by the wall clock waits until it is alone."""
-    if "PYTEST_XDIST_WORKER" not in os.environ:
-        return (yield)
-    import fcntl  # Unix only
-
-    is_alone = item.get_closest_marker("wall_clock") is not None
-    turn, computer = (os.open(folder, os.O_RDONLY) for folder in (item.config.rootpath, Path(__file__).parent))
-    try:
-        fcntl.flock(turn, fcntl.LOCK_EX)  # who waits to be alone keeps it, or others would slip in before for ever
-        fcntl.flock(computer, fcntl.LOCK_EX if is_alone else fcntl.LOCK_SH)
-        fcntl.flock(turn, fcntl.LOCK_UN)
-        return (yield)
-    finally:
-        fcntl.flock(computer, fcntl.LOCK_UN)  # not by closing: a process that the test forked may have it, too
-        os.close(turn)
-        os.close(computer)
 
 
 @pytest.fixture(autouse=True)

@@ -23,8 +23,8 @@ def write(file: Path, text: str) -> Path:
 
 @pytest.fixture
 def python_of(tmp_path: Path) -> str:
-    """Returns what the script's own function answers for 3.12, with pyenv and the path in this folder."""
-    found = re.search(r"^python_of\(\) \{\n.*?^\}\n", (PROJECT / ".ci" / "run").read_text(), re.DOTALL | re.MULTILINE)
+    """Return a script that prints what .ci/lib's own function answers for 3.12."""
+    found = re.search(r"^python_of\(\) \{\n.*?^\}\n", (PROJECT / ".ci" / "lib").read_text(), re.DOTALL | re.MULTILINE)
     assert found is not None
     return f'set -euo pipefail\n{found[0]}\nfound=$(python_of 3.12)\nprintf %s "$found"'
 
@@ -36,11 +36,13 @@ def answer(code: str, folder: Path) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 def test_a_python_that_works_on_the_path_is_taken(tmp_path: Path, python_of: str) -> None:
     write(tmp_path / "bin" / "python3.12", WORKING)
     assert answer(python_of, tmp_path) == sys.executable
 
 
+@pytest.mark.slow
 def test_behind_a_shim_that_fails_the_newest_kept_python_is_taken(tmp_path: Path, python_of: str) -> None:
     write(tmp_path / "bin" / "python3.12", BROKEN_SHIM)
     for patch in (1, 9, 10):
@@ -48,6 +50,7 @@ def test_behind_a_shim_that_fails_the_newest_kept_python_is_taken(tmp_path: Path
     assert answer(python_of, tmp_path) == str(newest)
 
 
+@pytest.mark.slow
 def test_where_there_is_none_nothing_is_said_and_the_script_goes_on(tmp_path: Path, python_of: str) -> None:
     write(tmp_path / "bin" / "python3.12", BROKEN_SHIM)
     assert answer(python_of, tmp_path) == ""

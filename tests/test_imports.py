@@ -139,6 +139,7 @@ def loaded_by(statement: str) -> set[str]:
     return set(json.loads(printed))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "statement",
     [
@@ -153,6 +154,7 @@ def test_importing_the_kit_loads_neither_numpy_nor_anything_heavy(statement: str
     assert loaded & (HEAVY | {"numpy", "typer", "rich", "hypothesis", "pytest"}) == set()
 
 
+@pytest.mark.slow
 def test_importing_the_kit_alone_loads_none_of_its_rooms() -> None:
     assert {name for name in loaded_by("import snr_sim") if name.startswith("snr_sim.")} == set()
 
@@ -193,6 +195,7 @@ def test_the_names_of_the_thesis_are_there(names: str) -> None:
     assert set(names.split()) <= set(snr_sim.__all__)
 
 
+@pytest.mark.slow
 def test_what_has_a_wire_needs_no_numpy() -> None:
     """A student's own robot runs on the base install: only what is simulated draws, and keeps arrays."""
     package = KIT / "devices"

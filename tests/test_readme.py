@@ -19,6 +19,7 @@ def blocks() -> list[str]:
     return re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
 
 
+@pytest.mark.slow
 def test_the_controller_of_the_readme_lands_with_about_twice_the_fuel(tmp_path: Path) -> None:
     (tmp_path / "gentle.py").write_text(blocks()[0])
     command = [sys.executable, "-m", "snr_sim", "run", "lander_vertical", "--controller", "./gentle.py", "--no-rrd"]
@@ -28,6 +29,7 @@ def test_the_controller_of_the_readme_lands_with_about_twice_the_fuel(tmp_path: 
     assert 1.8 < ratio < 2.2
 
 
+@pytest.mark.slow
 def test_the_test_of_the_readme_passes_and_fails_with_another_controller(tmp_path: Path) -> None:
     (tmp_path / "gentle.py").write_text(blocks()[0])
     (tmp_path / "test_gentle.py").write_text(blocks()[1])

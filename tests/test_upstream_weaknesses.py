@@ -124,6 +124,7 @@ def run(*factories: Any, clock: Any = None) -> Node:
     return node
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clock", [SimClock, WallClock])
 def test_weakness_4_all_of_ten_pages_due_at_once_are_processed_before_exit(tmp_path: Path, clock: type) -> None:
     file, done = tmp_path / "x", list[Any]()

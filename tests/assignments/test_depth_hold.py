@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
 from collections.abc import Callable
@@ -19,7 +18,6 @@ from tests.assignments.depth_hold.mistakes import MISTAKES
 LAB = "02_depth_hold"
 FOLDER = Path(__file__).parents[2] / "assignments" / LAB
 REFERENCE = Path(__file__).parent / "depth_hold" / "reference"
-SEEDS = int(os.environ.get("SNR_SEEDS", "2"))
 
 # What was measured with the reference over 60 seeds: mean, standard deviation, and the limit of `urov_tank`.
 SPREAD = {"settling_s": (2.72, 0.48, 6.5), "overshoot": (0.046, 0.024, 0.20), "steady_error_m": (0.022, 0.008, 0.10)}
@@ -50,16 +48,17 @@ def dive(file: Path, seed: int) -> dict[str, Any]:
     return result.metrics
 
 
-def test_each_limit_is_five_standard_deviations_from_what_the_reference_does(tmp_path: Path) -> None:
-    """For all that was measured: SNR_SEEDS=60 python -m pytest tests/assignments/test_depth_hold.py -k limit."""
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [2, pytest.param(60, marks=pytest.mark.nightly)])
+def test_each_limit_is_five_standard_deviations_from_what_the_reference_does(count: int, tmp_path: Path) -> None:
     shutil.copytree(FOLDER / "starter", tmp_path, dirs_exist_ok=True)
     shutil.copytree(REFERENCE, tmp_path, dirs_exist_ok=True)
-    found = [dive(tmp_path / "depth_hold.py", seed) for seed in range(1, SEEDS + 1)]
+    found = [dive(tmp_path / "depth_hold.py", seed) for seed in range(1, count + 1)]
     for name, (mean, sd, limit) in SPREAD.items():
         values = [one[name] for one in found]
         assert limit > mean + 5.0 * sd
         assert all(abs(value - mean) < 4.0 * sd for value in values), name
-        if SEEDS >= 50:
+        if count >= 50:
             assert limit > fmean(values) + 5.0 * pstdev(values), name
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import os
 import re
 import shutil
 from collections.abc import Callable
@@ -22,7 +21,6 @@ FOLDER = Path(__file__).parents[2] / "assignments" / LAB
 REFERENCE = Path(__file__).parent / "hello_thruster" / "reference" / "hello_thruster.py"
 STARTER = FOLDER / "starter" / "hello_thruster.py"
 
-SEEDS = int(os.environ.get("SNR_SEEDS", "1"))
 # What was measured with the reference over 25 seeds: mean, standard deviation, and the limit of `urov_sticks`.
 SPREAD = {"down_m": (2.170, 0.095, 1.0), "ahead_m": (0.568, 0.009, 0.4), "up_m": (1.176, 0.061, 0.4)}
 
@@ -107,21 +105,24 @@ def test_what_is_beyond_a_first_course_is_seen() -> None:
     assert lines_beyond_a_first_course("a = 1\nclass B(C):\n    d = [e for e in a]\n    f = self.g\n") == {2, 3, 4}
 
 
-def test_each_limit_of_a_dive_is_ten_standard_deviations_from_what_the_reference_does(tmp_path: Path) -> None:
-    """For all that was measured: SNR_SEEDS=25 python -m pytest tests/assignments/test_hello_thruster.py -k limit."""
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [1, pytest.param(25, marks=pytest.mark.nightly)])
+def test_each_limit_of_a_dive_is_ten_standard_deviations_from_what_the_reference_does(
+    count: int, tmp_path: Path
+) -> None:
     shutil.copytree(FOLDER / "starter", tmp_path, dirs_exist_ok=True)
     shutil.copy(REFERENCE, tmp_path)
     found = []
-    for seed in range(100, 100 + SEEDS):
+    for seed in range(100, 100 + count):
         simulation = prepare(Request("urov_sticks", seed=seed, controller=str(tmp_path / "hello_thruster.py")))
         plant = simulation.plant()
         found.append(Flight(simulation, plant, simulation.config(plant)).run().metrics)
-    assert [one["disarmed_n"] for one in found] == [0.0] * SEEDS
+    assert [one["disarmed_n"] for one in found] == [0.0] * count
     for name, (mean, sd, limit) in SPREAD.items():
         values = [one[name] for one in found]
         assert limit < mean - 10.0 * sd
         assert all(abs(value - mean) < 4.0 * sd for value in values), name
-        if SEEDS >= 25:
+        if count >= 25:
             assert limit < fmean(values) - 10.0 * pstdev(values), name
 
 

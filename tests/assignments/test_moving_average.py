@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
 import subprocess
@@ -21,7 +20,6 @@ from tests.assignments.moving_average.mistakes import MISTAKES
 LAB = "03_moving_average"
 FOLDER = Path(__file__).parents[2] / "assignments" / LAB
 REFERENCE = Path(__file__).parent / "moving_average" / "reference"
-SEEDS = int(os.environ.get("SNR_SEEDS", "8"))
 
 # The touchdown's speed, measured with the reference over 40 seeds: mean, standard deviation, and what the gear takes.
 MEAN_MPS, SD_MPS, LIMIT_MPS = 1.70, 0.24, 3.05
@@ -43,6 +41,7 @@ def test_the_starter_runs_and_is_told_where_to_begin(mark: Callable[..., Any]) -
     assert "Step 2 begins in MovingAverage.update" in mark(LAB, starter=True).told
 
 
+@pytest.mark.slow
 def test_a_mean_that_was_reckoned_by_hand_is_right_at_home_too(tmp_path: Path) -> None:
     shutil.copytree(FOLDER / "starter", tmp_path, dirs_exist_ok=True)
     shutil.copytree(REFERENCE, tmp_path, dirs_exist_ok=True)
@@ -76,14 +75,15 @@ def touchdown_mps(file: Path, seed: int) -> float:
     return float(result.metrics["touchdown"]["vertical_mps"])
 
 
-def test_the_limit_is_five_standard_deviations_from_what_the_reference_does(tmp_path: Path) -> None:
-    """For all that was measured: SNR_SEEDS=60 python -m pytest tests/assignments/test_moving_average.py -k limit."""
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [8, pytest.param(60, marks=pytest.mark.nightly)])
+def test_the_limit_is_five_standard_deviations_from_what_the_reference_does(count: int, tmp_path: Path) -> None:
     shutil.copytree(FOLDER / "starter", tmp_path, dirs_exist_ok=True)
     shutil.copytree(REFERENCE, tmp_path, dirs_exist_ok=True)
-    speeds = [touchdown_mps(tmp_path / "smooth.py", seed) for seed in range(SEEDS)]
+    speeds = [touchdown_mps(tmp_path / "smooth.py", seed) for seed in range(count)]
     assert LIMIT_MPS > MEAN_MPS + 5.0 * SD_MPS
     assert all(abs(speed - MEAN_MPS) < 4.0 * SD_MPS for speed in speeds)
-    if SEEDS >= 50:
+    if count >= 50:
         assert fmean(speeds) + 5.0 * pstdev(speeds) < LIMIT_MPS
 
 

@@ -1,7 +1,6 @@
 """The lab "perception drop-in": its page, its reference with all points, and wrong ones, each with its own loss."""
 
 import math
-import os
 import shutil
 import sys
 from collections.abc import Callable
@@ -20,9 +19,6 @@ from tests.assignments.perception_drop_in.mistakes import MISTAKES
 LAB = "06_perception_drop_in"
 FOLDER = Path(__file__).parents[2] / "assignments" / LAB
 HERE = Path(__file__).parent / "perception_drop_in"
-# Of flights, and of scenes of each kind. Fifty of each, in some ten minutes, kept these margins:
-# SNR_SEEDS=50 python -m pytest -k margin tests/assignments/test_perception_drop_in.py
-SEEDS = int(os.environ.get("SNR_SEEDS", "1"))
 KINDS = ("clear", "murky", "covered", "cluttered", "lost", "lost among clutter")
 
 
@@ -39,7 +35,8 @@ def test_the_reference_gets_all_points_on_hidden_cases_too(mark: Callable[..., A
     assert mark(LAB, is_hidden=True) == ({}, "")
 
 
-@pytest.mark.parametrize("seed", range(100, 100 + SEEDS))
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [100, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(101, 150))])
 def test_the_reference_has_a_margin_in_flight(seed: int) -> None:
     controller = str(HERE / "reference" / "perception.py")
     simulation = prepare(Request(str(FOLDER / "hover.py"), seed=seed, controller=controller))
@@ -48,12 +45,14 @@ def test_the_reference_has_a_margin_in_flight(seed: int) -> None:
     assert result.metrics["near_share"] > 0.95  # 0.8 is asked for
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [1, pytest.param(50, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_reference_has_a_margin_in_pictures(kind: str) -> None:
+def test_the_reference_has_a_margin_in_pictures(kind: str, count: int) -> None:
     library.load_robot(library.find("robots", "urov"))
     find_plate = load_controller(library.find("robots", "urov"), str(HERE / "reference" / "perception.py")).find_plate
     checks = sys.modules[find_lab(LAB).checks[0].function.__module__]
-    for seed in range(500, 500 + SEEDS):
+    for seed in range(500, 500 + count):
         for shot in checks.shots(checks.Scene(kind, seed)):
             found = find_plate(shot.rgb)
             assert (found is None) == (shot.off_px is None)

@@ -1,6 +1,5 @@
 """The lab "pub-sub graph": its page, its reference with all points, and wrong ones, each with its own loss."""
 
-import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -19,7 +18,6 @@ from tests.assignments.pub_sub_graph.mistakes import MISTAKES
 LAB = "04_pub_sub_graph"
 PAGE = Path(__file__).parents[2] / "assignments" / LAB / "README.md"
 HERE = Path(__file__).parent / "pub_sub_graph"
-SEEDS = int(os.environ.get("SNR_SEEDS", "1"))  # of turns of each kind; 50 take three minutes
 # What a grading goes by, four flights with four limits each, may go wrong once in 10 000 gradings.
 DEVIATIONS = -NormalDist().inv_cdf(1e-4 / 16)
 LIMITS = {
@@ -45,6 +43,7 @@ def test_the_reference_gets_all_points_on_hidden_cases_too(mark: Callable[..., A
     assert mark(LAB, is_hidden=True) == ({}, "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("mistake", "says"),
     [
@@ -63,14 +62,15 @@ def test_who_is_asked_to_turn_gently_and_does_not_is_told(mistake: str, says: st
     assert (verdict.fraction, says in verdict.hint) == (0.0, True)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [1, pytest.param(50, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize("heading", ["plain", "gentle"])
-def test_the_reference_has_a_margin_in_each_turn(heading: str) -> None:
-    """For all that was measured: SNR_SEEDS=50 python -m pytest tests/assignments/test_pub_sub_graph.py -k margin."""
-    found = [turn(heading, seed) for seed in range(100, 100 + SEEDS)]
+def test_the_reference_has_a_margin_in_each_turn(heading: str, count: int) -> None:
+    found = [turn(heading, seed) for seed in range(100, 100 + count)]
     for name, limit in LIMITS.items():
         values = [one[name] for one in found]
         assert max(values) < 0.8 * limit, name
-        if SEEDS >= 50:
+        if count >= 50:
             assert limit > fmean(values) + DEVIATIONS * pstdev(values), name
 
 

@@ -1,7 +1,6 @@
 """The lab "sim to Pi": what its pages tell a student to type works, and its reference holds and is safe."""
 
 import math
-import os
 import re
 import shutil
 from collections.abc import Callable
@@ -26,7 +25,6 @@ from tests.assignments.sim_to_pi.mistakes import MISTAKES
 ROOT = Path(__file__).parents[2]
 NAME = "08_sim_to_pi"
 LAB = ROOT / "assignments" / NAME
-SEEDS = int(os.environ.get("SNR_SEEDS", "1"))  # of flights; 50 take a minute and a half, and have it
 REFERENCE = Path(__file__).parent / "sim_to_pi" / "reference" / "depth_hold.py"
 DISARMED = {"number": 1, "is_armed": False, "is_stop": False, "clears_stop": False, "depth_m": None}
 ARMED = {**DISARMED, "is_armed": True, "depth_m": 3.0}
@@ -50,7 +48,8 @@ def test_the_reference_gets_all_points_on_hidden_cases_too(mark: Callable[..., A
     assert mark(NAME, is_hidden=True) == ({}, "")
 
 
-@pytest.mark.parametrize("seed", range(200, 200 + SEEDS))
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [200, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(201, 250))])
 def test_the_reference_has_a_margin_in_simulation(seed: int) -> None:
     simulation = prepare(Request("urov_depth_hold", seed=seed, controller=str(REFERENCE)))
     plant = simulation.plant()
@@ -93,6 +92,7 @@ def test_the_starter_fails_politely(mark: Callable[..., Any]) -> None:
     assert "are the pulses beyond the dead band" in found.told
 
 
+@pytest.mark.slow
 def test_missing_packages_of_the_emulator_are_no_fault_of_the_student(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*args: Any) -> None:
         raise ToolsMissing("The emulated microcontroller needs gcc-avr.", fix="apt install gcc-avr")

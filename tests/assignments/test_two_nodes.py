@@ -1,6 +1,5 @@
 """The lab "two nodes": its page, its reference with all points, and wrong ones, each with its own loss."""
 
-import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -16,7 +15,6 @@ LAB = "07_two_nodes"
 PAGE = Path(__file__).parents[2] / "assignments" / LAB / "README.md"
 HERE = Path(__file__).parent / "two_nodes"
 # Measured over 36 seeds: at most 0.07 N where 0.5 N are allowed, and 97 % of the time pushed where 90 % are asked for.
-SEEDS = int(os.environ.get("SNR_SEEDS", "1"))  # of flights on each kind of link; 50 take two minutes, and have it
 KINDS = 5
 FLIGHTS = ("lost_and_overtaken", "late", "cut", "narrow", "gone", "watches")
 TRIED = {  # flights that each mistake is tried in: the one that shows it, and some that it passes
@@ -48,7 +46,10 @@ def test_the_reference_gets_all_points_on_hidden_cases_of_each_end(mark: Callabl
     assert mark(LAB, is_hidden=True) == ({}, "")
 
 
-@pytest.mark.parametrize("seed", [7, 9] if SEEDS == 1 else range(KINDS, KINDS * SEEDS))
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "seed", [7, 9, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(KINDS, KINDS * 50))]
+)
 def test_the_reference_has_a_margin_on_every_link(seed: int) -> None:
     controller = str(HERE / "reference" / "two_nodes.py")
     simulation = prepare(Request("urov_bad_link", seed=seed, controller=controller))

@@ -6,6 +6,10 @@ import json
 import subprocess
 import sys
 
+import pytest
+
+pytestmark = pytest.mark.slow
+
 
 def snr_bench(*words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(

@@ -41,6 +41,7 @@ def lab(here: Path) -> Path:
     return lab
 
 
+@pytest.mark.slow
 def test_a_lab_is_begun_tried_and_said_to_be_practice(here: Path, lab: Path, snr: Any) -> None:
     begun = snr("new", "lab", "doubling")
     assert (begun.status, begun.err) == (0, "")
@@ -75,6 +76,7 @@ def test_a_lab_is_begun_in_a_folder_of_ones_choice_with_its_page_and_pictures(he
     assert snr("new", "robot", "crab", "elsewhere").status == 2
 
 
+@pytest.mark.slow
 def test_a_flight_that_failed_is_kept_and_replays_and_one_that_succeeded_is_not(
     here: Path, lab: Path, snr: Any
 ) -> None:
@@ -90,6 +92,7 @@ def test_a_flight_that_failed_is_kept_and_replays_and_one_that_succeeded_is_not(
     assert not run.exists()
 
 
+@pytest.mark.slow
 def test_json_is_the_whole_record(here: Path, lab: Path, snr: Any) -> None:
     (here / "mine.py").write_text(WRONG)
     answer = snr("check", "doubling", "--json")
@@ -110,6 +113,7 @@ def test_what_is_missing_is_told_with_what_to_do(here: Path, lab: Path, snr: Any
     assert "mine.py is a file, not a folder" in snr("check", "doubling", "mine.py").err
 
 
+@pytest.mark.slow
 def test_why_checks_were_not_tried_is_said_once_for_all_of_them(here: Path, lab: Path, snr: Any) -> None:
     stays = '@check(points=30, needs=["doubles"])\ndef stays(student: Student) -> Verdict:\n    """Stays."""\n'
     stays += "    return passed()"
@@ -121,6 +125,7 @@ def test_why_checks_were_not_tried_is_said_once_for_all_of_them(here: Path, lab:
     assert "    Lands.\n    Stays.\n" in said
 
 
+@pytest.mark.slow
 def test_a_lab_that_fails_by_itself_is_not_the_students_fault(here: Path, lab: Path, snr: Any) -> None:
     (here / "mine.py").write_text(FALLS)
     (lab / "checks.py").write_text(CHECKS.replace('"lander_vertical"', '"lander_nowhere"'))
@@ -129,6 +134,7 @@ def test_a_lab_that_fails_by_itself_is_not_the_students_fault(here: Path, lab: P
     assert "lander_nowhere" in answer.err
 
 
+@pytest.mark.slow
 def test_what_goes_wrong_in_the_same_way_in_several_cases_is_told_once(lab: Path, snr: Any) -> None:
     (lab / "checks.py").write_text(CHECKS.replace("visible=[2]", "visible=[2, 3]"))
     (lab / "starter" / "mine.py").write_text("def double(x):\n    return 1 / 0\n")

@@ -41,6 +41,7 @@ def port(token: str | None) -> Iterator[int]:
     assert not thread.is_alive()
 
 
+@pytest.mark.slow
 def test_a_command_is_carried_out_and_its_answer_printed(snr: Snr, port: int) -> None:
     stored = snr("console", f"127.0.0.1:{port}", "store", "depth_m", "-1.5")
     assert (stored.status, stored.out, stored.err) == (0, "depth_m = -1.5 is stored.\n", "")
@@ -48,12 +49,14 @@ def test_a_command_is_carried_out_and_its_answer_printed(snr: Snr, port: int) ->
     assert "part" in snr("console", port, "list").out
 
 
+@pytest.mark.slow
 def test_a_refused_command_is_status_1_and_words_on_stderr(snr: Snr, port: int) -> None:
     answer = snr("console", port, "stroe", "x", "1")
     assert (answer.status, answer.out) == (1, "")
     assert "did you mean 'store'" in answer.err
 
 
+@pytest.mark.slow
 def test_json_is_one_object_with_all_answers(snr: Snr, port: int, monkeypatch: pytest.MonkeyPatch) -> None:
     (one,) = snr("console", port, "--json", "store", "y", "[1, null]").json["answers"]
     assert one == {"text": "y = [1, null] is stored.", "data": {"store": "y"}, "is_error": False}
@@ -64,12 +67,14 @@ def test_json_is_one_object_with_all_answers(snr: Snr, port: int, monkeypatch: p
     assert answer.json["answers"][0]["data"]["data"] == [1, None]
 
 
+@pytest.mark.slow
 def test_commands_come_from_a_pipe_too(snr: Snr, port: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO("store z 1\ndump z\n"))
     answer = snr("console", port)
     assert (answer.status, answer.out.count("\n")) == (0, 2)
 
 
+@pytest.mark.slow
 def test_a_watch_goes_on_until_the_node_ends(snr: Snr, port: int, capfd: pytest.CaptureFixture[str]) -> None:
     printed: list[str] = []
 
@@ -90,6 +95,7 @@ def test_a_watch_goes_on_until_the_node_ends(snr: Snr, port: int, capfd: pytest.
     assert "".join([*printed, answer.out]).count("beat = ") >= 2
 
 
+@pytest.mark.slow
 def test_nobody_there_is_status_2_and_says_what_to_do(snr: Snr) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         free = other.getsockname()[1]
@@ -105,6 +111,7 @@ def test_what_is_no_address_is_status_2(snr: Snr, address: str) -> None:
     assert "HOST:PORT" in answer.err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("token", [TOKEN])
 def test_the_token_comes_from_a_file_or_a_variable(
     snr: Snr, port: int, here: Path, monkeypatch: pytest.MonkeyPatch
@@ -121,6 +128,7 @@ def test_the_token_comes_from_a_file_or_a_variable(
     assert snr("console", port, "--token-file", "none.txt", "list").status == 2
 
 
+@pytest.mark.slow
 def test_a_run_with_a_console_can_be_steered_and_its_replay_needs_none(snr: Snr, here: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         free = other.getsockname()[1]

@@ -6,6 +6,8 @@ import pytest
 
 from snr_sim.cli.in_notebook import snr
 
+pytestmark = pytest.mark.slow
+
 
 def test_a_command_prints_what_it_says_and_returns_its_status(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

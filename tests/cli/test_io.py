@@ -374,6 +374,7 @@ def pulses(made: Path) -> list[float]:
     return [float(line) for line in made.read_text().split()] if made.exists() else []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ends", "status"),
     [(signal.SIGINT, 130), (signal.SIGTERM, 143), ("x", 0), ("", 0)],
@@ -396,6 +397,7 @@ def test_whatever_ends_a_move_the_last_pulse_is_neutral(
     assert max(pulses(made)) <= top_us()
 
 
+@pytest.mark.slow
 def test_without_the_right_words_nothing_is_armed(terminal: Callable[..., Terminal], made: Path) -> None:
     snr = terminal("--move", "pwm0")
     snr.until(lambda: "to go on:" in snr.said)
@@ -405,6 +407,7 @@ def test_without_the_right_words_nothing_is_armed(terminal: Callable[..., Termin
     assert set(pulses(made)) <= {1500.0}
 
 
+@pytest.mark.slow
 def test_in_a_pipe_it_prints_lines(made: Path, here: Path) -> None:
     command = [sys.executable, "-m", "snr_sim", "io", "bench", "--io", "pi", "--seconds", "0.1"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)

@@ -57,6 +57,7 @@ def hand_in(folder: Path, factor: int) -> Path:
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [2, 3])
 def test_a_lab_is_checked_whatever_its_cases_and_hints_are_called(lab: Path, tmp_path: Path, factor: int) -> None:
     folder = hand_in(tmp_path / "mine", factor)

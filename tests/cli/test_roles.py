@@ -170,6 +170,7 @@ def test_a_vehicle_that_falls_silent_is_missed_at_the_surface_within_a_second(
     assert awake_s(trace, heard_s, missed_s) < 1.0
 
 
+@pytest.mark.slow
 def test_the_surface_shows_what_it_hears_and_ends_when_the_vehicles_role_has_finished(here: Path, start: Start) -> None:
     urov, topside = start("urov"), start("topside")
     wait_for_page(here / "topside", "vehicle", '"rules":"pilot"', topside)
@@ -187,6 +188,7 @@ def with_secret(here: Path, name: str, secret: str) -> tuple[str, str]:
     return "--option", f"secret={name}"
 
 
+@pytest.mark.slow
 def test_two_ends_with_one_secret_meet_and_the_run_replays_without_it(here: Path, start: Start) -> None:
     urov = start("urov", *with_secret(here, "below.txt", "known to both of these ends"))
     topside = start("topside", *with_secret(here, "above.txt", "known to both of these ends"))
@@ -200,6 +202,7 @@ def test_two_ends_with_one_secret_meet_and_the_run_replays_without_it(here: Path
     assert replayed.is_identical
 
 
+@pytest.mark.slow
 def test_two_ends_with_different_secrets_both_say_so_and_what_to_type(here: Path, start: Start) -> None:
     urov = start("urov", *with_secret(here, "below.txt", "known to the vehicle alone"))
     topside = start("topside", *with_secret(here, "above.txt", "known to the surface alone"))
@@ -248,6 +251,7 @@ def test_an_option_that_is_given_twice_is_told_with_both_values(snr: Any, here: 
     assert list(here.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_person_flies_in_real_time_also_without_asking_for_it(snr: Any, here: Path) -> None:
     ends = DASH.replace(
         "is_over = plant.pushed_s is not None and plant.time_s > plant.pushed_s + 0.6", "is_over = plant.time_s > 0.5"
@@ -274,6 +278,7 @@ def test_a_port_that_is_none_is_refused(snr: Any, port: str) -> None:
     assert "port" in answer.err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [("--role", "urov", "--option", "port={}"), ("--console", "{}")])
 def test_a_port_that_is_taken_is_told_before_there_is_a_run(snr: Any, here: Path, words: tuple[str, ...]) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
@@ -287,6 +292,7 @@ def test_a_port_that_is_taken_is_told_before_there_is_a_run(snr: Any, here: Path
     assert list(here.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_run_that_comes_to_nothing_lets_go_of_its_port(snr: Any, here: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]

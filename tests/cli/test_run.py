@@ -74,6 +74,7 @@ def test_the_same_seed_gives_the_same_digest_and_another_one_another(snr: Snr) -
     assert digests[0] == digests[1] != digests[2]
 
 
+@pytest.mark.slow
 def test_the_digest_is_the_same_in_another_process_with_another_hash_seed(snr: Snr, here: Path) -> None:
     mine = snr("run", "lander_pad", "--no-rrd", "--json", "--seed", 7).json["trace_digest"]
     for hash_seed in ("1", "2"):
@@ -394,6 +395,7 @@ MISBEHAVING = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", MISBEHAVING)
 @pytest.mark.parametrize("place", ["at load", "in a handler"])
 def test_a_controller_that_prints_closes_or_moves_away_costs_neither_json_nor_files(
@@ -435,6 +437,7 @@ EDITS_ITSELF = """
 """
 
 
+@pytest.mark.slow
 def test_a_watched_run_takes_an_edited_controller_and_its_replay_says_so(snr: Snr, here: Path, mine: Mine) -> None:
     mine((WIRED, EDITS_ITSELF + WIRED))
     answer = snr("run", "lander_low_gate", "--controller", "./mine.py", "--speed", "100", "--watch", "--no-rrd")

@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -67,6 +67,7 @@ def test_a_run_ends_in_order_at_a_signal_at_any_moment(here: Path, mine: Mine) -
     assert took_s[-1] < 3.0  # it would sleep for 30
 
 
+@pytest.mark.slow
 def test_a_handler_that_never_returns_is_named_with_its_line_and_its_run_replays(here: Path, mine: Mine) -> None:
     stuck = "        if self.ticks == 5:\n            open('stuck', 'w').close()\n"
     spins = mine((WIRED, f"{stuck}        while self.ticks == 5:\n            pass  # for ever\n{WIRED}"))
@@ -90,56 +91,86 @@ def test_a_handler_that_never_returns_is_named_with_its_line_and_its_run_replays
     assert replayed.returncode == 0, replayed.stdout
 
 
-def signalled_in(phase: str, kind: str, *words: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, Path(__file__).with_name("phased.py"), kind, phase, "run", "lander_vertical", *words]
-    return subprocess.run(command, capture_output=True, text=True, timeout=100)
-
-
 EARLY = [
     ("cli/main.py:<module>", "SIGINT"), ("typer/main.py:<module>", "SIGTERM"), ("cli/main.py:main", "SIGINT"),
     ("snr_sim/simulation.py:<module>", "SIGTERM"), ("snr_sim/simulation.py:prepare", "SIGINT"),
     ("library.py:load_controller", "SIGTERM"), ("trace.py:__init__", "SIGINT"), ("flight.py:__init__", "SIGTERM"),
     ("interrupts.py:orderly", "SIGINT"),
 ]  # fmt: skip
+FIRST_TICK = [("flight.py:run", "SIGINT"), ("node.py:begin", "SIGTERM"), ("lander_1d.py:step", "SIGINT")]
+AFTERWARDS = [
+    ("view.py:write_view", "SIGTERM", 0),
+    ("run.py:_say", "SIGINT", 130),
+    ("run.py:_write_view", "SIGTERM", 143),
+]
 
 
+class Signalled(NamedTuple):
+    """How a run of `snr` ended that got a signal, and the folder it ran in."""
+
+    folder: Path
+    status: int
+    out: str
+    err: str
+
+
+@pytest.fixture(scope="module")
+def signalled(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Signalled]:
+    """Return a function that tells how the run ended that got its signal in a phase; one process goes through all."""
+    place = tmp_path_factory.mktemp("signalled")
+    jobs = [[*case, "run", "lander_vertical"] for case in EARLY]
+    jobs += [[*case, "run", "lander_vertical", "--json"] for case in FIRST_TICK]
+    jobs += [[phase, kind, "run", "lander_vertical"] for phase, kind, _ in AFTERWARDS]
+    program = Path(__file__).with_name("phased.py")
+    command = [sys.executable, program, place]
+    done = subprocess.run(command, input=json.dumps(jobs), capture_output=True, text=True, timeout=1000)
+    assert done.returncode == 0, done.stderr
+    rows = json.loads(done.stdout)
+    ended = {
+        job[0]: Signalled(place / str(i), row["status"], row["out"], row["err"])
+        for i, (job, row) in enumerate(zip(jobs, rows, strict=True))
+    }
+    return ended.__getitem__
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("phase", "kind"), EARLY)
 def test_a_signal_before_anything_has_begun_ends_it_in_a_word_and_leaves_nothing(
-    here: Path, phase: str, kind: str
+    signalled: Callable[[str], Signalled], phase: str, kind: str
 ) -> None:
-    done = signalled_in(phase, kind)
-    assert (done.returncode, done.stdout, done.stderr) == ({"SIGINT": 130, "SIGTERM": 143}[kind], "", "Stopped.\n")
-    assert not (here / "runs").exists()
+    done = signalled(phase)
+    assert (done.status, done.out, done.err) == ({"SIGINT": 130, "SIGTERM": 143}[kind], "", "Stopped.\n")
+    assert not (done.folder / "runs").exists()
 
 
-@pytest.mark.parametrize(
-    ("phase", "kind"), [("flight.py:run", "SIGINT"), ("node.py:begin", "SIGTERM"), ("lander_1d.py:step", "SIGINT")]
-)
-def test_a_signal_at_the_first_tick_ends_the_run_in_order(here: Path, phase: str, kind: str) -> None:
-    done = signalled_in(phase, kind, "--json")
-    fields = json.loads(done.stdout)
-    assert (done.returncode, fields["outcome"], fields["signal"]) == (1, "interrupted", kind)
-    assert "Traceback" not in done.stderr
-    assert_whole(here / fields["run_dir"], fields)
+@pytest.mark.slow
+@pytest.mark.parametrize(("phase", "kind"), FIRST_TICK)
+def test_a_signal_at_the_first_tick_ends_the_run_in_order(
+    signalled: Callable[[str], Signalled], phase: str, kind: str
+) -> None:
+    done = signalled(phase)
+    fields = json.loads(done.out)
+    assert (done.status, fields["outcome"], fields["signal"]) == (1, "interrupted", kind)
+    assert "Traceback" not in done.err
+    assert_whole(done.folder / fields["run_dir"], fields)
 
 
-@pytest.mark.parametrize(
-    ("phase", "kind", "status"),
-    [("view.py:write_view", "SIGTERM", 0), ("run.py:_say", "SIGINT", 130), ("run.py:_write_view", "SIGTERM", 143)],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("phase", "kind", "status"), AFTERWARDS)
 def test_a_signal_after_the_run_costs_only_what_was_not_yet_written(
-    here: Path, phase: str, kind: str, status: int
+    signalled: Callable[[str], Signalled], phase: str, kind: str, status: int
 ) -> None:
     pytest.importorskip("rerun")
-    done = signalled_in(phase, kind)
-    assert done.returncode == status
-    assert "Traceback" not in done.stderr
-    assert ("Stopped." in done.stderr) is (status > 0)
-    (folder,) = (here / "runs").iterdir()
+    done = signalled(phase)
+    assert done.status == status
+    assert "Traceback" not in done.err
+    assert ("Stopped." in done.err) is (status > 0)
+    (folder,) = (done.folder / "runs").iterdir()
     assert json.loads((folder / RESULT_NAME).read_bytes())["outcome"] == "landed"
     assert not list(folder.glob("part-*"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("room", [2_000, 100_000])
 def test_a_full_disk_stops_the_run_with_a_sentence_and_a_whole_trace(here: Path, room: int) -> None:
     run_limited(10**9, "run", "lander_pad", "--no-rrd", "--out", "first")
@@ -162,6 +193,7 @@ def test_a_full_disk_stops_the_run_with_a_sentence_and_a_whole_trace(here: Path,
     assert replayed.returncode == 0, replayed.stdout
 
 
+@pytest.mark.slow
 def test_a_disk_that_is_full_from_the_first_line_is_told_too(here: Path) -> None:
     done = run_limited(100, "run", "lander_vertical", "--json", "--no-rrd")
     assert done.returncode == 2
@@ -188,6 +220,7 @@ def test_a_result_that_could_not_be_written_is_said_and_the_run_counts(
     assert {path.name for path in folder.iterdir()} <= {FILE_NAME, "view.rrd"}
 
 
+@pytest.mark.slow
 def test_a_disk_without_room_for_the_view_costs_only_the_view(here: Path) -> None:
     pytest.importorskip("rerun")
     run_limited(10**9, "run", "lander_vertical", "--json", "--no-rrd", "--out", "first")

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -26,10 +27,19 @@ VERTICAL = "snr_sim/LanderVertical-v0"
 VERBS = ("run", "replay", "resim", "trace", "view", "list", "new", "check", "doctor", "bench")
 
 
+@pytest.fixture(scope="session")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder in which the run of `flown` is kept, so that it is flown once."""
+    return tmp_path_factory.mktemp("kept")
+
+
 @pytest.fixture
-def flown(snr: Snr, here: Path) -> Path:
+def flown(snr: Snr, here: Path, kept: Path) -> Path:
     """A run of lander_vertical."""
-    return here / str(snr("run", "lander_vertical", "--no-rrd", "--json").json["run_dir"])
+    if not (kept / "runs").exists():
+        snr("run", "lander_vertical", "--no-rrd", "--json", "--out", kept / "runs")
+    (run,) = (kept / "runs").iterdir()
+    return shutil.copytree(run, here / "runs" / run.name)
 
 
 @pytest.fixture
@@ -58,6 +68,7 @@ def test_help_lists_every_verb_and_no_word_at_all_shows_it(snr: Snr) -> None:
     assert snr().status == 2
 
 
+@pytest.mark.slow
 def test_python_m_snr_sim_is_snr(here: Path) -> None:
     for words in (["--help"], ["run", "nothing", "--json"]):
         results = [
@@ -159,6 +170,7 @@ def test_a_check_names_what_asks_the_outside_with_its_line(snr: Snr, here: Path,
     assert (call["file"], call["line"]) == ("mine.py", number)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "line",
     [
@@ -220,6 +232,7 @@ def test_a_trace_that_was_edited_is_said_to_be(snr: Snr, flown: Path) -> None:
     assert snr("replay", flown, "--check").status == 0
 
 
+@pytest.mark.slow
 def test_a_program_without_a_scenario_replays_and_can_be_replayed_with_a_changed_file(snr: Snr, here: Path) -> None:
     program = """
 import sys
@@ -256,6 +269,7 @@ if __name__ == "__main__":
     assert (answer.status, "Changed since the run: program/robot.py" in answer.err) == (1, True)
 
 
+@pytest.mark.slow
 def test_roles_in_processes_are_recorded_side_by_side_and_each_replays(snr: Snr, here: Path) -> None:
     program = """
 from snr_sim import Config, Loop, LoopFactory, TaskType, tasks
@@ -298,6 +312,7 @@ if __name__ == "__main__":
 # view
 
 
+@pytest.mark.slow
 def test_a_picture_of_what_has_no_trace_or_no_body_says_what_to_type(snr: Snr, here: Path, flown: Path) -> None:
     (flown / "replayed.rrd").write_bytes(b"RRF2")
     answer = snr("view", flown / "replayed.rrd", "--png", "a.png")
@@ -383,6 +398,7 @@ def test_an_unknown_kind_or_node_is_told_the_nearest(snr: Snr, flown: Path) -> N
     assert (answer.status, "did you mean 'lander_node'?" in answer.err) == (2, True)
 
 
+@pytest.mark.slow
 def test_a_pipe_that_closes_early_is_no_trouble(here: Path, flown: Path) -> None:
     command = f"{sys.executable} -m snr_sim trace {flown} | head -n 1"
     done = subprocess.run(command, shell=True, capture_output=True, text=True)

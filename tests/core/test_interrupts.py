@@ -40,6 +40,7 @@ def test_weakness_1_nodes_interrupted_at_random_moments_all_halt_in_order_and_so
         assert median(took_s) < 1.0, kind  # a hang holds up all of its kind
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_that_comes_just_before_a_handler_falls_asleep_ends_the_run_all_the_same(
     number: int, capfd: pytest.CaptureFixture[str]
@@ -61,6 +62,7 @@ def test_a_signal_that_comes_just_before_a_handler_falls_asleep_ends_the_run_all
     assert signal.set_wakeup_fd(-1) == -1
 
 
+@pytest.mark.slow
 def test_a_signal_to_a_copy_of_the_process_is_not_taken_for_ours() -> None:
     def fork_and_end(task: Any, task_id: Any) -> Any:
         pid = os.fork()
@@ -80,6 +82,7 @@ def test_a_signal_to_a_copy_of_the_process_is_not_taken_for_ours() -> None:
     assert runner.node.exit_reason == "by itself"
 
 
+@pytest.mark.slow
 def test_a_copy_of_the_process_that_lives_on_holds_up_no_end() -> None:
     copies: list[int] = []
 
@@ -110,6 +113,7 @@ def sends(*numbers: int) -> TickerFactory:
     return TickerFactory(send, "sender", 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 def test_a_signal_is_a_terminate_task_whose_reason_is_its_name(name: str) -> None:
     log: list[str] = []
@@ -122,6 +126,7 @@ def test_a_signal_is_a_terminate_task_whose_reason_is_its_name(name: str) -> Non
     assert log == [name, "halt"]
 
 
+@pytest.mark.slow
 def test_a_signal_ends_all_nodes_of_a_simulated_run() -> None:
     config = Config(factories={"a": [sends(signal.SIGINT)], "b": [TickerFactory()], "c": []})
     runner = SimRunner(config, until_s=100.0)
@@ -130,6 +135,7 @@ def test_a_signal_ends_all_nodes_of_a_simulated_run() -> None:
     assert [node.exit_reason for node in runner.nodes.values()] == ["SIGINT"] * 3
 
 
+@pytest.mark.slow
 def test_what_is_queued_at_a_signal_is_still_finished() -> None:
     handled: list[str] = []
     listener = PartFactory({TaskType.event: lambda task, task_id: handled.append(task.name)})
@@ -142,6 +148,7 @@ def test_what_is_queued_at_a_signal_is_still_finished() -> None:
     assert handled == ["a", "b", "c"]
 
 
+@pytest.mark.slow
 def test_a_second_signal_interrupts_a_component_at_once() -> None:
     halted: list[str] = []
 
@@ -160,6 +167,7 @@ def test_a_second_signal_interrupts_a_component_at_once() -> None:
     assert halted == ["halt"]
 
 
+@pytest.mark.slow
 def test_no_number_of_signals_keeps_motors_from_being_stopped() -> None:
     halted: list[str] = []
 
@@ -188,6 +196,7 @@ def test_a_halt_has_its_own_time_however_long_others_took(monkeypatch: pytest.Mo
     assert halted == ["a", "b", "c"]
 
 
+@pytest.mark.slow
 def test_a_halt_that_never_returns_does_not_keep_others_from_being_halted() -> None:
     halted: list[str] = []
 
@@ -204,6 +213,7 @@ def test_a_halt_that_never_returns_does_not_keep_others_from_being_halted() -> N
     assert time.monotonic() - start_s < 1.0
 
 
+@pytest.mark.slow
 def test_a_component_that_never_returns_is_interrupted_where_it_is_and_named() -> None:
     halted: list[str] = []
 
@@ -223,6 +233,7 @@ def test_a_component_that_never_returns_is_interrupted_where_it_is_and_named() -
     assert halted == ["spinner"]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="this system has no interval timer")
 def test_a_plant_that_never_returns_is_interrupted_too() -> None:
     halted: list[str] = []
@@ -241,6 +252,7 @@ def test_a_plant_that_never_returns_is_interrupted_too() -> None:
     assert halted == ["part"]
 
 
+@pytest.mark.slow
 def test_afterwards_signals_mean_what_they_meant_before() -> None:
     watched = [signal.SIGINT, signal.SIGTERM, signal.SIGALRM]
     before = [signal.getsignal(number) for number in watched]
@@ -249,6 +261,7 @@ def test_afterwards_signals_mean_what_they_meant_before() -> None:
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_in_another_thread_than_the_main_one_a_run_works_without_signals() -> None:
     results: list[Any] = []
 

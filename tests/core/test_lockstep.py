@@ -5,7 +5,7 @@ from fractions import Fraction
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from snr_sim import Config, Node, SimClock, SomeTasks, Task, TaskType, WallClock, tasks
@@ -26,7 +26,6 @@ def ender(after_s: float) -> TickerFactory:
     return TickerFactory(end, "ender", 1.0)
 
 
-@settings(max_examples=25, deadline=None)
 @given(st.floats(0.5, 2000.0))
 def test_tick_k_comes_at_exactly_k_over_the_rate(rate_hz: float) -> None:
     times: list[float] = []
@@ -42,6 +41,7 @@ def test_tick_k_comes_at_exactly_k_over_the_rate(rate_hz: float) -> None:
     assert abs(Fraction(times[-1]) - exact) <= exact * Fraction(2) ** -52  # no drift: rounded once
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clock", [SimClock, WallClock])
 def test_a_loop_may_say_itself_when_its_next_tick_is_to_come(clock: type) -> None:
     moments_s = [0.0, 0.001, 0.01, 0.01, 0.05]
@@ -224,6 +224,7 @@ def test_a_failure_in_one_node_halts_all() -> None:
     assert halted == ["a", "b", "c"]
 
 
+@pytest.mark.slow
 def test_student_code_gives_the_same_pages_in_lock_step_and_on_threads() -> None:
     def pages(clock: Any) -> list[Any]:
         stored: list[Any] = []

@@ -28,6 +28,7 @@ def test_what_can_be_read_is_served_on_the_thread_that_waits() -> None:
     assert served == [(b"x", threading.get_ident())]
 
 
+@pytest.mark.slow
 def test_a_task_from_another_thread_ends_the_wait_also_while_descriptors_are_watched() -> None:
     door, (near, far) = Door(), socket.socketpair()
     received = []
@@ -44,6 +45,7 @@ def test_a_task_from_another_thread_ends_the_wait_also_while_descriptors_are_wat
     assert received == [str(i) for i in range(10_000)]
 
 
+@pytest.mark.slow
 def test_whoever_waits_already_when_watching_begins_waits_for_that_too() -> None:
     door, (near, far) = Door(), socket.socketpair()
     served = threading.Event()
@@ -67,6 +69,7 @@ def test_whoever_waits_already_when_watching_begins_waits_for_that_too() -> None
         door.close()
 
 
+@pytest.mark.slow
 def test_two_who_begin_watching_at_one_moment_are_both_served(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two links that come up together, each on its thread: the second comes while the first one is at it."""
     door, (near, far), (other_near, other_far) = Door(), socket.socketpair(), socket.socketpair()

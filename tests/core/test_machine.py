@@ -74,6 +74,7 @@ def test_terminate_passes_everything_that_is_queued(make: Make) -> None:
     assert count_at_end == [1]
 
 
+@pytest.mark.slow
 def test_a_terminate_task_from_another_thread_ends_a_node_that_is_busy_for_ever() -> None:
     node = MACHINES["on the wall clock"](
         [PartFactory({TaskType.event: lambda task, task_id: task}), starts_with(tasks.event("again"))]
@@ -190,6 +191,7 @@ def test_time_stands_still_while_one_task_is_handled() -> None:
     assert len(set(times)) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 10])
 def test_pages_stored_just_before_the_end_are_still_processed(make: Make, count: int) -> None:
     processed: list[int] = []
@@ -231,6 +233,7 @@ def test_at_the_end_a_task_that_asks_for_itself_is_cut_off_and_the_run_says_so(m
     assert node.notes[0].startswith("The node ended with 1 tasks undone")
 
 
+@pytest.mark.slow
 def test_a_fast_loop_is_not_taken_for_tasks_that_keep_scheduling() -> None:
     node = MACHINES["on the wall clock"](
         [

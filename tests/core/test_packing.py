@@ -95,6 +95,7 @@ def run_program(text: str, *words: str, folder: Path, how: tuple[str, ...] = ("r
     return done.returncode, done.stdout, done.stderr
 
 
+@pytest.mark.slow
 def test_a_robot_that_was_loaded_by_path_is_loaded_from_there_with_its_neighbours(robot: Any) -> None:
     node = Node("robot", Config(Mode.TEST, {"robot": [*robot.roles()["robot"], TimeoutLoopFactory(seconds=60)]}))
     node.loop()
@@ -102,6 +103,7 @@ def test_a_robot_that_was_loaded_by_path_is_loaded_from_there_with_its_neighbour
     assert node.get_data("lens") == "fisheye"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [("robot.py",), ("-m", "robot")])
 def test_what_the_program_itself_defines_is_found_without_running_it_again(
     how: tuple[str, ...], tmp_path: Path
@@ -113,6 +115,7 @@ def test_what_the_program_itself_defines_is_found_without_running_it_again(
     assert out.endswith("['--fast']\n")
 
 
+@pytest.mark.slow
 def test_a_program_that_starts_again_wherever_it_is_read_is_told_what_it_lacks(tmp_path: Path) -> None:
     status, _, err = run_program(PROGRAM + "main()\n", folder=tmp_path)
     assert status == 1
@@ -120,6 +123,7 @@ def test_a_program_that_starts_again_wherever_it_is_read_is_told_what_it_lacks(t
     assert "if __name__ == '__main__':" in err
 
 
+@pytest.mark.slow
 def test_what_is_defined_at_a_prompt_is_told_to_go_into_a_file(tmp_path: Path) -> None:
     status, _, err = run_program("", folder=tmp_path, how=("-c", PROGRAM + "main()\n"))
     assert status == 1

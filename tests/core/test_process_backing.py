@@ -46,6 +46,7 @@ def ends_at(key: str, name: str = "listener") -> PartFactory:
     return PartFactory({(TaskType.store_page, key): lambda task, task_id: tasks.terminate(key)}, name)
 
 
+@pytest.mark.slow
 def test_a_loop_runs_in_another_process_with_the_nodes_role_and_time() -> None:
     before_s = time.monotonic()
     node = run(loops.StepsFactory(loops.say_where))
@@ -70,6 +71,7 @@ def test_a_backing_that_does_not_exist_is_refused() -> None:
         run(loops.StepsFactory(loops.nothing, backing="proces"))
 
 
+@pytest.mark.slow
 def test_ticks_and_lateness_and_times_reach_the_node_also_from_a_process_that_stopped_itself() -> None:
     node = node_of(loops.StepsFactory(loops.note_thread), ends_at("count"), mode=Mode.DEBUG)
     node.components["listener"].task_handlers = {  # type: ignore[misc]
@@ -86,6 +88,7 @@ def test_ticks_and_lateness_and_times_reach_the_node_also_from_a_process_that_st
     assert node.components["worker"].is_terminated()  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", ["setup", "loop", "halt", "terminate"])
 def test_an_exception_in_the_process_is_the_loops_failure_with_the_students_line_first(step: str) -> None:
     halted: list[str] = []
@@ -103,6 +106,7 @@ def test_an_exception_in_the_process_is_the_loops_failure_with_the_students_line
     assert halted == ["motor"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("crash", "said"),
     [
@@ -124,6 +128,7 @@ def test_a_crash_of_the_process_is_an_error_of_the_loop(crash: str, said: str) -
     assert halted == ["motor"]
 
 
+@pytest.mark.slow
 def test_a_killed_process_is_noticed_although_somebody_it_forked_holds_its_line(tmp_path: Path) -> None:
     told = tmp_path / "told"
     node = node_of(loops.StepsFactory(loops.start_another, str(told)))
@@ -134,6 +139,7 @@ def test_a_killed_process_is_noticed_although_somebody_it_forked_holds_its_line(
     assert time.monotonic() - start_s < 50.0  # it sleeps for 60
 
 
+@pytest.mark.slow
 def test_halt_and_terminate_are_called_in_the_process_and_only_there(tmp_path: Path) -> None:
     told = tmp_path / "told"
     run(loops.StepsFactory(loops.end, str(told), halt=loops.write_halt, terminate=loops.write_terminate))
@@ -155,6 +161,7 @@ def test_a_loop_that_hangs_is_halted_from_outside_and_does_not_hold_up_the_end(t
     assert any(is_halted() for _ in range(4))
 
 
+@pytest.mark.slow
 def test_a_process_that_cannot_even_be_asked_is_killed_and_the_run_says_so() -> None:
     node = node_of(loops.StepsFactory(loops.hang_in_c), ends_at("pid"))
     node.loop()
@@ -182,6 +189,7 @@ def test_loops_in_processes_end_together_and_not_one_after_the_other(tmp_path: P
     assert median(later - earlier for earlier, later in pairwise(begun_s)) < 0.25 / 2
 
 
+@pytest.mark.slow
 def test_large_arrays_arrive_whole_and_in_order_through_shared_memory() -> None:
     node = run(loops.StepsFactory(loops.store_array))
     for i in range(20):
@@ -192,6 +200,7 @@ def test_large_arrays_arrive_whole_and_in_order_through_shared_memory() -> None:
         assert data["small"].tolist() == [0.5, i]
 
 
+@pytest.mark.slow
 def test_pages_that_the_loop_asks_for_reach_it_with_the_one_before_and_whatever_their_size() -> None:
     expected = {"sum": 6e5, "before": 6e5}
 
@@ -206,16 +215,19 @@ def test_pages_that_the_loop_asks_for_reach_it_with_the_one_before_and_whatever_
     assert node.get_data("answer") == expected
 
 
+@pytest.mark.slow
 def test_a_page_whose_name_is_no_text_is_not_there_as_in_any_loop() -> None:
     assert run(loops.StepsFactory(loops.ask_for_seven)).get_data("answer") == "none"
 
 
+@pytest.mark.slow
 def test_an_object_that_cannot_leave_the_process_is_told_at_the_students_line() -> None:
     with pytest.raises(ComponentFailed, match="store_page 'frame' holds an object that cannot leave it") as caught:
         run(loops.StepsFactory(loops.store_object))
     assert 'loop.store_data("frame", Frame())' in str(caught.value).splitlines()[0]
 
 
+@pytest.mark.slow
 def test_what_the_loop_logs_is_logged_by_the_node(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING, "snr"):
         run(loops.StepsFactory(loops.log_something))
@@ -236,6 +248,7 @@ def test_what_cannot_be_sent_to_a_process_is_named_when_the_node_begins(given: A
     assert "top level" in str(caught.value) or "setup()" in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_node_that_ends_while_its_process_still_starts_does_not_wait_for_it(tmp_path: Path) -> None:
     told, gate = tmp_path / "told", tmp_path / "gate"
     os.mkfifo(gate)  # nobody ever opens it to write: the process starts for ever
@@ -246,6 +259,7 @@ def test_a_node_that_ends_while_its_process_still_starts_does_not_wait_for_it(tm
     assert node.notes == []
 
 
+@pytest.mark.slow
 def test_a_loop_in_a_process_can_be_removed_and_made_anew_while_its_node_runs() -> None:
     pids: list[int] = []
     factory = loops.StepsFactory(loops.store_pid)
@@ -263,6 +277,7 @@ def test_a_loop_in_a_process_can_be_removed_and_made_anew_while_its_node_runs() 
     assert [taps for taps in core.taps.values() if taps] == []  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 def test_no_descriptor_and_no_thread_is_left_behind() -> None:
     run(loops.StepsFactory(loops.store_array))  # what is made once stays
     before, threads = len(os.listdir("/proc/self/fd")), threading.active_count()

@@ -307,6 +307,7 @@ def run_on_the_wall_clock(factory: Any, *steps: Callable[[], Any]) -> Node:
     return node
 
 
+@pytest.mark.slow
 def test_a_loop_on_a_thread_reloads_too(student: Student) -> None:
     factory = student.load(LOOP).CounterFactory()
     node = run_on_the_wall_clock(factory, reload(student, LOOP.replace("+= 1", "+= 100"), "counter"))
@@ -316,6 +317,7 @@ def test_a_loop_on_a_thread_reloads_too(student: Student) -> None:
     assert "counter" not in [thread.name for thread in threading.enumerate()]
 
 
+@pytest.mark.slow
 def test_a_loop_whose_new_setup_fails_on_its_thread_goes_on_with_the_old_one(student: Student) -> None:
     factory = student.load(LOOP).CounterFactory()
     broken = LOOP.replace('self.factory.log.append("setup")', "self.port.open()").replace(
@@ -350,6 +352,7 @@ PROCESS_LOOP = """
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("setup", "said"),
     [("self.lens.open()", "self.lens.open()"), ("os._exit(3)", "status 3"), ("exit('no lens')", "no lens")],
@@ -375,6 +378,7 @@ def test_a_loop_whose_new_setup_fails_in_its_process_goes_on_with_the_old_one(
     assert said in outcome(node)["message"]
 
 
+@pytest.mark.slow
 def test_a_loop_in_a_process_reloads_too(student: Student) -> None:
     def on_page(task: Task, task_id: Any) -> Any:
         if task.val_list[0].data[0] == "new":
@@ -388,6 +392,7 @@ def test_a_loop_in_a_process_reloads_too(student: Student) -> None:
     assert (node.exit_reason, outcome(node)["ok"]) == ("done", True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("halt", "said"),
     [
@@ -421,6 +426,7 @@ def test_a_process_that_fails_while_its_loop_is_taken_out_is_told_and_the_node_g
     assert any(said in note for note in node.notes)
 
 
+@pytest.mark.slow
 def test_a_loop_in_a_process_reloads_while_a_helper_it_imports_is_half_typed(student: Student) -> None:
     def on_page(task: Task, task_id: Any) -> Any:
         if task.val_list[0].data[0] == "new helper":
@@ -441,6 +447,7 @@ def test_a_loop_in_a_process_reloads_while_a_helper_it_imports_is_half_typed(stu
     assert (node.exit_reason, outcome(node)["ok"]) == ("done", True), outcome(node)["message"]
 
 
+@pytest.mark.slow
 def test_a_removed_loop_whose_halt_fails_on_its_thread_leaves_the_others_alone(student: Student) -> None:
     loop = TickerFactory(lambda loop: loop.store_data("thrust", 1), halt=lambda loop: loop.missing())
     node = run_on_the_wall_clock(loop, lambda: [tasks.remove_component("ticker"), tasks.finish("done")])

@@ -90,6 +90,7 @@ def test_when_no_slot_gets_free_an_array_goes_as_text_and_is_as_right(way: Way) 
     assert b'"shared"' in way.send(arrays[0])  # there are free ones again
 
 
+@pytest.mark.slow
 def test_a_sender_waits_a_moment_for_a_slot_that_is_being_emptied(way: Way) -> None:
     sent = [way.send(np.full(LARGE, float(i))) for i in range(SLOTS)]
     thread = threading.Timer(0.01, way.receive, [sent[0]])

@@ -175,6 +175,7 @@ def test_a_loop_that_is_hurried_no_more_goes_on_at_its_rate() -> None:
     assert ticks == pytest.approx([0.0, 0.007, 0.0221, 0.0321, 0.0421])
 
 
+@pytest.mark.slow
 def test_a_real_thread_that_waits_for_long_is_woken_by_a_hurry_and_its_end() -> None:
     came = threading.Event()
 
@@ -213,6 +214,7 @@ def test_a_real_thread_ticks_once_a_period_and_not_a_period_after_its_work() -> 
 # The end
 
 
+@pytest.mark.slow
 def test_a_timeout_does_not_hold_up_the_end() -> None:
     stop = TickerFactory(lambda loop: loop.schedule(tasks.terminate("stop")), "stop")
     node = node_of(TimeoutLoopFactory(seconds=60), stop)
@@ -220,6 +222,7 @@ def test_a_timeout_does_not_hold_up_the_end() -> None:
     assert (node.exit_reason, node.notes) == ("stop", [])  # no loop that had to be left behind
 
 
+@pytest.mark.slow
 def test_weakness_17_fifty_loops_at_10_hz_end_together_and_not_one_after_the_other() -> None:
     """Each one's halt waits for all the others': in turn, they would take 25 s, and the first would have given up."""
     all_halted = threading.Event()
@@ -271,6 +274,7 @@ def boom(component: Any) -> None:
     raise ValueError("the wire is loose")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", ["setup", "loop", "halt", "terminate"])
 def test_a_loop_that_fails_on_its_thread_ends_the_node_with_its_error(step: str) -> None:
     log: list[str] = []
@@ -285,6 +289,7 @@ def test_a_loop_that_fails_on_its_thread_ends_the_node_with_its_error(step: str)
     assert log == ["halt", "end"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", ["setup", "loop"])
 def test_a_loop_that_fails_is_halted_and_terminated_itself(step: str) -> None:
     log: list[str] = []
@@ -298,6 +303,7 @@ def test_a_loop_that_fails_is_halted_and_terminated_itself(step: str) -> None:
     assert log == ["halt", "terminate"]
 
 
+@pytest.mark.slow
 def test_setup_loop_and_halt_run_on_the_loops_thread_and_handlers_on_the_nodes() -> None:
     where: dict[str, set[int]] = {}
 
@@ -329,6 +335,7 @@ def test_setup_loop_and_halt_run_on_the_loops_thread_and_handlers_on_the_nodes()
     assert len(where["loop"]) == 2
 
 
+@pytest.mark.slow
 def test_a_loop_can_stop_itself() -> None:
     ticks: list[None] = []
 
@@ -356,6 +363,7 @@ def test_a_rate_that_is_none_is_refused_when_the_loop_is_made(rate_hz: float) ->
         node_of(TickerFactory(rate_hz=rate_hz))
 
 
+@pytest.mark.slow
 def test_many_threads_at_one_door_lose_nothing_and_keep_their_own_order() -> None:
     came: dict[str, list[int]] = {f"t{i}": [] for i in range(8)}
     per_thread = 2000
@@ -377,6 +385,7 @@ def test_many_threads_at_one_door_lose_nothing_and_keep_their_own_order() -> Non
     assert all(numbers == list(range(per_thread)) for numbers in came.values())
 
 
+@pytest.mark.slow
 def test_a_door_wakes_who_waits_and_never_sleeps_over_what_is_there() -> None:
     door = Door()
     taken = 0
@@ -399,6 +408,7 @@ def test_a_door_wakes_who_waits_and_never_sleeps_over_what_is_there() -> None:
     assert time.monotonic() - start_s < 10.0  # one sleep over something takes 30 s
 
 
+@pytest.mark.slow
 def test_pages_of_a_loop_carry_the_nodes_name_and_time() -> None:
     before_s: list[float] = []
 

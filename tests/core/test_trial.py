@@ -2,10 +2,13 @@
 
 import threading
 
+import pytest
+
 from snr_sim.core.trial import Trial
 from snr_sim.prelude.errors import ComponentFailed
 
 
+@pytest.mark.slow
 def test_whoever_waits_is_told_of_the_failure_and_the_other_side_that_it_was_heard() -> None:
     trial, failure = Trial(), ComponentFailed("no port")
     heard: list[bool] = []

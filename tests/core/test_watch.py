@@ -111,6 +111,7 @@ def test_the_watch_is_no_part_of_the_robot_and_goes_on_through_reload_all(file: 
     assert [made for _, made, _ in reloads] == [["pilot", "ticker"], ["pilot"]]
 
 
+@pytest.mark.slow
 def test_a_robot_started_with_watch_takes_an_edited_file_while_its_threads_run(
     file: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -68,6 +68,7 @@ def start() -> Iterator[Callable[[str], Robot]]:
         robot.process.communicate()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_h8_a_signal_leaves_neutral_within_a_frame(start: Callable[[str], Robot], number: signal.Signals) -> None:
     robot = start("signal")
@@ -79,6 +80,7 @@ def test_h8_a_signal_leaves_neutral_within_a_frame(start: Callable[[str], Robot]
     assert robot.still_after_s((sent_s, held_up_s, "")) <= FRAME_S
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("how", "status"), [("raise", 1), ("exit", 1)])
 def test_h8_a_handler_that_raises_or_exits_leaves_neutral_within_a_frame(
     start: Callable[[str], Robot], how: str, status: int
@@ -90,6 +92,7 @@ def test_h8_a_handler_that_raises_or_exits_leaves_neutral_within_a_frame(
     assert robot.still_after_s(began) <= FRAME_S
 
 
+@pytest.mark.slow
 def test_h8_a_second_ctrl_c_leaves_neutral_also_while_a_handler_hangs(start: Callable[[str], Robot]) -> None:
     robot = start("hang")
     began = robot.read_until("now")
@@ -101,6 +104,7 @@ def test_h8_a_second_ctrl_c_leaves_neutral_also_while_a_handler_hangs(start: Cal
     assert robot.still_after_s(began) <= LEASE_S + FRAME_S
 
 
+@pytest.mark.slow
 def test_h11_a_handler_that_never_returns_leaves_neutral_when_its_last_command_is_too_old(
     start: Callable[[str], Robot],
 ) -> None:
@@ -111,6 +115,7 @@ def test_h11_a_handler_that_never_returns_leaves_neutral_when_its_last_command_i
     assert robot.still_after_s(began) <= LEASE_S + 2 * FRAME_S
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["drop", "cycle", "leave"])
 def test_h8_outputs_that_nobody_holds_any_more_are_neutral(start: Callable[[str], Robot], how: str) -> None:
     robot = start(how)

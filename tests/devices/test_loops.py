@@ -80,6 +80,7 @@ def engine(actuator: FakeActuator[Push], rate_hz: float = 100.0, timeout_s: floa
     return ActuatorLoopFactory("engine", lambda: actuator, rate_hz, timeout_s)
 
 
+@pytest.mark.slow
 @CLOCKS
 def test_each_reading_becomes_a_page_and_the_sensor_is_closed_at_the_end(clock: Callable[[], Any]) -> None:
     sensor = FakeSensor([Depth(1.0, 0.0), Depth(2.0, 0.01)])
@@ -107,6 +108,7 @@ def test_a_sensor_that_is_lost_ends_the_run_in_its_own_words_and_is_closed() -> 
     assert sensor.is_closed
 
 
+@pytest.mark.slow
 @CLOCKS
 def test_commands_are_written_once_each_and_neutral_comes_first_and_last(clock: Callable[[], Any]) -> None:
     actuator = FakeActuator(Push, LIMITS)
@@ -192,6 +194,7 @@ def test_a_command_of_a_list_is_clamped_number_by_number() -> None:
     assert "= [1500, 2000, 0] is outside (1100.0, 1900.0) and was clamped to [1500, 1900, 1100]" in node.notes[0]
 
 
+@pytest.mark.slow
 @CLOCKS
 @pytest.mark.parametrize(
     ("command", "said"),
@@ -246,6 +249,7 @@ def fail(task: Task, task_id: Any) -> None:
     raise ValueError("the controller's own mistake")
 
 
+@pytest.mark.slow
 @CLOCKS
 def test_whatever_fails_the_actuator_goes_to_neutral(clock: Callable[[], Any]) -> None:
     actuator = FakeActuator(Push, LIMITS)
@@ -274,6 +278,7 @@ def test_an_actuator_that_breaks_is_closed_and_its_error_is_told() -> None:
     assert actuator.is_closed
 
 
+@pytest.mark.slow
 @CLOCKS
 def test_a_device_that_cannot_be_opened_is_told_and_everything_else_is_halted(clock: Callable[[], Any]) -> None:
     actuator = FakeActuator(Push, LIMITS)

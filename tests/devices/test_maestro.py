@@ -212,6 +212,7 @@ def bench_on_a_line(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Bench, st
     os.close(far)
 
 
+@pytest.mark.slow
 def test_through_a_serial_line_the_pins_do_as_they_are_told(bench_on_a_line: tuple[Bench, str]) -> None:
     bench, path = bench_on_a_line
     out = MaestroPwm(lambda: SerialPort(path), bench.now_s, 8, esc_start_s=0.0, sleep=bench.advance)

@@ -24,6 +24,7 @@ FIRMWARE = Path(__file__).parents[2] / "robots" / "urov" / "firmware"
 STILL, AHEAD = [1500.0] * 8, [1700.0] * 8
 
 
+@pytest.mark.slow
 def test_outputs_behind_a_real_serial_port_keep_the_promise(pty_bench: Any) -> None:
     """Through the system's terminal and pyserial, with the plug pulled and put back."""
     check_pwm_out(pty_bench)
@@ -92,6 +93,7 @@ def test_a_plug_that_is_pulled_in_the_middle_of_a_run_and_put_back(pty_bench: An
     assert out.health().counts["reopened"] >= 1
 
 
+@pytest.mark.slow
 def test_two_loops_on_threads_share_one_board_in_real_time(emulators: None, tmp_path: Path) -> None:
     """As on the vehicle: the wall clock, a thread for each device, and a board in a process of its own."""
     link = tmp_path / "ttyUSB0"

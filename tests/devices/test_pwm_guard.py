@@ -45,6 +45,7 @@ def guard_of(out: Out) -> Guard:
     return Guard(out)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_of_a_supervisor_that_arms_nothing_no_signs_are_missed_and_dismissed_it_does_nothing(out: Out) -> None:
     guard = guard_of(out)
     guard.sign(False)
@@ -52,6 +53,7 @@ def test_of_a_supervisor_that_arms_nothing_no_signs_are_missed_and_dismissed_it_
     assert out.count[0] == 0
 
 
+@pytest.mark.slow
 def test_dismissed_it_does_nothing_though_outputs_were_armed(out: Out) -> None:
     guard = guard_of(out)
     guard.sign(True)
@@ -59,6 +61,7 @@ def test_dismissed_it_does_nothing_though_outputs_were_armed(out: Out) -> None:
     assert out.count[0] == 0
 
 
+@pytest.mark.slow
 def test_when_signs_of_life_are_late_it_goes_to_neutral_once_until_there_are_new_ones(out: Out) -> None:
     guard = guard_of(out)
     for silence in (1, 2):
@@ -68,6 +71,7 @@ def test_when_signs_of_life_are_late_it_goes_to_neutral_once_until_there_are_new
     assert out.count[0] == 2
 
 
+@pytest.mark.slow
 def test_when_its_supervisor_is_gone_it_goes_to_neutral_and_ends_whether_armed_or_not(out: Out) -> None:
     """The supervisor is a process of its own, which ends as one that is killed does: without a word."""
     pid = os.fork()
@@ -78,6 +82,7 @@ def test_when_its_supervisor_is_gone_it_goes_to_neutral_and_ends_whether_armed_o
     out.wait_for(1)
 
 
+@pytest.mark.slow
 def test_signals_that_end_a_program_do_not_end_it(out: Out) -> None:
     guard = guard_of(out)
     guard.sign(True)
@@ -89,6 +94,7 @@ def test_signals_that_end_a_program_do_not_end_it(out: Out) -> None:
     guard.dismiss()
 
 
+@pytest.mark.slow
 def test_a_guard_that_is_gone_is_no_error(out: Out) -> None:
     guard = guard_of(out)
     os.kill(guard.pid, signal.SIGKILL)

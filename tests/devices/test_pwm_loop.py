@@ -213,6 +213,7 @@ def test_a_page_that_is_no_command_ends_a_run_in_lock_step_with_the_line_that_st
     assert [pulses for t, pulses, *_ in outputs.told if t > 0.1] == []
 
 
+@pytest.mark.slow
 def test_h6_on_the_wall_clock_a_page_that_is_no_command_is_neutral_and_told_and_the_loop_goes_on() -> None:
     outputs = Outputs()
     bad = {"pulses_us": [math.nan, 1500.0]}

@@ -67,6 +67,7 @@ def test_without_the_package_it_says_what_to_install(monkeypatch: pytest.MonkeyP
         PygamePad()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGTERM to wait for")
 def test_the_pad_does_not_take_sigterm_away() -> None:
     """SDL would turn it into an event that nobody reads, and the program would go on."""

@@ -3,7 +3,7 @@
 import random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from snr_sim.devices.serial_link import MOST_BYTES, NumberedFrames
@@ -39,7 +39,6 @@ def ends() -> tuple[NumberedFrames, Wire, NumberedFrames, Wire]:
     return NumberedFrames(here), here, NumberedFrames(there), there
 
 
-@settings(deadline=None)
 @given(st.lists(st.binary(max_size=MOST_BYTES), max_size=20), st.integers(1, 40))
 def test_frames_arrive_whole_and_in_order_however_the_bytes_are_cut(frames: list[bytes], cut: int) -> None:
     link, wire, far, far_wire = ends()

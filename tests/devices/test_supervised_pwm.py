@@ -373,6 +373,7 @@ def follow(out: SupervisedPwm, pulses_us: list[float], is_so: Callable[[], bool]
     wait_until(write, f"{out.health()} does not follow {pulses_us}")
 
 
+@pytest.mark.slow
 def test_h9_a_supervisor_that_hangs_leaves_neutral_by_its_guard_and_follows_nothing_when_it_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -392,6 +393,7 @@ def test_h9_a_supervisor_that_hangs_leaves_neutral_by_its_guard_and_follows_noth
     out.close()
 
 
+@pytest.mark.slow
 def test_a_guard_that_was_killed_is_missed_by_nobody_and_outputs_go_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -408,6 +410,7 @@ def test_a_guard_that_was_killed_is_missed_by_nobody_and_outputs_go_on(
     assert is_neutral(pins_us())
 
 
+@pytest.mark.slow
 def test_what_a_supervisor_cannot_open_is_told_in_its_words_and_it_is_gone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -22,6 +22,7 @@ def grade(lab: Path, given: list[Path], folder: Path, *words: str) -> dict[str, 
         return {row["submission"]: float(row["points"]) for row in csv.DictReader(file)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("isolation", ["none", "required"])
 def test_what_the_sandbox_stops_succeeds_without_it(
     sandbox: None, double_lab: Path, listener: tuple[int, list[str]], tmp_path: Path, isolation: str
@@ -38,6 +39,7 @@ def test_what_the_sandbox_stops_succeeds_without_it(
     assert (listener[1] != []) == (isolation == "none")
 
 
+@pytest.mark.slow
 def test_what_a_program_says_in_a_hidden_case_reaches_no_student(
     sandbox: None, double_lab: Path, handed_in: Handed, tmp_path: Path
 ) -> None:

@@ -11,6 +11,7 @@ from snr_sim.grading.sandbox import Limits
 from snr_sim.grading.verdicts import LabFault
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", ["raise MemoryError('no room for numpy')", "import os; os._exit(3)", "print('hm')"])
 def test_a_process_that_ends_before_it_has_read_the_submission_is_no_fault_of_the_students(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str

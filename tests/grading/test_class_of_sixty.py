@@ -43,7 +43,6 @@ RIGHT = ("return 2 * x", "return x + x", "return x << 1", "return sum([x, x])")
 
 LAB_TEN = "10_lunar_lander_q"
 REFERENCE = Path(__file__).parents[1] / "assignments" / "lunar_lander_q" / "reference"
-WHOLE_CLASS = "SNR_WHOLE_CLASS" in os.environ  # then it takes minutes: one attack is busy for ten seconds in each case
 # What an attack on the lab of numbers is as a lander: whatever it does, it does in each of the five functions.
 AS_LANDER = """
 
@@ -218,6 +217,7 @@ def grade_class(
     assert kit_files() == kit
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("isolation", ["sandbox", "confined"])
 def test_everybody_gets_exactly_what_is_due(
     isolation: str,
@@ -242,18 +242,21 @@ def test_every_wrong_solution_of_lab_ten_is_in_its_class(tmp_path: Path) -> None
     assert 72.34 in wrong.values()  # trained_on_the_test: the visible case of `lands` and little of `is_sturdy`
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("is_whole", [False, pytest.param(True, marks=pytest.mark.nightly)], ids=["one", "all"])
 @pytest.mark.parametrize("kind", ["right", "wrong", "attacks", "no program"])
 def test_everybody_gets_exactly_what_is_due_in_lab_ten(
-    kind: str, sandbox: None, listener: tuple[int, list[str]], tmp_path: Path, open_folder: Path
+    kind: str, is_whole: bool, sandbox: None, listener: tuple[int, list[str]], tmp_path: Path, open_folder: Path
 ) -> None:
-    """Of each kind one; all of them with SNR_WHOLE_CLASS=1."""
+    """Of each kind one; in nightly all, which takes minutes: one attack is busy for ten seconds in each case."""
     port, reached = listener
     (tmp_path / "submissions").mkdir()
     kinds = hand_in_lab_ten(tmp_path / "submissions", port)
-    due = kinds[kind] if WHOLE_CLASS else dict([*kinds[kind].items()][:1])
+    due = kinds[kind] if is_whole else dict([*kinds[kind].items()][:1])
     grade_class("lunar_lander_q", due, reached, tmp_path, open_folder, jobs=3)
 
 
+@pytest.mark.slow
 def test_a_lab_of_the_course_gives_in_the_sandbox_what_its_own_tests_say(sandbox: None, tmp_path: Path) -> None:
     lab, submissions = "09_debug_by_replay", tmp_path / "submissions"
     due = {"reference": 100.0, "not_toml": 100.0 - sum(mistakes_of(lab)["not_toml"].lost.values())}

@@ -27,6 +27,8 @@ from snr_sim.grading.results import Graded
 from snr_sim.grading.submissions import name_submissions
 from snr_sim.prelude.errors import SnrError
 
+pytestmark = pytest.mark.slow
+
 HandedIn = Callable[..., list[Path]]
 SECRET = "correct horse battery staple"
 

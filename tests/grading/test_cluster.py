@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 HandedIn = Callable[..., list[Path]]
 GIVE_UP_S = 300
 

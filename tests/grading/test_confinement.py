@@ -193,6 +193,7 @@ def hidden(secret: Path) -> list[str]:
     return [str(secret), f"{secret.parent}/", f"{top}/tests/", f"{top}/assignments/", "/etc/passwd", "/", *processes]
 
 
+@pytest.mark.slow
 def test_where_bubblewrap_cannot_start_a_program_is_confined(told: dict[str, Any]) -> None:
     assert told["isolation"] == "confined"
 
@@ -255,6 +256,7 @@ def test_it_computes_as_any_program_does(told: dict[str, Any]) -> None:
     assert told["who"]["pair"] == "x"
 
 
+@pytest.mark.slow
 def test_a_kit_that_other_users_cannot_reach_is_named_before_a_student_is_blamed(
     docker: list[str], open_folder: Path
 ) -> None:
@@ -272,6 +274,7 @@ def test_a_kit_that_other_users_cannot_reach_is_named_before_a_student_is_blamed
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_a_flight_comes_to_the_same_result_in_either_isolation(
     docker: list[str], sandbox: None, landing_lab: Path, open_folder: Path, tmp_path: Path
 ) -> None:

@@ -8,6 +8,8 @@ from snr_sim import MovingAvgFilterFactory
 from snr_sim.grading import Given, Produced, Student
 from snr_sim.grading.verdicts import Misbehaved
 
+pytestmark = pytest.mark.slow
+
 THREE = """
 from snr_sim import Endpoint, EndpointFactory, Loop, LoopFactory, TaskType, tasks
 

@@ -20,8 +20,7 @@ from snr_sim.grading.student import Student
 
 IN_FLIGHT = Path(__file__).parent / "attacks" / "in_flight"
 ATTACKS = sorted(path.stem for path in IN_FLIGHT.glob("*.py") if path.stem != "falling")
-# One costs half a minute, and where programs are confined the flight itself is the same: SNR_ALL_ATTACKS=1 runs all.
-IS_COMPLETE = "SNR_ALL_ATTACKS" in os.environ
+# One costs half a minute, and where programs are confined the flight itself is the same: nightly runs all.
 LONG = {"floods_steadily"}
 AGAINST_CONFINEMENT = {
     "never_answers",
@@ -42,13 +41,25 @@ def hand_in(folder: Path, name: str) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("isolation", ["sandbox", "confined"])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("isolation", "attacks"),
+    [
+        pytest.param("sandbox", sorted(set(ATTACKS) - LONG), id="sandbox"),
+        pytest.param("confined", sorted(AGAINST_CONFINEMENT), id="confined"),
+        pytest.param("sandbox", ATTACKS, id="sandbox-all", marks=pytest.mark.nightly),
+        pytest.param("confined", ATTACKS, id="confined-all", marks=pytest.mark.nightly),
+    ],
+)
 def test_no_attack_in_flight_earns_anything_and_neighbours_have_their_due(
-    isolation: str, request: pytest.FixtureRequest, landing_lab: Path, open_folder: Path, tmp_path: Path
+    isolation: str,
+    attacks: list[str],
+    request: pytest.FixtureRequest,
+    landing_lab: Path,
+    open_folder: Path,
+    tmp_path: Path,
 ) -> None:
     prefix = request.getfixturevalue("docker") if isolation == "confined" else request.getfixturevalue("sandbox") or []
-    chosen = set(ATTACKS) - LONG if isolation == "sandbox" else AGAINST_CONFINEMENT
-    attacks = ATTACKS if IS_COMPLETE else sorted(chosen)
     given = [str(hand_in(tmp_path / "submissions", name)) for name in [*attacks, "honest"]]
     words = ["grade", str(landing_lab), *given, "--out", str(tmp_path / "out"), "--jobs", "2"]
     done = subprocess.run(
@@ -70,6 +81,7 @@ def test_no_attack_in_flight_earns_anything_and_neighbours_have_their_due(
     assert list(open_folder.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_an_attack_without_effect_leaves_the_flight_as_it_is(sandbox: None, tmp_path: Path) -> None:
     """What the plant did, to the last bit, and what the sensors measured."""
 
@@ -173,6 +185,7 @@ FORGED: list[tuple[str, dict[str, Any] | bytes]] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("verb", "answer"), FORGED, ids=[f"{verb}-{i}" for i, (verb, _) in enumerate(FORGED)])
 def test_a_forged_answer_is_the_students_failure_and_never_the_graders(
     landing_lab: Path, tmp_path: Path, verb: str, answer: dict[str, Any] | bytes

@@ -12,6 +12,8 @@ from snr_sim.recording.reader import read_trace
 from snr_sim.recording.trace import FILE_NAME
 from snr_sim.simulation import Request, prepare
 
+pytestmark = pytest.mark.slow
+
 ROBOTS = Path(__file__).parents[2] / "robots"
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 SHORT = """

@@ -52,6 +52,7 @@ def run(
     return fields
 
 
+@pytest.mark.slow
 def test_a_submission_in_the_container_has_its_points(container: Path, handed_in: HandedIn) -> None:
     right, visible_only = handed_in(ada="right", bob="visible_only")
     first = run(container, right)
@@ -62,6 +63,7 @@ def test_a_submission_in_the_container_has_its_points(container: Path, handed_in
     assert "not kept apart" in second["output"]
 
 
+@pytest.mark.slow
 def test_in_an_ordinary_container_programs_are_confined_and_marks_are_marks(
     container: Path, handed_in: HandedIn, docker: list[str], open_folder: Path
 ) -> None:
@@ -79,12 +81,14 @@ def test_in_an_ordinary_container_programs_are_confined_and_marks_are_marks(
     assert [path.name for path in open_folder.iterdir()] == ["autograder"]
 
 
+@pytest.mark.slow
 def test_setting_up_goes_on_without_bubblewrap(container: Path) -> None:
     (line,) = [line for line in (container / "source" / "setup.sh").read_text().splitlines() if "bubblewrap" in line]
     failing = f"set -e\napt-get() {{ false; }}\n{line}\necho went on"
     assert "went on" in subprocess.run(["bash", "-c", failing], check=True, capture_output=True, text=True).stdout
 
 
+@pytest.mark.slow
 def test_there_is_a_file_whatever_happens(container: Path, handed_in: HandedIn) -> None:
     assert run(container, None)["score"] == 0
     assert "empty" in run(container, None)["output"]
@@ -98,6 +102,7 @@ def test_there_is_a_file_whatever_happens(container: Path, handed_in: HandedIn) 
     assert "not you" in broken["output"]
 
 
+@pytest.mark.slow
 def test_the_container_holds_what_is_needed_and_no_more(container: Path) -> None:
     source = container / "source"
     assert stat.S_IMODE((source / "secret").stat().st_mode) == 0o600
@@ -116,6 +121,7 @@ def test_what_pip_installs_is_the_base_and_what_simulates() -> None:
     assert names.isdisjoint({"pytest", "rerun-sdk", "mypy"})
 
 
+@pytest.mark.slow
 def test_it_writes_into_a_new_folder_only(double_lab: Path, tmp_path: Path) -> None:
     (tmp_path / "made").mkdir()
     (tmp_path / "made" / "thesis.tex").write_text("x")
@@ -126,6 +132,7 @@ def test_it_writes_into_a_new_folder_only(double_lab: Path, tmp_path: Path) -> N
     assert [path.name for path in (tmp_path / "made").iterdir()] == ["thesis.tex"]
 
 
+@pytest.mark.slow
 def test_an_archive_handed_in_is_opened(container: Path, handed_in: HandedIn, tmp_path: Path) -> None:
     (right,) = handed_in(ada="right")
     (tmp_path / "given").mkdir()

@@ -69,6 +69,7 @@ def test_hidden_cases_are_the_same_for_the_same_secret_and_differ_by_secret_lab_
     assert [case.value for case in other.cases("small", b"a")] != hidden("small", b"a")
 
 
+@pytest.mark.slow
 def test_the_grader_tries_hidden_cases_and_practice_does_not(tmp_path: Path) -> None:
     by_heart = "def double(x):\n    return {1: 2, 2: 4}.get(x, 0)"
     assert graded(tmp_path, by_heart, doubles).points == 100.0
@@ -78,6 +79,7 @@ def test_the_grader_tries_hidden_cases_and_practice_does_not(tmp_path: Path) -> 
     assert official.is_hidden_included
 
 
+@pytest.mark.slow
 def test_the_same_submission_lab_and_secret_give_the_same_result(tmp_path: Path) -> None:
     source = "import random\ndef double(x):\n    print({'a', 'b', 'c'})\n    return 2 * x"
     assert graded(tmp_path, source, doubles, secret=b"s") == graded(tmp_path, source, doubles, secret=b"s")
@@ -125,6 +127,7 @@ def test_what_components_of_a_flight_warn_of_is_not_shown_and_afterwards_is(
     assert caplog.messages == ["up"]
 
 
+@pytest.mark.slow
 def test_practice_leaves_out_what_has_hidden_cases_only_and_does_not_wait_for_it(tmp_path: Path) -> None:
     hidden = check(points=50, hidden=draw)(doubles.function)
 
@@ -154,6 +157,7 @@ def test_a_check_that_fails_by_itself_is_no_mark_and_not_the_students_fault(tmp_
     assert "check 'wrong'" in result.error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "judge",
     [
@@ -185,6 +189,7 @@ def test_what_a_check_cannot_judge_is_zero_for_that_case_and_only_the_instructor
     assert told.count("It stopped the check") == 1, "of the hidden case nothing but the hint is told"
 
 
+@pytest.mark.slow
 def test_a_grader_without_memory_or_disk_is_no_fault_of_the_students(tmp_path: Path) -> None:
     @check(points=100)
     def wrong(student: Student) -> Verdict:
@@ -201,6 +206,7 @@ def test_a_check_that_returns_no_verdict_is_a_fault_of_the_lab(tmp_path: Path) -
     assert "returned True, which is no Verdict" in graded(tmp_path, "", wrong).error
 
 
+@pytest.mark.slow
 def test_each_case_has_a_fresh_process(tmp_path: Path) -> None:
     source = "seen = []\ndef double(x):\n    seen.append(x)\n    return 2 * x if len(seen) == 1 else 0"
     assert graded(tmp_path, source, doubles, secret=b"s").points == 100.0

@@ -87,6 +87,7 @@ def asked(nursery: Nursery, folder: Path, function: str, *args: Any) -> Any:
         return student.call("mine.py", function, *args)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["nothing", "file", "trace of a file", "segment", "module"])
 def test_a_case_finds_nothing_that_another_has_left(
     what: str, namespaces_alone: None, nursery: Nursery, tmp_path: Path
@@ -97,6 +98,7 @@ def test_a_case_finds_nothing_that_another_has_left(
     assert (first["kept"], first["segment"]) == (1, -1)
 
 
+@pytest.mark.slow
 def test_a_sandbox_is_kept_until_somebody_has_written_in_it(nursery: Nursery, tmp_path: Path) -> None:
     def sandbox() -> Any:
         assert nursery._process is not None
@@ -111,6 +113,7 @@ def test_a_sandbox_is_kept_until_somebody_has_written_in_it(nursery: Nursery, tm
     assert sandbox() != first
 
 
+@pytest.mark.slow
 def test_a_case_cannot_end_what_the_next_one_is_a_copy_of(
     namespaces_alone: None, nursery: Nursery, tmp_path: Path
 ) -> None:
@@ -118,6 +121,7 @@ def test_a_case_cannot_end_what_the_next_one_is_a_copy_of(
     assert asked(nursery, tmp_path, "traces")["kept"] == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("how", "told"),
     [("exit", "exit status 7"), ("abort", "crashed with"), (int(signal.SIGKILL), ""), (int(signal.SIGSEGV), "")],
@@ -132,6 +136,7 @@ def test_how_a_copy_ends_is_told_as_of_any_process(how: str | int, told: str, nu
     assert asked(nursery, tmp_path, "traces")["kept"] == 1
 
 
+@pytest.mark.slow
 def test_a_second_process_at_once_gets_a_sandbox_of_its_own(nursery: Nursery, tmp_path: Path) -> None:
     with (
         Student(tmp_path, "sandbox", nursery=nursery) as one,
@@ -142,6 +147,7 @@ def test_a_second_process_at_once_gets_a_sandbox_of_its_own(nursery: Nursery, tm
         assert "left" in one.call("mine.py", "traces")["scratch"]
 
 
+@pytest.mark.slow
 def test_a_sandbox_that_is_gone_is_no_fault_of_the_students(nursery: Nursery, tmp_path: Path) -> None:
     asked(nursery, tmp_path, "traces")
     assert nursery._process is not None
@@ -152,6 +158,7 @@ def test_a_sandbox_that_is_gone_is_no_fault_of_the_students(nursery: Nursery, tm
     assert asked(nursery, tmp_path, "traces")["kept"] == 1
 
 
+@pytest.mark.slow
 def test_a_submission_finds_nothing_of_the_one_before_in_the_same_sandbox(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -181,6 +188,7 @@ def test_a_submission_finds_nothing_of_the_one_before_in_the_same_sandbox(
     assert list(place.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_process_that_nobody_has_ended_does_not_see_the_next_submission(nursery: Nursery, tmp_path: Path) -> None:
     student = Student(tmp_path, "sandbox", nursery=nursery)
     student.call("mine.py", "traces")
@@ -191,6 +199,7 @@ def test_a_process_that_nobody_has_ended_does_not_see_the_next_submission(nurser
         student.call("mine.py", "traces")
 
 
+@pytest.mark.slow
 def test_another_submission_than_the_one_that_is_held_gets_a_sandbox_of_its_own(
     nursery: Nursery, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:

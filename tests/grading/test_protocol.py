@@ -61,6 +61,7 @@ def student(tmp_path: Path) -> Student:
     return Student(tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "value"),
     [
@@ -80,6 +81,7 @@ def test_values_come_back_as_plain_ones(student: Student, text: str, value: obje
     assert type(got) is type(value)
 
 
+@pytest.mark.slow
 def test_tuples_arrays_and_what_is_not_finite_arrive_as_they_are(student: Student) -> None:
     with student:
         assert student.call("mine.py", "same", (1, 2)) == [1, 2]
@@ -88,6 +90,7 @@ def test_tuples_arrays_and_what_is_not_finite_arrive_as_they_are(student: Studen
             student.call("mine.py", "same", [float("inf")])
 
 
+@pytest.mark.slow
 def test_what_must_come_back_may_be_said_exactly(student: Student) -> None:
     with student:
         assert student.call("mine.py", "same", 1, returns=float) == 1.0
@@ -98,6 +101,7 @@ def test_what_must_come_back_may_be_said_exactly(student: Student) -> None:
             assert caught.value.expected
 
 
+@pytest.mark.slow
 def test_a_hundred_observations_there_and_a_hundred_actions_back_cost_little(student: Student) -> None:
     """Both sides together take the CPU time of a few times JSON there and back, whatever else this computer does."""
     observations = [[1.123456789 * i, -2.2345678 * i] for i in range(100)]

@@ -161,6 +161,7 @@ def nursery(request: pytest.FixtureRequest, submission: Path) -> Iterator[Nurser
         yield nursery
 
 
+@pytest.mark.slow
 def test_a_process_in_the_sandbox_is_refused_what_no_other_wall_stops(
     submission: Path, nursery: Nursery | None
 ) -> None:
@@ -171,6 +172,7 @@ def test_a_process_in_the_sandbox_is_refused_what_no_other_wall_stops(
     assert len(told) == 15
 
 
+@pytest.mark.slow
 def test_a_process_in_the_sandbox_is_nobody_alone_and_can_write_on_little_but_its_scratch(
     namespaces_alone: None, submission: Path, nursery: Nursery | None
 ) -> None:
@@ -207,6 +209,7 @@ def test_a_process_in_the_sandbox_is_nobody_alone_and_can_write_on_little_but_it
     assert (submission / "mine.py").read_text() == PROBE
 
 
+@pytest.mark.slow
 def test_a_process_sees_nothing_of_the_grader_or_of_other_submissions(
     submission: Path, tmp_path: Path, nursery: Nursery | None
 ) -> None:
@@ -231,6 +234,7 @@ def test_a_process_sees_nothing_of_the_grader_or_of_other_submissions(
         assert not any("do not tell" in argument for argument in student.call("mine.py", "arguments"))
 
 
+@pytest.mark.slow
 def test_what_a_process_knows_does_not_depend_on_the_case(submission: Path, nursery: Nursery | None) -> None:
     def told(n: int) -> list[str]:
         with Student(submission, "sandbox", nursery=nursery) as student:
@@ -242,6 +246,7 @@ def test_what_a_process_knows_does_not_depend_on_the_case(submission: Path, nurs
     assert told(0) == told(2)
 
 
+@pytest.mark.slow
 def test_a_loop_without_end_is_ended_by_the_kernel_even_if_its_program_will_not_hear_of_it(
     submission: Path, nursery: Nursery | None
 ) -> None:
@@ -256,6 +261,7 @@ def test_a_loop_without_end_is_ended_by_the_kernel_even_if_its_program_will_not_
         student.call("mine.py", "f")
 
 
+@pytest.mark.slow
 def test_a_program_that_closes_what_it_prints_to_is_graded_all_the_same(
     submission: Path, nursery: Nursery | None
 ) -> None:
@@ -266,6 +272,7 @@ def test_a_program_that_closes_what_it_prints_to_is_graded_all_the_same(
         assert student.call("mine.py", "f") == 1
 
 
+@pytest.mark.slow
 def test_a_submission_that_only_its_owner_may_read_is_graded(submission: Path, tmp_path: Path) -> None:
     (submission / "mine.py").write_text("def f():\n    return 1\n")
     (submission / "mine.py").chmod(0o600)
@@ -274,6 +281,7 @@ def test_a_submission_that_only_its_owner_may_read_is_graded(submission: Path, t
     assert grade_submission(lab, submission, b"secret").points == 100.0
 
 
+@pytest.mark.slow
 def test_nothing_of_the_sandbox_is_left_when_a_case_is_over(submission: Path) -> None:
     before = _running("bwrap")
     with Student(submission, "sandbox") as student:
@@ -282,6 +290,7 @@ def test_nothing_of_the_sandbox_is_left_when_a_case_is_over(submission: Path) ->
     assert _running("bwrap") <= before
 
 
+@pytest.mark.slow
 def test_official_grading_refuses_to_run_without_bubblewrap_and_says_what_to_install(
     submission: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -308,6 +317,7 @@ def test_a_computer_that_forbids_namespaces_is_told_what_allows_them(monkeypatch
     assert "readable for everybody" in str(forbidden("ModuleNotFoundError: No module named 'snr_sim'"))
 
 
+@pytest.mark.slow
 def test_a_computer_without_seccomp_is_told_that_and_nothing_about_namespaces(
     at_first: Callable[[str], None],
 ) -> None:

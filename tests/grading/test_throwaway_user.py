@@ -24,6 +24,7 @@ def test_two_at_once_are_two() -> None:
     assert all(FIRST <= number <= LAST for number in numbers)
 
 
+@pytest.mark.slow
 def test_what_a_user_runs_and_owns_goes_with_it_and_what_others_have_stays() -> None:
     user = ThrowawayUser()
     with tempfile.TemporaryDirectory(prefix="snr-test-") as ours:
@@ -37,6 +38,7 @@ def test_what_a_user_runs_and_owns_goes_with_it_and_what_others_have_stays() -> 
         assert Path(ours).is_dir()
 
 
+@pytest.mark.slow
 def test_a_user_who_still_runs_something_is_nobody_elses() -> None:
     user = ThrowawayUser()
     number = user.number

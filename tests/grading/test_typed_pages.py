@@ -9,6 +9,8 @@ from snr_sim.grading import Given, Student
 from snr_sim.grading.verdicts import Misbehaved
 from snr_sim.simulation import Request, prepare
 
+pytestmark = pytest.mark.slow
+
 TYPED = """
 from dataclasses import dataclass
 

@@ -56,6 +56,7 @@ def misbehaviour(folder: Path, source: str, **limits: int) -> Misbehaved:
     return caught.value
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("source", "first_line", "hint"),
     [
@@ -121,11 +122,13 @@ def test_a_file_that_is_missing_or_a_link_to_elsewhere_is_told(tmp_path: Path) -
         student.source("mine.py")
 
 
+@pytest.mark.slow
 def test_memory_without_end_is_the_students_error(tmp_path: Path) -> None:
     wrong = misbehaviour(tmp_path, "def f(x):\n    y = [0] * 10**9\n    return x", memory_bytes=1 << 29)
     assert wrong.message.startswith("mine.py, line 2: y = [0] * 10**9\n  MemoryError")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("body", "told"),
     [
@@ -158,6 +161,7 @@ def test_what_a_component_does_wrong_ends_its_flight_and_is_told(body: str, told
     assert caught.value.hint
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ends", ["tasks.terminate('won')", "tasks.finish('won')"])
 def test_who_ends_the_run_before_it_is_over_is_told_so(ends: str, tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(CONTROLLER.replace("BODY", f"return {ends}"))
@@ -173,6 +177,7 @@ def test_who_ends_the_run_before_it_is_over_is_told_so(ends: str, tmp_path: Path
     assert student.fly("lander_vertical", 3, "mine.py", may_fail=True).outcome == "ended"
 
 
+@pytest.mark.slow
 def test_an_answer_forged_before_it_was_asked_for_is_no_answer(tmp_path: Path) -> None:
     """It is on the line before the kit's own, with the right number and another value."""
     forged = "import os, stat\nfor fd in range(3, 2000):\n    try:\n        if stat.S_ISSOCK(os.fstat(fd).st_mode):\n"
@@ -182,6 +187,7 @@ def test_an_answer_forged_before_it_was_asked_for_is_no_answer(tmp_path: Path) -
         student.host("mine.py", "snr_sim.grading.queue_bench:QueueBench")
 
 
+@pytest.mark.slow
 def test_an_answer_of_another_form_ends_a_flight_with_its_own_hint_whatever_may_fail(tmp_path: Path) -> None:
     body = "import sys; sys.modules['snr_sim.grading.node_verbs']._encode = lambda answer: b'5'"
     (tmp_path / "mine.py").write_text(CONTROLLER.replace("BODY", body))
@@ -190,6 +196,7 @@ def test_an_answer_of_another_form_ends_a_flight_with_its_own_hint_whatever_may_
     assert caught.value.hint == "Leave the grader's file descriptors alone."
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("source", "told"),
     [
@@ -211,6 +218,7 @@ def test_a_controller_that_cannot_be_put_together_is_told(source: str, told: str
     assert ", line " in caught.value.message or "line named" not in caught.value.hint
 
 
+@pytest.mark.slow
 def test_what_a_component_does_wrong_in_a_bare_node_is_told(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(CONTROLLER.replace("BODY", "return self.get_data('radar')['altitude']"))
     with pytest.raises(Misbehaved) as caught:

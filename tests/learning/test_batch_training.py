@@ -1,6 +1,5 @@
 """Many landers at once: the plant's physics, the environment's reward, and a policy that lands unseen starts."""
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -91,13 +90,16 @@ def test_its_rewards_are_the_environments(env: Any) -> None:
     assert info["outcome"] == "crashed"
 
 
+@pytest.mark.slow
 def test_a_learned_table_lands_nearly_all_starts_that_it_has_not_seen(env: Any, learned: QTable) -> None:
     ends = evaluate(env, learned.act, range(1, 101))
     assert sum(end["success"] for end in ends) >= 99
 
 
-# Of trainings. Twenty take five minutes: SNR_SEEDS=20 python -m pytest -k whatever_the_seed tests/learning
-@pytest.mark.parametrize("seed", [987_654_321 + i for i in range(int(os.environ.get("SNR_SEEDS", "1")))])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "seed", [pytest.param(987_654_321 + i, marks=[pytest.mark.nightly] if i else []) for i in range(20)]
+)
 def test_whatever_the_seed_nearly_all_unseen_starts_are_landed(seed: int, env: Any, course: Course) -> None:
     table = new_table()
     train_vertical(table, course, BatchTraining(seed=seed))

@@ -48,6 +48,7 @@ def episode(name: str, seed: int, most_steps: int = 10_000) -> list[Any]:
     return seen
 
 
+@pytest.mark.slow
 @every_environment
 def test_the_same_seed_is_the_same_episode_also_in_another_process(name: str) -> None:
     mine = episode(name, 5, 60)
@@ -235,6 +236,7 @@ def test_options_that_are_none_are_refused(options: dict[str, Any]) -> None:
         env.reset(options=options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["sync", "async"])
 @pytest.mark.parametrize("name", ["LanderVertical", "LanderPad", "UrovStation", "LunarLanderBox"])
 def test_several_beside_each_other_do_what_each_does_alone(name: str, mode: str) -> None:
@@ -254,6 +256,7 @@ def test_several_beside_each_other_do_what_each_does_alone(name: str, mode: str)
         envs.close()
 
 
+@pytest.mark.slow
 def test_a_bare_interpreter_makes_one_by_its_module_and_its_name() -> None:
     code = 'import gymnasium; print(gymnasium.make("snr_sim.learning:snr_sim/LanderPad-v0").reset(seed=1)[0].shape)'
     assert subprocess.check_output([sys.executable, "-W", "error", "-c", code], text=True) == "(9,)\n"

@@ -42,6 +42,7 @@ def episode(seed: int, continuous: bool) -> list[Any]:
     return seen
 
 
+@pytest.mark.slow
 @both_actions
 def test_the_same_seed_is_the_same_episode_also_in_another_process(continuous: bool) -> None:
     mine = episode(5, continuous)

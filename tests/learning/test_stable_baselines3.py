@@ -1,9 +1,8 @@
 """Environments as Stable-Baselines3 takes them. It brings torch, 5 GB on Linux, so `dev` does not have it.
 
-pip install -e '.[dev,rl]' && SNR_REQUIRE_SB3=1 python -m pytest tests/learning/test_stable_baselines3.py
+pip install -e '.[dev,rl]' && python -m pytest -m nightly tests/learning/test_stable_baselines3.py
 """
 
-import os
 import warnings
 from typing import Any
 
@@ -14,15 +13,12 @@ import pytest
 import snr_sim.learning  # noqa: F401 - makes the names known
 from snr_sim.learning.gym import ENVIRONMENTS
 
-if os.environ.get("SNR_REQUIRE_SB3"):
-    import stable_baselines3 as sb3
-else:
-    sb3 = pytest.importorskip("stable_baselines3", reason="needs the extra 'rl'")
+sb3 = pytest.importorskip("stable_baselines3", reason="needs the extra 'rl'")
 
-from stable_baselines3.common.env_checker import check_env
-from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3.common.env_checker import check_env  # noqa: E402
+from stable_baselines3.common.env_util import make_vec_env  # noqa: E402
 
-pytestmark = pytest.mark.filterwarnings("default")  # torch has warnings of its own
+pytestmark = [pytest.mark.nightly, pytest.mark.filterwarnings("default")]  # torch has warnings of its own
 
 
 @pytest.mark.parametrize("name", list(ENVIRONMENTS))

@@ -36,6 +36,7 @@ def test_cells_keep_their_names_so_that_a_change_of_one_is_a_change_of_one(path:
     assert all(re.fullmatch(path.stem[:2] + r"-\d\d", name) for name in names)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # those of jupyter's own parts
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_runs_and_shows_pictures(path: Path) -> None:

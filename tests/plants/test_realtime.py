@@ -2,6 +2,8 @@
 
 import threading
 
+import pytest
+
 from snr_sim.plants.realtime import RealTimePlant
 from snr_sim.prelude.signals import EngineCommand, LeakReading
 from snr_sim.testing.fakes import FakePlant
@@ -55,6 +57,7 @@ def test_it_begins_with_the_clock_that_it_follows_at_last() -> None:
     assert real.read("leak").stamp_s == 0.0
 
 
+@pytest.mark.slow
 def test_two_threads_never_step_it_at_once() -> None:
     plant, real, clock = paced()
     inside, most = [0], [0]

@@ -571,6 +571,7 @@ def test_a_world_without_the_vehicle_is_refused() -> None:
         Urov(HEAVY, Pool(), lambda seed: Dive(), mjcf="<mujoco><worldbody>")
 
 
+@pytest.mark.slow
 def test_another_process_makes_the_same_bits() -> None:
     program = (
         "import sys; sys.path.insert(0, sys.argv[1]); import importlib.util as u;"

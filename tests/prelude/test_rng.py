@@ -3,6 +3,7 @@
 import subprocess
 import sys
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -19,6 +20,7 @@ def test_two_names_or_two_seeds_never_share_a_generator() -> None:
     assert len(draws) == 100
 
 
+@pytest.mark.slow
 def test_chance_does_not_depend_on_the_process() -> None:
     command = "from snr_sim.prelude.rng import rng_for; print(rng_for(7, 'radar').integers(2**62))"
     printed = {subprocess.check_output([sys.executable, "-c", command], text=True) for _ in range(2)}

@@ -52,6 +52,7 @@ for i in range({types}):
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", ["learned", "command", "replayed"])
 def test_two_threads_may_make_the_first_values_of_a_type_at_once(way: str) -> None:
     program = TWO_THREADS_AT_ONCE.format(way=way, types=150)

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from snr_sim import Page, Task, TaskType, tasks
@@ -58,14 +58,12 @@ def test_the_helpers_make_the_tasks_they_are_named_after() -> None:
     assert tasks.reload_component("x").id() == (TaskType.reload, "x")
 
 
-@settings(max_examples=150, deadline=None)
 @given(st.sampled_from(list(TaskType)), st.text('ab$" é'), st.lists(plain, max_size=3))
 def test_a_task_comes_back_from_json(kind: TaskType, name: str, val_list: list[Any]) -> None:
     task = Task(kind, name, val_list)
     assert Task.deserialize(task.serialize()) == task
 
 
-@settings(max_examples=150, deadline=None)
 @given(st.text('ab$" é'), plain, st.floats(0, 1e6), st.booleans())
 def test_a_page_comes_back_from_json(key: str, data: Any, created_at_s: float, process: bool) -> None:
     page = Page(key, data, "some_node", created_at_s, process)

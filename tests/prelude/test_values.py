@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -56,7 +56,6 @@ def same(one: Any, other: Any) -> bool:
     return bool(one == other)
 
 
-@settings(max_examples=400, deadline=None)
 @given(values)
 @example(-0.0)
 @example(5e-324)
@@ -74,7 +73,6 @@ def test_a_value_comes_back_as_it_was(value: Any) -> None:
     assert same(decode_value(encode_value(value)), value)
 
 
-@settings(max_examples=200, deadline=None)
 @given(st.floats())
 def test_every_float_survives_alone_and_in_company(x: float) -> None:
     assert same(decode_value(encode_value({"x": x, "list": [x, 1]})), {"x": x, "list": [x, 1]})
@@ -89,7 +87,6 @@ dtypes = st.one_of(
 )
 
 
-@settings(max_examples=200, deadline=None)
 @given(hnp.arrays(dtypes, hnp.array_shapes(min_dims=1, max_dims=3, min_side=0, max_side=8)))
 def test_an_array_comes_back_with_its_type_shape_and_values(array: np.ndarray) -> None:
     back = decode_value(encode_value(array))
@@ -199,7 +196,6 @@ def test_damaged_values_are_refused_in_words(raw: bytes) -> None:
 
 
 @given(values)
-@settings(max_examples=100, deadline=None)
 def test_equal_values_have_equal_bytes(value: Any) -> None:
     raw = encode_value(value)
     assert encode_value(decode_value(raw)) == raw
@@ -210,7 +206,6 @@ def test_equal_values_have_equal_bytes(value: Any) -> None:
 
 
 @given(st.one_of(values, hnp.arrays(dtypes, hnp.array_shapes(min_dims=0, max_dims=3, min_side=0, max_side=8))))
-@settings(max_examples=150, deadline=None)
 @example(np.float32("nan"))
 @example(np.array(["ab", "c"]))
 @example(np.array([b"ab"]))
@@ -260,7 +255,6 @@ json_values = st.recursive(
 
 
 @given(json_values, st.booleans())
-@settings(max_examples=500, deadline=None)
 @example({"$": "tuple", "v": "ab"}, False)
 @example({"$": "dict", "v": ["ab"]}, False)
 @example({"$": "dict", "v": [{"$": "tuple", "v": [1, 2]}]}, False)

@@ -98,9 +98,13 @@ ASKS = [
     ("np.fromfile(HERE, dtype='u1')", "reading"),
     ("threading.Thread(target=print, args=('',)).start()", "threading.Thread.start() (starting a thread)"),
     ("threading.Timer(0, int).start()", "starting a thread"),
-    ("subprocess.run(['true'])", "starting a process"),
-    ("os.system('true')", "starting a process"),
-    ("with socket.socket() as link: link.connect_ex(('127.0.0.1', 9))", "opening a connection"),
+    pytest.param("subprocess.run(['true'])", "starting a process", marks=pytest.mark.slow),
+    pytest.param("os.system('true')", "starting a process", marks=pytest.mark.slow),
+    pytest.param(
+        "with socket.socket() as link: link.connect_ex(('127.0.0.1', 9))",
+        "opening a connection",
+        marks=pytest.mark.slow,
+    ),
 ]
 
 LEGITIMATE = [

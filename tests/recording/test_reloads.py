@@ -111,6 +111,7 @@ def pages(trace: Trace, key: str) -> list[Any]:
     return [json.loads(bytes(one.values))[0]["data"] for one in found]
 
 
+@pytest.mark.slow
 def test_a_run_with_reloads_additions_and_removals_replays_identically(tmp_path: Path) -> None:
     trace = record(tmp_path, "sim")
     assert [page["ok"] for page in pages(trace, "reload")] == [True, True, True, False, True]
@@ -124,6 +125,7 @@ def test_a_run_with_reloads_additions_and_removals_replays_identically(tmp_path:
     assert reloads_in_words(trace, replayed.records) == []
 
 
+@pytest.mark.slow
 def test_such_a_run_with_its_loops_on_threads_replays_identically_too(tmp_path: Path) -> None:
     trace = record(tmp_path, "wall")  # what waits for what depends on how busy the computer is; the replay does not
     assert {page["component"] for page in pages(trace, "reload")} == {"pilot", "ticker", "all", "pilto", "late"}
@@ -131,6 +133,7 @@ def test_such_a_run_with_its_loops_on_threads_replays_identically_too(tmp_path: 
     assert replayed.is_identical, replayed.divergences[0]
 
 
+@pytest.mark.slow
 def test_a_replay_says_that_a_reload_read_other_code_than_the_run_began_with(tmp_path: Path) -> None:
     (tmp_path / "edit.py").write_text(PROGRAM.replace("GAIN = 1", "GAIN = 5"))
     trace = record(tmp_path, "sim")

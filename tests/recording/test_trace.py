@@ -461,6 +461,7 @@ def threaded() -> Config:
     ]})  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_node_with_threads_on_the_wall_clock_replays_identically_time_and_again(tmp_path: Path) -> None:
     stop = threading.Event()
     load = threading.Thread(target=lambda: [sum(range(1000)) for _ in iter(stop.is_set, True)])

@@ -390,6 +390,7 @@ def listening_addresses(pid: int) -> set[str]:
     return {row[1].split(":")[0] for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in sockets}
 
 
+@pytest.mark.slow
 @only_linux
 def test_the_live_view_listens_on_this_machine_only() -> None:
     live = view.LiveView(header())
@@ -404,6 +405,7 @@ def test_the_live_view_listens_on_this_machine_only() -> None:
         live.close()  # safe to call twice
 
 
+@pytest.mark.slow
 @only_linux
 def test_the_page_is_served_on_this_machine_only_and_may_not_call_home(tmp_path: Path) -> None:
     path = written(tmp_path, fall(3))
@@ -434,6 +436,7 @@ def test_a_view_that_is_not_there_is_named(tmp_path: Path) -> None:
         view_server.open_view(tmp_path / "nothing.rrd", web=True)
 
 
+@pytest.mark.slow
 @only_linux
 def test_a_viewer_that_fails_points_to_the_browser(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(view_server, "viewer_command", lambda: ["false"])
@@ -441,6 +444,7 @@ def test_a_viewer_that_fails_points_to_the_browser(tmp_path: Path, monkeypatch: 
         view_server.open_view(written(tmp_path, fall(1)))
 
 
+@pytest.mark.slow
 @only_linux
 def test_ctrl_c_ends_the_page_and_what_serves_it(tmp_path: Path) -> None:
     path = written(tmp_path, fall(3))

@@ -38,6 +38,7 @@ def read(address: str) -> tuple[bytes, dict[str, str]]:
         return answer.read(), dict(answer.headers)
 
 
+@pytest.mark.slow
 def test_the_frame_loads_the_viewer_from_this_computer_and_may_load_nothing_else(rrd: Path) -> None:
     pytest.importorskip("rerun")
     page = page_of(show_run(rrd))
@@ -48,6 +49,7 @@ def test_the_frame_loads_the_viewer_from_this_computer_and_may_load_nothing_else
     assert {rule for rule in rules if "://" in rule} == {"http://127.0.0.1:*"}
 
 
+@pytest.mark.slow
 def test_the_run_is_there_after_the_notebook_has_tidied_up(rrd: Path) -> None:
     pytest.importorskip("rerun")
     page = page_of(show_run(rrd))
@@ -55,6 +57,7 @@ def test_the_run_is_there_after_the_notebook_has_tidied_up(rrd: Path) -> None:
     assert read(page + "view.rrd")[0] == VIEW
 
 
+@pytest.mark.slow
 def test_a_frame_is_as_high_as_asked_and_a_page_without_frames_says_what_is_missing(rrd: Path) -> None:
     pytest.importorskip("rerun")
     frame = show_run(rrd, height_px=333)
@@ -62,6 +65,7 @@ def test_a_frame_is_as_high_as_asked_and_a_page_without_frames_says_what_is_miss
     assert repr(frame) == "The rerun viewer, on this computer, for as long as this notebook's kernel runs."
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="asks the kernel for a process's children")
 def test_a_killed_notebook_leaves_no_viewer_behind(rrd: Path) -> None:
     pytest.importorskip("rerun")

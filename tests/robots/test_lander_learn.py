@@ -8,6 +8,8 @@ import pytest
 
 from snr_sim.library import find
 
+pytestmark = pytest.mark.slow
+
 LANDER = find("robots", "lander").path
 
 

@@ -45,6 +45,7 @@ def test_a_node_gets_the_same_pages_from_both_and_lands(scenario: str, tmp_path:
         assert space_trace.header.engine.startswith("mujoco: mujoco 4")
 
 
+@pytest.mark.slow
 def test_depth_is_held_alike_in_space_and_in_the_plane(tmp_path: Path) -> None:
     runs = {engine: record(tmp_path / engine, "urov_depth_hold", engine, 1)[1:] for engine in ENGINES}
     (plane, plane_trace), (space, space_trace) = (runs[engine] for engine in ENGINES)

@@ -86,6 +86,7 @@ def test_a_dive_is_the_same_dive_every_time_and_both_roles_replay(tmp_path: Path
         assert replay_node(trace, role, simulation.config(None)).is_identical
 
 
+@pytest.mark.slow
 def test_a_dive_is_the_same_dive_whichever_way_numpys_library_takes(tmp_path: Path) -> None:
     """numpy's library of linear algebra takes other ways for other processors; it can be told which it has."""
     digests = set()
@@ -98,6 +99,7 @@ def test_a_dive_is_the_same_dive_whichever_way_numpys_library_takes(tmp_path: Pa
     assert digests == {record(tmp_path / "here", "urov_depth_hold", 5)[2].digest}
 
 
+@pytest.mark.slow
 def test_a_dive_with_a_camera_keeps_its_pictures_and_replays(tmp_path: Path) -> None:
     simulation, result, trace = record(tmp_path / "a", "urov_depth_hold", 5, {"camera": "down"})
     assert result.success

@@ -37,6 +37,7 @@ def test_what_ships_is_what_the_classes_make(name: str) -> None:
     assert shipped == generated()[name], "run: python -m snr_sim.schemas --write"
 
 
+@pytest.mark.slow
 def test_a_user_finds_them() -> None:
     done = subprocess.run([sys.executable, "-m", "snr_sim.schemas"], capture_output=True, text=True, check=True)
     assert [Path(line).name for line in done.stdout.splitlines()] == [f"{name}{SUFFIX}" for name in NAMES]
@@ -48,6 +49,7 @@ def test_the_page_on_formats_names_each(name: str) -> None:
     assert f"`{name}{SUFFIX}`" in (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_results_are_valid_whatever_became_of_the_run(validator: Validator, tmp_path: Path) -> None:
     is_valid = validator("result")
     shown = []

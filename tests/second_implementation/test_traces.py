@@ -30,12 +30,14 @@ def run(*words: Any) -> subprocess.CompletedProcess[str]:
     return subprocess.run([*BARE, CLIENT, *map(str, words)], capture_output=True, text=True, timeout=60)
 
 
+@pytest.mark.slow
 def test_it_has_a_hundred_lines_and_cannot_see_the_kit() -> None:
     assert len(CLIENT.read_text().splitlines()) <= 100
     for package in ("snr_sim", "msgspec"):
         assert subprocess.run([*BARE, "-c", f"import {package}"], capture_output=True).returncode == 1
 
 
+@pytest.mark.slow
 def test_it_reads_a_run_of_a_scenario(fly: Callable[..., Trace]) -> None:
     trace = fly("lander_low_gate", "optimal")
     done = run("trace", trace.path, "engine")
@@ -71,6 +73,7 @@ def unusual(tmp_path: Path) -> Trace:
     return read_trace(writer.path)
 
 
+@pytest.mark.slow
 def test_it_brings_back_marked_values(unusual: Trace) -> None:
     done = run("trace", unusual.path, "x")
     assert done.returncode == 0, done.stderr
@@ -82,6 +85,7 @@ def test_it_brings_back_marked_values(unusual: Trace) -> None:
     assert matrix == "[[0.5]]"
 
 
+@pytest.mark.slow
 def test_it_leaves_out_a_cut_tail_and_refuses_a_moved_line(unusual: Trace) -> None:
     data = unusual.path.read_bytes()
     unusual.path.write_bytes(data[:-5])
@@ -104,6 +108,7 @@ def test_the_digest_of_the_example_is_what_the_page_says(tmp_path: Path) -> None
     assert f"\n    {digest}\n" in text
 
 
+@pytest.mark.slow
 def test_the_digest_is_what_a_shell_computes_too(fly: Callable[..., Trace]) -> None:
     trace = fly("lander_low_gate", "optimal")
     command = f"tail -n +2 '{trace.path}' | b2sum -l 256"

@@ -178,6 +178,7 @@ print(hashlib.sha256(repr(thrusts).encode()).hexdigest())
 """
 
 
+@pytest.mark.slow
 def test_thrusts_are_the_same_to_the_last_bit_whichever_way_numpys_library_takes() -> None:
     """OpenBLAS, which numpy brings, takes other ways for other processors; it can be told which it has."""
     digests = set()

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from snr_sim import (
@@ -45,6 +45,7 @@ class CollectorFactory(PartFactory):
         self.into.append((task.val_list[0].created_at_s, task.val_list[0].data))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clock", [SimClock, WallClock])
 @pytest.mark.parametrize("values", [[], [1.5], list(range(10))])
 def test_all_values_are_handled_in_order_before_the_end(values: list[Any], clock: type) -> None:
@@ -73,6 +74,7 @@ def test_a_generator_is_read_once_and_one_factory_can_serve_two_nodes() -> None:
         assert [value for _, value in into] == [0, 1, 4]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clock", [SimClock, WallClock])
 def test_whoever_ends_the_run_waits_for_a_slow_handler(clock: type) -> None:
     """Ten handlers of 0.05 s take longer than a node that is told to terminate gives what is queued."""
@@ -116,7 +118,6 @@ def test_pages_come_again_exactly_when_they_were_stored_with_origin_and_stamp(tm
     assert (node.exit_reason, node.notes) == ("replayed", [])
 
 
-@settings(max_examples=50, deadline=None)
 @given(st.lists(st.floats(0.0, 1e4), max_size=30))
 def test_the_order_of_the_file_is_kept_whatever_the_stamps_say(times_s: list[float]) -> None:
     with tempfile.TemporaryDirectory() as folder:
@@ -129,6 +130,7 @@ def test_the_order_of_the_file_is_kept_whatever_the_stamps_say(times_s: list[flo
         assert time_s == latest
 
 
+@pytest.mark.slow
 def test_on_the_wall_clock_pages_come_soon_after_their_time_and_all_before_the_end(tmp_path: Path) -> None:
     times_s = [0.0, 0.02, 0.02, 0.05, 0.08]
     pages = write_pages(tmp_path / "x", *times_s)
@@ -179,6 +181,7 @@ def test_a_recording_that_is_not_there_ends_the_run_with_its_name(tmp_path: Path
         replayed([ReplayerLoopFactory(tmp_path / "none.jsonl")], SimClock())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("far_s", [3600.0, 1e300])
 def test_stopping_does_not_wait_for_a_page_that_is_far_away(tmp_path: Path, far_s: float) -> None:
     write_pages(tmp_path / "x", 0.0, far_s)
@@ -202,6 +205,7 @@ def test_a_line_comes_at_each_tick_and_the_run_ends_after_the_last(tmp_path: Pat
     assert node.exit_reason == "replayed"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clock", [SimClock, WallClock])
 def test_a_line_waits_for_the_answer_to_the_one_before(tmp_path: Path, clock: type) -> None:
     """The answer takes three ticks; not even the end comes before the last one."""

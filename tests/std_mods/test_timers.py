@@ -3,7 +3,7 @@
 import time
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from snr_sim import (
@@ -23,7 +23,6 @@ from snr_sim.testing.parts import TickerFactory
 case = SNRTestCase()
 
 
-@settings(max_examples=100, deadline=None)
 @given(st.floats(0.0, 1e5))
 def test_a_timeout_comes_to_the_digit_in_virtual_time(seconds: float) -> None:
     node = case.run_test_node([TimeoutLoopFactory(seconds=seconds)], until_s=1e6)
@@ -73,6 +72,7 @@ def test_a_stopwatch_takes_the_time_of_each_matching_task() -> None:
     assert times == [0.0, 0.25, 0.5]
 
 
+@pytest.mark.slow
 def test_a_stopwatch_on_the_wall_clock_reads_the_nodes_time() -> None:
     times: list[float] = []
     watch = StopwatchEndpointFactory(times, [TaskType.terminate])

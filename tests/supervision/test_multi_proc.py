@@ -91,6 +91,7 @@ def assert_all_halted(out: str) -> None:
         assert out.count(f"[{name}] begun") <= out.count(f"[{name}] halted"), out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "said"),
     [
@@ -119,6 +120,7 @@ def test_weakness_21_a_role_that_fails_or_dies_is_reported_ends_the_others_in_or
     assert out.endswith("over\n")
 
 
+@pytest.mark.slow
 def test_what_a_role_prints_comes_through_line_by_line_with_its_name() -> None:
     status, out, err = run("speak", "ends_all")
     assert status == 0
@@ -128,6 +130,7 @@ def test_what_a_role_prints_comes_through_line_by_line_with_its_name() -> None:
     assert_all_halted(out)
 
 
+@pytest.mark.slow
 def test_a_role_that_ends_lets_the_others_go_on_unless_it_ends_all() -> None:
     assert run("end", "ends_all")[0] == 0
     program = Program("end")
@@ -174,6 +177,7 @@ def test_a_second_signal_does_not_wait_for_what_cannot_be_interrupted() -> None:
     assert "[a] halted" in program.out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_signals_at_random_moments_leave_nothing_running_and_nothing_unhalted(seed: int) -> None:
     chance = random.Random(seed)
@@ -202,6 +206,7 @@ def wait_until_it_listens(pid: int) -> None:
     pytest.fail("it never listened")
 
 
+@pytest.mark.slow
 def test_when_the_program_itself_is_killed_every_role_and_their_loops_end_too() -> None:
     program = Program("nothing", "heavy")
     program.wait_for("begun", 3)
@@ -215,6 +220,7 @@ def test_when_the_program_itself_is_killed_every_role_and_their_loops_end_too() 
     program.finish()
 
 
+@pytest.mark.slow
 def test_somebody_whom_a_role_leaves_behind_does_not_hold_up_the_end() -> None:
     start_s = time.monotonic()
     assert run("leave_somebody", "ends_all")[0] == 0
@@ -245,6 +251,7 @@ def test_a_runner_runs_once_as_a_node_does() -> None:
         runner.run()
 
 
+@pytest.mark.slow
 def test_roles_run_from_another_thread_than_the_main_one_too() -> None:
     config = Config(factories={"a": [TimeoutLoopFactory(seconds=0.01)], "b": [TimeoutLoopFactory(seconds=0.01)]})
     errors: list[BaseException] = []

@@ -26,6 +26,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from snr_sim import (
     CliRunner,
     Config,
@@ -157,6 +159,7 @@ def test_the_dive_runs_in_lock_step_without_sockets() -> None:
     assert right > left
 
 
+@pytest.mark.slow
 def test_the_dive_runs_as_two_processes_whichever_starts_first(free_ports: Any) -> None:
     for first, second in (("urov", "topside"), ("topside", "urov")):
         ports = free_ports(2)

@@ -184,6 +184,7 @@ def test_a_pad_that_is_unplugged_stops_the_motors_within_a_tick() -> None:
     assert written[-2:] == [ThrustCommand(1.0, 1.0), ThrustCommand(0.0, 0.0)]
 
 
+@pytest.mark.slow
 def test_with_a_scripted_pad_behind_sdl_two_nodes_over_sockets_do_as_it_says(free_ports: Any) -> None:
     """Each move of the script waits for what the one before it has done to the motors, not for a time."""
     pytest.importorskip("pygame", reason="the extra 'pad' is not installed")

@@ -17,6 +17,8 @@ import sys
 import time
 from dataclasses import dataclass
 
+import pytest
+
 from snr_sim import (
     Config,
     Endpoint,
@@ -105,6 +107,7 @@ def stress(seconds: float, endpoints: int = ENDPOINTS) -> Outcome:
     return Outcome(endpoints, sum(factory.calls for factory in factories), wall_s, in_handlers_s)
 
 
+@pytest.mark.slow
 def test_every_endpoint_is_called_in_every_round() -> None:
     outcome = stress(0.1, endpoints=50)
     assert outcome.calls >= 50

@@ -117,6 +117,7 @@ def test_many_boards_one_after_the_other_leave_room(emulators: None) -> None:
         board.close()
 
 
+@pytest.mark.slow
 def test_firmware_that_stops_for_good_is_told(tmp_path: Path) -> None:
     folder = tmp_path / "firmware"
     folder.mkdir()

@@ -44,6 +44,7 @@ def wait_until(is_so: Callable[[], bool]) -> None:
         select.select([], [], [], 0.01)
 
 
+@pytest.mark.slow
 def test_who_opens_its_port_is_answered(served: subprocess.Popen[str], tmp_path: Path) -> None:
     serial = pytest.importorskip("serial")
     frames, heard = McuFrames(), []
@@ -54,6 +55,7 @@ def test_who_opens_its_port_is_answered(served: subprocess.Popen[str], tmp_path:
     assert (ident.mcu, ident.session) == (MCU, 3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGINT])
 def test_told_to_end_it_takes_its_link_away(served: subprocess.Popen[str], tmp_path: Path, how: signal.Signals) -> None:
     served.send_signal(how)
@@ -61,6 +63,7 @@ def test_told_to_end_it_takes_its_link_away(served: subprocess.Popen[str], tmp_p
     assert not os.path.lexists(tmp_path / "esc")
 
 
+@pytest.mark.slow
 def test_when_who_started_it_is_gone_it_ends(tmp_path: Path) -> None:
     starter = "import subprocess, sys; p = subprocess.Popen(sys.argv[1:], stdout=subprocess.PIPE); p.stdout.readline()"
     link = tmp_path / "esc"

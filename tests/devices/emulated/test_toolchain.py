@@ -36,6 +36,7 @@ def test_without_simavr_it_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
         runner_library()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("emulators")
 def test_what_was_compiled_once_is_not_compiled_again(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made = runner_library(), firmware_elf(FIRMWARE, MCU)
@@ -56,6 +57,7 @@ def test_a_cache_that_cannot_be_written_is_told_with_how_to_name_another(
     assert "XDG_CACHE_HOME=FOLDER" in e.value.fix
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("emulators", "cache")
 def test_a_full_disk_is_told_as_that_and_not_as_a_missing_compiler(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -71,6 +73,7 @@ def test_a_full_disk_is_told_as_that_and_not_as_a_missing_compiler(
     assert e.value.fix.startswith("make room in ")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("emulators", "cache")
 def test_a_change_of_the_firmware_or_its_settings_is_compiled(tmp_path: Path) -> None:
     folder = tmp_path / "firmware"
@@ -81,6 +84,7 @@ def test_a_change_of_the_firmware_or_its_settings_is_compiled(tmp_path: Path) ->
     assert len({first, firmware_elf(folder, MCU), firmware_elf(folder, MCU, {"PERIOD_MS": 20})}) == 3
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("emulators")
 def test_a_mistake_in_the_firmware_is_told_with_its_line_and_leaves_nothing_behind(tmp_path: Path, cache: Path) -> None:
     folder = tmp_path / "firmware"

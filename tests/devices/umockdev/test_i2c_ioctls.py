@@ -79,6 +79,7 @@ def kernel_with(bus: FakeBus, tick: Callable[[], None]) -> Iterator[dict[str, st
             kernel.terminate()
 
 
+@pytest.mark.slow
 def test_our_drivers_reach_our_parts_through_the_ioctls_of_smbus2() -> None:
     chip, clock = Pca9685Part(), [0.0]
     depth = Ms5837Part(lambda: clock[0], pressure_pa=123_456.0, temperature_c=12.34)

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from cobs import cobs as peer
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from snr_sim.devices.wire.mcu_frames import MAX_FRAME_BYTES, McuFrames, encode
@@ -93,7 +93,6 @@ def test_it_does_not_matter_how_the_bytes_are_cut(messages: list[Any], cuts: lis
     assert (frames.crc_errors, frames.not_ours, frames.overlong, frames.frames) == (0, 0, 0, len(messages))
 
 
-@settings(max_examples=200)
 @given(st.lists(st.binary(max_size=400), max_size=8), MESSAGE)
 def test_after_any_garbage_the_next_frame_is_read(garbage: list[bytes], message: Any) -> None:
     frames = McuFrames()

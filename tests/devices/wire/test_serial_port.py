@@ -78,6 +78,7 @@ def test_of_two_nodes_on_one_port_the_second_is_told(cable: Cable) -> None:
     SerialPort(cable.path).close()
 
 
+@pytest.mark.slow
 def test_a_program_that_has_the_port_is_named(cable: Cable) -> None:
     hold = (
         "import sys; from snr_sim.devices.wire.serial_port import SerialPort; port = SerialPort(sys.argv[1]); "

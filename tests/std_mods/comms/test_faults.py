@@ -160,6 +160,7 @@ def test_the_round_trip_time_of_a_simulated_link_is_what_was_asked_for() -> None
     assert reports[-1]["rtt_s"] == pytest.approx(0.08)
 
 
+@pytest.mark.slow
 def test_the_same_faults_work_on_real_sockets(start: Callable[..., Any]) -> None:
     pair = SocketsPair(
         ("127.0.0.1", 0), name="t", faults=Faults(latency_s=0.02, loss=0.3, duplication=0.2, reordering=0.2, seed=3)
@@ -181,6 +182,7 @@ def test_the_same_faults_work_on_real_sockets(start: Callable[..., Any]) -> None
     assert came != sorted(came)
 
 
+@pytest.mark.slow
 def test_the_rtt_over_real_sockets_shows_the_latency(start: Callable[..., Any]) -> None:
     pair = SocketsPair(("127.0.0.1", 0), name="t", faults=Faults(latency_s=0.05))
     robot = start("robot", [pair.server()])

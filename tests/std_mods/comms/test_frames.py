@@ -3,14 +3,13 @@
 import tracemalloc
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from snr_sim.prelude.errors import FrameTooLarge
 from snr_sim.std_mods.comms.frames import FrameReader, encode_frame
 
 
-@settings(deadline=None)
 @given(st.lists(st.binary(max_size=50), max_size=20), st.lists(st.integers(1, 40), min_size=1))
 def test_frames_come_out_whole_however_the_bytes_are_cut(payloads: list[bytes], cuts: list[int]) -> None:
     stream = b"".join(encode_frame(payload) for payload in payloads)

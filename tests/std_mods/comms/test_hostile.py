@@ -18,6 +18,8 @@ from snr_sim.std_mods.comms.messages import Hello, Refused
 from snr_sim.std_mods.comms.streams import READ_BYTES
 from snr_sim.testing.parts import PartFactory
 
+pytestmark = pytest.mark.slow
+
 HERE = "127.0.0.1"
 Start = Callable[..., Any]
 Connect = Callable[..., Any]

@@ -159,6 +159,7 @@ def test_a_page_that_cannot_cross_memory_is_blamed_on_the_line_that_stored_it() 
         SimRunner(config, links=[MemoryLink(["photo"], "robot", "topside")], until_s=1.0).run()
 
 
+@pytest.mark.slow
 def test_pages_that_faults_still_delay_count_as_dropped_when_the_session_ends(
     start: Callable[..., Any], raw: Callable[..., Any]
 ) -> None:
@@ -174,6 +175,7 @@ def test_pages_that_faults_still_delay_count_as_dropped_when_the_session_ends(
     assert (state["sent"], state["dropped"]) == (0, 7)
 
 
+@pytest.mark.slow
 def test_the_log_names_the_link_that_is_up_or_down(start: Callable[..., Any], caplog: pytest.LogCaptureFixture) -> None:
     pair = SocketsPair((HERE, 0), name="tether")
     with caplog.at_level("INFO"):
@@ -188,6 +190,7 @@ def test_the_log_names_the_link_that_is_up_or_down(start: Callable[..., Any], ca
     assert "link_tether is up: topside_node" in said
 
 
+@pytest.mark.slow
 def test_a_page_of_a_node_whose_clock_shows_another_time_is_as_old_as_it_is(start: Callable[..., Any]) -> None:
     pair = SocketsPair((HERE, 0), name="tether")
     robot = start("robot", [pair.server()])
@@ -202,6 +205,7 @@ def test_a_page_of_a_node_whose_clock_shows_another_time_is_as_old_as_it_is(star
     assert -LIMIT_S < age_s <= robot.node.clock.now_s() - begun_s
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("key", ["link_tether", "reload", "add_component"])
 def test_what_a_node_tells_of_itself_no_far_end_can_overwrite(start: Callable[..., Any], key: str) -> None:
     pair = SocketsPair((HERE, 0), name="tether")
@@ -216,6 +220,7 @@ def test_what_a_node_tells_of_itself_no_far_end_can_overwrite(start: Callable[..
     assert robot.node.components["link_tether"].unwanted == 1
 
 
+@pytest.mark.slow
 def test_what_a_far_end_tells_of_itself_comes_in_if_it_is_asked_for(start: Callable[..., Any]) -> None:
     pair = SocketsPair((HERE, 0), name="tether")
     topside = start("topside", [pair.server(accept=["reload"])])

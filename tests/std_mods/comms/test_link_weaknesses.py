@@ -36,6 +36,7 @@ def robot(start: Start, pair: SocketsPair) -> Any:
     return running
 
 
+@pytest.mark.slow
 def test_weakness_6_a_flood_of_pages_comes_whole_and_in_order(start: Start, robot: Any, pair: SocketsPair) -> None:
     client = start("client", [pair.client("x")])
     client.until_link("t")
@@ -45,6 +46,7 @@ def test_weakness_6_a_flood_of_pages_comes_whole_and_in_order(start: Start, robo
     assert robot.stored["x"] == list(range(20_000))
 
 
+@pytest.mark.slow
 def test_weakness_7_a_page_of_5_mb_arrives_when_the_limit_is_raised(
     start: Start, robot: Any, pair: SocketsPair
 ) -> None:
@@ -56,6 +58,7 @@ def test_weakness_7_a_page_of_5_mb_arrives_when_the_limit_is_raised(
     assert len(Page("x", numbers, "", 0.0).serialize()) > 5_000_000
 
 
+@pytest.mark.slow
 def test_weakness_7_a_page_beyond_the_limit_is_a_clear_error_at_the_sender(start: Start, pair: SocketsPair) -> None:
     small = SocketsPair((HERE, 9), name="small")
     client = start("client", [small.client("photo")])
@@ -67,6 +70,7 @@ def test_weakness_7_a_page_beyond_the_limit_is_a_clear_error_at_the_sender(start
     assert "store_page 'photo'" in text
 
 
+@pytest.mark.slow
 def test_weakness_7_a_page_beyond_the_other_ends_limit_is_counted_and_the_link_stays_up(
     start: Start, robot: Any, pair: SocketsPair, raw: Connect
 ) -> None:
@@ -99,6 +103,7 @@ def test_weakness_8_a_round_trip_does_not_wait_for_the_other_ends_acknowledgemen
         assert stream.port._sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) != 0
 
 
+@pytest.mark.slow
 def test_weakness_10_clients_that_connect_and_close_do_not_end_the_node(robot: Any, pair: SocketsPair) -> None:
     for _ in range(2):
         both = [socket.create_connection((HERE, pair.port), 30) for _ in range(2)]
@@ -110,6 +115,7 @@ def test_weakness_10_clients_that_connect_and_close_do_not_end_the_node(robot: A
     assert robot.thread.is_alive()
 
 
+@pytest.mark.slow
 def test_weakness_11_a_server_listens_where_it_was_told_and_nowhere_else(robot: Any, pair: SocketsPair) -> None:
     assert robot.node.components["link_t"]._listener.sock.getsockname()[0] == HERE
     with pytest.raises(OSError, match=r"."):
@@ -126,6 +132,7 @@ def test_weakness_11_a_server_open_to_everybody_is_refused_when_it_is_made(host:
     SocketsPair((host, 9120), allow=["192.168.2.0/24"]).server()
 
 
+@pytest.mark.slow
 def test_weakness_13_a_second_client_leaves_the_first_alone(start: Start, robot: Any, pair: SocketsPair) -> None:
     first = start("first", [pair.client("one")])
     first.until_link("t")
@@ -142,6 +149,7 @@ def test_weakness_13_a_second_client_leaves_the_first_alone(start: Start, robot:
     assert robot.until_stored("one") == [1]
 
 
+@pytest.mark.slow
 def test_weakness_14_a_key_shared_both_ways_does_not_echo(start: Start, pair: SocketsPair) -> None:
     robot = start("robot", [pair.server(["x", "end"])])
     client = start("client", [pair.client(["x", "end"])])
@@ -174,6 +182,7 @@ def test_weakness_14_a_page_goes_round_a_mesh_of_four_at_most_once_per_link() ->
     assert len(stored) <= 1 + 2 * len(pairs)
 
 
+@pytest.mark.slow
 def test_a_payload_in_many_segments_is_one_page(robot: Any, pair: SocketsPair, raw: Connect) -> None:
     far = raw(pair.port)
     robot.until_link("t")
@@ -182,6 +191,7 @@ def test_a_payload_in_many_segments_is_one_page(robot: Any, pair: SocketsPair, r
     assert robot.until_stored("x") == [[1, 2, 3]]
 
 
+@pytest.mark.slow
 def test_a_port_in_use_is_an_error_that_names_it(start: Start, robot: Any, pair: SocketsPair) -> None:
     other = start("other", [SocketsPair((HERE, pair.port)).server()])
     other.thread.join(30)
@@ -190,6 +200,7 @@ def test_a_port_in_use_is_an_error_that_names_it(start: Start, robot: Any, pair:
     assert f"grep {pair.port}" in text
 
 
+@pytest.mark.slow
 def test_a_server_that_vanishes_is_called_again_until_it_is_back(start: Start) -> None:
     pair = SocketsPair((HERE, 0), name="t")
     robot = start("robot", [pair.server()])
@@ -206,6 +217,7 @@ def test_a_server_that_vanishes_is_called_again_until_it_is_back(start: Start) -
     assert client.until_link("t", dropped=2)
 
 
+@pytest.mark.slow
 def test_a_host_that_does_not_resolve_is_told_and_tried_again_without_holding_anybody_up(
     start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -12,6 +12,8 @@ import pytest
 
 from snr_sim.std_mods.comms.listener import PAUSE_S, Listener
 
+pytestmark = pytest.mark.slow
+
 LOG = logging.getLogger("snr.listener")
 
 

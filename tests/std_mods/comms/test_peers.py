@@ -20,6 +20,7 @@ def pair() -> SocketsPair:
     return SocketsPair((HERE, 0), name="t", keep_alive_s=0.05)
 
 
+@pytest.mark.slow
 def test_pages_between_two_nodes_of_one_name_are_counted_and_told_at_both_ends(
     start: Start, pair: SocketsPair, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -44,6 +45,7 @@ def test_pages_between_two_nodes_of_one_name_are_counted_and_told_at_both_ends(
     assert [(r.levelno, r.name) for r in said] == [(logging.WARNING, "snr.robot_node.link_t")] * 2
 
 
+@pytest.mark.slow
 def test_a_page_of_one_of_two_far_ends_of_one_name_is_sent_to_the_other_and_that_is_told(
     start: Start, pair: SocketsPair
 ) -> None:
@@ -61,6 +63,7 @@ def test_a_page_of_one_of_two_far_ends_of_one_name_is_sent_to_the_other_and_that
     assert any("two far ends are named 'pad_node'" in note for note in robot.node.notes)
 
 
+@pytest.mark.slow
 def test_who_lost_a_connection_and_called_again_is_not_two(start: Start, raw: Callable[..., Any]) -> None:
     pair = SocketsPair((HERE, 0), name="t", keep_alive_s=0.05, timeout_s=1.0)
     robot = start("robot", [pair.server("chat")])

@@ -14,6 +14,7 @@ from snr_sim.std_mods.comms.pipes import PipePort
 from snr_sim.testing.parts import TickerFactory
 
 
+@pytest.mark.slow
 def test_pages_cross_a_pipe_both_ways_and_the_end_is_noticed(start: Callable[..., Any]) -> None:
     ours, theirs = Pipe()
     a = start("a", [PipeLoopFactory(ours, "x")])

@@ -15,6 +15,8 @@ import pytest
 
 from snr_sim import PipeLoopFactory, SocketsPair
 
+pytestmark = pytest.mark.slow
+
 FAR_ROLE = Path(__file__).with_name("far_role.py")
 KEYS = ["question", "end"]
 

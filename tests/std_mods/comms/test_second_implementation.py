@@ -46,6 +46,7 @@ def serve(start: Callable[..., Any], secret: str | None) -> tuple[Any, int]:
     return node, pair.port
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("secret", [None, SECRET])
 def test_it_sends_a_page_gets_pages_and_answers_pings(
     start: Callable[..., Any], call: Call, secret: str | None
@@ -68,6 +69,7 @@ def test_it_sends_a_page_gets_pages_and_answers_pings(
     assert "'plain_node' left: that was all." in node.until_link("tether", up=False)["reason"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ours", "theirs", "said"),
     [
@@ -89,6 +91,7 @@ def test_it_is_told_why_it_is_refused(
     assert not node.stored["joystick"]
 
 
+@pytest.mark.slow
 def test_it_hears_that_the_node_ends(start: Callable[..., Any], call: Call) -> None:
     node, port = serve(start, None)
     client = call(port, "", 1)

@@ -81,6 +81,7 @@ def test_only_this_machine_and_named_networks_are_allowed() -> None:
         as_networks(["10.1.*"])
 
 
+@pytest.mark.slow
 def test_an_address_that_is_not_allowed_is_told_so_before_it_is_listened_to(
     start: Start, raw: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -94,6 +95,7 @@ def test_an_address_that_is_not_allowed_is_told_so_before_it_is_listened_to(
     assert robot.stored["link_t"][-1]["up"] is False
 
 
+@pytest.mark.slow
 def test_a_wrong_secret_is_told_to_both_ends_and_the_right_one_connects(start: Start) -> None:
     pair = SocketsPair((HERE, 0), name="t", secret="the right secret of this robot")
     robot = start("robot", [pair.server()])
@@ -111,6 +113,7 @@ def test_a_wrong_secret_is_told_to_both_ends_and_the_right_one_connects(start: S
     assert robot.until_stored("x") == ["good"]
 
 
+@pytest.mark.slow
 def test_a_wrong_secret_is_told_also_through_a_line_that_delays(start: Start) -> None:
     late = Faults(latency_s=0.02)
     pair = SocketsPair((HERE, 0), name="t", secret="the right secret of this robot", faults=late)
@@ -122,6 +125,7 @@ def test_a_wrong_secret_is_told_also_through_a_line_that_delays(start: Start) ->
     intruder.until(lambda: "secrets of the two ends differ" in intruder.stored["link_t"][-1]["reason"], "refused")
 
 
+@pytest.mark.slow
 def test_a_page_that_waits_at_a_server_with_a_secret_goes_to_the_first_who_proves_it(start: Start) -> None:
     pair = SocketsPair((HERE, 0), name="t", secret="the right secret of this robot")
     robot = start("robot", [pair.server("depth")])
@@ -133,6 +137,7 @@ def test_a_page_that_waits_at_a_server_with_a_secret_goes_to_the_first_who_prove
     assert [state["reason"] for state in topside.stored["link_t"] if "came" in state["reason"]] == []
 
 
+@pytest.mark.slow
 def test_pages_large_and_small_cross_tls_both_ways(start: Start, files: dict[str, str]) -> None:
     tls = Tls(files["robot_cert"], files["robot_key"], files["authority"])
     pair = SocketsPair((HERE, 0), name="t", tls=tls, max_frame_bytes=1 << 23)
@@ -148,6 +153,7 @@ def test_pages_large_and_small_cross_tls_both_ways(start: Start, files: dict[str
     assert client.until_stored("photo") == ["y" * 3_000_000]
 
 
+@pytest.mark.slow
 def test_a_server_that_the_authority_did_not_sign_is_not_talked_to(start: Start, files: dict[str, str]) -> None:
     tls = Tls(files["robot_cert"], files["robot_key"], files["stranger"])
     pair = SocketsPair((HERE, 0), name="t", tls=tls)
@@ -159,6 +165,7 @@ def test_a_server_that_the_authority_did_not_sign_is_not_talked_to(start: Start,
     assert robot.thread.is_alive()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("has_it", ["server", "client"])
 def test_tls_on_one_end_only_is_said_with_what_to_try(start: Start, files: dict[str, str], has_it: str) -> None:
     tls = Tls(files["robot_cert"], files["robot_key"], files["authority"])
@@ -177,6 +184,7 @@ def test_tls_on_one_end_only_is_said_with_what_to_try(start: Start, files: dict[
         says(robot, f"The other end speaks TLS, this one does not. {fix}.")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("which", "words"),
     [
@@ -208,6 +216,7 @@ def test_a_certificate_that_does_not_fit_is_told_with_what_to_try(
     assert "([SSL: CERTIFICATE_VERIFY_FAILED]" in client.stored["link_t"][-1]["reason"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("who", ["student", "evil", "nobody"])
 def test_with_client_certificates_only_those_of_the_authority_get_in(
     start: Start, files: dict[str, str], who: str
@@ -231,6 +240,7 @@ def test_with_client_certificates_only_those_of_the_authority_get_in(
     assert not robot.stored["x"]
 
 
+@pytest.mark.slow
 def test_who_does_not_speak_tls_gets_nowhere(start: Start, files: dict[str, str], raw: Callable[..., Any]) -> None:
     tls = Tls(files["robot_cert"], files["robot_key"], files["authority"])
     pair = SocketsPair((HERE, 0), name="t", tls=tls)

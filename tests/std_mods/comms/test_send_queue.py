@@ -1,7 +1,7 @@
 """The send queue: bounded in pages and in bytes, and what had to go is counted."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from snr_sim.prelude.errors import ParameterError
@@ -32,7 +32,6 @@ def test_as_many_are_taken_as_fill_one_write() -> None:
     assert (len(queue), queue.waiting_bytes) == (7, 35)
 
 
-@settings(deadline=None)
 @given(
     st.lists(st.one_of(st.binary(max_size=20), st.none()), max_size=60),
     st.sampled_from(["drop_oldest", "refuse"]),

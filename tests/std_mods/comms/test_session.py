@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 import numpy  # noqa: F401 - here, so that its import is not counted as what a hostile array costs
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from snr_sim import Page
@@ -377,7 +377,6 @@ pieces = st.one_of(
 )
 
 
-@settings(deadline=None)
 @given(st.booleans(), st.lists(pieces, max_size=8), st.lists(st.integers(1, 50), min_size=1, max_size=5))
 def test_no_bytes_of_any_kind_raise_or_get_in_as_something_else_than_pages(
     is_up: bool, parts: list[bytes], cuts: list[int]

@@ -27,6 +27,7 @@ def free_port() -> int:
             return port
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", ["robot first", "topside first"])
 def test_weakness_9_two_way_links_start_in_either_order(start: Callable[..., Any], order: str) -> None:
     down, up = SocketsPair((HERE, free_port()), name="down"), SocketsPair((HERE, free_port()), name="up")
@@ -62,6 +63,7 @@ def test_the_same_config_runs_in_lock_step_without_sockets() -> None:
     assert runner.nodes["topside"].get_data("link_tether")["received"] >= 10
 
 
+@pytest.mark.slow
 def test_a_node_that_never_rests_still_hears_its_links(start: Callable[..., Any]) -> None:
     """Its own thread reads them at the door; if it does not come there, the link's thread does."""
     pair = SocketsPair(("127.0.0.1", 0), name="wire")
@@ -75,6 +77,7 @@ def test_a_node_that_never_rests_still_hears_its_links(start: Callable[..., Any]
     assert server.until_stored("depth", 2_000) == list(range(2_000))
 
 
+@pytest.mark.slow
 def test_a_handler_that_takes_long_does_not_cost_the_link(start: Callable[..., Any]) -> None:
     """The link's thread keeps it alive meanwhile: longer than the far end would wait for a silent one."""
     pair = SocketsPair(("127.0.0.1", 0), name="wire", keep_alive_s=0.05, timeout_s=1.0)
@@ -91,6 +94,7 @@ def test_a_handler_that_takes_long_does_not_cost_the_link(start: Callable[..., A
     assert all(report["up"] for report in client.stored["link_wire"][reports:])
 
 
+@pytest.mark.slow
 def test_a_client_does_not_take_itself_for_the_server(monkeypatch: pytest.MonkeyPatch) -> None:
     def call_oneself(address: tuple[str, int], timeout_s: float) -> socket.socket:
         sock = socket.socket()

@@ -154,6 +154,7 @@ def stranger(net: ZenohNet) -> Iterator[Callable[[], Any]]:
 # Who hears whom
 
 
+@pytest.mark.slow
 def test_pages_go_both_ways_and_either_node_starts_first(start: Start, net: ZenohNet) -> None:
     rov = start("rov", [joins(net, "depth")])
     assert rov.until_link("fleet", up=False)["reason"].startswith(f"waits for {net.listen[0].text}")
@@ -166,6 +167,7 @@ def test_pages_go_both_ways_and_either_node_starts_first(start: Start, net: Zeno
     assert shore.until_stored("depth") == [1.5]
 
 
+@pytest.mark.slow
 def test_a_program_that_ends_before_its_link_has_left_is_not_aborted(
     start: Start, process: Callable[..., Process], net: ZenohNet
 ) -> None:
@@ -175,6 +177,7 @@ def test_a_program_that_ends_before_its_link_has_left_is_not_aborted(
     a.end()
 
 
+@pytest.mark.slow
 def test_three_processes_hear_each_other_through_the_one_that_listens(
     start: Start, process: Callable[..., Process], net: ZenohNet
 ) -> None:
@@ -193,6 +196,7 @@ def test_three_processes_hear_each_other_through_the_one_that_listens(
     shore.until(lambda: names(shore) == ["a_node"])
 
 
+@pytest.mark.slow
 def test_robots_with_the_same_program_are_told_apart(start: Start, net: ZenohNet) -> None:
     shore = start("shore", [net.link("mission", apart=True)])
     rov1 = start("auv", [joins(net, "depth", robot="rov1", robots="shore_node")])
@@ -208,6 +212,7 @@ def test_robots_with_the_same_program_are_told_apart(start: Start, net: ZenohNet
     assert rov1.stored["depth"] == [1.0]
 
 
+@pytest.mark.slow
 def test_nets_with_different_names_never_meet(start: Start, net: ZenohNet) -> None:
     other = ZenohNet(name="other fleet?", connect=net.listen[0].text)
     shore = start("shore", [net.link()])
@@ -222,6 +227,7 @@ def test_nets_with_different_names_never_meet(start: Start, net: ZenohNet) -> No
     assert alien.stored["link_other fleet?"][-1]["up"] is False
 
 
+@pytest.mark.slow
 def test_others_are_discovered_on_the_interface_that_was_named_and_only_there(start: Start) -> None:
     # Multicast is the whole machine's, so this net's name is nobody else's.
     name = f"fleet {os.getpid()}"
@@ -235,6 +241,7 @@ def test_others_are_discovered_on_the_interface_that_was_named_and_only_there(st
 # When and what
 
 
+@pytest.mark.slow
 def test_who_comes_late_hears_the_newest_of_each_key_and_nobody_hears_it_twice(start: Start, net: ZenohNet) -> None:
     rov = start("rov", [net.link(["depth", "heading"])])
     early = start("early", [joins(net)])
@@ -251,6 +258,7 @@ def test_who_comes_late_hears_the_newest_of_each_key_and_nobody_hears_it_twice(s
     assert early.stored["heading"] == [0.5]
 
 
+@pytest.mark.slow
 def test_ten_thousand_pages_reach_another_process_in_order(
     start: Start, process: Callable[..., Process], net: ZenohNet
 ) -> None:
@@ -263,6 +271,7 @@ def test_ten_thousand_pages_reach_another_process_in_order(
     assert state["dropped"] == 0
 
 
+@pytest.mark.slow
 def test_a_large_page_crosses_and_small_ones_keep_their_place(start: Start, net: ZenohNet) -> None:
     photo = "p" * 1_000_000
     rov = start("rov", [net.link("x")])
@@ -272,6 +281,7 @@ def test_a_large_page_crosses_and_small_ones_keep_their_place(start: Start, net:
     assert shore.until_stored("x", 5) == [1, photo, 2, photo, 3]
 
 
+@pytest.mark.slow
 def test_any_text_may_be_a_key(start: Start, net: ZenohNet) -> None:
     keys = ["depth/of rov", "*", "**", "$x?#", "@me", "Tiefe ü", "a" * 256]
     rov = start("rov", [net.link(keys)])
@@ -282,6 +292,7 @@ def test_any_text_may_be_a_key(start: Start, net: ZenohNet) -> None:
     assert [shore.until_stored(key) for key in keys] == [[number] for number in range(len(keys))]
 
 
+@pytest.mark.slow
 def test_only_what_is_accepted_comes_in(start: Start, net: ZenohNet) -> None:
     rov = start("rov", [net.link(["x", "y"])])
     shore = start("shore", [joins(net, accept=["y"])])
@@ -292,6 +303,7 @@ def test_only_what_is_accepted_comes_in(start: Start, net: ZenohNet) -> None:
     assert shore.stored["x"] == []
 
 
+@pytest.mark.slow
 def test_the_link_says_how_long_a_round_trip_takes(start: Start, net: ZenohNet) -> None:
     start("rov", [net.link("x")])
     shore = start("shore", [joins(net)])
@@ -301,6 +313,7 @@ def test_the_link_says_how_long_a_round_trip_takes(start: Start, net: ZenohNet) 
     assert 0 <= state["age_s"] < LIMIT_S
 
 
+@pytest.mark.slow
 def test_faults_delay_and_lose_pages_and_say_how_many(start: Start, net: ZenohNet) -> None:
     bad = ZenohNet(name="fleet", connect=net.listen[0].text, faults=Faults(latency_s=0.2, loss=0.5, seed=1))
     shore = start("shore", [net.link()])
@@ -318,6 +331,7 @@ def test_faults_delay_and_lose_pages_and_say_how_many(start: Start, net: ZenohNe
 # Comings and goings
 
 
+@pytest.mark.slow
 def test_a_process_that_is_killed_is_seen_and_its_successor_too(
     start: Start, process: Callable[..., Process], net: ZenohNet
 ) -> None:
@@ -334,6 +348,7 @@ def test_a_process_that_is_killed_is_seen_and_its_successor_too(
     assert shore.until_stored("x") == [1]
 
 
+@pytest.mark.slow
 def test_the_one_that_listens_may_be_killed_and_come_back(
     start: Start, process: Callable[..., Process], net: ZenohNet
 ) -> None:
@@ -371,6 +386,7 @@ def test_a_process_that_hangs_neither_holds_up_a_node_nor_its_end(
     assert time.monotonic() - began_s < 3.0  # 0.3 s, and this machine's load; Zenoh itself takes 6 s and more
 
 
+@pytest.mark.slow
 def test_twenty_links_leave_neither_threads_nor_descriptors_behind(start: Start, net: ZenohNet) -> None:
     def left() -> tuple[int, int]:
         return len(os.listdir("/proc/self/task")), len(os.listdir("/proc/self/fd"))
@@ -393,6 +409,7 @@ def test_twenty_links_leave_neither_threads_nor_descriptors_behind(start: Start,
 # Strangers
 
 
+@pytest.mark.slow
 def test_what_is_no_page_is_counted_and_changes_nothing(
     start: Start, net: ZenohNet, stranger: Callable[[], Any]
 ) -> None:
@@ -426,6 +443,7 @@ def test_what_is_no_page_is_counted_and_changes_nothing(
     assert shore.until_stored("last") == [True]
 
 
+@pytest.mark.slow
 def test_a_page_far_too_long_is_not_even_kept(start: Start, net: ZenohNet, stranger: Callable[[], Any]) -> None:
     shore = start("shore", [net.link()])
     shore.until_link("fleet", up=False)
@@ -438,6 +456,7 @@ def test_a_page_far_too_long_is_not_even_kept(start: Start, net: ZenohNet, stran
     assert shore.failure is None
 
 
+@pytest.mark.slow
 def test_only_keys_of_the_net_pass_the_node_that_listens(
     start: Start, net: ZenohNet, stranger: Callable[[], Any]
 ) -> None:
@@ -466,6 +485,7 @@ def test_only_keys_of_the_net_pass_the_node_that_listens(
     assert set(came) == {"snr/fleet/a/a/1/page/x"}
 
 
+@pytest.mark.slow
 def test_with_certificates_on_both_sides_only_those_of_the_authority_get_in(
     start: Start, files: dict[str, str]
 ) -> None:
@@ -496,6 +516,7 @@ def test_with_certificates_on_both_sides_only_those_of_the_authority_get_in(
     assert shore.stored["y"] == [1]
 
 
+@pytest.mark.slow
 def test_a_port_in_use_is_said_where_the_node_begins(start: Start, net: ZenohNet) -> None:
     start("shore", [net.link()]).until_link("fleet", up=False)
     second = start("second", [net.link()])
@@ -503,6 +524,7 @@ def test_a_port_in_use_is_said_where_the_node_begins(start: Start, net: ZenohNet
     assert "The net 'fleet' cannot be opened" in str(second.failure)
 
 
+@pytest.mark.slow
 def test_a_missing_package_says_what_to_install(net: ZenohNet, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "zenoh", None)
     with pytest.raises(MissingExtra, match=r"eclipse-zenoh(.|\n)*snr_sim\[zenoh\]"):

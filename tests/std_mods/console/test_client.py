@@ -48,6 +48,7 @@ def node_at(port: int) -> Iterator[int]:
         thread.join(PATIENCE_S)
 
 
+@pytest.mark.slow
 def test_a_line_that_is_lost_is_said_and_called_again_until_the_node_is_back() -> None:
     told = Told()
     with node_at(0) as port:
@@ -68,6 +69,7 @@ def test_a_line_that_is_lost_is_said_and_called_again_until_the_node_is_back() -
         client.__exit__()
 
 
+@pytest.mark.slow
 def test_a_script_may_start_before_its_node() -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
@@ -80,6 +82,7 @@ def test_a_script_may_start_before_its_node() -> None:
     assert len(answers) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("said", "reason"),
     [
@@ -109,6 +112,7 @@ def test_a_port_that_is_no_console_is_said_in_words(said: bytes, reason: str) ->
     assert reason in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_host_that_does_not_resolve_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     def nobody_knows(*args: object, **options: object) -> None:
         raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
@@ -122,6 +126,7 @@ def test_a_host_that_does_not_resolve_is_said(monkeypatch: pytest.MonkeyPatch) -
             client.wait_until_up(0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("host", ["x" * 70, "\0"])
 def test_a_host_that_can_be_none_is_said(host: str) -> None:
     with pytest.raises(LinkError, match="No console"):
@@ -133,6 +138,7 @@ def test_a_token_that_is_none_is_refused_when_it_is_given() -> None:
         RemoteConsole(("127.0.0.1", 1), token="short")
 
 
+@pytest.mark.slow
 def test_a_line_no_node_would_take_is_refused_here() -> None:
     with node_at(0) as port:
         long, broken = RemoteConsole(("127.0.0.1", port), ["x" * 20_000, "store x \ud800"]).run()

@@ -86,6 +86,7 @@ def all_of(sock: socket.socket) -> bytes:
     return said
 
 
+@pytest.mark.slow
 def test_a_script_gives_commands_and_gets_answers() -> None:
     with running() as (node, address):
         answers = RemoteConsole(address, ["store depth_m 2.5", "dump depth_m", "stroe", "list components"]).run()
@@ -95,6 +96,7 @@ def test_a_script_gives_commands_and_gets_answers() -> None:
         assert node.get_data("depth_m") == 2.5
 
 
+@pytest.mark.slow
 def test_exit_is_answered_before_the_node_ends() -> None:
     with running() as (node, address):
         (answer,) = RemoteConsole(address, ["exit asked"]).run()
@@ -103,6 +105,7 @@ def test_exit_is_answered_before_the_node_ends() -> None:
         assert node.exit_reason == "asked"
 
 
+@pytest.mark.slow
 def test_a_reload_is_answered_with_what_came_of_it() -> None:
     with running() as (_, address):
         (answer,) = RemoteConsole(address, ["reload part"]).run()
@@ -110,6 +113,7 @@ def test_a_reload_is_answered_with_what_came_of_it() -> None:
         assert answer.is_error is not answer.data["ok"]
 
 
+@pytest.mark.slow
 def test_a_console_can_be_reloaded_from_itself_and_consoles_call_again() -> None:
     with running() as (node, address), ConsoleClient(address, retry_wait_s=0.01) as client:
         client.wait_until_up(PATIENCE_S)
@@ -121,6 +125,7 @@ def test_a_console_can_be_reloaded_from_itself_and_consoles_call_again() -> None
         assert sorted(client.ask("dump reload").data["data"]["made"]) == ["console", "part"]
 
 
+@pytest.mark.slow
 def test_several_consoles_are_served_and_one_that_leaves_takes_nobody_along() -> None:
     with running() as (node, address), ConsoleClient(address) as one, ConsoleClient(address) as other:
         for client in (one, other):
@@ -132,6 +137,7 @@ def test_several_consoles_are_served_and_one_that_leaves_takes_nobody_along() ->
         assert other.node == "urov_node"
 
 
+@pytest.mark.slow
 def test_a_watched_page_comes_by_itself() -> None:
     came: list[Any] = []
     enough = threading.Event()
@@ -150,6 +156,7 @@ def test_a_watched_page_comes_by_itself() -> None:
     assert came == sorted(came)
 
 
+@pytest.mark.slow
 def test_the_right_token_opens_and_never_crosses_the_wire() -> None:
     with running(token=TOKEN) as (_, address):
         (answer,) = RemoteConsole(address, ["list"], token=TOKEN).run()
@@ -162,6 +169,7 @@ def test_the_right_token_opens_and_never_crosses_the_wire() -> None:
     assert TOKEN.encode() not in heard
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("token", "said"),
     [(None, "asks for a token"), ("another token of sixteen bytes", "the tokens of the two ends differ")],
@@ -173,11 +181,13 @@ def test_a_wrong_token_or_none_is_refused_in_words(token: str | None, said: str)
         assert not node.is_terminated
 
 
+@pytest.mark.slow
 def test_a_token_where_none_is_asked_for_is_said() -> None:
     with running() as (_, address), pytest.raises(LinkError, match="asks for a token"):
         RemoteConsole(address, ["list"], token=TOKEN, wait_s=PATIENCE_S).run()
 
 
+@pytest.mark.slow
 def test_a_command_before_the_greeting_is_not_carried_out() -> None:
     command = b'{"$":"command","number":1,"line":"exit now"}'
     with running(token=TOKEN) as (node, address):
@@ -189,6 +199,7 @@ def test_a_command_before_the_greeting_is_not_carried_out() -> None:
         assert not node.is_terminated
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "said",
     [
@@ -211,6 +222,7 @@ def test_whoever_does_not_speak_the_protocol_is_told_and_the_line_closed(said: b
         assert node.get_data("depth_m") is None
 
 
+@pytest.mark.slow
 def test_weakness_10_a_stranger_cannot_crash_a_node_nor_by_coming_and_going(caplog: pytest.LogCaptureFixture) -> None:
     with running(token=TOKEN) as (node, address):
         for _ in range(2):  # two clients that connect and close
@@ -234,6 +246,7 @@ def test_weakness_11_beyond_this_machine_a_console_without_a_token_is_refused_wh
         CommandReceiverFactory(0, host=host, token="short")
 
 
+@pytest.mark.slow
 def test_weakness_11_a_console_listens_where_it_was_told_and_nowhere_else() -> None:
     with running() as (node, _):
         listener = node.components["console"]._listener.sock  # type: ignore[attr-defined]
@@ -246,6 +259,7 @@ def test_a_port_that_is_none_is_refused_when_the_console_is_made(port: Any) -> N
         CommandReceiverFactory(port)
 
 
+@pytest.mark.slow
 def test_a_port_in_use_is_said_at_the_start_and_everything_halted() -> None:
     halted: list[str] = []
     part = PartFactory(halt=lambda part: halted.append(part.name))
@@ -257,6 +271,7 @@ def test_a_port_in_use_is_said_at_the_start_and_everything_halted() -> None:
     assert halted == ["part"]
 
 
+@pytest.mark.slow
 def test_strangers_who_say_nothing_do_not_keep_a_console_out(monkeypatch: pytest.MonkeyPatch) -> None:
     with running() as (node, address):
         silent = [stranger(address) for _ in range(command_receiver.STRANGERS_MAX + 10)]
@@ -266,6 +281,7 @@ def test_strangers_who_say_nothing_do_not_keep_a_console_out(monkeypatch: pytest
             sock.close()
 
 
+@pytest.mark.slow
 def test_there_are_only_so_many_consoles(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(command_receiver, "CONSOLES_MAX", 1)
     with running() as (_, address), ConsoleClient(address) as one:
@@ -275,6 +291,7 @@ def test_there_are_only_so_many_consoles(monkeypatch: pytest.MonkeyPatch) -> Non
         assert not one.ask("list").is_error
 
 
+@pytest.mark.slow
 def test_a_console_that_is_closed_again_leaves_no_descriptor() -> None:
     with running() as (node, address):
         RemoteConsole(address, ["list"]).run()
@@ -287,6 +304,7 @@ def test_a_console_that_is_closed_again_leaves_no_descriptor() -> None:
     assert after <= before
 
 
+@pytest.mark.slow
 def test_a_node_ends_soon_whatever_its_consoles_do() -> None:
     with running() as (node, address):
         silent, talking = stranger(address), ConsoleClient(address)
@@ -299,6 +317,7 @@ def test_a_node_ends_soon_whatever_its_consoles_do() -> None:
     assert not any("did not end" in note for note in node.notes)
 
 
+@pytest.mark.slow
 def test_a_console_that_floods_and_one_that_does_not_read_cost_memory_to_a_bound() -> None:
     flood = encode_frame(b'{"$":"command","number":1,"line":"dump"}') * 2000
     with running() as (node, address), stranger(address) as sock:
@@ -314,6 +333,7 @@ def test_a_console_that_floods_and_one_that_does_not_read_cost_memory_to_a_bound
         assert not RemoteConsole(address, ["list"]).run()[0].is_error
 
 
+@pytest.mark.slow
 def test_in_a_paced_lock_step_a_console_is_answered_while_virtual_time_goes_on() -> None:
     console = CommandReceiverFactory(0)
     runner = SimRunner(
@@ -330,6 +350,7 @@ def test_in_a_paced_lock_step_a_console_is_answered_while_virtual_time_goes_on()
     assert runner.nodes["urov"].get_data("depth_m") == 1
 
 
+@pytest.mark.slow
 def test_a_run_as_fast_as_it_goes_answers_between_its_moments() -> None:
     console = CommandReceiverFactory(0)
     clock = SimClock()
@@ -343,6 +364,7 @@ def test_a_run_as_fast_as_it_goes_answers_between_its_moments() -> None:
     assert node.exit_reason == "seen"
 
 
+@pytest.mark.slow
 def test_in_lock_step_it_adds_no_moments_and_a_run_ends_as_without_it() -> None:
     clock = SimClock()
     node = Node("r", Config(factories={"r": [CommandReceiverFactory(0), TimeoutLoopFactory(seconds=3)]}), clock=clock)

@@ -22,6 +22,8 @@ from snr_sim import (
 from snr_sim.prelude.clock import Clock
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def keyboard() -> Iterator[tuple[IO[str], IO[str]]]:

@@ -69,6 +69,7 @@ def test_earlier_lines_come_back_also_those_of_an_earlier_console(keys: PipeInpu
     assert typed(keys, f"{UP}\r{CTRL_D}", file) == ["store x 1"]
 
 
+@pytest.mark.slow
 def test_tab_completes_with_what_the_node_knows(keys: PipeInput) -> None:
     assert typed(keys, f"task sta\t\r{CTRL_D}") in (["task start"], ["task sta"])  # the second if the tab came too late
     client: Any = Client()

@@ -1,0 +1,132 @@
+"""Lanes of the tests: what a test needs decides when it runs (CONTRIBUTING.md, "Lanes").
+
+A test without a marker is in the lane `fast`: virtual time only, no process, no port, no real wait. A guard fails a
+fast test that starts a process, opens a port or waits. `slow`, `wall_clock` and `nightly` are set by markers.
+A plain `pytest` runs `fast` (pyproject.toml); `pytest -m slow` and so on run the others.
+"""
+
+from __future__ import annotations
+
+import platform
+import sys
+import time
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parent
+LANES = ("nightly", "wall_clock", "slow")
+# A test that uses one of these fixtures starts compilers, emulators, sandboxes or warm interpreters.
+SLOW_FIXTURES = {"emulators", "sandbox", "docker", "warm", "type_page"}
+MAX_WAIT_S = 1.0  # of a thread that is neither on a core nor in the queue for one: far above what a disk takes
+REST = """\
+That was the fast lane. The rest:
+  python -m pytest -n auto -m slow    processes, signals, sandboxes, emulators, trainings, notebooks
+  python -m pytest -m wall_clock      threads and processes measured by the wall clock, one at a time
+  .ci/nightly                         other Pythons, hundreds of seeds, long fuzzing"""
+
+
+def lane_of(item: pytest.Item) -> str:
+    """Return the one lane a test is in: of several markers, the lane that runs least often."""
+    for lane in (*LANES, "fast"):
+        if item.get_closest_marker(lane):
+            return lane
+    return "slow" if uses_slow_fixture(item) else "fast"
+
+
+def uses_slow_fixture(item: pytest.Item) -> bool:
+    """Return whether a test uses processes by a fixture; it is slow, unless a marker says fast."""
+    return bool(SLOW_FIXTURES & set(getattr(item, "fixturenames", ())))
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Put every test into one lane before `-m` selects; leave out nightly and wall_clock unless `-m` names them."""
+    asked = config.option.markexpr
+    kept, left_out = [], []
+    for item in items:
+        lane = lane_of(item)
+        if not item.get_closest_marker(lane):
+            item.add_marker(lane)
+        is_kept = not asked or lane in asked or lane in ("fast", "slow")
+        (kept if is_kept else left_out).append(item)
+    items[:] = kept
+    if left_out:
+        config.hook.pytest_deselected(items=left_out)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_terminal_summary(
+    terminalreporter: pytest.TerminalReporter, config: pytest.Config
+) -> Generator[None, None, None]:
+    """Print how to run the other lanes after a run of the fast one."""
+    yield
+    if config.option.markexpr == "fast" and not config.option.collectonly:
+        terminalreporter.write_line(REST)
+
+
+class FastLaneGuard:
+    """Finds what a fast test must not do. An audit hook cannot be removed, so there is one for the whole session."""
+
+    PROCESSES = ("subprocess.Popen", "os.fork", "os.forkpty", "os.posix_spawn", "os.system")
+    SOCKETS = ("socket.bind", "socket.connect")
+    THREADS = ("_thread.start_new_thread", "_thread.start_joinable_thread")  # audited from Python 3.12 on
+    # Of the recorder, of the handling of signals, and of prompt_toolkit; loops have threads on the wall clock only.
+    ALLOWED_THREADS = ("trace-flusher", "wake_up", "patch-stdout-flush-thread")
+
+    def __init__(self) -> None:
+        self.is_active = False
+        self.found: list[str] = []
+        sys.addaudithook(self._on_event)
+
+    def _on_event(self, event: str, args: tuple[Any, ...]) -> None:
+        if not self.is_active:
+            return
+        if event in self.PROCESSES:
+            self.found.append(f"{event} {args[0]!r:.60}")
+        # The address of a network socket is a tuple; that of a Unix socket, which needs no port, is a string.
+        elif event in self.SOCKETS and isinstance(args[1], tuple):
+            self.found.append(f"{event} {args[1]}")
+        elif event in self.THREADS:
+            name = getattr(getattr(args[0], "__self__", None), "name", "a thread")
+            if name not in self.ALLOWED_THREADS:
+                self.found.append(f"{event} {name}")
+
+
+def blocked_s() -> float:
+    """Return how long this thread has waited for anything but a core, up to a constant; 0 where that is unknown."""
+    try:
+        with open("/proc/thread-self/schedstat") as file:
+            on_core_ns, in_queue_ns, _ = map(int, file.read().split())
+    except OSError:
+        return 0.0
+    return time.monotonic() - (on_core_ns + in_queue_ns) * 1e-9
+
+
+GUARD = FastLaneGuard()
+platform.processor()  # starts `uname` once and keeps the answer: whichever test imports an engine first would do it
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
+    """Fail a fast test of the project that starts a process, opens a port or waits in real time."""
+    is_fast = item.get_closest_marker("fast") is not None and not uses_slow_fixture(item)
+    is_guarded = is_fast and item.path.is_relative_to(ROOT / "tests")
+    GUARD.found, GUARD.is_active, began_s = [], is_guarded, blocked_s()
+    try:
+        result = yield
+    finally:
+        GUARD.is_active = False
+    waited_s = blocked_s() - began_s
+    if is_guarded and waited_s > MAX_WAIT_S:
+        GUARD.found.append(f"it waited for {waited_s:.2f} s of real time")
+    if is_guarded and GUARD.found:
+        found = "; ".join(GUARD.found[:3])
+        pytest.fail(
+            f"A test of the fast lane has no process, thread or port, and does not wait: {found}. "
+            "Mark it with @pytest.mark.slow.",
+            pytrace=False,
+        )
+    return result
