@@ -96,8 +96,12 @@ ASKS = [
     ("HERE.read_bytes()", "reading"),
     ("os.close(os.open(__file__, os.O_RDONLY))", "reading"),
     ("np.fromfile(HERE, dtype='u1')", "reading"),
-    ("threading.Thread(target=print, args=('',)).start()", "threading.Thread.start() (starting a thread)"),
-    ("threading.Timer(0, int).start()", "starting a thread"),
+    pytest.param(
+        "threading.Thread(target=print, args=('',)).start()",
+        "threading.Thread.start() (starting a thread)",
+        marks=pytest.mark.slow,
+    ),
+    pytest.param("threading.Timer(0, int).start()", "starting a thread", marks=pytest.mark.slow),
     pytest.param("subprocess.run(['true'])", "starting a process", marks=pytest.mark.slow),
     pytest.param("os.system('true')", "starting a process", marks=pytest.mark.slow),
     pytest.param(
