@@ -34,10 +34,6 @@ class TaskError(SnrError):
     """Something that is not a task, or a task without what it needs, where a task belongs."""
 
 
-class PageMissing(SnrError):
-    """A page was needed and nothing has stored it."""
-
-
 class ComponentFailed(SnrError):
     """A student's handler or loop raised, or answered with something that is not a task.
 

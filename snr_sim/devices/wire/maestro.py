@@ -17,7 +17,7 @@ POSITION_BYTES = ERRORS_BYTES = 2
 MOST_BY_ONE = 6  # the Micro Maestro, with six channels, does not know Set Multiple Targets
 _CRC7_REVERSED = 0x91  # polynomial x^7 + x^3 + 1, lowest bit first
 
-_SET_TARGET, _SET_TARGETS, _GET_POSITION, _GET_ERRORS, _GO_HOME = 0x84, 0x9F, 0x90, 0xA1, 0xA2
+_SET_TARGET, _SET_TARGETS, _GET_POSITION, _GET_ERRORS = 0x84, 0x9F, 0x90, 0xA1
 
 
 class MaestroError(IntFlag):
@@ -90,11 +90,6 @@ def get_position(channel: int) -> bytes:
 def get_errors() -> bytes:
     """Returns the question for the error register, which clears it."""
     return bytes([_GET_ERRORS])
-
-
-def go_home() -> bytes:
-    """Returns the command that sends all channels to their home positions."""
-    return bytes([_GO_HOME])
 
 
 def with_crc(command: bytes) -> bytes:
