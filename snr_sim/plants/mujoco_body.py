@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from snr_sim.plants.matrices import product
 from snr_sim.plants.mujoco_engine import MujocoWorld
 from snr_sim.plants.vehicle import Matrix
 from snr_sim.prelude.errors import ParameterError
@@ -146,8 +147,8 @@ class MujocoBody:
         """
         model, data = self._model, self._data
         self._turn[:] = self._inverse_pose
-        np.dot(more, self._to_body, out=self._half)
-        np.dot(self._to_world, self._half, out=self._block)
+        product(more, self._to_body, out=self._half)
+        product(self._to_world, self._half, out=self._block)
         self._block.take(self._lower, out=self._more)
         self._mass += self._more
         self._factor(model, data)

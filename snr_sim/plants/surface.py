@@ -38,9 +38,11 @@ class Surface:
         steps = [(i + 0.5) / CUTS - 0.5 for i in range(CUTS)]
         box = np.array(list(itertools.product(steps, repeat=3)))
         places = box * np.array(vehicle.size_m) + np.array(vehicle.centre_of_buoyancy_m)
-        self._places = places
-        self._moments = np.column_stack([np.ones(len(places)), places]) / len(places)
-        self._thrusters = np.array([thruster.position_m for thruster in vehicle.thrusters]).reshape(-1, 3)
+        # By rows of x, y and z. Sums over them are numpy's own: `@` would be OpenBLAS's, which rounds otherwise on
+        # other processors.
+        self._places = places.T.copy()
+        self._moments = np.vstack([np.ones(len(places)), places.T]) / len(places)
+        self._thrusters = np.array([thruster.position_m for thruster in vehicle.thrusters]).reshape(-1, 3).T.copy()
         box_m = 0.5 * math.hypot(*vehicle.size_m) + math.hypot(*vehicle.centre_of_buoyancy_m)
         self.reach_m = max([box_m, *(math.hypot(*one.position_m) + PROPELLER_M for one in vehicle.thrusters)])
 
@@ -56,9 +58,8 @@ class Surface:
         a, b, c = up
         length, width, height = self._size
         slope = -CUTS / math.hypot(a * length, b * width, c * height)
-        total, x, y, z = (
-            _between_0_and_1(0.5 + slope * z_m + self._places @ np.array(up) * slope) @ self._moments
-        ).tolist()
+        wet = _between_0_and_1(0.5 + slope * z_m + _along(self._places, up) * slope)
+        total, x, y, z = np.add.reduce(self._moments * wet, axis=1).tolist()
         if total <= 0.0:
             return 0.0, self._centre
         if total > 1.0 - 1e-12:
@@ -67,8 +68,15 @@ class Surface:
 
     def drawing(self, z_m: float, up: Vector) -> Array:
         """Returns the share of each propeller's disc that is in the water, shape (n,)."""
-        heights = z_m + self._thrusters @ np.array(up)
+        heights = z_m + _along(self._thrusters, up)
         return _between_0_and_1(0.5 - heights / (2.0 * PROPELLER_M))
+
+
+def _along(places: Array, up: Vector) -> Array:
+    """Return the height of each place, a column, along a direction."""
+    (x, y, z), (a, b, c) = places, up
+    heights: Array = a * x + b * y + c * z
+    return heights
 
 
 def _between_0_and_1(values: Array) -> Array:

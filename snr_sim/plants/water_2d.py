@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snr_sim.plants.hydrodynamics import in_words
+from snr_sim.plants.matrices import inverse, product
 from snr_sim.plants.vehicle import Vehicle
 from snr_sim.prelude.errors import PlantError
 
@@ -56,7 +57,7 @@ class Water2D:
         self._wet = wet
         block = mass[np.ix_(PLANE, PLANE)]
         self._mass: list[list[float]] = block.tolist()
-        self._inverse: list[list[float]] = np.linalg.inv(block).tolist()
+        self._inverse: list[list[float]] = inverse(block).tolist()
 
     def advance(
         self, velocity: Three, pitch: float, push: Three, net_n: float, arm: tuple[float, float], dt_s: float
@@ -127,7 +128,7 @@ class Water2D:
         """Returns the inverse of the mass in the world's frame, 3 x 3: what an impulse does to the velocity."""
         cos, sin = math.cos(pitch), math.sin(pitch)
         turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-        mobility: list[list[float]] = (turn @ np.array(self._inverse) @ turn.T).tolist()
+        mobility: list[list[float]] = product(product(turn, np.array(self._inverse)), turn.T).tolist()
         return mobility
 
     def energy_j(self, velocity: Sequence[float], pitch: float) -> float:
@@ -135,4 +136,4 @@ class Water2D:
         vx, vz, q = velocity
         cos, sin = math.cos(pitch), math.sin(pitch)
         nu = np.array([cos * vx - sin * vz, sin * vx + cos * vz, q])
-        return float(0.5 * nu @ np.array(self._mass) @ nu)
+        return float(0.5 * nu @ np.array(self._mass) @ nu)  # decides no run: for tests
