@@ -6,7 +6,6 @@ alter runs, renew them and say so in CHANGELOG.md:
     python tests/scenarios/test_digests.py --write
 """
 
-import hashlib
 import json
 import platform
 import sys
@@ -19,6 +18,7 @@ import pytest
 
 from snr_sim import library
 from snr_sim.flight import fly_recorded
+from snr_sim.recording.folder import records_digest
 from snr_sim.recording.trace import FILE_NAME
 from snr_sim.simulation import Request, prepare
 
@@ -46,8 +46,7 @@ def digest_of(run: str, folder: Path) -> str:
     scenario, engine, seed = run.split()
     result = fly_recorded(prepare(Request(scenario, int(seed), engine)), folder / FILE_NAME)
     assert result.error == ""
-    _opening, _header, records = (folder / FILE_NAME).read_bytes().split(b"\n", 2)
-    return hashlib.blake2b(records, digest_size=16).hexdigest()
+    return records_digest(folder / FILE_NAME)
 
 
 def differing_platform() -> str:
