@@ -24,7 +24,7 @@ from snr_sim.simulation import Request, prepare
 
 DIGESTS = Path(__file__).with_name("digests.json")
 SEEDS = (0, 1, 2)
-# Of dives, which take a second of CPU time each: one with contacts at the surface, and one with loads.
+# Of dives, which take a second of CPU time each: one that ends at the surface, and one with a load.
 FAST = ("urov_link_loss mujoco 0", "urov_tank mujoco 0")
 # What computes part of a run outside Python: another version may round differently.
 PACKAGES = ("mujoco-core", "pymunk")
@@ -53,7 +53,7 @@ def differing_platform() -> str:
     """Return why this computer may round differently than the one that wrote the digests; empty if it may not.
 
     The C library computes sin, exp and the like; glibc has versions with and without FMA, and both differ from those of
-    other libraries. Compilers for ARM contract products and sums of MuJoCo and pymunk into FMA.
+    other libraries. On ARM MuJoCo rounds differently (docs/hardware.md).
     """
     if platform.system() != "Linux" or platform.machine() != "x86_64" or platform.libc_ver()[0] != "glibc":
         return f"{platform.system()} on {platform.machine()}, {platform.libc_ver()[0] or 'not glibc'}"
