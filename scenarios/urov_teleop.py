@@ -30,6 +30,7 @@ from snr_sim.plants.propulsion import Propulsion
 from snr_sim.plants.tether import Tether
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import Verdict
+from snr_sim.prelude.sums import ordered_sum
 
 ROBOT = "urov"
 ENGINES = ("mujoco",)
@@ -98,7 +99,7 @@ def metrics(plant: WatchedUrov, seed: int) -> dict[str, Any]:
     return {
         "deepest_m": _deepest_m(plant),
         "end_depth_m": plant.course[-1].depth_m if plant.course else None,
-        "way_m": sum(math.dist(a.position_m, b.position_m) for a, b in steps),
+        "way_m": ordered_sum(math.dist(a.position_m, b.position_m) for a, b in steps),
         "hardest_n": plant.touched_n,
         "energy_j": plant.thrusters.energy_j,
     }

@@ -70,7 +70,7 @@ def main() -> int:
     with asked.out.with_suffix(".csv").open("w", newline="") as file:
         csv.writer(file).writerows(rows)
     ends = evaluate(env, table.act, UNSEEN)
-    landed = sum(end["success"] for end in ends)
+    landed = sum(end["success"] for end in ends)  # exact: integers
     print(f"{asked.out}: lands {landed} of {len(ends)} starts that it has not seen.")
     print(f"snr run lander_vertical --seed 7 --controller q --policy {asked.out}")
     return 0

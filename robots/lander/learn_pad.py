@@ -46,7 +46,7 @@ def main() -> int:
         writer.writerow(("trial", "slow", "straight", "landed"))
         writer.writerows((i, *trial) for i, trial in enumerate(trials))
     ends = evaluate(env, policy.act, UNSEEN)
-    landed = sum(end["success"] for end in ends)
+    landed = sum(end["success"] for end in ends)  # exact: integers
     print(f"{asked.out}: lands {landed} of {len(ends)} starts that it has not seen.")
     print(f"snr run lander_pad --seed 7 --controller q --policy {asked.out}")
     return 0

@@ -15,6 +15,7 @@ from snr_sim.plants.urov_2d import Urov2D
 from snr_sim.plants.vehicle import Vehicle
 from snr_sim.prelude.angles import roll_pitch_yaw_rad
 from snr_sim.prelude.scenario import Verdict
+from snr_sim.prelude.sums import ordered_sum
 
 from .sight import place_of
 
@@ -64,7 +65,7 @@ class Watched(Urov):
         if self.contact_n is not None:
             self.touched_n = max(self.touched_n, math.hypot(*self.contact_n))
         if self.time_s >= len(self.course) * SAMPLE_S - 1e-9:
-            thrust_n = 0.0 if self.thrusters is None else sum(map(abs, self.thrusters.forces_n))
+            thrust_n = 0.0 if self.thrusters is None else ordered_sum(map(abs, self.thrusters.forces_n))
             angles = roll_pitch_yaw_rad(self.attitude)
             self.course.append(Sample(self.time_s, self.position_m, *angles, thrust_n))
 
@@ -151,5 +152,5 @@ def followed(
     return Step(
         settling_s=(outside[-1] + SAMPLE_S - begin_s if outside else 0.0) if reached else None,
         overshoot=max(0.0, *(side * error for _, error in errors)) if errors else None,
-        steady=sum(last) / len(last) if last else None,
+        steady=ordered_sum(last) / len(last) if last else None,
     )

@@ -56,6 +56,8 @@ def replay(
     if with_file:
         notes.extend(_write_comparison(trace, replays, folder))
     divergences = sorted((one for replay in replays for one in replay.divergences), key=lambda one: one.seq)
+    if divergences:
+        notes = [*environment_note(trace), *notes]
     if as_json:
         from snr_sim.recording.folder import as_json as json_of
 
@@ -112,6 +114,18 @@ def _config(trace: Trace, with_file: str) -> tuple[Any, list[str]]:
 
 def _changed(then: dict[str, str], now: dict[str, str]) -> list[str]:
     return [name for name in then if now.get(name) != then[name]]
+
+
+def environment_note(trace: Trace) -> list[str]:
+    """Return a note on what this run was recorded with and is not repeated with, or nothing."""
+    from snr_sim import __version__
+    from snr_sim.library import package_versions
+    from snr_sim.recording.environment import environment_changes
+
+    changes = environment_changes(trace.header, package_versions(), __version__)
+    if not changes:
+        return []
+    return [f"Recorded with something else: {'; '.join(changes)}. Look there before you look at the code."]
 
 
 def _write_comparison(trace: Trace, replays: list[NodeReplay], folder: Path) -> list[str]:

@@ -30,8 +30,9 @@ def resim(
 
     Exit status: as of `snr run`.
     """
+    from snr_sim.cli.replay import environment_note
     from snr_sim.cli.run import record_run
-    from snr_sim.recording.folder import remarks, trace_path
+    from snr_sim.recording.folder import records_digest, remarks, trace_path
     from snr_sim.recording.reader import read_trace
     from snr_sim.simulation import request_of
 
@@ -42,12 +43,19 @@ def resim(
     fields, status = record_run(request, out, None, is_viewed=not no_rrd, is_live=False, is_quiet=as_json)
     fields["resim_of"] = str(trace.path.parent)
     fields["identical"] = fields["trace_digest"] == trace.digest
+    if not fields["identical"]:
+        for note in environment_note(trace):
+            print(f"note: {note}", file=sys.stderr)
     if as_json:
         from snr_sim.recording.folder import as_json as json_of
 
         print(json_of(fields))
     else:
-        same = "the same digest as" if fields["identical"] else "another digest than"
+        same = "the same digest as"
+        if not fields["identical"]:
+            new = trace_path(Path(fields["run_dir"]))
+            is_same = records_digest(new) == records_digest(trace.path)
+            same = "the same records, with another header, as" if is_same else "another digest than"
         print(f"  {same} {trace.path.parent}")
     sys.exit(status)
 

@@ -67,7 +67,7 @@ class Profiler:
 
     def rows(self) -> list[dict[str, float | str]]:
         """Returns name, count, total, mean and max [s] and share of all time measured; most expensive first."""
-        whole_s = sum(timing.total_s for timing in self.timings.values()) or 1.0
+        whole_s = sum(timing.total_s for timing in self.timings.values()) or 1.0  # decides no run: only printed
         by_cost = sorted(self.timings.items(), key=lambda item: -item[1].total_s)
         return [
             {

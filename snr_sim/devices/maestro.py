@@ -27,7 +27,7 @@ from snr_sim.prelude.signals import NOT_ACTIVE
 PROBE_US = STOP_US + 1.0
 SILENCE_S = LEASE_S + 0.04  # after which a timeout that is set as above has come up
 MOST_ERRORS = 5  # in a row
-_ALL_ERRORS = sum(MaestroError)
+_ALL_ERRORS = sum(MaestroError)  # exact: integers
 
 
 class MaestroPwm(PlainPwm):

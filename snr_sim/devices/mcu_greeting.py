@@ -99,7 +99,7 @@ def _nobody(port: BytePort, heard: _Heard, patience_s: float) -> DeviceError:
             f"{within}, though its telemetry comes ({seen}).", fix="what is sent does not arrive: look at the wire TX."
         )
     text = heard.data.decode("ascii", "replace")
-    if sum(one.isprintable() or one in "\r\n\t" for one in text) >= 0.9 * len(text):
+    if sum(one.isprintable() or one in "\r\n\t" for one in text) >= 0.9 * len(text):  # exact: integers
         shown = text[:_SHOWN].encode("unicode_escape").decode()
         return DeviceError(
             f"{within}. Another device is there; it says '{shown}' ({seen}).",

@@ -102,7 +102,7 @@ class Spoiler:
         self._spoiled = [
             _Field(i, getattr(sample, field), field, errors) for i, field in enumerate(fields) if field in errors.fields
         ]
-        self._draws = sum(part.draws for part in self._spoiled)
+        self._draws = sum(part.draws for part in self._spoiled)  # exact: integers
 
     def spoil(self, reading: Any) -> Any:
         """Returns the reading with errors."""

@@ -21,6 +21,7 @@ from itertools import pairwise
 from typing import Any, TypeAlias
 
 from snr_sim.plants.hull import pymunk_module
+from snr_sim.prelude.sums import ordered_sum
 
 Point: TypeAlias = tuple[float, float]
 
@@ -255,9 +256,9 @@ def _hull_alone() -> tuple[float, float, float]:
     """Returns mass, moment of inertia and height of the centre of the hull: of the whole lander, less its legs."""
     legs = [_leg_place(side) for side in SIDES]
     mass = MASS - 2.0 * LEG_MASS
-    centre_y = (MASS * CENTRE_Y - LEG_MASS * sum(y for _, y in legs)) / mass
+    centre_y = (MASS * CENTRE_Y - LEG_MASS * ordered_sum(y for _, y in legs)) / mass
     moment = MOMENT - mass * (centre_y - CENTRE_Y) ** 2
-    moment -= sum(LEG_MOMENT + LEG_MASS * (x**2 + (y - CENTRE_Y) ** 2) for x, y in legs)
+    moment -= ordered_sum(LEG_MOMENT + LEG_MASS * (x**2 + (y - CENTRE_Y) ** 2) for x, y in legs)
     return mass, moment, centre_y
 
 

@@ -14,6 +14,7 @@ from snr_sim.plants.t200 import curve
 from snr_sim.prelude.angles import wrap_rad
 from snr_sim.prelude.device import LEASE_S
 from snr_sim.prelude.scenario import Verdict
+from snr_sim.prelude.sums import ordered_sum
 from snr_sim.std_mods.allocation import Allocation
 from snr_sim.std_mods.thrust_curve import ThrustCurve
 
@@ -89,7 +90,7 @@ class UrovEnv(ScenarioEnv):
     def act(self, action: NDArray[np.float32]) -> None:
         """Pushes."""
         shares = [float(one) for one in action]
-        self._effort = sum(one * one for one in shares) / len(shares)
+        self._effort = ordered_sum(one * one for one in shares) / len(shares)
         wrench = [0.0] * 6
         for axis, share, most in zip(self.AXES, shares, self._most, strict=True):
             wrench[axis] = share * most

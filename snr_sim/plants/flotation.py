@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from snr_sim.plants.dive import Load
+from snr_sim.plants.matrices import product
 from snr_sim.plants.vehicle import Matrix, Vector, Vehicle
 
 
@@ -72,4 +73,4 @@ def point_mass(mass_kg: float, place: Vector) -> Matrix:
     """Returns the 6 x 6 mass matrix of something small that is fixed to the body at a place of its frame."""
     x, y, z = place
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return mass_kg * np.block([[np.eye(3), -cross], [cross, -cross @ cross]])
+    return mass_kg * np.block([[np.eye(3), -cross], [cross, -product(cross, cross)]])

@@ -19,6 +19,7 @@ from snr_sim.plants.module_shapes import PADS_BELOW_M, PADS_M, hull_corners
 from snr_sim.plants.mujoco_engine import MujocoWorld
 from snr_sim.plants.terrain import HALF_WIDTH_M, Terrain
 from snr_sim.prelude.errors import ParameterError, PlantError
+from snr_sim.prelude.sums import ordered_sum
 
 FOOT_KG = 20.0  # own choice: little beside the module, enough for its motion to be followed in steps of 5 ms
 FOOT_RADIUS_M = 0.1
@@ -30,9 +31,9 @@ NOMINAL_KG = 7000.0  # MuJoCo computes for a module of this mass how softly to t
 _FEET_KG = len(PADS_M) * FOOT_KG
 _FEET_BELOW_M = PADS_BELOW_M - FOOT_RADIUS_M
 _FOOT_INERTIA = 0.4 * FOOT_KG * FOOT_RADIUS_M**2
-_FEET_XX = sum(FOOT_KG * (y * y + _FEET_BELOW_M**2) + _FOOT_INERTIA for _, y in PADS_M.values())
-_FEET_YY = sum(FOOT_KG * (x * x + _FEET_BELOW_M**2) + _FOOT_INERTIA for x, _ in PADS_M.values())
-_FEET_ZZ = sum(FOOT_KG * (x * x + y * y) + _FOOT_INERTIA for x, y in PADS_M.values())
+_FEET_XX = ordered_sum(FOOT_KG * (y * y + _FEET_BELOW_M**2) + _FOOT_INERTIA for _, y in PADS_M.values())
+_FEET_YY = ordered_sum(FOOT_KG * (x * x + _FEET_BELOW_M**2) + _FOOT_INERTIA for x, _ in PADS_M.values())
+_FEET_ZZ = ordered_sum(FOOT_KG * (x * x + y * y) + _FOOT_INERTIA for x, y in PADS_M.values())
 
 GROUND, HULL = "ground", "hull"
 
@@ -100,7 +101,7 @@ class Hull3D:
         """
         self.place: list[float] = self._qpos.tolist()
         self.motion: list[float] = self._qvel.tolist()
-        total = sum(self.place) + sum(self.motion)
+        total = ordered_sum(self.place) + ordered_sum(self.motion)
         if total - total != 0.0:
             self._world.check_finite()
         self._begin_step(self._model, self._data)
@@ -124,7 +125,7 @@ class Hull3D:
         Raises:
             PlantError: one is not finite; said here, before MuJoCo writes a log file about what came of it.
         """
-        total = sum(force) + sum(torque)
+        total = ordered_sum(force) + ordered_sum(torque)
         if total - total != 0.0:
             raise PlantError(
                 f"At {self._data.time:g} s the force on the module is {force} N, the torque {torque} N m.",

@@ -29,6 +29,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from snr_sim.plants.matrices import inverse
 from snr_sim.plants.vehicle import Matrix, Six, Vehicle
 from snr_sim.prelude.errors import PlantError
 from snr_sim.prelude.wrench import AXES
@@ -72,7 +73,7 @@ class Hydrodynamics:
         step = round(wet * WET_STEPS)
         if step not in self._known:
             mass = rigid + step / WET_STEPS * self._added
-            self._known[step] = mass, product_with(mass), product_with(np.linalg.inv(mass))
+            self._known[step] = mass, product_with(mass), product_with(inverse(mass))
         self.wet = wet = step / WET_STEPS
         self._drag = [wet * value for value in self._linear], [wet * value for value in self._quadratic]
         self.mass, self._momentum, self._acceleration = self._known[step]

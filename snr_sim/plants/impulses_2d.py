@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from snr_sim.plants.water_2d import Three
+from snr_sim.prelude.sums import dot_product, ordered_sum
 
 ROUNDS = 30
 DEEP_M = 0.0005  # a contact may be so deep and stay; what is deeper comes out by this share of it in a step
@@ -55,8 +56,8 @@ def stopped(
         # A place at `arm` moves by (q arm_z, -q arm_x) when the body turns about y.
         for x, z in ((out_x, out_z), (-out_z, out_x)):
             direction = (x, z, x * arm_z - z * arm_x)
-            answer = [sum(a * b for a, b in zip(row, direction, strict=True)) for row in mobility]
-            rows.append((direction, answer, 1.0 / sum(a * b for a, b in zip(direction, answer, strict=True))))
+            answer = [dot_product(row, direction) for row in mobility]
+            rows.append((direction, answer, 1.0 / dot_product(direction, answer)))
     wanted = [min(OUT_MOST_MPS, OUT_SHARE * max(0.0, touch.depth_m - DEEP_M) / dt_s) for touch in touches]
     given = [0.0] * len(rows)
     vx, vz, q = velocity
@@ -71,6 +72,6 @@ def stopped(
             more = new - given[i]
             given[i] = new
             vx, vz, q = vx + more * ax, vz + more * az, q + more * aq
-    along_x = sum(impulse * row[0][0] for impulse, row in zip(given, rows, strict=True))
-    along_z = sum(impulse * row[0][1] for impulse, row in zip(given, rows, strict=True))
+    along_x = ordered_sum(impulse * row[0][0] for impulse, row in zip(given, rows, strict=True))
+    along_z = ordered_sum(impulse * row[0][1] for impulse, row in zip(given, rows, strict=True))
     return (vx, vz, q), (along_x, along_z)

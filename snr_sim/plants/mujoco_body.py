@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from snr_sim.plants.matrices import mass_seen_by_mujoco
 from snr_sim.plants.mujoco_engine import MujocoWorld
 from snr_sim.plants.vehicle import Matrix
 from snr_sim.prelude.errors import ParameterError
@@ -70,11 +71,7 @@ class MujocoBody:
         )
         self._mass = data.M[start:end]  # lower triangle, row by row
         self._lower = np.array([6 * i + j for i in range(6) for j in range(i + 1)])
-        # In the order of the 6 x 6 block: R^T turns MuJoCo's linear velocity into the body's.
-        self._to_body, self._half, self._block = np.eye(6), np.zeros((6, 6)), np.zeros((6, 6))
-        self._to_world, self._turn = self._to_body.T, self._to_body[:3, :3]
-        self._inverse_pose = data.xmat[body].reshape(3, 3).T
-        self._more = np.zeros(21)
+        self._rotation = data.xmat[body]  # from the body's axes to the world's, row by row
         self._wanted, self._force = np.zeros(model.nv), np.zeros(model.nv)
         self._wanted_here, self._force_here = self._wanted[dofs], self._force[dofs]
         mujoco = world.mujoco
@@ -145,11 +142,7 @@ class MujocoBody:
             step_s: how far to move on; the world's own step is what contacts count with.
         """
         model, data = self._model, self._data
-        self._turn[:] = self._inverse_pose
-        np.dot(more, self._to_body, out=self._half)
-        np.dot(self._to_world, self._half, out=self._block)
-        self._block.take(self._lower, out=self._more)
-        self._mass += self._more
+        self._mass += mass_seen_by_mujoco(more, self._rotation.tolist())
         self._factor(model, data)
         self._wanted_here[:] = acceleration
         self._multiply(model, data, self._force, self._wanted)

@@ -15,6 +15,7 @@ import numpy as np
 
 from snr_sim.plants.hull import pymunk_module
 from snr_sim.plants.impulses_2d import Touch
+from snr_sim.plants.matrices import product
 from snr_sim.plants.pool import POST_M, Gate, Pool
 from snr_sim.plants.vehicle import Matrix, Vehicle
 
@@ -165,7 +166,9 @@ def _rigid(vehicle: Vehicle) -> Matrix:
     x, y, z = vehicle.centre_of_mass_m
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     mass = vehicle.mass_kg
-    return np.block([[mass * np.eye(3), -mass * cross], [mass * cross, vehicle.inertia_kgm2 - mass * cross @ cross]])
+    return np.block(
+        [[mass * np.eye(3), -mass * cross], [mass * cross, vehicle.inertia_kgm2 - mass * product(cross, cross)]]
+    )
 
 
 def _bars(gate: Gate, y_m: float) -> list[tuple[float, float]]:

@@ -21,7 +21,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
-from operator import mul
 from typing import Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
@@ -32,6 +31,7 @@ from snr_sim.plants.plausible import LIMITS, check_number, check_whole, shown
 from snr_sim.plants.t200 import LEAST_US, LEAST_V, MOST_US, MOST_V, STOP_US, curve
 from snr_sim.plants.vehicle import Matrix
 from snr_sim.prelude.errors import ParameterError, PlantError, UnknownName, nearest
+from snr_sim.prelude.sums import dot_product, ordered_sum
 
 # von Benzon et al. 2022 (JMSE 10:1898) measured how a T200's force follows its command, as a filter of third order:
 # (6136 s + 108700) / (s^3 + 89 s^2 + 9258 s + 108700). A first-order lag that is late by as much on the whole has the
@@ -361,7 +361,7 @@ class Propulsion:
             self._drives(self._left, self._rise),
             forces + currents,
             forces_per_v + currents_per_v,
-            (now_a, sum(currents), sum(currents_per_v)),
+            (now_a, ordered_sum(currents), ordered_sum(currents_per_v)),
         )
         self._left, self._rise, self._is_stale = 1.0, 0.0, False
 
@@ -402,7 +402,7 @@ class Propulsion:
 
 def _products(rows: Sequence[Sequence[float]], column: Sequence[float]) -> list[float]:
     """Returns a matrix, given by its rows, times a column."""
-    return [sum(map(mul, row, column)) for row in rows]
+    return [dot_product(row, column) for row in rows]
 
 
 @lru_cache(maxsize=1 << 16)  # all there are: 52 steps of voltage and 801 pulses

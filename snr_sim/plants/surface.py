@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from snr_sim.plants.vehicle import Vector, Vehicle
 
 Array: TypeAlias = NDArray[np.float64]
+Columns: TypeAlias = tuple[Array, Array, Array]  # x, y and z of many places
 
 CUTS = 4  # along each side of the box: its second moments are 6 % short
 PROPELLER_M = 0.0381  # radius, T200
@@ -38,9 +39,10 @@ class Surface:
         steps = [(i + 0.5) / CUTS - 0.5 for i in range(CUTS)]
         box = np.array(list(itertools.product(steps, repeat=3)))
         places = box * np.array(vehicle.size_m) + np.array(vehicle.centre_of_buoyancy_m)
-        self._places = places
-        self._moments = np.column_stack([np.ones(len(places)), places]) / len(places)
-        self._thrusters = np.array([thruster.position_m for thruster in vehicle.thrusters]).reshape(-1, 3)
+        # Not products by `@`: those are OpenBLAS's, which rounds otherwise on other processors.
+        self._places = _columns(places)
+        self._moments = np.vstack([np.ones(len(places)), places.T]) / len(places)
+        self._thrusters = _columns(np.array([one.position_m for one in vehicle.thrusters]).reshape(-1, 3))
         box_m = 0.5 * math.hypot(*vehicle.size_m) + math.hypot(*vehicle.centre_of_buoyancy_m)
         self.reach_m = max([box_m, *(math.hypot(*one.position_m) + PROPELLER_M for one in vehicle.thrusters)])
 
@@ -56,9 +58,8 @@ class Surface:
         a, b, c = up
         length, width, height = self._size
         slope = -CUTS / math.hypot(a * length, b * width, c * height)
-        total, x, y, z = (
-            _between_0_and_1(0.5 + slope * z_m + self._places @ np.array(up) * slope) @ self._moments
-        ).tolist()
+        wet = _between_0_and_1(_along(self._places, (slope * a, slope * b, slope * c)) + (0.5 + slope * z_m))
+        total, x, y, z = np.add.reduce(self._moments * wet, 1).tolist()
         if total <= 0.0:
             return 0.0, self._centre
         if total > 1.0 - 1e-12:
@@ -67,8 +68,19 @@ class Surface:
 
     def drawing(self, z_m: float, up: Vector) -> Array:
         """Returns the share of each propeller's disc that is in the water, shape (n,)."""
-        heights = z_m + self._thrusters @ np.array(up)
+        heights = z_m + _along(self._thrusters, up)
         return _between_0_and_1(0.5 - heights / (2.0 * PROPELLER_M))
+
+
+def _columns(places: Array) -> Columns:
+    x, y, z = (column.copy() for column in places.T)
+    return x, y, z
+
+
+def _along(places: Columns, vector: Vector) -> Array:
+    """Return the product of each place with a vector, such as its height along a direction."""
+    (x, y, z), (a, b, c) = places, vector
+    return a * x + b * y + c * z
 
 
 def _between_0_and_1(values: Array) -> Array:

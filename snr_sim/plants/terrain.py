@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from snr_sim.prelude.rng import rng_for
+from snr_sim.prelude.sums import ordered_sum
 
 SPACING_M = 5.0  # between two points of the line; a foot pad is 0.9 m across, so the ground between is plain
 HALF_WIDTH_M = 400.0
@@ -55,7 +56,7 @@ def make_terrain(seed: int, relief_m: float, pad_slope_rad: float = 0.0) -> Terr
     tilt = math.tan(pad_slope_rad)
 
     def height(i: int, x: float) -> float:
-        hills = sum(length / 170.0 * math.sin(2.0 * math.pi * x / length + phase) for length, phase in waves)
+        hills = ordered_sum(length / 170.0 * math.sin(2.0 * math.pi * x / length + phase) for length, phase in waves)
         on_pad = tilt * min(PAD_HALF_WIDTH_M, max(-PAD_HALF_WIDTH_M, x))
         # Hills rise within 60 m of the pad's edge, without a step at it.
         share = min(1.0, max(0.0, (abs(x) - PAD_HALF_WIDTH_M) / 60.0))

@@ -77,13 +77,13 @@ def _country(terrain: Terrain, x: Heights, y: Heights, line: Heights) -> Heights
     for length in (120.0, 75.0, 44.0, 27.0):
         turn, phase = rng.uniform(0.0, math.pi), rng.uniform(0.0, 2.0 * math.pi)
         across = x * math.cos(turn) + y * math.sin(turn)
-        hills += length / 45.0 * np.sin(2.0 * math.pi / length * across + phase)
+        hills += length / 45.0 * np.sin(2.0 * math.pi / length * across + phase)  # decides no run: shown, to the cm
     heights: Heights = line * (1.0 - 0.7 * own) + own * hills
     for _ in range(CRATERS):
         radius = 5.0 + 14.0 * rng.uniform() ** 2
         # A bowl with a rim, which keeps off the strip where the module may stand.
         from_line = (PAD_HALF_DEPTH_M + 1.5 * radius + rng.uniform(0.0, 50.0)) * rng.choice((-1.0, 1.0))
-        away = np.hypot(x - rng.uniform(-SHOWN_M, SHOWN_M), y - from_line) / radius
+        away = np.hypot(x - rng.uniform(-SHOWN_M, SHOWN_M), y - from_line) / radius  # decides no run: shown
         bowl = np.minimum(0.0, away**2 - 1.0) + 0.3 * np.maximum(0.0, 1.0 - 2.0 * np.abs(away - 1.0))
         heights += 0.22 * radius * bowl
     return heights

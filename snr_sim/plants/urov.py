@@ -27,7 +27,7 @@ from snr_sim.plants.attitude import rotation_of, turned
 from snr_sim.plants.dive import Dive
 from snr_sim.plants.flotation import Flotation
 from snr_sim.plants.given_world import check_mass, check_world
-from snr_sim.plants.hydrodynamics import AT_REST, Hydrodynamics, in_words
+from snr_sim.plants.hydrodynamics import AT_REST, Hydrodynamics, in_words, product_with
 from snr_sim.plants.mujoco_body import MujocoBody
 from snr_sim.plants.mujoco_engine import MujocoWorld
 from snr_sim.plants.plausible import shown
@@ -42,6 +42,7 @@ from snr_sim.plants.vehicle import Six, Vector, Vehicle
 from snr_sim.prelude.angles import quaternion_of
 from snr_sim.prelude.errors import CommandError, ParameterError, PlantError, UnknownName, nearest
 from snr_sim.prelude.signals import PwmCommand
+from snr_sim.prelude.sums import ordered_sum
 from snr_sim.prelude.wrench import AXES
 
 STEP_S = 0.005  # the table in robots/urov/PHYSICS.md says what 2 and 10 ms would change
@@ -96,6 +97,7 @@ class Urov(UrovForces):
         self.engine = self._body.engine
         self._readers = self._own_readers()
         self._matrix = vehicle.thruster_matrix()
+        self._added_momentum = product_with(vehicle.added_mass)
         self._half_m = 0.5 * math.hypot(*vehicle.size_m)  # no part that touches is farther from the origin
         self._names = tuple(thruster.name for thruster in vehicle.thrusters)
         self._surface = Surface(vehicle)
@@ -240,7 +242,7 @@ class Urov(UrovForces):
 
     def _checked_wrench(self, command: WrenchCommand) -> Six:
         values = [*command.force_n, *command.moment_nm]
-        if len(command.force_n) != 3 or len(command.moment_nm) != 3 or not math.isfinite(sum(values)):
+        if len(command.force_n) != 3 or len(command.moment_nm) != 3 or not math.isfinite(ordered_sum(values)):
             raise CommandError(
                 f"At {self.time_s:g} s the vehicle was told {command}.",
                 fix="send six finite numbers: x, y and z of force_n, and x, y and z of moment_nm.",
@@ -253,7 +255,7 @@ class Urov(UrovForces):
         if not command.is_on:
             return [None] * count
         pulses = command.pulses_us or [STOP_US] * count
-        if len(pulses) != count or not math.isfinite(sum(pulses)):
+        if len(pulses) != count or not math.isfinite(ordered_sum(pulses)):
             raise CommandError(
                 f"At {self.time_s:g} s {count} thrusters were sent the pulses {command.pulses_us}.",
                 fix=f"send {count} finite numbers, 1500 to stop; or is_on=False for no pulses.",
@@ -327,7 +329,7 @@ class Urov(UrovForces):
             (wx, wy, wz), (vx, vy, vz), step_s = self._velocity, begin, self.step_s
             self._gained = ((wx - vx) / step_s, (wy - vy) / step_s, (wz - vz) / step_s)
         if pushes:
-            fx, fy, fz = (sum(along) / self._parts for along in zip(*pushes, strict=True))
+            fx, fy, fz = (ordered_sum(along) / self._parts for along in zip(*pushes, strict=True))
             self._contact_n = (fx, fy, fz)
 
     def _look(self) -> bool:

@@ -111,12 +111,14 @@ class Urov2D(Urov):
 
     def _slowed_in_plane(self, through: Three, pitch: float) -> Three:
         """Returns the velocity at a step's end, as `_slowed` does in space."""
-        more = (self._taken - self._wet) * self.vehicle.added_mass
+        share = self._taken - self._wet
         cos, sin = math.cos(pitch), math.sin(pitch)
         x, z, rate = through
         for _ in range(SLOWING_ROUNDS):
-            slam = (more @ (cos * x - sin * z, 0.0, sin * x + cos * z, 0.0, rate, 0.0)).tolist()
-            x, z, rate = self._water.less(through, pitch, (slam[0], slam[2], slam[4]))
+            surge, _, heave, _, turn, _ = self._added_momentum(
+                cos * x - sin * z, 0.0, sin * x + cos * z, 0.0, rate, 0.0
+            )
+            x, z, rate = self._water.less(through, pitch, (share * surge, share * heave, share * turn))
         return x, z, rate
 
     def _take_over(self, motion: tuple[float, float, float]) -> None:

@@ -22,6 +22,7 @@ from snr_sim.plants.urov_state import Body, Thrusters
 from snr_sim.plants.vehicle import Matrix, Six, Vector, Vehicle
 from snr_sim.prelude.angles import roll_pitch_yaw_rad
 from snr_sim.prelude.errors import PlantError, UnknownName, nearest
+from snr_sim.prelude.sums import ordered_sum
 
 AIR_PA = 101_325.0  # standard atmosphere
 # Earth's field at about 50 degrees north, magnetic north along y: 20 uT level, 44 uT down (rounded).
@@ -108,7 +109,7 @@ class UrovMeasured:
     def kinetic_energy_j(self) -> float:
         """Of vehicle and water, seen from water that moves with the current."""
         nu = np.array(self.through_water)
-        return float(0.5 * nu @ self.mass_matrix @ nu)
+        return float(0.5 * nu @ self.mass_matrix @ nu)  # decides no run: for tests
 
     @property
     def contact_n(self) -> Vector | None:
@@ -221,7 +222,7 @@ class UrovMeasured:
         dive, now_s = self.dive, self.time_s + 1e-9
         told: dict[str, float] = {}
         if dive.loads:
-            told["load_kg"] = sum(load.mass_kg for load in dive.loads_at(now_s))
+            told["load_kg"] = ordered_sum(load.mass_kg for load in dive.loads_at(now_s))
         if dive.leak is not None:
             told["water_l"] = self._water_l
         for fault in dive.faults:

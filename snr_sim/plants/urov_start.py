@@ -20,6 +20,7 @@ from snr_sim.plants.tether import Tether
 from snr_sim.plants.vehicle import Vehicle
 from snr_sim.prelude.angles import quaternion_of
 from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.sums import ordered_sum
 
 GIVES_M = 0.01  # so deep a dive may begin in the floor: contacts give way a little, and then push the vehicle out
 TAUT = 1.001  # share of its length that a tether may be stretched to at the start
@@ -93,8 +94,8 @@ def _check_floats(dive: Dive, vehicle: Vehicle, pool: Pool) -> None:
     """A load's buoyancy counts as if it were always under water, so it must not be able to carry all of them."""
     for time_s in dive.times_s():
         loads = dive.loads_at(time_s)
-        carried = pool.density_kgm3 * sum(load.volume_m3 for load in loads)
-        mass = vehicle.mass_kg + sum(load.mass_kg for load in loads)
+        carried = pool.density_kgm3 * ordered_sum(load.volume_m3 for load in loads)
+        mass = vehicle.mass_kg + ordered_sum(load.mass_kg for load in loads)
         if carried > mass:
             raise ParameterError(
                 f"At {time_s:g} s the dive's loads displace {carried:.3g} kg of water, more than all weighs: "
@@ -105,7 +106,7 @@ def _check_floats(dive: Dive, vehicle: Vehicle, pool: Pool) -> None:
 
 def _check_reach(dive: Dive, tether: Tether) -> None:
     turn = np.array(rotation_of(quaternion_of(*dive.attitude_rad))).reshape(3, 3)
-    end = np.array(dive.position_m) + turn @ np.array(tether.place_m)
+    end = np.array(dive.position_m) + turn @ np.array(tether.place_m)  # decides no run: only checked
     away_m = math.dist(end.tolist(), tether.anchor_m)
     if away_m > TAUT * tether.length_m:
         raise ParameterError(

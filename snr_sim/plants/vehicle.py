@@ -31,6 +31,7 @@ from snr_sim.plants.plausible import (
     shown,
 )
 from snr_sim.prelude.errors import ParameterError, nearest
+from snr_sim.prelude.sums import ordered_sum
 from snr_sim.prelude.wrench import AXES, lacking_axes
 
 Vector: TypeAlias = tuple[float, float, float]
@@ -135,7 +136,7 @@ class Vehicle:
 
     def _check_inertia(self) -> None:
         inertia = self._checked_matrix("inertia_kgm2", AXES[3:])
-        principal = np.linalg.eigvalsh(inertia)
+        principal = np.linalg.eigvalsh(inertia)  # decides no run: only checked
         if not principal[0] > 0.0:
             raise ParameterError(
                 f"{self._what('inertia_kgm2')} is {inertia.tolist()}, about one axis {principal[0]:.3g}.",
@@ -166,7 +167,7 @@ class Vehicle:
     def _check_added_mass(self) -> None:
         added = self._checked_matrix("added_mass", AXES)
         water = 1000.0 * self.volume_m3
-        corner = water * 0.25 * sum(side * side for side in self.size_m)
+        corner = water * 0.25 * ordered_sum(side * side for side in self.size_m)
         share = LIMITS["added_mass_share"]
         for i, axis in enumerate(AXES):
             most, unit = share.most * (water if i < 3 else corner), "kg" if i < 3 else "kg m2"
@@ -176,7 +177,7 @@ class Vehicle:
                 Limit(0.0, most, unit, f"it stands here without its minus, and {share.why}", share.slips),
                 axis,
             )
-        least = float(np.linalg.eigvalsh(added)[0])
+        least = float(np.linalg.eigvalsh(added)[0])  # decides no run: only checked
         if least < -1e-9 * float(np.abs(added).max()):
             raise ParameterError(
                 f"{self._what('added_mass')} is {added.tolist()}: moved one way, the water would have less energy than "

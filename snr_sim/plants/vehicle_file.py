@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from snr_sim.plants.plausible import check_number, check_vector, checked_matrix, shown
 from snr_sim.plants.vehicle import Matrix, Six, Thruster, Vector, Vehicle
 from snr_sim.prelude.errors import ParameterError, nearest
+from snr_sim.prelude.sums import ordered_sum
 from snr_sim.prelude.wrench import AXES, lacking_axes
 
 FLIP = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])  # from FRD to FLU and back
@@ -249,7 +250,7 @@ def _check_drag(vehicle: Vehicle) -> None:
             f"linear_damping and quadratic_damping of {', '.join(without)} are 0: nothing would slow it down there.",
             fix="one of the two has a number for each axis; without a measurement take that of benzon2022.toml.",
         )
-    slow, fast = sum(linear[:3]), sum(quadratic[:3])
+    slow, fast = ordered_sum(linear[:3]), ordered_sum(quadratic[:3])
     if 0.0 < MOST_LINEAR * fast < slow:
         raise ParameterError(
             f"linear_damping of surge, sway and heave adds up to {slow:g}, quadratic_damping to {fast:g}: at 1 m/s "

@@ -51,7 +51,7 @@ def lacking_axes(matrix: NDArray[np.float64]) -> tuple[str, ...]:
     scaled = matrix * np.array([[1.0]] * 3 + [[1.0 / ARM_M]] * 3)
     rows = list(range(len(AXES)))
     while True:
-        left, sizes, _ = np.linalg.svd(scaled[rows])
+        left, sizes, _ = np.linalg.svd(scaled[rows])  # decides no run: rank, far from its limit
         rank = int((sizes > _NOTHING * max(1.0, float(sizes.max(initial=0.0)))).sum())
         if rank == len(rows):
             return tuple(axis for i, axis in enumerate(AXES) if i not in rows)

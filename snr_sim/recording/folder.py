@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import os
@@ -12,6 +13,7 @@ from typing import Any
 
 from snr_sim.prelude.errors import TraceError
 from snr_sim.recording.reader import Trace
+from snr_sim.recording.records import digest_of
 from snr_sim.recording.trace import FILE_NAME
 
 RESULT_NAME = "result.json"
@@ -133,6 +135,14 @@ def trace_path(run: Path) -> Path:
     near = sorted(run.glob(f"*/{FILE_NAME}")) if run.is_dir() else sorted(Path("runs").glob(f"*/{FILE_NAME}"))
     fix = f"the newest run here is {near[-1].parent}." if near else "make one: snr run lander_vertical."
     raise TraceError(f"There is no run at {run}.", fix=fix)
+
+
+def records_digest(path: Path) -> str:
+    """Return the digest of a trace's records: without opening and header, which name versions, sources and options."""
+    with open(path, "rb") as file:
+        file.readline()
+        file.readline()
+        return hashlib.file_digest(file, digest_of).hexdigest()
 
 
 def check_unchanged(trace: Trace) -> None:

@@ -16,6 +16,7 @@ from operator import mul
 from typing import TYPE_CHECKING, NamedTuple
 
 from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
+from snr_sim.prelude.sums import dot_product, ordered_sum
 from snr_sim.prelude.wrench import AXES, lacking_axes, thruster_matrix
 
 if TYPE_CHECKING:
@@ -114,7 +115,7 @@ class Allocation:
         Raises:
             ParameterError: it has not six finite numbers.
         """
-        if len(wrench) != len(AXES) or not math.isfinite(sum(wrench)):
+        if len(wrench) != len(AXES) or not math.isfinite(ordered_sum(wrench)):
             raise ParameterError(
                 f"A wrench of {list(wrench)!r}.", fix="six finite numbers: " + ", ".join(AXES) + " [N, N m]."
             )
@@ -122,7 +123,7 @@ class Allocation:
         share = 1.0
         for group, of_wrench in zip(self._groups, self._of_wrench, strict=True):
             wanted = [wrench[i] for i in group]
-            more = [sum(map(mul, row, wanted)) for row in of_wrench]
+            more = [dot_product(row, wanted) for row in of_wrench]
             share = self._room(thrusts, more)
             thrusts = [thrust + share * extra for thrust, extra in zip(thrusts, more, strict=True)]
         lacking = tuple(axis for axis in self.lacking if wrench[AXES.index(axis)] != 0.0)
@@ -130,7 +131,7 @@ class Allocation:
 
     def wrench_of(self, thrusts_n: Sequence[float]) -> list[float]:
         """Returns the wrench that thrusts give together: what is left of what was wanted."""
-        return [sum(map(mul, row, thrusts_n)) for row in self._given]
+        return [dot_product(row, thrusts_n) for row in self._given]
 
     def _room(self, thrusts: list[float], more: list[float]) -> float:
         """Returns the greatest share, up to 1, of `more` that can be added to thrusts within all limits."""
@@ -154,7 +155,8 @@ def _inverse(given: list[list[float]], lacking: tuple[str, ...]) -> list[list[fl
     """
     reached = [i for i, axis in enumerate(AXES) if axis not in lacking]
     rows = [[Fraction(value) for value in given[i]] for i in reached]
-    solved = [[sum(map(mul, row, other)) for other in rows] + row for row in rows]  # R R^T X = R, by Gauss and Jordan
+    # R R^T X = R, by Gauss and Jordan.
+    solved = [[sum(map(mul, row, other)) for other in rows] + row for row in rows]  # exact: fractions
     for k, pivot_row in enumerate(solved):
         pivot_row[:] = [value / pivot_row[k] for value in pivot_row]
         for row in solved:

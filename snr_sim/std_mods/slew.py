@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 
 from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.sums import ordered_sum
 
 
 class SlewLimit:
@@ -44,7 +45,7 @@ class SlewLimit:
         Raises:
             ParameterError: there are more or fewer of them than before, one is not finite, or time goes back.
         """
-        if len(wanted) != len(self.values) or not (math.isfinite(sum(wanted)) and dt_s >= 0.0):
+        if len(wanted) != len(self.values) or not (math.isfinite(ordered_sum(wanted)) and dt_s >= 0.0):
             raise ParameterError(
                 f"A slew limit of {len(self.values)} values got {list(wanted)!r} after {dt_s!r} s.",
                 fix="as many finite numbers, and a time that is not negative.",

@@ -2,6 +2,7 @@
 
 import json
 import os
+import platform
 import shutil
 import subprocess
 import sys
@@ -145,6 +146,29 @@ def test_a_replay_after_one_constant_was_changed_names_the_record(snr: Snr, flow
     assert snr("replay", flown_mine, "--tolerance", "engine.throttle=0.06").status == 0
     assert snr("replay", flown_mine, "--tolerance", "engine.throttle=20%").status == 0
     assert snr("replay", flown_mine, "--tolerance", "engine.*=1e-3").status == 1
+
+
+def elsewhere(run: Path) -> None:
+    """Have a recorded run say that it was recorded under another Python, with another numpy."""
+    trace = run / FILE_NAME
+    opening, header, rest = trace.read_text().split("\n", 2)
+    fields = json.loads(header)
+    fields["python"], fields["packages"]["numpy"] = "3.10.0", "1.0"
+    trace.write_text("\n".join([opening, json.dumps(fields), rest]))
+
+
+def test_replay_under_another_python_names_it_before_the_handler(snr: Snr, flown_mine: Path, mine: Mine) -> None:
+    elsewhere(flown_mine)
+    assert "Recorded with something else" not in snr("replay", flown_mine).err, "the same tasks all the same"
+    mine((WIRED, '        return self.store_data_task("engine", {"throttle": 0.3 if now_s < 20.0 else 0.35})'))
+    answer = snr("replay", flown_mine)
+    assert answer.status == 1
+    said = f"Recorded with something else: Python 3.10.0 then, {platform.python_version()} now; numpy 1.0 then, "
+    assert said in answer.err
+    assert "Look there before you look at the code." in answer.err
+    notes = snr("replay", flown_mine, "--json").json["notes"]
+    assert said in notes[0]
+    assert "Changed since the run: controller/mine.py" in notes[1]
 
 
 def test_a_replay_with_another_file_warns_where_the_loop_opens(snr: Snr, flown_mine: Path, mine: Mine) -> None:
@@ -348,6 +372,14 @@ def test_a_resim_of_unchanged_code_has_the_same_digest(snr: Snr, flown: Path) ->
     assert f"the same digest as {flown}" in words.out
     changed = snr("resim", flown, "--no-rrd", "--json", "--with", "coast").json
     assert (changed["identical"], changed["outcome"]) == (False, "crashed")
+
+
+def test_resim_under_another_python_tells_the_records_from_the_header(snr: Snr, flown: Path) -> None:
+    elsewhere(flown)
+    answer = snr("resim", flown, "--no-rrd")
+    assert f"the same records, with another header, as {flown}" in answer.out
+    assert "Recorded with something else: Python 3.10.0 then" in answer.err
+    assert "another digest than" in snr("resim", flown, "--no-rrd", "--with", "coast").out
 
 
 @pytest.mark.parametrize("io", ["mcu:/dev/ttyUSB0", "maestro:/dev/ttyACM0", "pca9685:1:0x40", "sysfs", "pi"])

@@ -32,7 +32,7 @@ def test_added_mass_acts_along_the_axes_of_the_body_at_any_attitude() -> None:
     wanted = [0.3, -0.2, 0.1, 0.05, 0.04, -0.03]
     one.move(more, wanted, 0.001)
     assert one.velocity() == pytest.approx([0.001 * value for value in wanted], abs=1e-15)
-    rotation = one._inverse_pose.T.copy()
+    rotation = one._rotation.reshape(3, 3).copy()
     push = one._applied.copy()
     linear = rotation @ (np.eye(3) * 13.0 + more[:3, :3]) @ rotation.T @ wanted[:3]
     assert push[:3] == pytest.approx(linear, abs=1e-12)

@@ -15,6 +15,7 @@ from snr_sim.plants.propulsion import Propulsion
 from snr_sim.plants.urov import Urov
 from snr_sim.plants.vehicle import Vehicle
 from snr_sim.prelude.signals import PwmCommand
+from snr_sim.prelude.sums import ordered_sum
 
 from .case import LEFT, SECOND_ORDER, Case
 from .closed_forms import rk4, terminal_speed
@@ -90,6 +91,6 @@ def late(one: Vehicle, push_n: float, time_s: float) -> float:
 
 def sagged_v() -> float:
     """Returns where the battery's line and the table's meet: between 14 and 16 V both are straight."""
-    slope = sum(AHEAD_A[1] - AHEAD_A[0] + ASTERN_A[1] - ASTERN_A[0] for _ in range(2)) / 2.0
+    slope = ordered_sum(AHEAD_A[1] - AHEAD_A[0] + ASTERN_A[1] - ASTERN_A[0] for _ in range(2)) / 2.0
     at_14_v = 2.0 * (AHEAD_A[0] + ASTERN_A[0]) + ELECTRONICS_A
     return (FULL_V - RESISTANCE_OHM * (at_14_v - 14.0 * slope)) / (1.0 + RESISTANCE_OHM * slope)

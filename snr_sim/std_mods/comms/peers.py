@@ -191,9 +191,9 @@ class PeerLink(Link):
             "up": bool(peers),
             "left": self._was_left and not peers,
             "age_s": max(0.0, *ages_s) if ages_s else None,
-            "dropped": self.dropped + sum(peer.all_dropped for peer in peers),
+            "dropped": self.dropped + sum(peer.all_dropped for peer in peers),  # exact: integers
             "rtt_s": max(trips_s, default=None),
-            "sent": self.sent + sum(peer.sent for peer in peers),
+            "sent": self.sent + sum(peer.sent for peer in peers),  # exact: integers
             "received": self.received,
             "unwanted": self.unwanted,
             "reason": self._names_meant_twice(peers) if peers else self.reason,
@@ -201,6 +201,6 @@ class PeerLink(Link):
         }
         if self.options.faults is not None:
             ways = [peer.way for peer in peers if peer.way is not None]
-            state["lost"] = self._lost + sum(way.lost for way in ways)
-            state["duplicated"] = self._duplicated + sum(way.duplicated for way in ways)
+            state["lost"] = self._lost + sum(way.lost for way in ways)  # exact: integers
+            state["duplicated"] = self._duplicated + sum(way.duplicated for way in ways)  # exact: integers
         return state

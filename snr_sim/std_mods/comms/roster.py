@@ -135,7 +135,7 @@ class Roster:
     def missed(self) -> int:
         """Pages of others that did not arrive."""
         with self._guard:
-            return self._missed + sum(far.missed for far in self._fars.values())
+            return self._missed + sum(far.missed for far in self._fars.values())  # exact: integers
 
     def _hear(self, far: Far, now_s: float) -> None:
         far.heard_s = now_s

@@ -1,0 +1,117 @@
+"""Every scenario, engine and seed leaves the trace that it left before, under every Python (digests.json).
+
+The digests are over the records after the header, which names versions and sources. After a change that is meant to
+alter runs, renew them and say so in CHANGELOG.md:
+
+    python tests/scenarios/test_digests.py --write
+"""
+
+import json
+import platform
+import sys
+import tempfile
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim import library
+from snr_sim.flight import fly_recorded
+from snr_sim.recording.folder import records_digest
+from snr_sim.recording.trace import FILE_NAME
+from snr_sim.simulation import Request, prepare
+
+DIGESTS = Path(__file__).with_name("digests.json")
+SEEDS = (0, 1, 2)
+# Of dives, which take a second of CPU time each: one that ends at the surface, and one with a load.
+FAST = ("urov_link_loss mujoco 0", "urov_tank mujoco 0")
+# What computes part of a run outside Python: another version may round differently.
+PACKAGES = ("mujoco-core", "pymunk")
+REFERENCE = "Linux on x86_64 with glibc and a processor with FMA"
+
+
+def runs() -> list[str]:
+    """Return all runs, as 'scenario engine seed'."""
+    return [
+        f"{found.name} {engine} {seed}"
+        for found in library.known("scenarios")
+        for engine in prepare(Request(found.name)).scenario.ENGINES
+        for seed in SEEDS
+    ]
+
+
+def digest_of(run: str, folder: Path) -> str:
+    """Simulate a run and return the digest of its records, without opening and header."""
+    scenario, engine, seed = run.split()
+    result = fly_recorded(prepare(Request(scenario, int(seed), engine)), folder / FILE_NAME)
+    assert result.error == ""
+    return records_digest(folder / FILE_NAME)
+
+
+def differing_platform() -> str:
+    """Return why this computer may round differently than the one that wrote the digests; empty if it may not.
+
+    The C library computes sin, exp and the like; glibc has versions with and without FMA, and both differ from those of
+    other libraries. On ARM MuJoCo rounds differently (docs/hardware.md).
+    """
+    if platform.system() != "Linux" or platform.machine() != "x86_64" or platform.libc_ver()[0] != "glibc":
+        return f"{platform.system()} on {platform.machine()}, {platform.libc_ver()[0] or 'not glibc'}"
+    if " fma " not in Path("/proc/cpuinfo").read_text(encoding="utf-8").replace("\n", " "):
+        return "a processor without FMA"
+    return ""
+
+
+def differing_packages(written: dict[str, str]) -> str:
+    """Return which packages have other versions than those that the digests were written with; empty if none."""
+    pairs = [(name, then, version(name)) for name, then in written.items()]
+    return ", ".join(f"{name} {now}, not {then}" for name, then, now in pairs if now != then)
+
+
+def is_fast(run: str) -> bool:
+    return run.startswith("lander") or run in FAST
+
+
+@pytest.fixture(scope="session")
+def written() -> dict[str, Any]:
+    fields: dict[str, Any] = json.loads(DIGESTS.read_text(encoding="utf-8"))
+    return fields
+
+
+@pytest.mark.parametrize("run", [run if is_fast(run) else pytest.param(run, marks=pytest.mark.slow) for run in runs()])
+def test_a_run_leaves_the_same_records_as_before(run: str, written: dict[str, Any], tmp_path: Path) -> None:
+    if differs := differing_platform():
+        pytest.skip(f"digests.json is of {REFERENCE}; this is {differs}")
+    digest = digest_of(run, tmp_path)
+    if digest == written["digests"].get(run):
+        return
+    scenario, engine, seed = run.split()
+    pytest.fail(
+        f"{scenario} on {engine} with seed {seed} has the digest {digest}, and in {DIGESTS.name} "
+        f"{written['digests'].get(run, 'none')}. Python {platform.python_version()}; packages: "
+        f"{differing_packages(written['packages']) or 'as then'}. Find the first difference: `snr compare` of this run "
+        "and of one before the change. If it is meant: python tests/scenarios/test_digests.py --write",
+        pytrace=False,
+    )
+
+
+def test_digests_are_of_the_runs_that_there_are(written: dict[str, Any]) -> None:
+    assert list(written["digests"]) == runs()
+
+
+def write() -> None:
+    """Write the digests of all runs."""
+    if differs := differing_platform():
+        sys.exit(f"Digests are written on {REFERENCE}; this is {differs}.")
+    digests = {}
+    for run in runs():
+        with tempfile.TemporaryDirectory() as folder:
+            digests[run] = digest_of(run, Path(folder))
+    packages = {name: version(name) for name in PACKAGES}
+    DIGESTS.write_text(json.dumps({"packages": packages, "digests": digests}, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    if sys.argv[1:] != ["--write"]:
+        sys.exit(__doc__)
+    write()
