@@ -6,59 +6,55 @@ Nothing in the archive is believed: not the sizes it claims, not the names, not 
 from __future__ import annotations
 
 import io
+import os
 import stat
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any, BinaryIO, cast
+from collections.abc import Iterator
+from typing import Any, BinaryIO, TypeAlias, cast
 
-from snr_sim.prelude.errors import SnrError
+from snr_sim.grading.member_names import Refused, is_litter, parts_of, shown
 
 MAX_ARCHIVE_BYTES = 32 * 2**20
 MAX_DIRECTORY_BYTES = 2**19  # of the archive's list of contents, some 50 to 300 bytes a file
 MAX_RATIO = 200  # unpacked to packed; text is about 5, and the densest that deflate can write is 1032
 _RATIO_FROM_BYTES = 2**20  # small files of zeros are nobody's bomb
 _ENCRYPTED = 1
+Member: TypeAlias = tuple[tuple[str, ...], BinaryIO | None]
 _DAMAGES = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, ValueError, OverflowError)
 
 
-class Refused(SnrError):
-    """A submission with nothing in it that can be graded. Its words are for the student."""
-
-
-def entries_of(path: Path, notes: list[str], is_litter: Callable[[str], bool]) -> Iterator[tuple[str, BinaryIO | None]]:
-    """Yields each plain file by its name in the archive, open for reading; of a folder None in the file's place.
+def members_of(file: BinaryIO, notes: list[str]) -> Iterator[Member]:
+    """Yield each plain file by the parts of its path, open for reading; of a folder None in the file's place.
 
     Args:
-        path: the archive.
-        notes: what is left out is told here.
-        is_litter: which part of a name says that a file does not count.
+        file: the archive.
+        notes: what is left out is added here.
 
     Raises:
         Refused: it is no archive, a damaged one, one that means harm, or one that cannot be opened.
     """
-    if path.stat().st_size > MAX_ARCHIVE_BYTES:
+    if os.fstat(file.fileno()).st_size > MAX_ARCHIVE_BYTES:
         raise Refused(
             f"Your archive is larger than {MAX_ARCHIVE_BYTES // 2**20} MB.",
             fix="zip only what the lab asks for, without recorded runs.",
         )
     try:
-        with path.open("rb") as file, zipfile.ZipFile(cast(Any, _Bounded(file))) as archive:
+        with zipfile.ZipFile(cast(Any, _Bounded(file))) as archive:
             for info in archive.infolist():
-                name = _checked_name(info)
-                if any(is_litter(part) for part in name.split("/")):
+                parts = parts_of(info.filename)
+                if any(is_litter(part) for part in parts):
                     continue
                 mode = info.external_attr >> 16
                 if stat.S_IFMT(mode) not in (0, stat.S_IFREG, stat.S_IFDIR):
                     what = "a symbolic link" if stat.S_ISLNK(mode) else "not a plain file"
-                    notes.append(f"'{name}' is {what} and was left out: hand in the file itself.")
-                elif info.is_dir() or name.endswith("/"):
-                    yield name.rstrip("/"), None
+                    notes.append(f"'{shown(info.filename)}' is {what} and was left out: hand in the file itself.")
+                elif info.filename.endswith(("/", "\\")):
+                    yield parts, None
                 else:
                     _check_packing(info)
                     with archive.open(info) as source:
-                        yield name, cast(BinaryIO, _Measured(source, max(1, info.compress_size)))
+                        yield parts, cast(BinaryIO, _Measured(source, max(1, info.compress_size)))
     except _DAMAGES as error:
         raise _damaged(error) from error
 
@@ -69,22 +65,6 @@ def _damaged(error: Exception) -> Refused:
         fix="if it is something else, a program or another kind of archive, zip it; else zip your folder again, and "
         "look into the archive before you hand it in.",
     )
-
-
-def _checked_name(info: zipfile.ZipInfo) -> str:
-    """Returns the entry's name with / between its parts.
-
-    Raises:
-        Refused: it leads out of the archive.
-    """
-    name = info.filename.replace("\\", "/")
-    parts = name.split("/")
-    if name.startswith("/") or ":" in parts[0] or ".." in parts:
-        raise Refused(
-            f"Your archive names a file outside itself: {info.filename!r}.",
-            fix="zip the folder with your files, by their names alone.",
-        )
-    return "/".join(part for part in parts[:-1] if part not in ("", ".")) + ("/" if len(parts) > 1 else "") + parts[-1]
 
 
 def _check_packing(info: zipfile.ZipInfo) -> None:

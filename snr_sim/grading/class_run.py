@@ -13,10 +13,10 @@ from collections.abc import Callable, Iterator, Sequence
 
 import msgspec
 
-from snr_sim.grading.archive import Refused
 from snr_sim.grading.class_folder import ClassFolder
 from snr_sim.grading.intake import TakenIn, remove, take_in
 from snr_sim.grading.lab import Lab
+from snr_sim.grading.member_names import Refused
 from snr_sim.grading.reports.check50 import check50
 from snr_sim.grading.reports.gradescope import gradescope_results
 from snr_sim.grading.reports.junit import junit

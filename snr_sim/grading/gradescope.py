@@ -28,9 +28,9 @@ import msgspec
 
 import snr_sim
 from snr_sim import __version__
-from snr_sim.grading.archive import Refused
 from snr_sim.grading.intake import remove, take_in
 from snr_sim.grading.lab import Lab, load_lab
+from snr_sim.grading.member_names import Refused
 from snr_sim.grading.reports.gradescope import gradescope_results
 from snr_sim.grading.results import Demanded, Graded, with_runs_named
 from snr_sim.grading.worker import Job, grade, without_marks

@@ -12,29 +12,23 @@ import difflib
 import hashlib
 import os
 import shutil
-import stat
-import unicodedata
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
-from typing import BinaryIO, TypeAlias
 
-from snr_sim.grading.archive import Refused, entries_of
+from snr_sim.grading.archive import Member, members_of
+from snr_sim.grading.descriptors import create_file, open_file, open_folder
+from snr_sim.grading.member_names import MAX_DEPTH, Refused, TakenNames, is_litter, parts_of, shown, why_left_out
 
 MAX_FILES = 500
 MAX_BYTES = 32 * 2**20
-MAX_DEPTH = 8
-MAX_NAME_CHARS = 200
+_MAX_ENTRIES = 10_000  # of a folder, with what does not count
 _CHUNK_BYTES = 2**16
 _TOO_MANY = f"Your submission has more than {MAX_FILES} files."
 _ONLY_WHAT_IS_ASKED = "hand in only what the lab asks for."
 _MAX_NOTES = 20
-# What editors, Python and macOS leave lying about, and the runs that the labs' pages have recorded beside the program:
-# not part of what was handed in.
-_LITTER = {"__pycache__", "__MACOSX", "venv", "node_modules", "Thumbs.db", "trace.jsonl", "result.json"}
-_LITTER_SUFFIXES = (".pyc", ".pyo", "~", ".rrd")
-
-Member: TypeAlias = tuple[str, "BinaryIO | None"]
 
 
 @dataclass(frozen=True)
@@ -64,15 +58,10 @@ def take_in(given: Path, wanted: Sequence[str], into: Path) -> TakenIn:
         Refused: nothing in it can be graded; says why, to the student.
     """
     notes: list[str] = []
-    if given.is_dir():
-        archives = sorted(path for path in given.glob("*.zip") if not path.is_symlink())
-        is_wrapped = len(archives) == 1 and not any(_is_there(given, name) for name in wanted)
-        if is_wrapped and not any(path.is_dir() for path in given.iterdir()):  # some systems hand out such folders
-            given = archives[0]
-    members = _files_under(given, notes) if given.is_dir() else entries_of(given, notes, is_litter)
     into.mkdir(mode=0o755)
     try:
-        count = _copy(members, into, notes)
+        with _members(given, wanted, notes) as members, open_folder(into) as place:
+            count = _copy(members, place, notes)
         if count == 0:
             raise Refused("Your submission is empty.", fix=f"hand in {_listed(wanted)}.")
         top = _top(into, wanted)
@@ -95,109 +84,105 @@ def remove(folder: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
 
 
-def _is_there(folder: Path, name: str) -> bool:
-    return os.path.lexists(folder / name)
-
-
-def is_litter(name: str) -> bool:
-    """Returns whether a part of a path says that a file does not count."""
-    return name.startswith(".") or name in _LITTER or name.endswith(_LITTER_SUFFIXES)
-
-
-def _files_under(folder: Path, notes: list[str]) -> Iterator[Member]:
-    """Yields the plain files of a folder by relative name, each open."""
-    waiting = [""]
-    while waiting:
-        inside = waiting.pop()
-        try:
-            entries = sorted(os.scandir(folder / inside), key=lambda one: one.name)
-        except OSError as error:
-            notes.append(f"The folder '{shown(inside)}' cannot be read ({error.strerror}) and was left out.")
-            continue
-        for entry in entries:
-            name = f"{inside}/{entry.name}" if inside else entry.name
-            if is_litter(entry.name):
-                continue
-            if len(notes) > MAX_FILES:
-                raise Refused(_TOO_MANY, fix=_ONLY_WHAT_IS_ASKED)
-            if entry.is_symlink():
-                notes.append(f"'{shown(name)}' is a symbolic link and was left out: hand in the file itself.")
-            elif entry.is_dir():
-                yield name, None
-                if name.count("/") < MAX_DEPTH:  # what lies deeper is told by the folder's name
-                    waiting.append(name)
-            elif not entry.is_file(follow_symlinks=False):
-                notes.append(f"'{shown(name)}' is not a plain file and was left out.")
-            else:
-                yield from _opened(entry, name, notes)
-
-
-def _opened(entry: os.DirEntry[str], name: str, notes: list[str]) -> Iterator[Member]:
-    try:
-        # Not followed and not waited for, also if it has become something else since we looked.
-        descriptor = os.open(entry.path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
-    except OSError as error:
-        notes.append(f"'{shown(name)}' cannot be read ({error.strerror}) and was left out.")
+@contextmanager
+def _members(given: Path, wanted: Sequence[str], notes: list[str]) -> Iterator[Iterator[Member]]:
+    """Yield the members of a folder, of an archive, or of the archive that is alone in a folder."""
+    if not given.is_dir():
+        with open_file(given) as archive:
+            yield members_of(archive, notes)
         return
-    with open(descriptor, "rb") as file:
-        if stat.S_ISREG(os.fstat(descriptor).st_mode):
-            yield name, file
+    with open_folder(given) as folder:
+        name = _archive_alone_in(folder, wanted)
+        if name is None:
+            yield _files_under(folder, "", notes)
+        else:
+            with open_file(name, folder) as archive:
+                yield members_of(archive, notes)
 
 
-def _copy(members: Iterator[Member], into: Path, notes: list[str]) -> int:
-    """Copies what comes, as long as it is not too much; returns how many files that were."""
+def _archive_alone_in(folder: int, wanted: Sequence[str]) -> str | None:
+    """Return the archive in a folder that holds nothing else to grade: some systems hand out such folders."""
+    entries = _entries(folder)
+    archives = [one.name for one in entries if one.name.endswith(".zip") and one.is_file(follow_symlinks=False)]
+    has_more = any(one.name in wanted or one.is_dir(follow_symlinks=False) for one in entries)
+    return archives[0] if len(archives) == 1 and not has_more else None
+
+
+def _entries(folder: int) -> list[os.DirEntry[str]]:
+    """Return what is in a folder, in order.
+
+    Raises:
+        Refused: that is too much.
+    """
+    with os.scandir(folder) as found:
+        entries = sorted(islice(found, _MAX_ENTRIES + 1), key=lambda one: one.name)
+    if len(entries) > _MAX_ENTRIES:
+        raise Refused(_TOO_MANY, fix=_ONLY_WHAT_IS_ASKED)
+    return entries
+
+
+def _files_under(folder: int, inside: str, notes: list[str]) -> Iterator[Member]:
+    """Yield the plain files under a folder, each open; its folders after its files.
+
+    Args:
+        folder: its descriptor. Nothing is opened by a path: a folder on it may have become a link meanwhile.
+        inside: its name in the submission.
+        notes: what is left out is added here.
+    """
+    folders = []
+    for entry in _entries(folder):
+        name = f"{inside}/{entry.name}" if inside else entry.name
+        if is_litter(entry.name):
+            continue
+        if len(notes) > MAX_FILES:
+            raise Refused(_TOO_MANY, fix=_ONLY_WHAT_IS_ASKED)
+        if entry.is_symlink():
+            notes.append(f"'{shown(name)}' is a symbolic link and was left out: hand in the file itself.")
+        elif entry.is_dir(follow_symlinks=False):
+            yield parts_of(name), None
+            folders.append((entry.name, name))
+        elif not entry.is_file(follow_symlinks=False):
+            notes.append(f"'{shown(name)}' is not a plain file and was left out.")
+        else:
+            with _noting(f"'{shown(name)}'", notes), open_file(entry.name, folder) as file:
+                yield parts_of(name), file
+    for one, name in folders:
+        if name.count("/") < MAX_DEPTH:  # what lies deeper is left out with its folder
+            with _noting(f"The folder '{shown(name)}'", notes), open_folder(one, folder) as below:
+                yield from _files_under(below, name, notes)
+
+
+@contextmanager
+def _noting(what: str, notes: list[str]) -> Iterator[None]:
+    """Note what cannot be opened, and go on without it."""
+    try:
+        yield
+    except OSError as error:
+        notes.append(f"{what} cannot be read ({error.strerror}) and was left out.")
+
+
+def _copy(members: Iterator[Member], into: int, notes: list[str]) -> int:
+    """Copy what comes, as long as it is not too much; return how many files that were."""
     count, left, seen = 0, MAX_BYTES, 0
-    for name, source in members:
+    taken = TakenNames()
+    for parts, source in members:
         seen += 1
         if seen > 2 * MAX_FILES or count >= MAX_FILES:
             raise Refused(_TOO_MANY, fix=_ONLY_WHAT_IS_ASKED)
-        why = _bad_name(name)
+        why = why_left_out(parts) if parts or source is not None else ""  # the folder itself, "./", is no member
         if why:
-            notes.append(f"'{shown(name)}' was left out: {why}.")
+            notes.append(f"'{shown('/'.join(parts))}' was left out: {why}.")
+        if why or source is None:  # a folder is made when a file in it comes
             continue
-        if source is None:  # a folder is made when a file in it comes
-            continue
-        target = into / name
-        try:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            with target.open("xb") as copy:
-                while data := source.read(_CHUNK_BYTES):
-                    left -= len(data)
-                    if left < 0:
-                        raise Refused(
-                            f"Your submission is larger than {MAX_BYTES // 2**20} MB.",
-                            fix=_ONLY_WHAT_IS_ASKED,
-                        )
-                    copy.write(data)
-        except (FileExistsError, NotADirectoryError) as error:
-            raise Refused(f"Your submission has '{shown(name)}' twice.", fix="zip each file once.") from error
+        taken.add(parts)
+        with create_file(parts, into) as copy:
+            while data := source.read(_CHUNK_BYTES):
+                left -= len(data)
+                if left < 0:
+                    raise Refused(f"Your submission is larger than {MAX_BYTES // 2**20} MB.", fix=_ONLY_WHAT_IS_ASKED)
+                copy.write(data)
         count += 1
     return count
-
-
-def _bad_name(name: str) -> str:
-    """Returns why a name is not taken, or nothing."""
-    try:
-        name.encode()
-    except UnicodeEncodeError:
-        return "its name is not text"
-    if any(unicodedata.category(char) in ("Cc", "Cf", "Zl", "Zp") for char in name):
-        return "its name has characters that cannot be seen"
-    if len(name) > MAX_NAME_CHARS or any(len(part.encode()) > MAX_NAME_CHARS for part in name.split("/")):
-        return f"its name is longer than {MAX_NAME_CHARS} characters"
-    if name.count("/") >= MAX_DEPTH:
-        return f"it lies more than {MAX_DEPTH} folders deep"
-    return ""
-
-
-def shown(name: str) -> str:
-    """Returns a name as it can be printed: what is not text is written as an escape, and length is bounded.
-
-    >>> shown("a\\x1b[2J\\udcff.py")
-    'a\\\\x1b[2J\\\\udcff.py'
-    """
-    plain = name[:MAX_NAME_CHARS].encode("ascii" if not name.isprintable() else "utf-8", "backslashreplace").decode()
-    return "".join(char if char.isprintable() else f"\\x{ord(char):02x}" for char in plain)
 
 
 def _top(into: Path, wanted: Sequence[str]) -> Path:

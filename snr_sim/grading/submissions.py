@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from snr_sim.grading.intake import is_litter
+from snr_sim.grading.member_names import is_litter
 from snr_sim.prelude.errors import SnrError
 
 _MAX_ID_CHARS = 60

@@ -2,17 +2,26 @@
 
 import os
 import random
+import shutil
 import stat
 import struct
+import subprocess
+import sys
 import tracemalloc
+import warnings
 import zipfile
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
+import hypothesis
 import pytest
+from hypothesis import strategies as st
 
 from snr_sim.grading import intake
-from snr_sim.grading.archive import Refused
 from snr_sim.grading.intake import TakenIn, remove, take_in
+from snr_sim.grading.member_names import Refused
 
 WANTED = ["depth_hold.py"]
 CODE = b"def factories(robot):\n    return []\n"
@@ -86,6 +95,13 @@ def test_an_archive_alone_in_a_folder_is_the_submission(tmp_path: Path) -> None:
     assert files_in(taken(tmp_path, given)) == {"depth_hold.py": CODE}
 
 
+def test_pipe_named_as_an_archive_alone_in_a_folder_is_not_waited_for(tmp_path: Path) -> None:
+    given = folder(tmp_path)
+    os.mkfifo(given / "hw.zip")
+    with pytest.raises(Refused, match="empty"):
+        taken(tmp_path, given)
+
+
 def test_an_archive_beside_a_folder_is_told_to_be_one(tmp_path: Path) -> None:
     given = folder(tmp_path, ada__zip=b"", depth_hold___notes__txt=b"x")
     with pytest.raises(Refused, match=r"The lab wants depth_hold\.py"):
@@ -101,6 +117,22 @@ def test_what_is_lifted_out_of_its_folder_meets_no_other_submission(tmp_path: Pa
 def test_names_with_backslashes_are_paths(tmp_path: Path) -> None:
     given = zipped(tmp_path, ("lab2\\depth_hold.py", CODE), ("lab2\\more\\a.py", b"a"))
     assert sorted(files_in(taken(tmp_path, given))) == ["depth_hold.py", "more/a.py"]
+
+
+def test_archive_whose_names_begin_with_a_dot_gives_the_same_as_its_folder(tmp_path: Path) -> None:
+    given = zipped(tmp_path, ("./", b""), ("./depth_hold.py", CODE), ("./parts/", b""), ("./parts//./mixer.py", b"x"))
+    place = taken(tmp_path, given)
+    assert files_in(place) == {"depth_hold.py": CODE, "parts/mixer.py": b"x"}
+    assert place.notes == ()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("bsdtar") is None, reason="bsdtar, the tar of Windows and macOS, is not installed")
+def test_archive_of_bsdtar_gives_the_same_as_its_folder(tmp_path: Path) -> None:
+    given = folder(tmp_path, depth_hold__py=CODE, parts___mixer__py=b"x = 1")
+    subprocess.run(["bsdtar", "-a", "-cf", tmp_path / "hw.zip", "."], cwd=given, check=True)
+    place = take_in(tmp_path / "hw.zip", WANTED, tmp_path / "other")
+    assert place.digest == taken(tmp_path, given).digest
 
 
 def test_litter_is_not_part_of_it(tmp_path: Path) -> None:
@@ -212,6 +244,169 @@ def test_an_archive_that_leads_out_of_itself_is_refused_whole(tmp_path: Path, na
     with pytest.raises(Refused, match="outside itself"):
         taken(tmp_path, zipped(tmp_path, ("depth_hold.py", CODE), (name, b"evil")))
     assert [path.name for path in tmp_path.rglob("*")] == ["ada.zip"]
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["//evil.py", "\\\\server\\evil.py", "./../evil.py", "a/./../b.py", "z:/evil.py", "__pycache__/../../evil.py"],
+)
+def test_name_that_leads_out_in_a_roundabout_way_is_refused(tmp_path: Path, name: str) -> None:
+    with pytest.raises(Refused, match="outside itself"):
+        taken(tmp_path, zipped(tmp_path, ("depth_hold.py", CODE), (name, b"evil")))
+
+
+def test_link_in_an_archive_is_noted_without_its_control_characters(tmp_path: Path) -> None:
+    place = taken(tmp_path, zipped(tmp_path, ("depth_hold.py", CODE), (link("evil\x1b[2J"), b"/etc/passwd")))
+    assert place.notes[0].isprintable()
+
+
+@pytest.mark.parametrize("other", ["Parts/Mixer.py", "parts/mixer.py/more.py", "PARTS"])
+def test_names_that_many_computers_take_for_one_are_refused(tmp_path: Path, other: str) -> None:
+    given = zipped(tmp_path, ("depth_hold.py", CODE), ("parts/mixer.py", b"1"), (other, b"2"))
+    with pytest.raises(Refused, match=r"one name to many computers|twice"):
+        taken(tmp_path, given)
+
+
+def test_names_that_differ_in_unicode_normalisation_are_refused(tmp_path: Path) -> None:
+    given = folder(tmp_path, depth_hold__py=CODE)
+    for name in ("caf\u00e9.py", "cafe\u0301.py"):
+        (given / name).write_bytes(b"")
+    with pytest.raises(Refused, match="one name to many computers"):
+        taken(tmp_path, given)
+
+
+NAME_PARTS = [
+    *("", ".", "..", "...", "zz", "ZZ", "zz.py", "depth_hold.py", "tmp", " ", "C:", "c:x", "~", "é", "e\u0301"),
+    *("\x1b[2J", "\n", "\u202e", "\ud800", "x" * 201, "*", "$(x)", "%2e%2e", "\uff0e\uff0e", "..\u200b", "%s", "\x00x"),
+]
+SEPARATORS = ["/", "\\", "//", "/./"]
+
+
+@hypothesis.given(st.builds(str.join, st.sampled_from(SEPARATORS), st.lists(st.sampled_from(NAME_PARTS), max_size=9)))
+def test_hostile_name_stays_inside_or_is_refused(tmp_path_factory: pytest.TempPathFactory, name: str) -> None:
+    try_name(tmp_path_factory.mktemp("name"), name)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("seed", range(10))
+def test_hostile_names_stay_inside_or_are_refused(tmp_path: Path, seed: int) -> None:
+    rng = random.Random(seed)
+    for number in range(10_000):
+        name = rng.choice(SEPARATORS).join(rng.choices(NAME_PARTS, k=rng.randrange(10)))
+        (tmp_path / str(number)).mkdir()
+        try_name(tmp_path / str(number), name)
+        shutil.rmtree(tmp_path / str(number))
+
+
+def try_name(box: Path, name: str) -> None:
+    """Hand in an honest file and one of this name, in a zip and in a folder; nothing else may appear anywhere near."""
+    archive = box / "ada.zip"
+    with zipfile.ZipFile(archive, "w") as packed:
+        packed.writestr("depth_hold.py", CODE)
+        with suppress(UnicodeEncodeError, IndexError), warnings.catch_warnings():  # half a character; no name at all
+            warnings.simplefilter("ignore", UserWarning)  # the same name twice
+            packed.writestr(name, b"hostile")
+    part = name.replace("/", "").replace("\0", "")
+    folder(box, depth_hold__py=CODE)
+    with suppress(UnicodeEncodeError, OSError):  # what no file can be called
+        (box / "ada" / part).open("xb").close()
+    for submission in (archive, box / "ada"):
+        before = everything_around(box)
+        (box / "place").mkdir()
+        try:
+            place = take_in(submission, WANTED, box / "place" / "private")
+        except Refused as refused:
+            assert refused.message.isprintable()
+            assert refused.message.endswith(".")
+            assert len(refused.message) < 1000
+        else:
+            assert files_in(place)["depth_hold.py"] == CODE
+            assert all(note.isprintable() for note in place.notes)
+            assert [one.name for one in (box / "place").iterdir()] == ["private"]
+            remove(place.folder)
+        (box / "place").rmdir()
+        assert everything_around(box) == before
+
+
+def everything_around(box: Path) -> list[tuple[Path, str]]:
+    """Return where the files that hostile names could make are: in a folder, in all above it, in the current one."""
+    parts = {*NAME_PARTS, *os.listdir(box)}
+    return [(one, name) for one in (box, *box.parents, Path.cwd()) for name in sorted(parts & set(os.listdir(one)))]
+
+
+# A folder that changes while it is read
+
+
+class Listed:
+    """What `os.scandir` returns, read to its end beforehand."""
+
+    def __init__(self, found: Iterator[os.DirEntry[str]]) -> None:
+        self._entries = iter(list(found))
+
+    def __enter__(self) -> "Listed":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def __iter__(self) -> "Listed":
+        return self
+
+    def __next__(self) -> os.DirEntry[str]:
+        return next(self._entries)
+
+
+@pytest.mark.parametrize("listing", [1, 2])
+def test_folder_that_becomes_a_link_after_it_was_listed_is_not_followed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, listing: int
+) -> None:
+    given = folder(tmp_path, depth_hold__py=CODE, sub___a__py=b"a")
+    secret = tmp_path / "secret"
+    secret.mkdir()
+    (secret / "b.py").write_bytes(b"secret")
+    scandir, listings = os.scandir, iter(range(1, 100))
+
+    def scandir_then_swap(*place: Any) -> Listed:
+        with scandir(*place) as found:
+            listed = Listed(found)
+        if next(listings) == listing:
+            (given / "sub").rename(tmp_path / "away")
+            (given / "sub").symlink_to(secret)
+        return listed
+
+    monkeypatch.setattr(os, "scandir", scandir_then_swap)
+    place = taken(tmp_path, given)
+    monkeypatch.undo()
+    assert files_in(place) == {"depth_hold.py": CODE}
+    assert "'sub'" in place.notes[0]
+
+
+SWAP = """
+import os, sys
+while os.getppid() == int(sys.argv[1]):
+    os.symlink("../secret", "link")
+    os.rename("ada/sub", "away")
+    os.rename("link", "ada/sub")
+    os.unlink("ada/sub")
+    os.rename("away", "ada/sub")
+"""
+
+
+@pytest.mark.slow
+def test_folder_swapped_with_a_link_again_and_again_gives_nothing_of_the_secret(tmp_path: Path) -> None:
+    given = folder(tmp_path, depth_hold__py=CODE, sub___deep___a__py=b"honest")
+    (tmp_path / "secret" / "deep").mkdir(parents=True)
+    (tmp_path / "secret" / "deep" / "a.py").write_bytes(b"secret")
+    swapping = subprocess.Popen([sys.executable, "-c", SWAP, str(os.getpid())], cwd=tmp_path)
+    try:
+        for _ in range(1500):
+            place = take_in(given, WANTED, tmp_path / "private")
+            assert b"secret" not in files_in(place).values()
+            remove(place.folder)
+        assert swapping.poll() is None
+    finally:
+        swapping.kill()
+        swapping.wait()
 
 
 # Too much

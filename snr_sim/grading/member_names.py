@@ -1,0 +1,112 @@
+"""Names of the files in a submission: the only place that turns one into a path.
+
+A student chose them, so each is split into parts and checked before anything is opened: no name leads out of the
+submission, and none has characters that cannot be seen. Archives and folders are treated alike.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+
+from snr_sim.prelude.errors import SnrError
+
+MAX_DEPTH = 8
+MAX_NAME_CHARS = 200
+_DRIVE = re.compile(r"[A-Za-z]:")
+# What editors, Python and macOS leave lying about, and the runs that the labs' pages have recorded beside the program:
+# not part of what was handed in.
+_LITTER = {"__pycache__", "__MACOSX", "venv", "node_modules", "Thumbs.db", "trace.jsonl", "result.json"}
+_LITTER_SUFFIXES = (".pyc", ".pyo", "~", ".rrd")
+
+
+class Refused(SnrError):
+    """A submission with nothing in it that can be graded. Its words are for the student."""
+
+
+def parts_of(name: str) -> tuple[str, ...]:
+    """Return the parts of a member's path; none of them is empty, "." or "..", or holds a separator.
+
+    Args:
+        name: as the archive or the folder has it, with / or \\ between its parts.
+
+    Raises:
+        Refused: the name leads out of the submission.
+
+    >>> parts_of("./lab2//a/./depth_hold.py"), parts_of("lab2\\\\depth_hold.py"), parts_of("./")
+    (('lab2', 'a', 'depth_hold.py'), ('lab2', 'depth_hold.py'), ())
+    """
+    parts = name.replace("\\", "/").split("/")
+    if (parts[0] == "" and len(parts) > 1) or ".." in parts or _DRIVE.match(name):
+        raise Refused(
+            f"Your submission names a file outside itself: '{shown(name)}'.",
+            fix="zip the folder with your files, by their names alone.",
+        )
+    return tuple(part for part in parts if part not in ("", "."))
+
+
+def why_left_out(parts: tuple[str, ...]) -> str:
+    """Return why a file of this path is not taken, or nothing."""
+    name = "/".join(parts)
+    if not name:
+        return "it has no name"
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return "its name is not text"
+    if any(unicodedata.category(char) in ("Cc", "Cf", "Zl", "Zp") for char in name):
+        return "its name has characters that cannot be seen"
+    if len(name) > MAX_NAME_CHARS or any(len(part.encode()) > MAX_NAME_CHARS for part in parts):
+        return f"its name is longer than {MAX_NAME_CHARS} characters"
+    if len(parts) > MAX_DEPTH:
+        return f"it lies more than {MAX_DEPTH} folders deep"
+    return ""
+
+
+def is_litter(name: str) -> bool:
+    """Return whether a part of a path says that a file does not count."""
+    return name.startswith(".") or name in _LITTER or name.endswith(_LITTER_SUFFIXES)
+
+
+def shown(name: str) -> str:
+    """Return a name as it can be printed: what is not text is written as an escape, and length is bounded.
+
+    >>> shown("a\\x1b[2J\\udcff.py")
+    'a\\\\x1b[2J\\\\udcff.py'
+    """
+    cut = name[:MAX_NAME_CHARS]
+    plain = cut.encode("utf-8" if cut.isprintable() else "ascii", "backslashreplace").decode()
+    return "".join(char if char.isprintable() else f"\\x{ord(char):02x}" for char in plain)
+
+
+class TakenNames:
+    """Paths that were taken, to find two that a file system may hold for the same."""
+
+    def __init__(self) -> None:
+        self._files: dict[str, str] = {}  # by the path as a file system may compare it
+        self._folders: dict[str, str] = {}
+
+    def add(self, parts: tuple[str, ...]) -> None:
+        """Take the path of a file.
+
+        Raises:
+            Refused: it is there already; or one is that differs only in capitals or in how its letters are encoded.
+        """
+        name = "/".join(parts)
+        above = ["/".join(parts[:count]) for count in range(1, len(parts))]
+        taken = self._files.get(_key(name)) or self._folders.get(_key(name))
+        taken = taken or next((self._files[_key(one)] for one in above if _key(one) in self._files), None)
+        if taken is not None and _key(taken) == _key(name) and taken != name:
+            raise Refused(
+                f"Your submission has '{shown(taken)}' and '{shown(name)}', which are one name to many computers.",
+                fix="rename one of them.",
+            )
+        if taken is not None:
+            raise Refused(f"Your submission has '{shown(taken)}' twice.", fix="zip each file once.")
+        self._files[_key(name)] = name
+        self._folders.update((_key(one), one) for one in above)
+
+
+def _key(name: str) -> str:
+    """Return what macOS and Windows compare of a name."""
+    return unicodedata.normalize("NFC", unicodedata.normalize("NFD", name).casefold())
