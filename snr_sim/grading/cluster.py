@@ -23,7 +23,7 @@ from snr_sim.core.spawn import Spawned, how_it_ended, print_line
 from snr_sim.grading.class_run import ClassRun
 from snr_sim.grading.intake import remove
 from snr_sim.grading.results import Graded, decode_graded, encode_graded
-from snr_sim.grading.worker import Job, without_marks
+from snr_sim.grading.worker import Job, ended_by_its_job, without_marks
 from snr_sim.prelude.errors import MissingExtra, SnrError
 
 RETRIES = 2  # of a submission whose grading raised on a worker; one whose worker died is dask's own affair
@@ -190,6 +190,8 @@ def _graded_below(job: Job) -> Graded:
 
     worker.say(msgspec.json.encode(job))
     status = worker.listen(hear)
+    if not answers and (result := ended_by_its_job(job, status)) is not None:
+        return result
     if not answers:
         raise SnrError(f"The process that graded '{job.name}' {how_it_ended(status)}.")
     return decode_graded(answers[0])

@@ -23,8 +23,8 @@ import msgspec
 
 from snr_sim.core.spawn import Spawned, how_it_ended, print_line
 from snr_sim.grading.class_run import ClassRun
-from snr_sim.grading.results import decode_graded
-from snr_sim.grading.worker import Job, without_marks
+from snr_sim.grading.results import Graded, decode_graded
+from snr_sim.grading.worker import Job, ended_by_its_job, without_marks
 
 LIMIT_S = 3600.0  # for one submission; far beyond what the limits of all its cases together allow
 _TRIES = 2
@@ -123,8 +123,12 @@ class _Feeder(threading.Thread):
                 if left is None:
                     break
                 tries = tries + 1 if left is before else 1
-                if tries >= _TRIES or self._is_late:
-                    self._give_up(status)
+                result = ended_by_its_job(left, status)
+                if result is None and (tries >= _TRIES or self._is_late):
+                    result = self._fault(left, status)
+                if result is not None:
+                    self._run.keep(result)
+                    self._take_next()
                     tries = 0
         except BaseException as error:
             self.failure = error
@@ -175,12 +179,10 @@ class _Feeder(threading.Thread):
         self._job = self._run.next_job()
         self._since_s = time.monotonic()
 
-    def _give_up(self, status: int) -> None:
-        assert self._job is not None
+    def _fault(self, job: Job, status: int) -> Graded:
         why = "It took too long, and its worker was ended." if self._is_late else f"Its worker {how_it_ended(status)}."
         words = f"{why} That is a failure of the grader or of the lab; see what it printed."
-        self._run.keep(without_marks(self._job, "fault", words))
-        self._take_next()
+        return without_marks(job, "fault", words)
 
     def end_if_later_than(self, limit_s: float) -> None:
         """Ends the worker if it has had its submission for so long."""

@@ -5,10 +5,14 @@ It is asked on the line to its parent and answers there. If the parent is gone, 
 
 from __future__ import annotations
 
+import math
 import os
 import queue
+import resource
+import signal
 import tempfile
 import threading
+from contextlib import suppress
 from functools import cache
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -23,6 +27,9 @@ from snr_sim.grading.nursery import Nursery
 from snr_sim.grading.results import Demanded, Graded, Isolation, Status, encode_graded
 from snr_sim.grading.sandbox import Limits
 from snr_sim.prelude.errors import SnrError
+
+JOB_CPU_S = 900  # of the grader's own, for one submission; the labs need up to a minute, but a slow computer more
+MEMORY_BYTES = 8 << 30  # of address space, of which every thread of numpy's reserves some
 
 
 class Job(msgspec.Struct, frozen=True):
@@ -59,7 +66,34 @@ def serve(line: Connection) -> int:
         # class's place, which the grader removes.
         tempfile.tempdir = str(Path(job.folder).parent)
         nursery = nursery or _nursery(job)
+        bound_job()
         line.send_bytes(encode_graded(grade(job, nursery)))
+
+
+def bound_job() -> None:
+    """Bound the CPU time and memory that this process takes for its next job; the wall time is for `local_workers.py`.
+
+    Students' programs have limits of their own, far lower. Whatever holds the grader itself costs its submission a
+    mark, then, and not the class: the kernel ends the worker with SIGXCPU, and memory that is refused is a fault.
+    """
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    cpu_s = math.ceil(used.ru_utime + used.ru_stime) + JOB_CPU_S
+    for limit, most in ((resource.RLIMIT_CPU, cpu_s), (resource.RLIMIT_AS, MEMORY_BYTES)):
+        hard = resource.getrlimit(limit)[1]
+        with suppress(OSError, ValueError):  # a system that has no such limit
+            resource.setrlimit(limit, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+
+
+def ended_by_its_job(job: Job, status: int) -> Graded | None:
+    """Return the result of a submission if its worker was ended for the CPU time; it is not worth another try.
+
+    Args:
+        job: whose.
+        status: of the worker's process, as `subprocess` has it.
+    """
+    if status != -signal.SIGXCPU:
+        return None
+    return without_marks(job, "fault", f"The grader worked on it for more than {JOB_CPU_S} s, and was ended.")
 
 
 def _nursery(job: Job) -> Nursery | None:

@@ -372,6 +372,36 @@ def test_a_worker_that_dies_costs_no_mark_and_stops_nobody(
     assert "ended by SIGKILL" in found["bob"].error
 
 
+def test_worker_held_by_one_submission_is_ended_once_and_the_others_are_graded(
+    double_lab: Path, handed_in: HandedIn, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "held.py").write_text(
+        "from pathlib import Path\n"
+        "from snr_sim.grading import worker\n"
+        "grade_submission = worker.grade_submission\n"
+        "def hold(lab, folder, *rest, name, **named):\n"
+        f"    with Path({str(tmp_path)!r}, 'tries').open('a') as file:\n"
+        "        file.write(name + ' ')\n"
+        "    if name == 'eve':\n"
+        "        return bytearray(worker.MEMORY_BYTES)\n"
+        "    while name == 'bob':\n"
+        "        pass\n"
+        "    return grade_submission(lab, folder, *rest, name=name, **named)\n"
+        "def serve(line):\n"
+        "    worker.grade_submission, worker.JOB_CPU_S = hold, 1\n"
+        "    return worker.serve(line)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    given = handed_in(ada="right", bob="right", eve="right", fay="right")
+    with Class(double_lab, given, tmp_path / "out") as group:
+        grade_here(group.run, jobs=1, limit_s=60.0, target="held:serve")
+    found = {graded.submission: graded for graded in group.results}
+    assert [found[name].status for name in ("ada", "bob", "eve", "fay")] == ["graded", "fault", "fault", "graded"]
+    assert "The grader worked on it for more than" in found["bob"].error
+    assert "MemoryError" in found["eve"].error
+    assert (tmp_path / "tries").read_text() == "ada bob eve fay "
+
+
 def test_a_worker_that_does_not_end_is_ended(
     double_lab: Path, handed_in: HandedIn, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
