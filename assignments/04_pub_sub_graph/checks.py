@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from snr_sim.grading import Given, Lab, Produced, Student, Verdict, check, failed, field_of, passed
+from snr_sim.grading.parsing import MAX_PARSED_BYTES
 from snr_sim.grading.verdicts import Misbehaved
 from snr_sim.library import load_program
 from snr_sim.prelude.values import encode_value
@@ -367,7 +368,7 @@ def tree_of(student: Student, file: str) -> ast.Module:
         Misbehaved: it is none.
     """
     try:
-        return ast.parse(student.source(file))
+        return ast.parse(student.source(file, MAX_PARSED_BYTES))
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         line = getattr(error, "lineno", None)
         where = file if line is None else f"{file}, line {line}"

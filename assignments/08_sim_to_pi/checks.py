@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from snr_sim.grading import Flown, Given, Lab, Student, Verdict, check, failed, field_of, passed
+from snr_sim.grading.parsing import MAX_PARSED_BYTES
 from snr_sim.plants.t200 import LEAST_US, MOST_US, STOP_US
 
 SCENARIO, FILE = "urov_depth_hold", "depth_hold.py"
@@ -276,7 +277,7 @@ UNITS = "ms|s|us|mm|cm|m|mV|V|steps|%|bits?|seconds?|times"
 @check(points=10, visible=[1, 2, 3, 4, 5])
 def answered(student: Student, number: int) -> Verdict:
     """answers.md answers each question, with a number."""
-    parts = re.split(r"^## *(\d)\b.*$", student.source("answers.md"), flags=re.MULTILINE)
+    parts = re.split(r"^## *(\d)\b.*$", student.source("answers.md", MAX_PARSED_BYTES), flags=re.MULTILINE)
     texts = dict(zip(parts[1::2], parts[2::2], strict=True))
     words = texts.get(str(number), "").split()
     same = [other for other, text in texts.items() if other != str(number) and text.split() == words]

@@ -7,7 +7,6 @@ the failed landing's inputs, and sees for itself where it first does something e
 from __future__ import annotations
 
 import random
-import tomllib
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -16,7 +15,7 @@ from typing import Any
 
 from snr_sim.flight import fly_recorded
 from snr_sim.grading import Flown, Given, Lab, Student, Verdict, check, failed, partly, passed
-from snr_sim.grading.verdicts import Misbehaved
+from snr_sim.grading.parsing import TOML
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.values import decode_value
 from snr_sim.recording.reader import Trace, read_trace
@@ -111,10 +110,7 @@ def findings(student: Student) -> list[dict[str, Any]]:
     Raises:
         Misbehaved: it is no TOML.
     """
-    try:
-        found = tomllib.loads(student.source("findings.toml")).get("finding")
-    except (ValueError, RecursionError) as error:
-        raise Misbehaved(f"findings.toml: {error}", "findings.toml cannot be read: keep its form.") from None
+    found = student.parse("findings.toml", TOML).get("finding")
     found = [one for one in found if isinstance(one, dict)] if isinstance(found, list) else []
     return [*found, {}, {}, {}][:3]
 
@@ -168,8 +164,9 @@ def diverges(student: Student, number: int) -> Verdict:
             expected="a divergence",
             actual="identical",
         )
-    finding = findings(student)[number - 1]
-    same = [other for other in NUMBERS if findings(student)[other - 1].get("component") == step.component]
+    found = findings(student)
+    finding = found[number - 1]
+    same = [other for other in NUMBERS if found[other - 1].get("component") == step.component]
     if len(same) > 1:
         return failed(
             f"Findings {' and '.join(map(str, same))} both change what the {step.component} returns. Each component "

@@ -21,7 +21,7 @@ from snr_sim.prelude.errors import RecordingError
 
 LEGS_MPS = 3.05
 FILE, POLICY = "q_lander.py", "policy.npz"
-MOST_BYTES = 1_000_000
+MOST_BYTES, MOST_SHOWN = 1_000_000, 1000
 MET = 12  # transitions are drawn between as many states; one more leads to itself
 HOVERS = (
     "It hovers until its two minutes are over. What does your reward pay for: being on the ground, or being up there?"
@@ -279,7 +279,8 @@ def policy_of(student: Student) -> QTable | None:
     try:
         table = QTable.load(path, ENVIRONMENT)
     except RecordingError as error:
-        raise Misbehaved(str(error).replace(str(path), POLICY), "Hand in what learn.py has saved, unchanged.") from None
+        wrong = str(error).replace(str(path), POLICY)[:MOST_SHOWN]
+        raise Misbehaved(wrong, "Hand in what learn.py has saved, unchanged.") from None
     if len(table.discretiser.names) != 2 or len(table.actions) != ACTIONS:
         raise Misbehaved(
             f"{POLICY} is about {', '.join(table.discretiser.names)}, with {len(table.actions)} actions.",

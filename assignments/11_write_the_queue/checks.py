@@ -11,11 +11,12 @@ from types import ModuleType
 from typing import Any
 
 from snr_sim.grading import Lab, Student, Verdict, check, failed, passed
-from snr_sim.grading.plain_code import what_is_not_plain
 from snr_sim.grading.plain_queue import PlainQueue
 from snr_sim.grading.queue_bench import QueueBench
+from snr_sim.grading.student import MAX_SOURCE_BYTES
 
 FILE, BENCH = "task_queue.py", "snr_sim.grading.queue_bench:QueueBench"
+PLAIN = "snr_sim.grading.plain_code:what_is_not_plain"
 TERMINATE, KINDS = "terminate", ("event", "event", "store_page", "process_data")
 ROOMY = 10_000
 SMALL, LARGE, MANY, MORE = 40, 240, 20_000, 2000
@@ -75,7 +76,7 @@ def told(asked: list[list[Any]], i: int, wanted: Any, came: Any) -> tuple[str, s
 @check(points=5)
 def is_plain(student: Student) -> Verdict:
     """It is a queue of your own: lists, dicts, deque, heapq, bisect, math, and classes that stand in the file."""
-    what = what_is_not_plain(student.source(FILE))
+    what = student.parse(FILE, PLAIN, MAX_SOURCE_BYTES)
     if not what:
         return passed()
     return failed(

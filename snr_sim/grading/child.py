@@ -49,6 +49,13 @@ class HostArgs(msgspec.Struct, frozen=True):
     args: msgspec.Raw
 
 
+class ParseArgs(msgspec.Struct, frozen=True):
+    """Which parser of the kit reads what."""
+
+    parser: str
+    data: bytes
+
+
 class Child:
     """The verbs that a student's process knows."""
 
@@ -60,6 +67,7 @@ class Child:
             "call": self.call,
             "host": self.host,
             "ask": self.ask,
+            "parse": self.parse,
         }
         self.step = ""
         self.component = ""
@@ -89,6 +97,13 @@ class Child:
         module = self.module(args.file)
         self._hosts.append(self._called(f"{args.file} was prepared", kind, [module, *decode_value(bytes(args.args))]))
         return b"%d" % (len(self._hosts) - 1)
+
+    def parse(self, raw: msgspec.Raw) -> bytes:
+        """Apply a parser of the kit to what a student wrote; nothing of it runs."""
+        args = _decode_parse(raw)
+        module, _, name = args.parser.partition(":")
+        parser = getattr(importlib.import_module(module), name)
+        return encode_plain(parser(args.data), args.parser, parser)
 
     def ask(self, raw: msgspec.Raw) -> bytes:
         """Calls a method of such an object; returns what it returns."""
@@ -237,4 +252,5 @@ def _say(fd: int, line: bytes) -> None:
 
 
 _decode_call = msgspec.json.Decoder(CallArgs).decode
+_decode_parse = msgspec.json.Decoder(ParseArgs).decode
 _decode_host = msgspec.json.Decoder(HostArgs).decode

@@ -1,9 +1,9 @@
 """Whether a program is plain: it makes and changes values of its own, and reaches for nothing of whoever runs it.
 
 Where a lab counts what a program does, the counter stands in the program's own process, since it must see its lists.
-A program that reaches the counter could count for itself. So such a lab reads the program first, here, where it has no
-say. Nothing is guessed: what is not known to be plain is refused, with its line. What is judged by answers alone needs
-none of this.
+A program that reaches the counter could count for itself. So such a lab has the program read first (`Student.parse`),
+in a process in which nothing of it runs. Nothing is guessed: what is not known to be plain is refused, with its line.
+What is judged by answers alone needs none of this.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ METHODS = {f"__{name}__" for name in _METHODS.split()}  # that a class may defin
 _FRAMES = {"gi_frame", "gi_code", "cr_frame", "cr_code", "ag_frame", "ag_code", "tb_frame", "f_back", "f_globals"}
 
 
-def what_is_not_plain(source: str) -> str:
+def what_is_not_plain(source: str | bytes) -> str:
     """Returns the first place where a program is not plain, as "line 3: `sys`"; "" if all of it is.
 
     >>> what_is_not_plain("from collections import deque\\nwaiting = deque()\\n")

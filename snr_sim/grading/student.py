@@ -9,6 +9,7 @@ from __future__ import annotations
 import reprlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ from snr_sim.grading.child_process import ChildProcess
 from snr_sim.grading.endings import misbehaved
 from snr_sim.grading.imports import check_imports
 from snr_sim.grading.nursery import Nursery
+from snr_sim.grading.parsing import MAX_PARSED_BYTES
 from snr_sim.grading.protocol import ProtocolError, decode_as, plain_value
 from snr_sim.grading.results import Isolation
 from snr_sim.grading.sandbox import Limits
@@ -75,8 +77,12 @@ class Student:
     def __exit__(self, *why: object) -> None:
         self.close()
 
-    def source(self, file: str) -> str:
-        """Returns the text of a submitted file.
+    def source(self, file: str, max_bytes: int = MAX_SOURCE_BYTES) -> str:
+        """Return the text of a submitted file.
+
+        Args:
+            file: of the submission.
+            max_bytes: of the file. What is parsed by whoever asks is short (`MAX_PARSED_BYTES`), or see `parse`.
 
         Raises:
             Misbehaved: it is missing, too long, or no text.
@@ -84,17 +90,38 @@ class Student:
         path = self._path(file)
         try:
             with path.open("rb") as opened:
-                data = opened.read(MAX_SOURCE_BYTES + 1)
+                data = opened.read(max_bytes + 1)
         except OSError:
             raise Misbehaved(f"There is no file {file}.", f"Hand in a file called {file}.", expected=file) from None
         self.met = file
-        if len(data) > MAX_SOURCE_BYTES:
-            raise Misbehaved(f"{file} has more than {MAX_SOURCE_BYTES} bytes.", "Hand in the program alone.")
+        if len(data) > max_bytes:
+            hint = "Hand in the program alone." if file.endswith(".py") else "Write less: some pages are enough."
+            raise Misbehaved(f"{file} has more than {max_bytes} bytes.", hint)
         try:
             return data.decode()
         except UnicodeDecodeError as error:
             line = data.count(b"\n", 0, error.start) + 1
             raise Misbehaved(f"{file}, line {line}: this is not text.", "Save it as UTF-8 text.") from None
+
+    def parse(self, file: str, parser: str, max_bytes: int = MAX_PARSED_BYTES) -> Any:
+        """Return what a parser makes of a submitted file, in a process that runs nothing of the submission.
+
+        Args:
+            file: of the submission.
+            parser: "module:function" of the kit; it gets the bytes, and returns what can cross, as for `call`.
+            max_bytes: of the file.
+
+        Raises:
+            Misbehaved: the file is missing, too long, or has another form.
+        """
+        data = self.source(file, max_bytes).encode()
+        child = ChildProcess(self.folder, self.isolation, self.limits, (), self._nursery)
+        try:
+            return _parsed(child, parser, data)
+        except Misbehaved as wrong:
+            raise Misbehaved(f"{file}: {wrong.message}", f"{file} cannot be read: keep its form.") from wrong
+        finally:
+            self.done_with(child)
 
     def call(
         self,
@@ -197,8 +224,13 @@ class Student:
             Misbehaved: the file is missing, or imports what it may not.
         """
         self.source(file)
-        check_imports(self.folder, file, self._may_import, self._refused)
-        return ChildProcess(self.folder, self.isolation, self.limits, readable, self._nursery)
+        child = ChildProcess(self.folder, self.isolation, self.limits, readable, self._nursery)
+        try:
+            check_imports(self.folder, file, self._may_import, self._refused, partial(_parsed, child))
+        except BaseException:
+            self.done_with(child)
+            raise
+        return child
 
     def done_with(self, child: ChildProcess) -> None:
         """Ends a process, and keeps what it printed."""
@@ -257,6 +289,16 @@ class Host:
         """
         raw = self._student._ask("ask", [self._number, method, *args], budget_s)
         return _checked(f"{self._file}: {method}(...)", raw, returns, finite)
+
+
+def _parsed(child: ChildProcess, parser: str, data: bytes) -> Any:
+    try:
+        answer = child.ask("parse", {"parser": parser, "data": data}, CALL_CPU_S)
+        if answer.error is not None:
+            raise misbehaved(answer.error)
+        return plain_value(answer.value)
+    except ProtocolError as error:
+        raise nonsense(error) from error
 
 
 _decode_number = msgspec.json.Decoder(int)

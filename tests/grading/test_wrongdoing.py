@@ -181,7 +181,7 @@ def test_who_ends_the_run_before_it_is_over_is_told_so(ends: str, tmp_path: Path
 def test_an_answer_forged_before_it_was_asked_for_is_no_answer(tmp_path: Path) -> None:
     """It is on the line before the kit's own, with the right number and another value."""
     forged = "import os, stat\nfor fd in range(3, 2000):\n    try:\n        if stat.S_ISSOCK(os.fstat(fd).st_mode):\n"
-    forged += '            os.write(fd, b\'{"n":2,"value":null}\\n\')\n    except OSError: pass\n'
+    forged += '            os.write(fd, b\'{"n":3,"value":null}\\n\')\n    except OSError: pass\n'
     (tmp_path / "mine.py").write_text(forged + "class TaskQueue: pass\n")
     with Student(tmp_path) as student, pytest.raises(Misbehaved, match="It answered with something that is no answer"):
         student.host("mine.py", "snr_sim.grading.queue_bench:QueueBench")

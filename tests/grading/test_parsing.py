@@ -1,0 +1,59 @@
+"""Texts that hold a parser for minutes: they cost the grader's own process nothing."""
+
+import time
+from pathlib import Path
+
+import pytest
+
+from snr_sim.grading.lab import find_lab
+from snr_sim.grading.student import Student
+from snr_sim.grading.verdicts import Misbehaved
+
+pytestmark = pytest.mark.slow
+DOTTED = ".".join("a" * 20_000) + " = 1"
+
+
+def findings(folder: Path, text: str) -> Misbehaved | None:
+    """Have lab 9 look at a findings.toml; return what is wrong with it. The grader itself may not work on it."""
+    (folder / "findings.toml").write_text(text)
+    (check,) = (one for one in find_lab("09_debug_by_replay").checks if one.name == "filled_in")
+    begun_s = time.process_time()
+    wrong = None
+    with Student(folder) as student:
+        try:
+            assert check.judge(student, check.cases("", None)[0]).fraction == 0.0
+        except Misbehaved as error:
+            wrong = error
+    assert time.process_time() - begun_s < 0.5
+    return wrong
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (DOTTED, "findings.toml has more than 16384 bytes."),
+        (DOTTED[-15_000:], "findings.toml: "),
+        ("a = " + "[" * 15_000, "findings.toml: "),
+        ("a = " + "[" * 100 + "]" * 100, "findings.toml: "),
+        ("a = " + "9" * 15_000, "findings.toml: "),
+        ("a = 0x" + "9" * 15_000, "findings.toml: "),
+        ("a = 1\na = 2", "findings.toml: Cannot overwrite a value"),
+    ],
+    ids=["long", "dotted keys", "open brackets", "brackets", "digits", "hexadecimal", "twice"],
+)
+def test_text_that_holds_tomllib_is_refused_by_its_name(tmp_path: Path, text: str, says: str) -> None:
+    wrong = findings(tmp_path, text)
+    assert wrong is not None
+    assert wrong.message.startswith(says)
+
+
+def test_date_in_findings_is_read(tmp_path: Path) -> None:
+    assert findings(tmp_path, "[[finding]]\nseq = 0xff\nday = 2026-01-01\n") is None
+
+
+def test_program_that_holds_the_parser_of_python_costs_the_grader_nothing(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text("a = 1\ntext = f'" + "{a}" * 70_000 + "'\ndef f():\n    return 1\n")
+    begun_s = time.process_time()
+    with Student(tmp_path) as student:
+        assert student.call("mine.py", "f", budget_s=30.0) == 1
+    assert time.process_time() - begun_s < 0.5
