@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import selectors
 import socket
+from contextlib import suppress
 from typing import Any
 
 PAUSE_S = 0.5
@@ -39,6 +40,8 @@ class Listener:
             return self.sock.accept()
         except BlockingIOError:
             return None
+        except ConnectionError:  # who called has gone again, which is no reason to keep others waiting
+            return None
         except OSError as error:  # no descriptor left: accepting at once again would only spin
             self._log.warning("cannot take a connection: %s", error.strerror)
             self._selector.unregister(self.sock)
@@ -52,7 +55,7 @@ class Listener:
             self._register()
 
     def close(self) -> None:
-        """Takes nobody any more. Not to be called twice."""
-        if self._rests_until_s is None:
+        """Takes nobody any more. Safe to call twice."""
+        with suppress(KeyError, ValueError):  # it rests, or is closed
             self._selector.unregister(self.sock)
         self.sock.close()

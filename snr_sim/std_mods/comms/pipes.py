@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
+from contextlib import ExitStack
 from dataclasses import replace
 from multiprocessing import Pipe
 from typing import TYPE_CHECKING
@@ -143,7 +144,7 @@ class PipeLink(StreamLink):
 
     factory: PipeLoopFactory
 
-    def _open(self) -> None:
-        port = PipePort(self.factory.conn)  # first: what raises here leaves nothing open
-        super()._open()
-        self._add_stream(port, "pipe")
+    def _open_ports(self, ports: ExitStack) -> None:
+        super()._open_ports(ports)
+        if not self.is_shut:  # else the link's failure has closed the pipe, and it stays down
+            self._add_stream(PipePort(self.factory.conn), "pipe")

@@ -91,7 +91,10 @@ class SocketPort:
 
     def end_writing(self) -> None:
         """Tells the far end that nothing more comes."""
-        socket.socket.shutdown(self._sock, socket.SHUT_WR)
+        if self.is_shareable:
+            self._sock.shutdown(socket.SHUT_WR)
+        else:
+            socket.socket.shutdown(self._sock, socket.SHUT_WR)  # that of TLS would also end reading
 
     def close(self) -> None:
         """Closes the socket."""

@@ -14,6 +14,7 @@ from typing import Protocol
 from snr_sim.std_mods.comms.faults import Way
 from snr_sim.std_mods.comms.options import LinkOptions
 from snr_sim.std_mods.comms.peers import Peer
+from snr_sim.std_mods.comms.restarting import error_text
 from snr_sim.std_mods.comms.session import Session
 
 WRITE_BYTES = 1 << 17  # in one system call, at least if so much waits
@@ -79,7 +80,9 @@ class StreamPeer(Peer):
         super().__init__(session, link.options, way)
         self.where = where
         self.port = port
+        self.descriptor = port.fileno()  # kept: a port that is closed has none, and `select` forgets none by itself
         self.failure = ""  # what happened to the port, if something did
+        self.bug: Exception | None = None  # which failed in our own code, if it was not the port
         self.is_admitted = False
         self.is_blocked = False  # the port takes nothing now
         self.unread_bytes = 0  # come since the last page
@@ -112,14 +115,20 @@ class StreamPeer(Peer):
             done = self.port.write(frame)
         except BlockingIOError:
             return False
-        except OSError as error:
-            self.failure = error.strerror or str(error)
+        except Exception as error:  # on the node's thread, which goes on whatever happens to this stream
+            self.fail(error)
             return False
         self.sent += 1
         if done < len(frame):
             self._cut_off = frame[done:]
             self._link.wake()
         return True
+
+    def fail(self, error: Exception) -> None:
+        """Note what broke the stream; the first error counts. The link's thread closes it."""
+        if not self.failure:
+            self.failure = error_text(error)
+            self.bug = None if isinstance(error, OSError) else error
 
     def pump(self, now_s: float) -> None:
         """Sends what the port takes of all that waits; on the link's thread."""
@@ -137,7 +146,7 @@ class StreamPeer(Peer):
         except BlockingIOError:
             self.is_blocked = True
         except OSError as error:
-            self.failure = self.failure or error.strerror or str(error)
+            self.fail(error)
 
     def _write_some(self) -> bool:
         """Writes once; returns whether there was something to write."""

@@ -11,13 +11,15 @@ import selectors
 import socket
 import threading
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from functools import partial
+from typing import Any
 
 from snr_sim.core.loop import LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.std_mods.comms.options import LinkOptions
 from snr_sim.std_mods.comms.peers import PeerLink
+from snr_sim.std_mods.comms.restarting import RestartingLoop
 from snr_sim.std_mods.comms.session import Session, Terms
 from snr_sim.std_mods.comms.stream_peer import FEW_TASKS, Port, StreamPeer
 
@@ -28,8 +30,10 @@ LOOK_EVERY_S = 0.002  # how often a busy node is looked after: does it come to i
 LINGER_S = 0.3
 
 
-class StreamLink(PeerLink):
+class StreamLink(RestartingLoop, PeerLink):
     """Waits for all its streams at once, and shares them with the node's thread: whoever holds the lock may touch them.
+
+    What fails over one stream closes that stream (`_for`). What fails beyond them restarts the link.
 
     Args:
         factory: who made it.
@@ -49,12 +53,23 @@ class StreamLink(PeerLink):
         self._visits = -1  # of the node at its door, when last seen
         self._is_node_busy = True
 
-    def _open(self) -> None:
+    def _open_ports(self, ports: ExitStack) -> None:
         self._selector: selectors.BaseSelector = selectors.DefaultSelector()
+        ports.callback(self._selector.close)
         self._wake_in, self._wake_out = socket.socketpair()
-        self._wake_in.setblocking(False)
-        self._wake_out.setblocking(False)
+        for sock in (self._wake_in, self._wake_out):
+            ports.callback(sock.close)
+            sock.setblocking(False)
         self._selector.register(self._wake_out, selectors.EVENT_READ, self._woken)
+        ports.callback(self._drop_all)
+
+    def _shut(self) -> None:
+        with self._lock:
+            super()._shut()
+
+    def _show_down(self, reason: str) -> None:
+        self.reason, self._told = reason, ()
+        self._report(self.get_time_s())
 
     def wake(self) -> None:
         """Has the link's thread look around; from any thread."""
@@ -84,7 +99,7 @@ class StreamLink(PeerLink):
         if self._backing is not None:
             self.wake()
 
-    def loop(self) -> None:
+    def _round(self) -> None:
         """Waits until something happens and does what is to be done about it; again and again, while pages come."""
         select, now = self._selector.select, self.get_time_s
         self._is_round_over = False
@@ -107,43 +122,47 @@ class StreamLink(PeerLink):
             return now_s + LOOK_EVERY_S
         return min([self._tend_s, *(stream.due_s for stream in self.streams)]) if self._is_slow else self._tend_s
 
-    def halt(self) -> None:
-        """Sends what waits, says goodbye, and closes; not for longer than `LINGER_S`."""
+    def _see_off(self) -> None:
+        """Sends what waits and says goodbye; not for longer than `LINGER_S`."""
         with self._lock:
             for stream in self.streams:
                 self._leave_door(stream)
-        self._selector.close()
         see_off(self.streams, self.get_time_s, self._farewell())
-        for stream in self.streams:
-            stream.port.close()
-            if stream.is_admitted:
-                self._dismiss(stream)
-        self.streams.clear()
-        self._wake_in.close()
-        self._wake_out.close()
+
+    def _state(self, now_s: float) -> dict[str, Any]:
+        return {**super()._state(now_s), "failures": self.failures}
 
     # Streams
 
-    def _add_stream(self, port: Port, where: str) -> None:
+    def _for(self, stream: StreamPeer, act: Callable[..., object], *args: object) -> None:
+        """Act on one stream, if it is still open. Whatever that raises closes this stream and no other."""
+        if stream not in self.streams:
+            return  # an earlier event of the same `select` has closed it
+        try:
+            act(stream, *args)
+        except Exception as error:
+            stream.fail(error)
+            self._drop(stream)
+
+    def _add_stream(self, port: Port, where: str) -> StreamPeer:
         session = Session(self.terms, self.get_time_s())
         way = None if self.options.faults is None else self._new_way()
         stream = StreamPeer(port, session, self, way, where)
         self.streams.append(stream)
-        self._pump(stream)
+        self._for(stream, self._pump)
+        return stream
 
     def _pump(self, stream: StreamPeer) -> None:
         """Sends what waits for a far end, and draws the conclusions."""
         stream.pump(self.get_time_s())
-        if stream.failure:
-            stream.session.lost(stream.failure)
-        if stream.session.is_closed:
+        if stream.failure or stream.session.is_closed:
             self._part_from(stream)
         if stream in self.streams:
             self._watch(stream)
 
     def _pump_all(self) -> None:
         for stream in list(self.streams):
-            self._pump(stream)
+            self._for(stream, self._pump)
 
     def _serve(self, stream: StreamPeer, events: int) -> None:
         if events & selectors.EVENT_READ and stream.watched & selectors.EVENT_READ:
@@ -155,7 +174,10 @@ class StreamLink(PeerLink):
         with self._lock:
             if not stream.is_at_door or self.is_deaf:
                 return
-            self._read(stream)
+            try:
+                self._read(stream)
+            except Exception as error:  # the link's thread closes the stream
+                stream.fail(error)
             if not (stream.failure or stream.session.wants_attention or self.is_deaf):
                 return
         self.wake()
@@ -165,9 +187,12 @@ class StreamLink(PeerLink):
         door = self.parent.door
         is_absent = not door.is_waited_at and door.visits == self._visits
         self._is_node_busy, self._visits = not door.is_waited_at, door.visits
-        for stream in self.streams if is_absent else ():
-            while stream.is_at_door and not self.is_deaf and self._read(stream):
-                pass
+        for stream in list(self.streams) if is_absent else ():
+            self._for(stream, self._read_all)
+
+    def _read_all(self, stream: StreamPeer) -> None:
+        while stream.is_at_door and not self.is_deaf and self._read(stream):
+            pass
 
     def _read(self, stream: StreamPeer) -> bool:
         """Lets in what has come; returns whether there was something."""
@@ -177,7 +202,7 @@ class StreamLink(PeerLink):
         except BlockingIOError:
             return False
         except OSError as error:
-            stream.failure = stream.failure or error.strerror or str(error)
+            stream.fail(error)
             return False
         if not data:
             session.lost("the connection was closed.")
@@ -199,20 +224,41 @@ class StreamLink(PeerLink):
 
     def _part_from(self, stream: StreamPeer) -> None:
         """The session is over. The far end is given a moment to read why: closing at once could take that back."""
-        if stream.leaves_s is None:
-            stream.leaves_s = self.get_time_s() + LINGER_S
-            if stream.is_admitted:
-                self._dismiss(stream)
-            self.reason = stream.session.reason
-            self.log.info("%s: %s", stream.where, self.reason)
-            self._tend_s = 0.0
+        leaves_s = self._note_end(stream)
         if stream.due_s == float("inf"):  # else why it is over is still on its way, where faults delay it
             stream.end_writing()
-        if stream.failure or self.get_time_s() >= stream.leaves_s:
-            self.streams.remove(stream)
-            self._watch(stream)
-            stream.port.close()
-            self._gone(stream)
+        if stream.failure or self.get_time_s() >= leaves_s:
+            self._drop(stream)
+
+    def _note_end(self, stream: StreamPeer) -> float:
+        """Note once why a session is over; returns when its stream is closed at the latest."""
+        if stream.leaves_s is not None:
+            return stream.leaves_s
+        stream.leaves_s = self.get_time_s() + LINGER_S
+        if stream.failure:
+            stream.session.lost(stream.failure)
+        if stream.is_admitted:
+            self._dismiss(stream)
+        self.reason = stream.session.reason
+        self.log.info("%s: %s", stream.where, self.reason)
+        self._tend_s = 0.0
+        return stream.leaves_s
+
+    def _drop(self, stream: StreamPeer) -> None:
+        """Close a stream. Every step is tried, whatever the others raise."""
+        if stream.bug is not None:
+            self.failures += 1
+            # One traceback is enough: a far end must not fill the log with more of them.
+            self.log.error("%s: %s", stream.where, stream.failure, exc_info=stream.bug if self.failures == 1 else None)
+        self.streams.remove(stream)
+        self._try(partial(self._note_end, stream))
+        self._try(partial(self._watch, stream))
+        self._try(stream.port.close)
+        self._try(partial(self._gone, stream))
+
+    def _drop_all(self) -> None:
+        for stream in list(self.streams):
+            self._drop(stream)
 
     def _gone(self, stream: StreamPeer) -> None:
         """A stream is closed; a client calls again."""
@@ -234,36 +280,36 @@ class StreamLink(PeerLink):
         if wanted == stream.watched:
             return
         if not wanted:
-            self._selector.unregister(stream.port.fileno())
+            self._selector.unregister(stream.descriptor)
         elif not stream.watched:
-            self._selector.register(stream.port.fileno(), wanted, lambda events: self._serve(stream, events))
+            self._selector.register(stream.descriptor, wanted, partial(self._for, stream, self._serve))
         else:
-            self._selector.modify(stream.port.fileno(), wanted, lambda events: self._serve(stream, events))
+            self._selector.modify(stream.descriptor, wanted, partial(self._for, stream, self._serve))
         stream.watched = wanted
 
     def _bring_to_door(self, stream: StreamPeer) -> None:
         if not stream.is_at_door:
+            self.parent.door.watch(stream.descriptor, partial(self._serve_at_door, stream))
             stream.is_at_door = True
-            self.parent.door.watch(stream.port.fileno(), partial(self._serve_at_door, stream))
 
     def _leave_door(self, stream: StreamPeer) -> None:
         if stream.is_at_door:
             stream.is_at_door = False
-            self.parent.door.unwatch(stream.port.fileno())
+            self.parent.door.unwatch(stream.descriptor)
 
     def _tend(self, now_s: float) -> None:
         """Does what time asks for."""
         self._pump_all()
         if self.is_deaf and not self._must_wait():
-            for stream in self.streams:
+            for stream in list(self.streams):
                 stream.session.forgive_silence(now_s)
-                self._watch(stream)
+                self._for(stream, self._watch)
         if now_s < self._tend_s:
             return
         self._tend_s = now_s + TEND_EVERY_S
-        for stream in self.streams:
-            if not self.is_deaf:
-                stream.session.tick(now_s)
+        self._is_woken = False  # a call that met the link while it restarted is lost: the next one must not be
+        for stream in list(self.streams) if not self.is_deaf else ():
+            self._for(stream, lambda stream: stream.session.tick(now_s))
         self._pump_all()
         self._report(now_s)
 
@@ -274,19 +320,34 @@ def see_off(streams: list[StreamPeer], now_s: Callable[[], float], reason: str) 
     with selectors.DefaultSelector() as selector:
         for stream in streams:
             if not stream.failure:
-                selector.register(stream.port.fileno(), selectors.EVENT_READ | selectors.EVENT_WRITE, stream)
+                selector.register(stream.descriptor, selectors.EVENT_READ | selectors.EVENT_WRITE, stream)
         while selector.get_map() and (spare_s := give_up_s - now_s()) > 0:
             due_s = min(stream.due_s for stream in streams)
             for key, _ in selector.select(min(spare_s, max(0.001, due_s - now_s()))):
                 stream = key.data
-                stream.pump(now_s())
-                if stream.failure or _has_closed(stream):
+                try:
+                    events = _say_goodbye(stream, now_s(), reason)
+                except Exception as error:  # the others are still seen off
+                    stream.fail(error)
+                    events = 0
+                if not events:
                     selector.unregister(key.fileobj)
-                elif not stream.has_more and not stream.session.is_closed:
-                    stream.session.bye(reason)
-                elif not stream.has_more:
-                    stream.end_writing()
-                    selector.modify(key.fileobj, selectors.EVENT_READ, stream)
+                elif events != key.events:
+                    selector.modify(key.fileobj, events, stream)
+
+
+def _say_goodbye(stream: StreamPeer, now_s: float, reason: str) -> int:
+    """Sends what waits, then the goodbye; returns what to wait for next, 0 if the far end has closed."""
+    stream.pump(now_s)
+    if stream.failure or _has_closed(stream):
+        return 0
+    if stream.has_more:
+        return selectors.EVENT_READ | selectors.EVENT_WRITE
+    if not stream.session.is_closed:
+        stream.session.bye(reason)
+        return selectors.EVENT_READ | selectors.EVENT_WRITE
+    stream.end_writing()
+    return selectors.EVENT_READ
 
 
 def _has_closed(stream: StreamPeer) -> bool:

@@ -6,7 +6,7 @@ import errno
 import socket
 import threading
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING
 
@@ -51,12 +51,13 @@ class ClientLink(StreamLink):
         self._context = context
         self._server_name = server_name or address.host
 
-    def _open(self) -> None:
-        super()._open()
+    def _open_ports(self, ports: ExitStack) -> None:
+        super()._open_ports(ports)
         self._call_s: float | None = 0.0  # when to call next; None while somebody does, or the line is open
         self._back_off = BackOff()
         self._up_s = 0.0
         self._calls = Calls(self.wake)
+        ports.callback(self._calls.give_up)
 
     def _tend(self, now_s: float) -> None:
         if self._call_s is not None and now_s >= self._call_s:
@@ -68,10 +69,10 @@ class ClientLink(StreamLink):
         super()._look_around()
         with suppress(Empty):
             answer = self._calls.answers.get_nowait()
-            if isinstance(answer, socket.socket):
-                self._connected(answer)
-            else:
+            if isinstance(answer, str):
                 self._call_again(f"waits for {self._address}: {answer}.")
+            else:
+                self._connected(answer)
 
     def _connected(self, sock: socket.socket) -> None:
         try:
@@ -92,11 +93,6 @@ class ClientLink(StreamLink):
         self.reason = reason
         self._call_s = self.get_time_s() + self._back_off.next_s()
         self._tend_s = min(self._tend_s, self._call_s)
-
-    def halt(self) -> None:
-        """Calls no more, and says goodbye."""
-        self._calls.give_up()
-        super().halt()
 
 
 class Calls:
@@ -132,7 +128,7 @@ class Calls:
         with suppress(Empty):
             while True:
                 answer = self.answers.get_nowait()
-                if isinstance(answer, socket.socket):
+                if not isinstance(answer, str):
                     answer.close()
 
 

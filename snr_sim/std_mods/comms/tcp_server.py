@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -60,9 +61,10 @@ class ServerLink(StreamLink):
         self._gate = gate
         self._claim = claim
 
-    def _open(self) -> None:
+    def _open_ports(self, ports: ExitStack) -> None:
+        super()._open_ports(ports)
         sock = self._claim.take(self._address)
-        super()._open()
+        ports.callback(sock.close)
         self._listener = Listener(sock, self._selector, self.log, self._accept)
 
     def _accept(self, events: int) -> None:
@@ -76,27 +78,26 @@ class ServerLink(StreamLink):
                 sock.close()
                 return
             strangers[0].failure = "others came while it said nothing."
-            self._pump(strangers[0])
+            self._for(strangers[0], self._pump)
         where = f"{address[0]}:{address[1]}"
         try:
             port = SocketPort(sock, self._gate.context)
-        except OSError:
+        except (OSError, ValueError):  # of TLS
             sock.close()
             return
-        self._add_stream(port, where)
+        stream = self._add_stream(port, where)
         if not (self._gate.asks_who or is_allowed(address[0], self._gate.allow)):
             self.log.warning("refused %s, which is not in allow=.", where)
-            self.streams[-1].session.refuse(
+            stream.session.refuse(
                 f"{address[0]} may not connect to node '{self.parent.name}'. "
                 'Try: allow=["' + address[0] + '"] there, or a secret= on both ends.'
             )
-            self._pump(self.streams[-1])
+            self._for(stream, self._pump)
 
     def _tend(self, now_s: float) -> None:
         self._listener.tend(now_s)
         super()._tend(now_s)
 
-    def halt(self) -> None:
-        """Takes nobody any more, and says goodbye to each."""
-        self._listener.close()
-        super().halt()
+    def _see_off(self) -> None:
+        self._listener.close()  # first: a client that has heard the goodbye may call again at once
+        super()._see_off()

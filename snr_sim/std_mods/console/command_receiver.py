@@ -6,13 +6,14 @@ import selectors
 import socket
 import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 
 from snr_sim.core.backing import ThreadBacking
-from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.loop import LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.std_mods.comms.listener import Listener
+from snr_sim.std_mods.comms.restarting import RestartingLoop
 from snr_sim.std_mods.comms.security import as_secret, is_loopback
 from snr_sim.std_mods.comms.session import Terms
 from snr_sim.std_mods.comms.socket_port import Address, Claim
@@ -95,7 +96,7 @@ class CommandReceiverFactory(LoopFactory):
         return CommandReceiver(self, parent, self.name)
 
 
-class CommandReceiver(Loop):
+class CommandReceiver(RestartingLoop):
     """A loop on a thread of its own, in lock step too: consoles live in the world's time, and add no moments."""
 
     factory: CommandReceiverFactory
@@ -120,13 +121,21 @@ class CommandReceiver(Loop):
         Raises:
             LinkError: the port is taken, or the host is not this machine.
         """
+        self._open()
+        self.begin_on(ThreadBacking(self))
+
+    def _open_ports(self, ports: ExitStack) -> None:
         sock = self.factory.listener()
-        self._wake_in, self._wake_out = socket.socketpair()
-        self._wake_in.setblocking(False)
+        ports.callback(sock.close)
         self._selector = selectors.DefaultSelector()
+        ports.callback(self._selector.close)
+        self._wake_in, self._wake_out = socket.socketpair()
+        for end in (self._wake_in, self._wake_out):
+            ports.callback(end.close)
+            end.setblocking(False)
         self._listener = Listener(sock, self._selector, self.log)
         self._selector.register(self._wake_out, selectors.EVENT_READ)
-        self.begin_on(ThreadBacking(self))
+        ports.callback(self._drop_all)
 
     def stop(self) -> None:
         """Asks for no more rounds; ends the one that waits."""
@@ -135,8 +144,8 @@ class CommandReceiver(Loop):
             with suppress(OSError):
                 self._wake_in.send(b"\0")
 
-    def loop(self) -> None:
-        """One round: waits until something happens, and does what is to be done about it."""
+    def _round(self) -> None:
+        """Waits until something happens, and does what is to be done about it."""
         for key, events in self._selector.select(self._patience_s()):
             if key.fileobj is self._listener.sock:
                 self._accept()
@@ -205,8 +214,12 @@ class CommandReceiver(Loop):
                 self._selector.unregister(line.sock)
             line.sock.close()
 
-    def halt(self) -> None:
-        """Sends the last answers and says goodbye, not for longer than a moment; closes everything."""
+    def _drop_all(self) -> None:
+        for line in list(self._lines):
+            self._drop(line)
+
+    def _see_off(self) -> None:
+        """Sends the last answers and says goodbye, not for longer than a moment."""
         self._listener.close()
         give_up_s = time.monotonic() + LINGER_S
         node = self.parent
@@ -221,8 +234,3 @@ class CommandReceiver(Loop):
             for key, _ in self._selector.select(min(TEND_EVERY_S, give_up_s - now_s) if self._lines else 0.0):
                 if isinstance(key.data, Line):
                     self._guarded(key.data, self._read)
-        for line in list(self._lines):
-            self._drop(line)
-        self._selector.close()
-        self._wake_in.close()
-        self._wake_out.close()

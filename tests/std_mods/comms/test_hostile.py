@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import random
 import socket
+import struct
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -14,13 +16,14 @@ import pytest
 from snr_sim import Page, SocketsPair, Task, TaskType
 from snr_sim.std_mods.comms.frames import encode_frame
 from snr_sim.std_mods.comms.link import MAX_TASKS_WAITING
-from snr_sim.std_mods.comms.messages import Hello, Refused
+from snr_sim.std_mods.comms.messages import Hello, Refused, encode_message
 from snr_sim.std_mods.comms.streams import READ_BYTES
 from snr_sim.testing.parts import PartFactory
 
 pytestmark = pytest.mark.slow
 
 HERE = "127.0.0.1"
+HELLO = encode_frame(encode_message(Hello("snr", 1, "stranger", "0" * 32, "pages", True, 1 << 20)))
 Start = Callable[..., Any]
 Connect = Callable[..., Any]
 
@@ -183,6 +186,40 @@ def test_silent_strangers_cannot_keep_an_honest_client_out(
     for _ in range(200):
         raw(pair.port, greets=False)
     assert serves(robot, start, pair)
+
+
+def flood(port: int, count: int, seed: int) -> None:
+    """Open connections to a port, and send random bytes, close or reset some of them, in random order."""
+    rng, held = random.Random(seed), list[socket.socket]()
+    for _ in range(count):
+        held.append(socket.create_connection((HERE, port), 30))
+        for _ in range(rng.randrange(3)):
+            sock = rng.choice(held)
+            act = rng.choice(("send", "send", "close", "reset"))
+            try:
+                if act == "send":
+                    sock.sendall(rng.choice((rng.randbytes(rng.randrange(1, 100)), HELLO)))
+                    continue
+            except OSError:
+                pass  # the server has closed it
+            if act == "reset":
+                sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            sock.close()
+            held.remove(sock)
+            if not held:
+                break
+    for sock in held:
+        sock.close()
+
+
+def test_a_flood_of_connections_without_the_secret_ends_no_node(start: Start) -> None:
+    pair = SocketsPair((HERE, 0), name="t", secret="a secret of 16 bytes or more")
+    robot = start("robot", [pair.server("depth")])
+    robot.until_link("t", up=False)
+    for seed in range(3):
+        flood(pair.port, 400, seed)
+    assert serves(robot, start, pair)
+    assert robot.failure is None
 
 
 def until_deaf(robot: Any) -> None:
