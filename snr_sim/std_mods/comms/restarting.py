@@ -81,7 +81,7 @@ class RestartingLoop(Loop):
             self._try(self._see_off)
         self._try(self._shut)
 
-    def _try(self, step: Callable[[], None]) -> None:
+    def _try(self, step: Callable[[], object]) -> None:
         try:
             step()
         except Exception:

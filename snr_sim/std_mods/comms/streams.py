@@ -307,7 +307,9 @@ class StreamLink(RestartingLoop, PeerLink):
         if now_s < self._tend_s:
             return
         self._tend_s = now_s + TEND_EVERY_S
-        self._is_woken = False  # a call that met the link while it restarted is lost: the next one must not be
+        if self._is_woken:  # perhaps while the link restarted, and then nothing has come of it
+            self._is_woken = False
+            self._look_around()
         for stream in list(self.streams) if not self.is_deaf else ():
             self._for(stream, lambda stream: stream.session.tick(now_s))
         self._pump_all()
