@@ -87,6 +87,13 @@ class Roster:
                 far.is_here, far.has_left = False, True
                 self.news = f"'{far.member.name}' left."
 
+    def cut_off(self, reason: str) -> None:
+        """Mark all others as gone: this node has left the net itself, and says why in `news`."""
+        with self._guard:
+            self.news = reason
+            for far in self._fars.values():
+                far.is_here = False
+
     def hears(self, place: str, now_s: float) -> Far | None:
         """Somebody asks or answers, and so is there. What comes from one who has left was on its way."""
         with self._guard:

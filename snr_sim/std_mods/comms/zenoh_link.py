@@ -32,6 +32,7 @@ from snr_sim.std_mods.comms.faults import Way
 from snr_sim.std_mods.comms.fleet import PING_BYTES, FleetLink, Hearing, Member
 from snr_sim.std_mods.comms.link import by_name
 from snr_sim.std_mods.comms.options import LinkOptions
+from snr_sim.std_mods.comms.restarting import RestartingLoop
 from snr_sim.std_mods.comms.roster import Far, Roster, encoded
 from snr_sim.std_mods.comms.send_queue import SendQueue
 from snr_sim.std_mods.comms.zenoh_settings import ZenohSettings
@@ -70,7 +71,7 @@ class Letter:
         return len(self.raw)
 
 
-class ZenohLink(FleetLink):
+class ZenohLink(RestartingLoop, FleetLink):
     """Sends and hears pages over Zenoh.
 
     Args:
@@ -91,6 +92,7 @@ class ZenohLink(FleetLink):
         self._waits_for = ", ".join(each.text for each in settings.connect) or "anybody to be discovered"
         self.reason = ALONE if settings.listen else f"waits for {self._waits_for}."
         self._session: Any = None
+        self._has_joined = False
         self._back_off = BackOff()
         self._try_s = 0.0
         self._settings = settings
@@ -125,11 +127,6 @@ class ZenohLink(FleetLink):
                 fix="is another program listening there, and is it an address of this machine?",
             ) from error
 
-    def setup(self) -> None:
-        """Shows itself, if it is connected already."""
-        if self._session is not None:
-            self._join_net()
-
     def _connect(self) -> None:
         """Tries to connect; on the link's thread, which has nothing better to do."""
         try:
@@ -142,7 +139,6 @@ class ZenohLink(FleetLink):
             session.close()
             return
         self._session = session
-        self._join_net()
 
     def _join_net(self) -> None:
         """Listens first and shows itself last: who sees this node can already be heard by it."""
@@ -160,6 +156,7 @@ class ZenohLink(FleetLink):
         alive = session.liveliness()
         alive.declare_subscriber(f"{prefix}/*/*/*/alive", self._background(self._seen), history=True)
         self._token = alive.declare_token(f"{place}/alive")
+        self._has_joined = True
 
     def _background(self, callback: Callable[[Any], None]) -> Any:
         return self._zenoh.handlers.Callback(callback)
@@ -255,7 +252,7 @@ class ZenohLink(FleetLink):
 
     # On the link's thread
 
-    def loop(self) -> None:
+    def _round(self) -> None:
         """Waits until there is something to do, and does it."""
         due_s = min(self._tend_s, self._delayed[0][0]) if self._delayed else self._tend_s
         wait_s = DEAF_LOOK_S if self.is_deaf else due_s - self.get_time_s()
@@ -266,6 +263,8 @@ class ZenohLink(FleetLink):
         now_s = self.get_time_s()
         if self._session is None and now_s >= self._try_s:
             self._connect()
+        if self._session is not None and not self._has_joined:
+            self._join_net()
         self._arrive()
         self._take_in()
         self._send_out()
@@ -377,6 +376,7 @@ class ZenohLink(FleetLink):
             "sent": self.sent,
             "received": self.received,
             "unwanted": self.unwanted,
+            "failures": self.failures,
             "reason": "" if here else reason,
             "peers": by_name(
                 (
@@ -394,19 +394,35 @@ class ZenohLink(FleetLink):
         }
 
     def halt(self) -> None:
-        """Sends what waits and leaves; not for longer than `LINGER_S`, for either may block."""
-        if self._session is None:
+        """Sends what waits and leaves."""
+        self._leave(self._send_out)
+
+    def _shut(self) -> None:
+        self._leave(lambda: None)
+        self._session, self._has_joined = None, False
+        self._publishers.clear()
+
+    def _show_down(self, reason: str) -> None:
+        self._roster.cut_off(reason)
+        self.reason, self._told = reason, ()
+        self._report(self.get_time_s())
+
+    def _leave(self, say_last: Callable[[], None]) -> None:
+        """Leave on a thread of its own and wait for `LINGER_S` at most: what Zenoh does may block."""
+        session = self._session
+        if session is None:
             return
-        leaving = threading.Thread(target=self._leave, name=f"{self.name} leaves", daemon=True)
+
+        def leave() -> None:
+            with suppress(self._zenoh.ZError):
+                say_last()
+            session.close()
+
+        leaving = threading.Thread(target=leave, name=f"{self.name} leaves", daemon=True)
         leaving.start()
         leaving.join(LINGER_S)
         if leaving.is_alive():  # a Python that ends while a thread is in Zenoh is aborted
             atexit.register(leaving.join, LEAVE_S)
-
-    def _leave(self) -> None:
-        with suppress(self._zenoh.ZError):
-            self._send_out()
-        self._session.close()
 
 
 def _time_in(payload: Any) -> float | None:

@@ -51,3 +51,21 @@ def test_a_pipe_that_goes_one_way_is_refused() -> None:
         PipePort(reader)
     reader.close()
     writer.close()
+
+
+@pytest.mark.slow
+def test_link_over_a_pipe_that_fails_stays_down_and_its_node_runs(
+    start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pair = PipesPair()
+    a, b = start("a", [pair.client("x")]), start("b", [pair.server()])
+    a.until_link("pipe")
+    b.until_link("pipe")
+    monkeypatch.setattr(a.node.components["link_pipe"], "_until_s", lambda now_s: 1 / 0)
+    assert "ZeroDivisionError" in a.until_link("pipe", up=False)["reason"]
+    assert "closed" in b.until_link("pipe", up=False)["reason"]
+    monkeypatch.undo()
+    a.store("x", 1)
+    a.until_stored("x")
+    page = a.until_link("pipe", up=False, failures=a.node.components["link_pipe"].failures)
+    assert "ZeroDivisionError" in page["reason"]

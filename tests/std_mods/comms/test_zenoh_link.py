@@ -529,3 +529,22 @@ def test_a_missing_package_says_what_to_install(net: ZenohNet, monkeypatch: pyte
     monkeypatch.setitem(sys.modules, "zenoh", None)
     with pytest.raises(MissingExtra, match=r"eclipse-zenoh(.|\n)*snr_sim\[zenoh\]"):
         zenoh_link._zenoh()
+
+
+def test_link_that_fails_is_down_with_the_reason_and_joins_again(start: Start, net: ZenohNet) -> None:
+    one = start("one", [net.link("x")])
+    other = start("other", [joins(net, "y")])
+    for running in (one, other):
+        running.until_link("fleet")
+        link = running.node.components["link_fleet"]
+        link._arrive = lambda link=link: (link.__dict__.pop("_arrive"), 1 / 0)  # once
+        running.until(lambda running=running: running.stored["link_fleet"][-1]["failures"] == 1)
+        down = next(page for page in running.stored["link_fleet"] if page["failures"] == 1)
+        assert not down["up"]
+        assert down["reason"] == "'link_fleet' failed and starts again: ZeroDivisionError: division by zero"
+        running.until_link("fleet")
+        assert link.failures == 1
+    one.store("x", 1)
+    other.store("y", 2)
+    assert other.until_stored("x")[-1] == 1
+    assert one.until_stored("y")[-1] == 2

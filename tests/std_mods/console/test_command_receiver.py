@@ -237,6 +237,19 @@ def test_weakness_10_a_stranger_cannot_crash_a_node_nor_by_coming_and_going(capl
     assert [record for record in caplog.records if record.levelno >= logging.ERROR] == []
 
 
+@pytest.mark.slow
+def test_console_whose_loop_fails_listens_again_at_its_port(caplog: pytest.LogCaptureFixture) -> None:
+    with running() as (node, address):
+        console: Any = node.components["console"]
+        with ConsoleClient(address) as one:
+            one.wait_until_up(PATIENCE_S)
+            console._patience_s = lambda: (console.__dict__.pop("_patience_s"), 1 / 0)
+            wait_for(lambda: console.failures == 1 and not console.is_shut)
+        assert not RemoteConsole(address, ["list"], wait_s=PATIENCE_S).run()[0].is_error
+        assert not node.is_over
+    assert "'console' failed and starts again: ZeroDivisionError: division by zero" in caplog.messages
+
+
 @pytest.mark.parametrize("host", ["0.0.0.0", "", "::", "192.168.2.2", "robot.local"])
 def test_weakness_11_beyond_this_machine_a_console_without_a_token_is_refused_when_it_is_made(host: str) -> None:
     with pytest.raises(ConfigError, match="without a token"):
