@@ -8,6 +8,7 @@ from functools import partial
 
 from snr_sim.core.loop import Loop
 from snr_sim.std_mods.comms.back_off import BackOff
+from snr_sim.std_mods.comms.session import on_one_line
 
 STEADY_S = 5.0  # a loop that ran this long without a failure waits shortly before it opens again
 
@@ -68,7 +69,7 @@ class RestartingLoop(Loop):
             self._restarts.forget()
         self.failures += 1
         self.is_shut, self.next_tick_at_s = True, now_s + self._restarts.next_s()
-        reason = f"'{self.name}' failed and starts again: {error_text(error)}"
+        reason = on_one_line(f"'{self.name}' failed and starts again: {error_text(error)}")
         if reason != self._failure:
             self.log.error("%s", reason, exc_info=error)
         self._failure = reason

@@ -18,18 +18,19 @@ LOG = logging.getLogger("snr.listener")
 
 
 class Full:
-    """A socket whose system has no descriptor left."""
+    """A socket whose system has no descriptor left, or another reason not to accept."""
 
-    def __init__(self, sock: socket.socket) -> None:
+    def __init__(self, sock: socket.socket, reason: int = errno.EMFILE) -> None:
         self.sock = sock
         self.is_full = True
+        self.reason = reason
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.sock, name)
 
     def accept(self) -> tuple[socket.socket, Any]:
         if self.is_full:
-            raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+            raise OSError(self.reason, os.strerror(self.reason))
         return self.sock.accept()
 
 
@@ -72,4 +73,15 @@ def test_without_a_descriptor_it_rests_and_then_takes_who_has_waited(
             assert come is not None
             come[0].close()
         listener.close()
+        assert not selector.get_map()
+
+
+def test_caller_that_has_hung_up_does_not_keep_the_next_one_waiting(sock: socket.socket) -> None:
+    full: Any = Full(sock, errno.ECONNABORTED)
+    with selectors.DefaultSelector() as selector:
+        listener = Listener(full, selector, LOG)
+        assert listener.accept(10.0) is None
+        assert selector.get_map()
+        listener.close()
+        listener.close()  # twice is as good as once
         assert not selector.get_map()
