@@ -142,7 +142,8 @@ class StreamLink(RestartingLoop, PeerLink):
             act(stream, *args)
         except Exception as error:
             stream.fail(error)
-            self._drop(stream)
+            if stream in self.streams:
+                self._drop(stream)
 
     def _add_stream(self, port: Port, where: str) -> StreamPeer:
         session = Session(self.terms, self.get_time_s())
@@ -258,6 +259,7 @@ class StreamLink(RestartingLoop, PeerLink):
 
     def _drop_all(self) -> None:
         for stream in list(self.streams):
+            stream.session.lost("the link was closed.")  # if it did not end in good order
             self._drop(stream)
 
     def _gone(self, stream: StreamPeer) -> None:
