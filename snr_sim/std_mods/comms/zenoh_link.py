@@ -35,6 +35,7 @@ from snr_sim.std_mods.comms.options import LinkOptions
 from snr_sim.std_mods.comms.restarting import RestartingLoop
 from snr_sim.std_mods.comms.roster import Far, Roster, encoded
 from snr_sim.std_mods.comms.send_queue import SendQueue
+from snr_sim.std_mods.comms.zenoh_callbacks import ZenohCallbacks
 from snr_sim.std_mods.comms.zenoh_settings import ZenohSettings
 
 ALONE = "nobody else is in the net."
@@ -92,6 +93,7 @@ class ZenohLink(RestartingLoop, FleetLink):
         self._waits_for = ", ".join(each.text for each in settings.connect) or "anybody to be discovered"
         self.reason = ALONE if settings.listen else f"waits for {self._waits_for}."
         self._session: Any = None
+        self._callbacks = ZenohCallbacks()
         self._has_joined = False
         self._back_off = BackOff()
         self._try_s = 0.0
@@ -159,7 +161,7 @@ class ZenohLink(RestartingLoop, FleetLink):
         self._has_joined = True
 
     def _background(self, callback: Callable[[Any], None]) -> Any:
-        return self._zenoh.handlers.Callback(callback)
+        return self._callbacks.make(self._zenoh.handlers.Callback, callback)
 
     # On Zenoh's threads. None of these may raise: Zenoh would only print it.
 
@@ -400,6 +402,7 @@ class ZenohLink(RestartingLoop, FleetLink):
     def _shut(self) -> None:
         self._leave(lambda: None)
         self._session, self._has_joined = None, False
+        self._callbacks = ZenohCallbacks()
         self._publishers.clear()
 
     def _show_down(self, reason: str) -> None:
@@ -409,7 +412,7 @@ class ZenohLink(RestartingLoop, FleetLink):
 
     def _leave(self, say_last: Callable[[], None]) -> None:
         """Leave on a thread of its own and wait for `LINGER_S` at most: what Zenoh does may block."""
-        session = self._session
+        session, callbacks = self._session, self._callbacks
         if session is None:
             return
 
@@ -417,6 +420,7 @@ class ZenohLink(RestartingLoop, FleetLink):
             with suppress(self._zenoh.ZError):
                 say_last()
             session.close()
+            callbacks.wait(LEAVE_S)
 
         leaving = threading.Thread(target=leave, name=f"{self.name} leaves", daemon=True)
         leaving.start()
