@@ -41,6 +41,12 @@ def uses_slow_fixture(item: pytest.Item) -> bool:
     return bool(SLOW_FIXTURES & set(getattr(item, "fixturenames", ())))
 
 
+def minutes_of(item: pytest.Item) -> float:
+    """Return how long a test takes by its own mark, `nightly(minutes=...)`, or 0: the longest start first."""
+    marks = [mark.kwargs.get("minutes", 0.0) for mark in item.iter_markers("nightly")]
+    return float(max(marks, default=0.0))
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Put every test into one lane before `-m` selects; leave out nightly and wall_clock unless `-m` names them."""
@@ -52,7 +58,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker(lane)
         is_kept = not asked or lane in asked or lane in ("fast", "slow")
         (kept if is_kept else left_out).append(item)
-    items[:] = kept
+    items[:] = sorted(kept, key=minutes_of, reverse=True)
     if left_out:
         config.hook.pytest_deselected(items=left_out)
 

@@ -243,7 +243,9 @@ def test_every_wrong_solution_of_lab_ten_is_in_its_class(tmp_path: Path) -> None
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("is_whole", [False, pytest.param(True, marks=pytest.mark.nightly)], ids=["one", "all"])
+@pytest.mark.parametrize(
+    "is_whole", [False, pytest.param(True, marks=pytest.mark.nightly(minutes=7))], ids=["one", "all"]
+)
 @pytest.mark.parametrize("kind", ["right", "wrong", "attacks", "no program"])
 def test_everybody_gets_exactly_what_is_due_in_lab_ten(
     kind: str, is_whole: bool, sandbox: None, listener: tuple[int, list[str]], tmp_path: Path, open_folder: Path

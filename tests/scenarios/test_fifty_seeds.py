@@ -46,4 +46,6 @@ def test_the_criterion_is_met_from_every_seed(scenario: str, count: int) -> None
     results = [dive(scenario, (first + i) % SEEDS) for i in range(count)]
     assert [(result["seed"], result["why"]) for result in results if not result["success"]] == []
     assert all(result["energy_j"] > 0.0 for result in results)
-    assert len({result["energy_j"] for result in results}) == count, "every seed is another dive"
+    # A pilot without an autopilot, behind a constant delay: only the sensors differ, and nothing goes by them.
+    by_chance = [result["energy_j"] for result in results if result.get("fault") != "late"]
+    assert len({*by_chance}) == len(by_chance) >= 0.8 * count - 1, "every seed is another dive"

@@ -10,7 +10,7 @@ SOAK = Path(__file__).parents[2] / "bench" / "soak_links.py"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("minutes", [0.05, pytest.param(10.0, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("minutes", [0.05, pytest.param(10.0, marks=pytest.mark.nightly(minutes=10))])
 def test_pages_over_a_bad_link_are_accounted_for(minutes: float) -> None:
     command = [sys.executable, SOAK, "--minutes", str(minutes)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300 + 120 * minutes)
