@@ -531,6 +531,7 @@ def test_a_missing_package_says_what_to_install(net: ZenohNet, monkeypatch: pyte
         zenoh_link._zenoh()
 
 
+@pytest.mark.slow
 def test_link_that_fails_is_down_with_the_reason_and_joins_again(start: Start, net: ZenohNet) -> None:
     one = start("one", [net.link("x")])
     other = start("other", [joins(net, "y")])
