@@ -57,13 +57,17 @@ def test_every_marker_of_a_lane_is_documented() -> None:
 
 
 LANES = """
-import socket, subprocess, sys, time
+import select, socket, subprocess, sys, time
 import pytest
 
 def test_plain(): pass
 def test_starts_a_process(): subprocess.run([sys.executable, "-c", ""])
 def test_opens_a_port(): socket.create_server(("127.0.0.1", 0)).close()
-def test_waits(): time.sleep(1.2)
+def test_waits(): select.select([], [], [], 1.2)
+def test_naps():
+    for _ in range(60): time.sleep(0.02)
+def test_writes_often(tmp_path):
+    for _ in range(2000): (tmp_path / "file").write_bytes(b"x")
 @pytest.mark.slow
 def test_slow(): subprocess.run([sys.executable, "-c", ""])
 @pytest.mark.slow
@@ -78,7 +82,7 @@ def test_times(): pass
 @pytest.mark.parametrize(
     ("words", "passed", "failed"),
     [
-        ([], {"plain"}, {"starts_a_process", "opens_a_port", "waits"}),
+        ([], {"plain", "writes_often"}, {"starts_a_process", "opens_a_port", "waits", "naps"}),
         (["-m", "slow"], {"slow", "in_two_lanes[1]"}, set()),
         (["-m", "wall_clock"], {"times"}, set()),
         (["-m", "nightly"], {"in_two_lanes[2]"}, set()),
