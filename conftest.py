@@ -43,9 +43,17 @@ def uses_slow_fixture(item: pytest.Item) -> bool:
 
 
 def minutes_of(item: pytest.Item) -> float:
-    """Return how long a test takes by its own mark, `nightly(minutes=...)`, or 0: the longest start first."""
+    """Return how long a test takes by its own mark, `nightly(minutes=...)`, or 0."""
     marks = [mark.kwargs.get("minutes", 0.0) for mark in item.iter_markers("nightly")]
     return float(max(marks, default=0.0))
+
+
+def longest_first(items: list[pytest.Item], workers: int) -> list[pytest.Item]:
+    """Return the order in which each worker begins with its share of the longest tests: it gets an equal part."""
+    ordered = sorted(items, key=minutes_of, reverse=True)
+    if not ordered or not minutes_of(ordered[0]):
+        return items
+    return [item for worker in range(workers) for item in ordered[worker::workers]]
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -60,7 +68,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker(lane)
         is_kept = not asked or lane in asked or lane in ("fast", "slow")
         (kept if is_kept else left_out).append(item)
-    items[:] = sorted(kept, key=minutes_of, reverse=True)
+    items[:] = longest_first(kept, getattr(config, "workerinput", {}).get("workercount", 1))
     if left_out:
         config.hook.pytest_deselected(items=left_out)
 

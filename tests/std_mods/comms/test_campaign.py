@@ -203,9 +203,7 @@ def play(seeds: range) -> None:
                 raise
 
 
-NIGHTLY = [
-    pytest.param(range(i, i + 10_000), marks=pytest.mark.nightly(minutes=2.5)) for i in range(0, 100_000, 10_000)
-]
+NIGHTLY = [pytest.param(range(i, i + 5_000), marks=pytest.mark.nightly(minutes=1.2)) for i in range(0, 100_000, 5_000)]
 
 
 @pytest.mark.parametrize("seeds", [range(50), pytest.param(range(2000), marks=pytest.mark.slow), *NIGHTLY], ids=str)
