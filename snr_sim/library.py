@@ -14,16 +14,20 @@ import importlib.util
 import os
 import sys
 from collections import defaultdict
-from collections.abc import Iterator, Sequence, Set
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Sequence, Set
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib.machinery import ModuleSpec, SourceFileLoader
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from snr_sim.core.blame import describe_error, short_path
+from snr_sim.core.blame import describe_error, is_student_file, short_path
+from snr_sim.core.source_files import reading_from, source_files
 from snr_sim.prelude.errors import ConfigError, MissingExtra, SnrError, UnknownName, nearest
+
+if TYPE_CHECKING:
+    from snr_sim.recording.sources import KeepingFiles
 
 Kind: TypeAlias = Literal["robots", "scenarios", "assignments"]
 
@@ -51,9 +55,10 @@ def find(kind: Kind, name: str) -> Found:
     Raises:
         UnknownName: nowhere; says where it looked and what it knows.
     """
+    files = source_files()
     with suppress(OSError, ValueError):  # no file can have such a name
         given = Path(name)
-        if given.suffix or given.exists() or os.sep in name:
+        if given.suffix or os.sep in name or files.is_file(given) or files.is_dir(given):
             path = given.resolve()
             if _is_one(kind, path):
                 return Found(kind, path.stem if kind == "scenarios" else path.name, path, "the path given")
@@ -90,11 +95,51 @@ def known(kind: Kind) -> list[Found]:
 
 
 def _places(kind: Kind) -> Iterator[tuple[str, Path]]:
+    for recorded in source_files().recorded:
+        place = recorded.parent if kind == "scenarios" else recorded.parent.parent
+        if place.name == kind:
+            yield "the run folder", place
     yield "the current folder", Path.cwd() / kind
     for folder in filter(None, os.environ.get("SNR_SIM_PATH", "").split(os.pathsep)):
         yield "SNR_SIM_PATH", Path(folder).resolve() / kind
+    yield "the kit", _content(kind)
+
+
+def _content(kind: Kind) -> Path:
     checkout = _KIT.parent / kind
-    yield "the kit", checkout if (_KIT.parent / "pyproject.toml").is_file() else _KIT / "shipped" / kind
+    return checkout if (_KIT.parent / "pyproject.toml").is_file() else _KIT / "shipped" / kind
+
+
+def is_of_kit(path: Path) -> bool:
+    """Returns whether a file is of the kit: of its package, or of the robots, scenarios and labs that come with it."""
+    kinds: tuple[Kind, ...] = ("robots", "scenarios", "assignments")
+    path = Path(os.path.normpath(path))  # without ".."
+    return any(path.is_relative_to(folder) for folder in (_KIT, *map(_content, kinds)))
+
+
+def is_own(path: Path) -> bool:
+    """Returns whether a file is of a user's own program: neither the kit's, Python's nor an installed package's."""
+    return is_student_file(str(path)) and not is_of_kit(path.resolve())
+
+
+@contextmanager
+def keeping(run: Path, files: Iterable[Path]) -> Iterator[KeepingFiles]:
+    """Keeps copies in a run folder of those of the files that are the user's own, and of what is read meanwhile."""
+    from snr_sim.recording.sources import KeepingFiles  # with hashlib: as for `sha256_of`
+
+    kept = KeepingFiles(run, is_own)
+    for path in files:
+        with suppress(OSError):  # it is gone since it was loaded
+            kept.read(path)
+    with reading_from(kept):
+        yield kept
+
+
+def find_in_kit(kind: Kind, name: str) -> Found | None:
+    """Returns what comes with the kit under this name, or None; never anything by a path."""
+    path = _path_in(kind, _content(kind), name)
+    is_name = Path(name).name == name and name != ".."
+    return Found(kind, name, path, "the kit") if is_name and _is_one(kind, path) else None
 
 
 def _path_in(kind: Kind, folder: Path, name: str) -> Path:
@@ -103,9 +148,9 @@ def _path_in(kind: Kind, folder: Path, name: str) -> Path:
 
 def _is_one(kind: Kind, path: Path) -> bool:
     if kind == "robots":
-        return (path / "robot.py").is_file()
+        return source_files().is_file(path / "robot.py")
     if kind == "scenarios":
-        return path.is_file() and path.suffix == ".py" and not path.name.startswith("_")
+        return source_files().is_file(path) and path.suffix == ".py" and not path.name.startswith("_")
     return (path / "README.md").is_file()
 
 
@@ -178,7 +223,9 @@ def robot_of_scenario(found: Found) -> str:
     import ast
 
     try:
-        tree = ast.parse(found.path.read_bytes(), str(found.path))
+        source = source_files().read(found.path)
+        source_files().check(found.path, source)
+        tree = ast.parse(source, str(found.path))
     except (SyntaxError, ValueError) as error:
         raise _load_failure(error, found.path, f"the scenario '{found.name}' was read") from error
     for node in tree.body:
@@ -195,7 +242,7 @@ def robot_of_scenario(found: Found) -> str:
 
 def controllers(robot: Found) -> list[str]:
     """Returns the names of a robot's own controllers."""
-    return sorted(path.stem for path in (robot.path / "controllers").glob("*.py") if not path.stem.startswith("_"))
+    return sorted(path.stem for path in source_files().in_folder(robot.path / "controllers") if path.stem[0] != "_")
 
 
 def load_controller(robot: Found, name: str) -> ModuleType:
@@ -211,7 +258,7 @@ def load_controller(robot: Found, name: str) -> ModuleType:
         _robots.loaded[ROBOT_MODULE + robot.name].add(path)
     else:
         path = Path(name).resolve()
-        if not path.is_file():
+        if not source_files().is_file(path):
             raise _no_controller(robot, name, path)
         _neighbours.look_in(path.parent)
         module = _load(_CONTROLLER_MODULE + path.stem.replace("-", "_"), path, f"the controller '{name}'")
@@ -254,7 +301,7 @@ def load_program(name: str) -> ModuleType:
         ConfigError: it cannot be loaded.
     """
     path = Path(name).resolve()
-    if not name or not path.is_file():
+    if not name or not source_files().is_file(path):
         raise UnknownName(f"There is no file '{name}'.", fix="name the program that was recorded: --with robot.py.")
     _neighbours.look_in(path.parent)
     return _load(_PROGRAM_MODULE + path.stem.replace("-", "_"), path, f"the program '{name}'")
@@ -288,21 +335,20 @@ def in_use(scenario: Found, robot: Found, controller: ModuleType) -> list[InUse]
 OPTION_FILE = "option/"  # before the key of an option that names a file
 
 
-def hashes(used: Sequence[InUse]) -> dict[str, str]:
-    """Returns the sha256 of every file in use, by `<label>/<path below its folder>`."""
-    files = {
+def files_in_use(used: Sequence[InUse]) -> dict[str, Path]:
+    """Returns every file in use, by `<label>/<path below its folder>`."""
+    return {
         f"{one.label}/{path.relative_to(one.folder).as_posix()}": path
         for one in used
         for path in {one.file, *one.imported}
     }
-    return {name: sha256_of(path) for name, path in sorted(files.items())}
 
 
 def sha256_of(path: Path) -> str:
     """Returns the sha256 of a file."""
     import hashlib  # with all of OpenSSL, which a student's process need not have
 
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    return hashlib.sha256(source_files().read(path)).hexdigest()
 
 
 def hashes_of_files(files: Sequence[tuple[str, Path]]) -> dict[str, str]:
@@ -323,17 +369,12 @@ def package_versions() -> dict[str, str]:
     return versions
 
 
-def _file_of(module: Any) -> str | None:
-    file = getattr(module, "__file__", None)
-    return file if isinstance(file, str) and file.endswith(".py") and os.path.exists(file) else None
-
-
 def _need(module: ModuleType, path: Path, names: Sequence[str], what: str, fix: str = "") -> None:
     for name in names:
         if not hasattr(module, name):
             has = [known for known in vars(module) if not known.startswith("_")]
             close = nearest(name, has)
-            lack = "is empty: it has" if not has and not path.read_bytes().strip() else "has"
+            lack = "is empty: it has" if not has and not source_files().read(path).strip() else "has"
             raise ConfigError(
                 f"{short_path(str(path))} {lack} no `{name}`, which {what} needs.",
                 fix=fix or (close if close.startswith("did") else f"see prelude/scenario.py for what {what} defines."),
@@ -381,7 +422,7 @@ def _load_failure(error: BaseException, path: Path, while_doing: str) -> SnrErro
 
 def _not_text(path: Path) -> str:
     """Says where a file holds bytes that no Python source can hold; empty if it holds none."""
-    raw = path.read_bytes()
+    raw = source_files().read(path)
     place = raw.find(b"\0")
     try:
         importlib.util.decode_source(raw)  # minds an encoding that the file names
@@ -398,6 +439,15 @@ def _not_text(path: Path) -> str:
 
 class _FreshLoader(SourceFileLoader):
     """Reads the source every time: a cached bytecode file may be older than an edit within the same second."""
+
+    def get_data(self, path: str) -> bytes:
+        """Returns the source, from the disk or as it was recorded."""
+        return source_files().read(Path(path))
+
+    def source_to_code(self, data: Any, path: Any, **options: Any) -> Any:  # type: ignore[override]
+        """Returns the code of a source."""
+        source_files().check(Path(path), data)
+        return super().source_to_code(data, path, **options)
 
     def path_stats(self, path: Any) -> Any:
         """Knows of no bytecode."""
@@ -422,10 +472,10 @@ class _RobotFinder:
             return None
         base = Path(next(iter(path))) / fullname.rpartition(".")[2]
         file = base.with_suffix(".py")
-        if file.is_file():
+        if source_files().is_file(file):
             self.loaded[fullname.partition(".")[0]].add(file)
             return importlib.util.spec_from_file_location(fullname, file, loader=_FreshLoader(fullname, str(file)))
-        if base.is_dir():
+        if source_files().is_dir(base):
             spec = ModuleSpec(fullname, None, is_package=True)
             spec.submodule_search_locations = [str(base)]
             return spec
@@ -442,7 +492,7 @@ class _NeighbourFinder:
     def look_in(self, folder: Path) -> None:
         """Takes this folder from now on, and forgets what came from the one before, or stood in it before."""
         for name, module in list(sys.modules.items()) if self.loaded else ():
-            if Path(_file_of(module) or "") in self.loaded:
+            if Path(getattr(module, "__file__", None) or "") in self.loaded:
                 del sys.modules[name]
         self.loaded = set()  # and not cleared: a simulation may still be named by what it had
         self._folder = folder
@@ -456,7 +506,7 @@ class _NeighbourFinder:
             return None
         base = self._folder.joinpath(top, *below.split(".")) if below else self._folder / top
         for file in (base / "__init__.py", base.with_name(base.name + ".py")):
-            if file.is_file():
+            if source_files().is_file(file):
                 self.loaded.add(file)
                 where = [str(base)] if file.name == "__init__.py" else None
                 loader = _FreshLoader(fullname, str(file))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -13,6 +14,7 @@ from snr_sim.core.config import Config
 from snr_sim.core.interrupts import orderly
 from snr_sim.core.lockstep import LockStep
 from snr_sim.core.node import Node
+from snr_sim.core.sources import file_of
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import RoleName
 from snr_sim.prelude.errors import ConfigError
@@ -112,13 +114,20 @@ def _record(
     if has_node is not None:
         has_node(node)
     try:
-        with orderly([node]):
+        with library.keeping(folder, _files_of(Path(program).resolve())), orderly([node]):
             if isinstance(clock, SimClock):
                 LockStep([node], clock, until_s=until_s).run()
             else:
                 node.loop()
     finally:
         recorder.close()
+
+
+def _files_of(program: Path) -> list[Path]:
+    """Returns a program's file, and those in its folder and beneath that this process has imported."""
+    files = [file for module in list(sys.modules.values()) if (file := file_of(module)) is not None]
+    beside = [file for file in files if file.is_absolute() and file.is_relative_to(program.parent)]
+    return [program, *sorted(set(beside) - {program})]
 
 
 def _record_one_of_several(

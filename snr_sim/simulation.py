@@ -276,14 +276,18 @@ class Simulation:
         """Returns the first line of this run's trace: where and when."""
         return Opening.now(self.request.scenario, self.request.controller or "")
 
-    def sources(self) -> dict[str, str]:
-        """Returns the sha256 of every file of scenario, robot and controller that is in use, and of each that an option
-        names, such as a learned policy, by `option/<key>`."""
-        elsewhere = {name: library.sha256_of(path) for name, path in self._read_elsewhere().items()}
+    def files(self) -> dict[str, Path]:
+        """Returns every file of scenario, robot and controller that is in use, and each that an option names, such as a
+        learned policy, by `option/<key>`."""
+        elsewhere = dict(self._read_elsewhere())
         for key, value in self.request.options.items():
             if os.path.isabs(value) and os.path.isfile(value):  # not a pipe, which would be waited for
-                elsewhere[library.OPTION_FILE + key] = library.sha256_of(Path(value))
-        return dict(sorted({**library.hashes(self._used), **elsewhere}.items()))
+                elsewhere[library.OPTION_FILE + key] = Path(value)
+        return {**library.files_in_use(self._used), **elsewhere}
+
+    def sources(self) -> dict[str, str]:
+        """Returns the sha256 of these files."""
+        return {name: library.sha256_of(path) for name, path in sorted(self.files().items())}
 
 
 def prepare(request: Request, load: Callable[[library.Found, str], ModuleType] = library.load_controller) -> Simulation:

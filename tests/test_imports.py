@@ -30,6 +30,7 @@ FLOOR = {
     "schemas": 3,
     "supervision": 3,
     "testing": 3,
+    "replay_files": 4,
     "simulation": 4,
     "learning": 5,
     "flight": 5,

@@ -142,15 +142,19 @@ def test_the_hash_of_every_file_in_use_is_known_and_changes_with_it(here: Path) 
     (here / "gains.py").write_text("KP = 2.0\n")
     (here / "unused.py").write_text("")
 
-    before = library.hashes(in_use_by("mine.py"))
+    before = hashes(in_use_by("mine.py"))
     assert set(before) == {
         "scenario/moth_hover.py", "robot/robot.py", "robot/mixer.py", "robot/parts/arm.py", "controller/mine.py",
         "controller/gains.py",
     }  # fmt: skip
     (folder / "mixer.py").write_text("def mix(): return 'other'\n")
     (here / "gains.py").write_text("KP = 3.0\n")
-    after = library.hashes(in_use_by("mine.py"))
+    after = hashes(in_use_by("mine.py"))
     assert {name for name in before if before[name] != after[name]} == {"robot/mixer.py", "controller/gains.py"}
+
+
+def hashes(used: list[library.InUse]) -> dict[str, str]:
+    return {name: library.sha256_of(path) for name, path in library.files_in_use(used).items()}
 
 
 def in_use_by(controller: str) -> list[library.InUse]:
@@ -166,14 +170,14 @@ def test_what_else_this_process_has_loaded_or_loads_is_not_in_use(here: Path) ->
     (here / "gains.py").write_text("KP = 2.0\n")
     (here / "other.py").write_text("import gains\ndef factories(robot): return []\n")
     (folder / "spare.py").write_text("")
-    alone = library.hashes(in_use_by("idle"))
+    alone = hashes(in_use_by("idle"))
     for other in ("other.py", "robots/moth/spare.py"):
         library.load_program(other)  # in the robot's folder under a name that is not the robot's
     mine = in_use_by("mine.py")
     robot = library.find("robots", "moth")
     library.load_controller(robot, "mine.py").factories(None)
-    assert library.hashes(in_use_by("idle")) == alone
-    assert [name for name in library.hashes(mine) if "controller" in name] == ["controller/mine.py"]
+    assert hashes(in_use_by("idle")) == alone
+    assert [name for name in hashes(mine) if "controller" in name] == ["controller/mine.py"]
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from snr_sim.cli.trust import Trust
+
 if TYPE_CHECKING:
     from snr_sim.recording.checker import Divergence, NodeReplay
     from snr_sim.recording.outside import OutsideCall
     from snr_sim.recording.reader import Trace
+    from snr_sim.replay_files import ReplayFiles
 
 OPEN_LOOP = "after this the recorded sensors no longer answer your code"
 
@@ -26,8 +29,10 @@ def replay(
         ),
     ] = False,
     with_file: Annotated[
-        str, typer.Option("--with", help="Another controller: a name, or a file with changed code.")
+        str,
+        typer.Option("--with", help="Another controller: a name, or a file as it is today."),
     ] = "",
+    trust: Trust = False,
     tolerance: Annotated[
         list[str],
         typer.Option(help="PATH=1e-6, PATH=0.1% or PATH=ignore; may be repeated. PATH as printed, * allowed."),
@@ -36,23 +41,30 @@ def replay(
 ) -> None:
     """Replay a run and compare.
 
-    The handlers are executed again on the recorded inputs.
+    The handlers are executed again on the recorded inputs: the code that the run was recorded with, of which copies
+    are in its folder. If somebody else may have written it, you are asked first.
 
     Exit status: 0 identical, 1 diverged (the first divergence is printed), 2 the trace cannot be used: with --check
     also if its digest is not the one in result.json.
     """
     from snr_sim.cli.answer import guarded
+    from snr_sim.cli.trust import ask
     from snr_sim.recording.compare import Tolerance
     from snr_sim.recording.folder import check_unchanged, trace_path
     from snr_sim.recording.reader import read_trace
+    from snr_sim.replay_files import files_of_replay
 
     tolerances = [Tolerance.parse(text) for text in tolerance]
     trace = read_trace(trace_path(run))
     if check:
         check_unchanged(trace)
     folder = trace.path.parent.resolve()
+    plan = files_of_replay(trace, with_file)
+    ask(trace.path.parent, plan.unknown, trust)
+    if plan.executed and not as_json:
+        print(f"executes{', as recorded' if plan.is_recorded else ''}: {', '.join(plan.executed)}", file=sys.stderr)
     with guarded(is_json=True):  # what handlers print is not our answer
-        replays, calls, notes = _replay(trace, with_file, tolerances, check)
+        replays, calls, notes = _replay(trace, plan, with_file, tolerances, check)
     if with_file:
         notes.extend(_write_comparison(trace, replays, folder))
     divergences = sorted((one for replay in replays for one in replay.divergences), key=lambda one: one.seq)
@@ -61,34 +73,44 @@ def replay(
     if as_json:
         from snr_sim.recording.folder import as_json as json_of
 
-        print(json_of(_fields(trace, replays, divergences, calls, notes)))
+        print(json_of({**_fields(trace, replays, divergences, calls, notes), "executed": plan.executed}))
     else:
         _say(trace, replays, divergences, calls, notes)
     sys.exit(1 if divergences else 0)
 
 
 def _replay(
-    trace: Trace, with_file: str, tolerances: list[Any], is_checking: bool
+    trace: Trace, plan: ReplayFiles, with_file: str, tolerances: list[Any], is_checking: bool
 ) -> tuple[list[NodeReplay], list[OutsideCall], list[str]]:
     from contextlib import ExitStack
 
+    from snr_sim.core.source_files import reading_from
     from snr_sim.recording.folder import remarks
     from snr_sim.recording.outside import watching
-    from snr_sim.recording.reloads import reloads_in_words
+    from snr_sim.recording.reloads import reload_sources, reloads_in_words
     from snr_sim.recording.replay import replay_node
 
     roles = [node.removesuffix("_node") for node in trace.header.nodes]
     with ExitStack() as stack:
         found = stack.enter_context(watching()) if is_checking else {}
-        config, notes = _config(trace, with_file)
-        replays = [replay_node(trace, role, config, tolerances) for role in roles]
-    notes.extend(reloads_in_words(trace, [record for replay in replays for record in replay.records]))
+        stack.enter_context(reading_from(plan.files))
+        config, notes = _config(trace, plan, with_file)
+        replays: list[NodeReplay] = []
+        for role in roles:
+            if replays and reload_sources(trace):
+                plan.files.begin_node()  # another node may have been reloaded
+                config, _ = _config(trace, plan, with_file)
+            replays.append(replay_node(trace, role, config, tolerances, plan.files.begin_task))
+    if with_file or not plan.is_recorded:
+        notes.extend(reloads_in_words(trace, [record for replay in replays for record in replay.records]))
     notes.extend(remarks(trace))
     return replays, list(found.values()), notes
 
 
-def _config(trace: Trace, with_file: str) -> tuple[Any, list[str]]:
+def _config(trace: Trace, plan: ReplayFiles, with_file: str) -> tuple[Any, list[str]]:
     """Returns the wiring to replay with, and what is to be said about it."""
+    from dataclasses import replace
+
     from snr_sim.library import OPTION_FILE, hashes_of_files
     from snr_sim.simulation import prepare, request_of, wiring_of_file
 
@@ -97,7 +119,7 @@ def _config(trace: Trace, with_file: str) -> tuple[Any, list[str]]:
         config = wiring_of_file(with_file or opening.controller)
         now = {} if with_file else hashes_of_files([("program", Path(opening.controller))])
     else:
-        simulation = prepare(request_of(opening, header, with_file))
+        simulation = prepare(replace(request_of(opening, header, with_file), options=plan.options))
         config = simulation.config(None)
         now = simulation.sources()
     changed = _changed(header.sources, now)
@@ -109,6 +131,10 @@ def _config(trace: Trace, with_file: str) -> tuple[Any, list[str]]:
     ]
     if not with_file:
         notes += [f"Changed since the run: {name}" for name in changed if not name.startswith(OPTION_FILE)]
+        notes += [
+            f"Changed since the run: {name}. This replay executes it as it was recorded; --with FILE executes today's."
+            for name in plan.changed
+        ]
     return config, notes
 
 

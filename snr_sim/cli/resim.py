@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from snr_sim.cli.trust import Trust
+
 if TYPE_CHECKING:
     from snr_sim.simulation import Request
 
@@ -20,6 +22,7 @@ def resim(
         str, typer.Option(help="Where devices are: sim, emulated, ...; as recorded if not given and nothing real.")
     ] = "",
     out: Annotated[Path, typer.Option(help="Folder that run folders go into.")] = Path("runs"),
+    trust: Trust = False,
     no_rrd: Annotated[bool, typer.Option("--no-rrd", help="Leave out view.rrd.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
@@ -32,11 +35,14 @@ def resim(
     """
     from snr_sim.cli.replay import environment_note
     from snr_sim.cli.run import record_run
+    from snr_sim.cli.trust import ask
     from snr_sim.recording.folder import records_digest, remarks, trace_path
     from snr_sim.recording.reader import read_trace
+    from snr_sim.replay_files import files_of_resim
     from snr_sim.simulation import request_of
 
     trace = read_trace(trace_path(run))
+    ask(trace.path.parent, files_of_resim(trace, with_file), trust)
     for remark in remarks(trace):
         print(f"note: {remark}", file=sys.stderr)
     request = with_devices(request_of(trace.opening, trace.header, with_file), io)

@@ -114,6 +114,7 @@ def record_run(
     from snr_sim.core.runners import show_log
     from snr_sim.core.watch import watched
     from snr_sim.flight import Flight
+    from snr_sim.library import keeping
     from snr_sim.recording.folder import discard, new_run_folder
     from snr_sim.recording.trace import FILE_NAME, TraceWriter
     from snr_sim.role_run import RoleRun, World
@@ -157,6 +158,7 @@ def record_run(
             discard(folder)
             raise
         try:
+            kept = stack.enter_context(keeping(folder, simulation.files().values()))
             if is_live:
                 stack.callback(_live_view(header, recorder).close)
             tick = stack.enter_context(progress(simulation.scenario_name, is_shown=pace is not None))
@@ -177,6 +179,7 @@ def record_run(
             recorder_error = _close(recorder)
         if recorder_error and not result.error:
             result.error, result.outcome, result.success = recorder_error, "error", False
+        result.notes += kept.left_out
         fields = result_fields(simulation.request, result, recorder.digest, place / folder.name)
         noted = list(result.notes)
         _keep_result(folder, fields, result)

@@ -124,6 +124,11 @@ class Node:
                     f"Role '{self.role}' lists {type(owner).__name__}.{factory.__name__} where a factory belongs.",
                     fix=f'call it: .{factory.__name__}(...), as in tether.server("depth").',
                 )
+            if hasattr(factory, "attach"):  # runners.Link
+                raise ConfigError(
+                    f"Role '{self.role}' lists a {name}, which links roles of one simulation, where a factory belongs.",
+                    fix="SimRunner(config, links=[link]); between processes a SocketsPair or a PipesPair.",
+                )
             raise ConfigError(
                 f"Role '{self.role}' lists {factory!r} where a factory belongs.",
                 fix="list instances: [MyFactory()], not the class and not the endpoint itself.",

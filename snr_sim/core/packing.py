@@ -3,6 +3,7 @@
 Only this way: a process gets objects from who started it, and sends back nothing but plain values. Code goes as the
 source of its files: also of those that were loaded by path, such as a robot's, of the student's files around them that
 are loaded too, and of the program itself. So the process runs what its node runs, as exactly as `source_of` knows it.
+An open socket or pipe goes as its descriptor, which the process must be given when it is started (`Spawned`).
 """
 
 from __future__ import annotations
@@ -13,10 +14,12 @@ import io
 import linecache
 import os
 import pickle
+import socket
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.abc import MetaPathFinder, SourceLoader
 from importlib.machinery import ModuleSpec
+from multiprocessing.connection import Connection
 from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any
@@ -24,7 +27,7 @@ from typing import Any
 from snr_sim.core import spawned
 from snr_sim.core.blame import is_student_file, short_path
 from snr_sim.core.sources import file_of, source_of
-from snr_sim.prelude.errors import ConfigError
+from snr_sim.prelude.errors import ConfigError, SnrError
 
 _MAIN = "__main__"
 _MAIN_THERE = "__main_of_parent__"  # not "__main__", so that what stands under `if __name__ == ...` does not run
@@ -35,6 +38,8 @@ _NEIGHBOURS_MAX_BYTES = 4_000_000
 def pack(thing: Any, name: str, user: str) -> dict[str, Any]:
     """Returns plain values that `unpack` makes the same object of, in another process.
 
+    That process has to be started with the file descriptors in "descriptors", under the same numbers.
+
     Args:
         thing: a factory, or several.
         name: its name in words, such as "VisionFactory".
@@ -44,21 +49,24 @@ def pack(thing: Any, name: str, user: str) -> dict[str, Any]:
         ConfigError: it cannot go there; names the attribute, and what to do.
     """
     try:
-        data, modules = _dump(thing)
+        packer = _dump(thing)
+    except SnrError as error:  # it refuses by itself
+        raise ConfigError(f"{user} runs in a process of its own. {error.message}", fix=error.fix) from error
     except Exception as error:  # a student's __reduce__ may raise anything
         where, what = _culprit(thing, error)
         raise ConfigError(
             f"{user} runs in a process of its own, and {name}{where} cannot be sent there: {what}.",
             fix=_fix(what),
         ) from error
-    main = sys.modules[_MAIN]
+    main, modules = sys.modules[_MAIN], list(packer.modules)
     if _MAIN in modules and not getattr(main, "__file__", None):
         raise ConfigError(
             f"{user} runs in a process of its own, and {name} is defined where no file is: at a prompt, in a notebook.",
             fix="put its class into a file, and import it from there.",
         )
     return {
-        "pickle": data,
+        "pickle": packer.data.getvalue(),
+        "descriptors": packer.descriptors,
         "modules": _neighbours(modules) | {module: place for name in modules for module, place in _places(name)},
         "main": [getattr(main.__spec__, "name", None), *_file_and_source(main)] if _MAIN in modules else None,
         "argv": sys.argv,
@@ -79,18 +87,26 @@ def unpack(packed: Mapping[str, Any]) -> Any:
 
 
 class _Packer(pickle.Pickler):
-    """Sends modules by name, and takes down whose classes and functions are needed."""
+    """Sends modules by name, and takes down whose classes and functions, and which descriptors, are needed."""
 
-    def __init__(self, file: io.BytesIO) -> None:
-        super().__init__(file)
+    def __init__(self) -> None:
+        self.data = io.BytesIO()
+        super().__init__(self.data)
         self.modules: dict[str, None] = {}
+        self.descriptors: list[int] = []
 
-    def persistent_id(self, obj: Any) -> str | None:
-        """Returns a module's name: reload targets are modules."""
-        if not isinstance(obj, ModuleType):
-            return None
-        self.modules[obj.__name__] = None
-        return obj.__name__
+    def persistent_id(self, obj: Any) -> tuple[Any, ...] | None:
+        """Returns how `_Unpacker` finds a module, a socket or a pipe; None for all else."""
+        if isinstance(obj, ModuleType):
+            self.modules[obj.__name__] = None
+            return "module", obj.__name__
+        if type(obj) is socket.socket:
+            self.descriptors.append(obj.fileno())
+            return "socket", obj.fileno()
+        if isinstance(obj, Connection):  # pickle would send the bare number, which means another file there
+            self.descriptors.append(obj.fileno())
+            return "pipe", obj.fileno(), obj.readable, obj.writable
+        return None
 
     def reducer_override(self, obj: Any) -> Any:
         """Takes down the module of a class or function."""
@@ -100,16 +116,19 @@ class _Packer(pickle.Pickler):
 
 
 class _Unpacker(pickle.Unpickler):
-    def persistent_load(self, pid: Any) -> ModuleType:
-        """Returns the module of that name."""
-        return importlib.import_module(pid)
+    def persistent_load(self, pid: Any) -> ModuleType | socket.socket | Connection:
+        """Returns the module of that name, or the socket or pipe of that descriptor."""
+        kind, name, *flags = pid
+        if kind == "module":
+            return importlib.import_module(name)
+        os.set_inheritable(name, False)
+        return socket.socket(fileno=name) if kind == "socket" else Connection(name, *flags)
 
 
-def _dump(thing: Any) -> tuple[bytes, list[str]]:
-    file = io.BytesIO()
-    packer = _Packer(file)
+def _dump(thing: Any) -> _Packer:
+    packer = _Packer()
     packer.dump(thing)
-    return file.getvalue(), list(packer.modules)
+    return packer
 
 
 def _places(name: str) -> Iterator[tuple[str, list[Any]]]:

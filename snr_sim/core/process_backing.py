@@ -75,7 +75,7 @@ class ProcessBacking:
         arrays_out, arrays_in = make_shared_file(), make_shared_file()
         self._sender, self._receiver = ArraySender(arrays_out), ArrayReceiver(arrays_in)
         try:
-            self._process = Spawned(TARGET, (arrays_out, arrays_in))
+            self._process = Spawned(TARGET, (arrays_out, arrays_in, *packed["descriptors"]))
         except BaseException:
             self._close()
             raise

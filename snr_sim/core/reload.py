@@ -35,7 +35,7 @@ class Outcome:
         ok: whether everything asked for was done.
         message: in words; of a failure the student's line first.
         made: names of the components that were made.
-        sources: sha256 of each file that was read anew, by its name and its folder's.
+        sources: sha256 of each file that was read anew, by its name and its folder's; also of one that is not Python.
     """
 
     component: str
@@ -198,6 +198,7 @@ class _Reload:
         self._users: dict[ModuleType, set[str]] = {}  # whose new code stands in a module, as far as all went well
         self._before: dict[str, tuple[type[Any], dict[str, Any]]] = {}  # by component: class and state of its factory
         self._failures: dict[str, list[str]] = {}  # by message: which components go on with their old code
+        self._sources: dict[str, str] = {}
         self._remarks: list[str] = []
         self._made: list[str] = []
 
@@ -254,6 +255,7 @@ class _Reload:
         if module not in self._readings:
             try:
                 reading = self._readings[module] = Reading(module)
+                self._sources[reading.name] = reading.sha256
                 try:
                     reading.execute()
                 except BaseException:
@@ -310,10 +312,8 @@ class _Reload:
         if self._made or not told:
             told.append(f"Made anew: {', '.join(self._made) or 'nothing'}.")
         told += self._remarks
-        readings = [one for one in self._readings.values() if isinstance(one, Reading)]
-        sources = {reading.name: reading.sha256 for reading in readings}
         is_ok = not self._failures and not self._remarks
-        return Outcome(self._asked, is_ok, "\n".join(told), self._made, sources)
+        return Outcome(self._asked, is_ok, "\n".join(told), self._made, self._sources)
 
 
 def _newest(kind: type[Any], modules: Sequence[ModuleType]) -> type[Any]:

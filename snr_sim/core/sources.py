@@ -14,6 +14,7 @@ from weakref import WeakKeyDictionary
 
 from snr_sim.core.blame import is_student_file
 from snr_sim.core.component import ComponentFactory, NodeComponent
+from snr_sim.core.source_files import source_files
 from snr_sim.prelude.errors import ConfigError
 
 # What stood in a module's file when somebody first asked, or at its last reload: a process that begins later runs the
@@ -77,7 +78,7 @@ def _check_target(factory: str, target: object) -> None:
             fix="import the module and list it itself: reload_targets=[mixer].",
         )
     path = file_of(target)
-    if path is None or not path.is_file():
+    if path is None or not source_files().is_file(path):
         where = f": there is no file {path}" if path is not None else ", as it was not read from a Python file"
         raise ConfigError(
             f"The reload target '{target.__name__}' of {factory} cannot be read again{where}.",
@@ -93,14 +94,13 @@ class Reading:
 
     Raises:
         ConfigError: the file is gone.
-        SyntaxError: it is not Python.
     """
 
     def __init__(self, module: ModuleType) -> None:
         path = file_of(module)
         assert path is not None
         try:
-            source = path.read_bytes()
+            source = source_files().read(path)
         except OSError as error:
             raise ConfigError(f"The file {path} cannot be read again: {error.strerror}.") from error
         linecache.checkcache(str(path))  # a message about the new code shows the new line
@@ -109,20 +109,22 @@ class Reading:
         self._source_before = _sources.get(module)
         self.name = "/".join(path.parts[-2:])  # the same from whatever folder a replay is started
         self.sha256 = hashlib.sha256(source).hexdigest()
-        tree = ast.parse(source, str(path))
-        if module.__name__ == "__main__":
-            tree = ast.fix_missing_locations(_NotMain().visit(tree))
-        self._code = compile(tree, str(path), "exec", dont_inherit=True)
         self._before: dict[str, object] | None = None  # once it is executed
 
     def execute(self) -> None:
         """Executes the new code in the module, as Python does at the first import. Raises what that raises."""
+        path = str(self.module.__file__)
+        source_files().check(Path(path), self._source)
+        tree = ast.parse(self._source, path)
+        if self.module.__name__ == "__main__":
+            tree = ast.fix_missing_locations(_NotMain().visit(tree))
+        code = compile(tree, path, "exec", dont_inherit=True)
         namespace = vars(self.module)
         before = self._before = dict(namespace)
         _sources[self.module] = self.module.__spec__, self._source
         token = being_read.set(self.name)
         try:
-            exec(self._code, namespace)
+            exec(code, namespace)
         finally:
             being_read.reset(token)
         if self.module.__name__ != "__main__":

@@ -32,7 +32,7 @@ class Component(Protocol):
 
 @runtime_checkable
 class PortFactory(Protocol):
-    """A factory whose component listens at a port of this machine, which only one program can have."""
+    """A factory of a component that has what only one program can have: a port to listen at, an end of a pipe."""
 
     def claim(self) -> None:
         """Listens already, so that a port that is taken is told before there is a run; the component takes it over.
@@ -43,7 +43,10 @@ class PortFactory(Protocol):
         ...
 
     def release(self) -> None:
-        """Lets go of the port, if no component has taken it over. Safe to call twice."""
+        """Closes it here, if no component has taken it over: nobody needs it, or another process has it now.
+
+        Safe to call twice.
+        """
         ...
 
 

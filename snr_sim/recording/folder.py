@@ -6,6 +6,7 @@ import hashlib
 import json
 import math
 import os
+import shutil
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import Any
 from snr_sim.prelude.errors import TraceError
 from snr_sim.recording.reader import Trace
 from snr_sim.recording.records import digest_of
+from snr_sim.recording.sources import FOLDER as SOURCES
 from snr_sim.recording.trace import FILE_NAME
 
 RESULT_NAME = "result.json"
@@ -50,6 +52,7 @@ def new_run_folder(out: Path, scenario: str, seed: int) -> Path:
 def discard(folder: Path) -> None:
     """Takes away the folder of a run that never began."""
     (folder / FILE_NAME).unlink(missing_ok=True)
+    shutil.rmtree(folder / SOURCES, ignore_errors=True)
     for empty in (folder, folder.parent):
         with suppress(OSError):  # other runs are in it
             empty.rmdir()

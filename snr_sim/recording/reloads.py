@@ -1,4 +1,4 @@
-"""What a replay has to say of reloads: the run went from one code to another, and a replay has only the newest."""
+"""Reloads of a run, which went from one code to another: what each read, and what a replay of today's code lacks."""
 
 from __future__ import annotations
 
@@ -13,6 +13,12 @@ from snr_sim.recording.records import PageRecord, Record
 
 # Which code a reload has read is told in words, and is no difference in what the handlers did.
 UNCOMPARED = f"{TaskType.reload}.sources*=ignore"
+
+
+def reload_sources(trace: Trace) -> dict[int, dict[str, str]]:
+    """Returns the sha256 of each file that a reload read, by its name and its folder's, by the seq of the reload."""
+    pages = [record for record in trace.records if isinstance(record, PageRecord) and _is_reload(record)]
+    return {page.cause: _sources(page) for page in pages}
 
 
 def reloads_in_words(trace: Trace, replayed: Sequence[Record]) -> list[str]:

@@ -9,7 +9,7 @@ difference the rest is still compared with what it belongs to.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.config import Config
@@ -43,7 +43,13 @@ class ReplayClock(SimClock):
         self._now_s = time_s
 
 
-def replay_node(trace: Trace, role: str, config: Config, tolerances: Sequence[Tolerance] = ()) -> NodeReplay:
+def replay_node(
+    trace: Trace,
+    role: str,
+    config: Config,
+    tolerances: Sequence[Tolerance] = (),
+    before_task: Callable[[int], None] = lambda seq: None,
+) -> NodeReplay:
     """Replays one node of a run.
 
     Args:
@@ -51,6 +57,7 @@ def replay_node(trace: Trace, role: str, config: Config, tolerances: Sequence[To
         role: of the node.
         config: with the same endpoints, or changed ones; its loops are left out.
         tolerances: differences to let pass.
+        before_task: called with the seq of each recorded task before it is executed again.
 
     Raises:
         TraceError: an input of the trace cannot be brought back.
@@ -63,7 +70,7 @@ def replay_node(trace: Trace, role: str, config: Config, tolerances: Sequence[To
     clock = ReplayClock()
     node = Node(role, config, clock=clock, recorder=checker, seed=trace.header.seed, is_replay=True)
     node.is_in_lock_step = trace.header.clock == "sim"
-    _Driver(node, clock, checker).run(records)
+    _Driver(node, clock, checker, before_task).run(records)
     checker.result.executed = node.machine.executed
     return checker.result
 
@@ -71,12 +78,13 @@ def replay_node(trace: Trace, role: str, config: Config, tolerances: Sequence[To
 class _Driver:
     """Brings the inputs and has the tasks executed, in the recorded order."""
 
-    def __init__(self, node: Node, clock: ReplayClock, checker: Checker) -> None:
+    def __init__(self, node: Node, clock: ReplayClock, checker: Checker, before_task: Callable[[int], None]) -> None:
         assert isinstance(node.machine, RecordingMachine)
         self._node = node
         self._machine = node.machine
         self._clock = clock
         self._checker = checker
+        self._before_task = before_task
 
     def run(self, records: Sequence[Record]) -> None:
         self._show(next((record.t for record in records if isinstance(record, BeginRecord)), 0.0))
@@ -124,6 +132,7 @@ class _Driver:
                 return  # the recorded task is missing here; that was said when its cause did not return it
             if expected is record:
                 self._show(record.t)
+                self._before_task(record.seq)
             self._execute_next()
             if expected is record:
                 return

@@ -23,7 +23,7 @@ from snr_sim.core.config import Config
 from snr_sim.core.door import LOOK_UP_S
 from snr_sim.core.packing import pack
 from snr_sim.core.spawn import Spawned, how_it_ended, print_line
-from snr_sim.prelude.component import RoleName
+from snr_sim.prelude.component import PortFactory, RoleName
 from snr_sim.prelude.errors import ComponentFailed, ConfigError
 from snr_sim.prelude.values import decode_value, encode_value
 from snr_sim.supervision.role_process import RoleRun, run_role
@@ -85,18 +85,20 @@ class MultiProcRunner:
     def run(self) -> None:
         """Runs the roles until all have ended.
 
+        Ports that they listen at are opened here and handed on, so a port 0 is known to all roles, and pipes are, too.
+
         Raises:
             ConfigError: something cannot be sent to a process, so none was started; or it has run before.
+            LinkError: a port is taken, so none was started.
             ComponentFailed: a role failed; all others have been ended.
         """
         if self._has_run:
             raise ConfigError("This MultiProcRunner has already run.", fix="make a new one for a new run.")
         self._has_run = True
-        orders = [self._order(role) for role in self.roles]
+        ports = [one for role in self.roles for one in self._config.get(role) if isinstance(one, PortFactory)]
         with _signals_as(self._news):
             try:
-                for role, order in zip(self.roles, orders, strict=True):
-                    self._running[role] = RoleProcess(role, order, self._news)
+                self._start(ports)
                 while self._running:
                     self._wait()
             finally:
@@ -104,6 +106,17 @@ class MultiProcRunner:
                     process.end_at_once()
         if self._failures:
             raise self._failures[0]
+
+    def _start(self, ports: Sequence[PortFactory]) -> None:
+        try:
+            for port in ports:
+                port.claim()
+            orders = [self._order(role) for role in self.roles]
+            for role, order in zip(self.roles, orders, strict=True):
+                self._running[role] = RoleProcess(role, order, self._news)
+        finally:
+            for port in ports:
+                port.release()  # an end of a pipe that stays open here would hide that its role has ended
 
     def _order(self, role: RoleName) -> dict[str, Any]:
         factories = self._config.get(role)
@@ -180,7 +193,8 @@ class RoleProcess:
         self.is_overdue = False
         self.is_not_wanted = False  # it was to end before it had begun
         self._news = news
-        self._process = Spawned(TARGET, out=self._passed_to(sys.stdout), err=self._passed_to(sys.stderr))
+        descriptors = order["packed"]["descriptors"]
+        self._process = Spawned(TARGET, descriptors, out=self._passed_to(sys.stdout), err=self._passed_to(sys.stderr))
         self._orders: SimpleQueue[list[Any] | None] = SimpleQueue()
         self._orders.put(["begin", order])
         self._speaker = threading.Thread(target=self._speak, name=f"{role} speaker", daemon=True)

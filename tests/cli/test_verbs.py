@@ -108,17 +108,27 @@ def test_a_replay_with_another_policy_file_says_that_it_is_the_file_and_not_the_
     policy = ("--controller", "q", "--policy", "policy.npz")
     run = snr("run", "lander_vertical", "--no-rrd", "--json", *policy).json["run_dir"]
     assert "option/policy" in read_trace(here / run / FILE_NAME).header.sources
-    assert (snr("replay", run).status, snr("replay", run).err) == (0, "")
+    said = f"executes, as recorded: {here / 'policy.npz'}\n"
+    assert (snr("replay", run).status, snr("replay", run).err) == (0, said)
     save(3)
+    assert (snr("replay", run).status, snr("replay", run).err) == (0, said)
+    shutil.rmtree(here / run / "sources")  # a run as it was before files were kept
     answer = snr("replay", run)
+    assert answer.status == 2
+    assert f"It would execute:\n  {here / 'policy.npz'}\n" in answer.err
+    answer = snr("replay", run, "--trust")
     assert answer.status == 1
     assert f"The policy FILE is another one than was recorded: {here / 'policy.npz'}" in answer.err
     assert "Changed since the run" not in answer.err
 
 
 def test_a_replay_after_one_constant_was_changed_names_the_record(snr: Snr, flown_mine: Path, mine: Mine) -> None:
-    mine((WIRED, '        return self.store_data_task("engine", {"throttle": 0.3 if now_s < 20.0 else 0.35})'))
-    answer = snr("replay", flown_mine, "--check")
+    path = mine((WIRED, '        return self.store_data_task("engine", {"throttle": 0.3 if now_s < 20.0 else 0.35})'))
+    as_recorded = snr("replay", flown_mine, "--check")
+    assert as_recorded.status == 0
+    assert "Changed since the run: controller/mine.py. This replay executes it as it was recorded" in as_recorded.err
+    today = ("replay", flown_mine, "--with", path)
+    answer = snr(*today, "--check")
     assert answer.status == 1
     records = read_trace(flown_mine / FILE_NAME).records
     processed = (one for one in records if isinstance(one, TaskRecord) and one.name == "radar")
@@ -132,8 +142,7 @@ def test_a_replay_after_one_constant_was_changed_names_the_record(snr: Snr, flow
         "snr resim",
     ):
         assert part in answer.out
-    assert "Changed since the run: controller/mine.py" in answer.err
-    fields = snr("replay", flown_mine, "--json").json
+    fields = snr(*today, "--json").json
     first = fields["first_divergence"]
     assert (first["seq"], first["component"], first["handler"], first["field"]) == (
         seq,
@@ -143,9 +152,9 @@ def test_a_replay_after_one_constant_was_changed_names_the_record(snr: Snr, flow
     )
     assert (first["recorded"], first["replayed"], first["kind"]) == (0.3, 0.35, "value")
     assert fields["commands_differ_from_seq"] == seq
-    assert snr("replay", flown_mine, "--tolerance", "engine.throttle=0.06").status == 0
-    assert snr("replay", flown_mine, "--tolerance", "engine.throttle=20%").status == 0
-    assert snr("replay", flown_mine, "--tolerance", "engine.*=1e-3").status == 1
+    assert snr(*today, "--tolerance", "engine.throttle=0.06").status == 0
+    assert snr(*today, "--tolerance", "engine.throttle=20%").status == 0
+    assert snr(*today, "--tolerance", "engine.*=1e-3").status == 1
 
 
 def elsewhere(run: Path) -> None:
@@ -160,15 +169,13 @@ def elsewhere(run: Path) -> None:
 def test_replay_under_another_python_names_it_before_the_handler(snr: Snr, flown_mine: Path, mine: Mine) -> None:
     elsewhere(flown_mine)
     assert "Recorded with something else" not in snr("replay", flown_mine).err, "the same tasks all the same"
-    mine((WIRED, '        return self.store_data_task("engine", {"throttle": 0.3 if now_s < 20.0 else 0.35})'))
-    answer = snr("replay", flown_mine)
+    path = mine((WIRED, '        return self.store_data_task("engine", {"throttle": 0.3 if now_s < 20.0 else 0.35})'))
+    answer = snr("replay", flown_mine, "--with", path)
     assert answer.status == 1
     said = f"Recorded with something else: Python 3.10.0 then, {platform.python_version()} now; numpy 1.0 then, "
     assert said in answer.err
     assert "Look there before you look at the code." in answer.err
-    notes = snr("replay", flown_mine, "--json").json["notes"]
-    assert said in notes[0]
-    assert "Changed since the run: controller/mine.py" in notes[1]
+    assert said in snr("replay", flown_mine, "--with", path, "--json").json["notes"][0]
 
 
 def test_a_replay_with_another_file_warns_where_the_loop_opens(snr: Snr, flown_mine: Path, mine: Mine) -> None:
@@ -290,7 +297,8 @@ if __name__ == "__main__":
     assert (answer.status, "has no `config`" in answer.err) == (2, True)
     (here / "robot.py").write_text(program.replace("GAIN", "3"))
     answer = snr("replay", folder)
-    assert (answer.status, "Changed since the run: program/robot.py" in answer.err) == (1, True)
+    assert (answer.status, "Changed since the run: program/robot.py" in answer.err) == (0, True)
+    assert snr("replay", folder, "--with", "robot.py").status == 1
 
 
 @pytest.mark.slow

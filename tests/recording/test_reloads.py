@@ -17,6 +17,7 @@ from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import PageRecord
 from snr_sim.recording.reloads import reloads_in_words
 from snr_sim.recording.replay import replay_node
+from snr_sim.recording.sources import read_kept_files
 from snr_sim.recording.trace import FILE_NAME
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
@@ -150,6 +151,34 @@ def test_a_replay_says_that_a_reload_read_other_code_than_the_run_began_with(tmp
     replayed = replay(trace)
     assert replayed.divergences[0].seq > first.seq
     assert "They have changed again since." in reloads_in_words(trace, replayed.records)[0]
+
+
+@pytest.mark.slow
+def test_run_with_reloads_of_edited_files_replays_as_recorded_by_snr(tmp_path: Path) -> None:
+    (tmp_path / "edit.py").write_text(PROGRAM.replace("GAIN = 1", "GAIN = 5"))
+    trace = record(tmp_path, "sim")
+    kept = read_kept_files(trace.path.parent)
+    assert len({one.sha256 for one in kept if one.path.name == "robot.py"}) == 2
+    (tmp_path / "robot.py").write_text("1 / 0\n")
+    done = snr(tmp_path, "replay", trace.path.parent)
+    assert done.stdout.startswith("identical: "), done.stdout + done.stderr
+    assert "was reloaded with other code" not in done.stderr
+
+
+@pytest.mark.slow
+def test_reload_that_failed_replays_with_the_text_that_was_no_python(tmp_path: Path) -> None:
+    (tmp_path / "edit.py").write_text(PROGRAM.replace("GAIN = 1", "GAIN ="))
+    trace = record(tmp_path, "sim")
+    assert pages(trace, "reload")[0]["ok"] is False
+    assert f"{tmp_path.name}/robot.py" in pages(trace, "reload")[0]["sources"]
+    (tmp_path / "robot.py").write_text(PROGRAM)
+    done = snr(tmp_path, "replay", trace.path.parent)
+    assert done.stdout.startswith("identical: "), done.stdout + done.stderr
+
+
+def snr(folder: Path, *words: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "snr_sim", *map(str, words)]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, check=False)
 
 
 def test_an_input_that_adds_a_component_cannot_be_brought_back_and_says_what_to_do(tmp_path: Path) -> None:

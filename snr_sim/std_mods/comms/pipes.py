@@ -94,6 +94,13 @@ class PipeLoopFactory(LoopFactory):
         wanted = None if accept is None else frozenset(as_keys(accept))
         self.options = replace(options or LinkOptions(name), keys=as_keys(data_keys), accept=wanted)
 
+    def claim(self) -> None:
+        """Does nothing: a pipe is open from the start; see PortFactory."""
+
+    def release(self) -> None:
+        """Closes this end; see PortFactory."""
+        self.conn.close()
+
     def get(self, parent: Node) -> Loop:
         """Returns the link."""
         options = self.options

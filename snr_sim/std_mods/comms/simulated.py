@@ -26,6 +26,10 @@ class Meeting:
     def __init__(self) -> None:
         self._servers: WeakKeyDictionary[SimClock, SimulatedLink] = WeakKeyDictionary()
 
+    def __reduce__(self) -> tuple[type[Meeting], tuple[()]]:
+        """Return an empty one for another process: clocks stay where they are."""
+        return Meeting, ()
+
     def open(self, clock: SimClock, server: SimulatedLink) -> None:
         """A server is there."""
         self._servers[clock] = server

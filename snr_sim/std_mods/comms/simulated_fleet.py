@@ -22,6 +22,10 @@ class Gathering:
     def __init__(self) -> None:
         self._links: WeakKeyDictionary[SimClock, list[SimulatedFleetLink]] = WeakKeyDictionary()
 
+    def __reduce__(self) -> tuple[type[Gathering], tuple[()]]:
+        """Return an empty one for another process: clocks stay where they are."""
+        return Gathering, ()
+
     def links_on(self, clock: SimClock) -> list[SimulatedFleetLink]:
         """Returns those that are there, in the order in which they came; to be changed in place."""
         return self._links.setdefault(clock, [])
@@ -152,10 +156,16 @@ class SimulatedFleetLink(FleetLink):
         }
 
     def halt(self) -> None:
-        """Leaves the net."""
+        """Leaves the net; the others notice once what was sent before has come."""
         links = self._gathering.links_on(self.clock)
         if self in links:
             links.remove(self)
-        for other in links:
-            if other._fars.pop(self, None) is not None:
-                other.reason = f"'{self.member.name}' left."
+        for far in self._fars.values():
+            for arrival_s in far.way.arrivals_s(PING_BYTES, self.clock.now_s(), is_page=False):
+                self.clock.call_at(arrival_s, partial(far.link.left, self), BEFORE_LOOPS)
+        self._fars.clear()
+
+    def left(self, sender: SimulatedFleetLink) -> None:
+        """Another node has left the net."""
+        if self._fars.pop(sender, None) is not None:
+            self.reason = f"'{sender.member.name}' left."

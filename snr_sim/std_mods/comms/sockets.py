@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.loop import Loop, LoopFactory
@@ -26,6 +27,9 @@ from snr_sim.std_mods.comms.simulated import Meeting, SimulatedLink
 from snr_sim.std_mods.comms.socket_port import Address, Claim
 from snr_sim.std_mods.comms.tcp_client import ClientLink
 from snr_sim.std_mods.comms.tcp_server import Gate, ServerLink
+
+if TYPE_CHECKING:
+    import ssl
 
 # Time for a greeting, also where the silence that counts is shorter: whoever is called may still be starting.
 GREETING_S = 3.0
@@ -178,7 +182,15 @@ class SocketsLoopFactory(LoopFactory):
         super().__init__()
         self.pair = pair if isinstance(pair, SocketsPair) else SocketsPair(pair)
         self.options = self.pair.options_for(data_keys, accept)
-        self.context = None if self.pair.tls is None else self.pair.tls.client_context()
+        self._context()
+
+    def _context(self) -> ssl.SSLContext | None:
+        """Return what TLS needs: made again for each link, since a context cannot be sent to a process.
+
+        Raises:
+            ConfigError: a file is missing or is not what it should be.
+        """
+        return None if self.pair.tls is None else self.pair.tls.client_context()
 
     def get(self, parent: Node) -> Loop:
         """Returns the link."""
@@ -186,7 +198,7 @@ class SocketsLoopFactory(LoopFactory):
         if isinstance(parent.clock, SimClock):
             return SimulatedLink(self, parent, self.options, terms, self.pair.meeting)
         server_name = "" if self.pair.tls is None else self.pair.tls.server_name
-        return ClientLink(self, parent, self.options, terms, self.pair.address, self.context, server_name)
+        return ClientLink(self, parent, self.options, terms, self.pair.address, self._context(), server_name)
 
 
 class SocketsListenerFactory(LoopFactory):
@@ -219,9 +231,14 @@ class SocketsListenerFactory(LoopFactory):
                 f"A server on {pair.host} would let anybody in that network steer this node.",
                 fix='secret= on both ends, or allow=["192.168.2.7"] with the addresses that may connect.',
             )
-        context = None if pair.tls is None else pair.tls.server_context()
-        self.gate = Gate(asks_who, pair.allow, context)
+        self._asks_who = asks_who
+        self._gate()
         self._claim = Claim(f"The link '{self.options.name}'")
+
+    def _gate(self) -> Gate:
+        """Return who may connect; as for a client, a context of TLS is made again for each link."""
+        context = None if self.pair.tls is None else self.pair.tls.server_context()
+        return Gate(self._asks_who, self.pair.allow, context)
 
     def claim(self) -> None:
         """Listens already; see PortFactory."""
@@ -236,4 +253,4 @@ class SocketsListenerFactory(LoopFactory):
         terms = self.pair.terms_for(parent.name, is_server=True)
         if isinstance(parent.clock, SimClock):
             return SimulatedLink(self, parent, self.options, terms, self.pair.meeting)
-        return ServerLink(self, parent, self.options, terms, self.pair.address, self.gate, self._claim)
+        return ServerLink(self, parent, self.options, terms, self.pair.address, self._gate(), self._claim)

@@ -14,6 +14,7 @@ from typing import TextIO
 from snr_sim.core.backing import ThreadBacking
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
+from snr_sim.prelude.errors import ConfigError
 from snr_sim.std_mods.console.command_processor import CommandProcessor
 from snr_sim.std_mods.console.table import Answer
 from snr_sim.std_mods.console.words import LINE_MAX_CHARS
@@ -37,6 +38,17 @@ class LocalConsoleFactory(LoopFactory):
         self.reads = reads
         self.prints = prints
         self.name = name
+
+    def __reduce__(self) -> str:
+        """Refuse to be sent to a process.
+
+        Raises:
+            ConfigError: always.
+        """
+        raise ConfigError(
+            "LocalConsoleFactory reads from the terminal, which only the program that starts the processes has.",
+            fix="CommandReceiverFactory(54321) in this role, and `snr console 54321` in another terminal.",
+        )
 
     def get(self, parent: Node) -> LocalConsole:
         """Returns the loop."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -14,6 +13,7 @@ from prompt_toolkit.document import Document
 from prompt_toolkit.history import History
 from prompt_toolkit.patch_stdout import patch_stdout
 
+from snr_sim.prelude.user_folder import user_folder
 from snr_sim.std_mods.console.client import ConsoleClient
 
 HISTORY_MAX_LINES = 1000
@@ -105,9 +105,5 @@ class FileOfLines(History):
 
 
 def history_file() -> Path:
-    """Returns where this system keeps what programs remember of their user."""
-    if sys.platform == "win32":
-        folder = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
-    else:
-        folder = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
-    return folder / "snr_sim" / "console_history"
+    """Returns where the lines are kept that were typed."""
+    return user_folder() / "console_history"

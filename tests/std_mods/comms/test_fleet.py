@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Config, Faults, SimRunner, ZenohNet
+from snr_sim import Config, Faults, SimRunner, ZenohNet, tasks
 from snr_sim.prelude.page import Page
 from snr_sim.std_mods.comms.fleet import Member
 from snr_sim.testing.parts import TickerFactory
@@ -94,3 +94,16 @@ def test_a_cut_takes_the_net_down_and_its_end_brings_it_back() -> None:
     assert states[1:3] == [True, True]  # 0.5 and 1.0 s
     assert states[4:6] == [False, False]  # 2.0 and 2.5 s
     assert states[7:] == [True, True, True]  # from 3.5 s
+
+
+def test_a_page_sent_before_its_node_left_arrives_before_the_others_notice() -> None:
+    def says_goodbye(loop: Any) -> None:
+        loop.store_data("x", "goodbye")
+        loop.schedule(tasks.finish("enough"))
+
+    came: list[tuple[Any, bool]] = []
+    watch = TickerFactory(lambda loop: came.append((loop.get_data("x"), loop.get_data("link_fleet")["up"])), rate_hz=10)
+    net = ZenohNet(name="fleet", listen=HERE, faults=Faults(latency_s=0.15))
+    run({"a": [TickerFactory(says_goodbye, rate_hz=1), net.link("x")], "b": [net.link(), watch]}, until_s=1.5)
+    assert came[0][0] is None
+    assert came[-1] == ("goodbye", False)

@@ -1,0 +1,39 @@
+"""Asks before a command executes files that may be somebody else's."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+Trust = Annotated[
+    bool, typer.Option("--trust", help="Execute the run's files, also those that somebody else may have written.")
+]
+
+
+def ask(run: object, unknown: Sequence[str], is_trusted: bool) -> None:
+    """Ask whether files may be executed; return if so, or if there are none.
+
+    Args:
+        run: what they belong to.
+        unknown: the files, in words.
+        is_trusted: whether the user has agreed already.
+
+    Raises:
+        ParameterError: the user does not agree, or there is no terminal to ask at.
+    """
+    from snr_sim.prelude.errors import ParameterError
+
+    if is_trusted or not unknown:
+        return
+    listed = "\n".join(f"  {name}" for name in unknown)
+    said = f"{run} was not recorded by you on this computer, as far as is known. It would execute:\n{listed}"
+    if sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty():
+        if typer.confirm(f"{said}\nExecute them, with all that you may do here?", err=True):
+            return
+        raise ParameterError("Nothing was executed.", fix="snr trace and snr view show a run without executing it.")
+    raise ParameterError(
+        f"{said}\nNothing was executed.", fix="read them; then --trust, or --with FILE for code of your own."
+    )

@@ -1,0 +1,315 @@
+"""Copies of a program's source files in its run folder, so that a replay executes what was recorded.
+
+    sources/files.jsonl       a line for each file: its path, its sha256, and a mark of the user who recorded it
+    sources/<sha256>.py       what was in it; a reload that read other text adds another one
+
+A path is a name here and is never opened. The mark says that this user has recorded a run with that file on this
+computer: it is made with a key that nobody else has, so files of other people can be told from one's own.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import importlib.util
+import json
+import linecache
+import os
+import re
+import secrets
+import stat
+import threading
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from snr_sim.core.source_files import SourceFiles
+from snr_sim.prelude.errors import TraceError
+from snr_sim.prelude.user_folder import user_folder
+
+FOLDER = "sources"
+TABLE = "files.jsonl"
+MAX_FILES = 200
+MAX_FILE_BYTES = 4_000_000
+MAX_BYTES = 16_000_000
+MAX_PATH_CHARS = 4096
+_MAX_TABLE_BYTES = MAX_FILES * (MAX_PATH_CHARS + 400)
+_SHA256 = re.compile(r"[0-9a-f]{64}")
+_SUFFIX = re.compile(r"(\.[A-Za-z0-9]{1,8})?")
+_KEY_BYTES = 32
+
+
+class TableLine(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A line of the table."""
+
+    path: str
+    sha256: str
+    mark: str
+
+
+@dataclass(frozen=True)
+class KeptFile:
+    """A file that a run was recorded with.
+
+    Args:
+        path: where it was; never opened.
+        sha256: of its bytes.
+        is_own: whether this user has recorded a run with it on this computer.
+        data: its bytes.
+    """
+
+    path: Path
+    sha256: str
+    is_own: bool
+    data: bytes
+
+
+class KeepingFiles(SourceFiles):
+    """Files on the disk, of which a copy goes into the run folder when they are read.
+
+    What cannot be kept ends no run: a replay then asks for the file, or for `--with`.
+
+    Args:
+        run: the run folder.
+        is_kept: whether a file is of the user's own program.
+    """
+
+    def __init__(self, run: Path, is_kept: Callable[[Path], bool]) -> None:
+        self.left_out: list[str] = []  # why files were not kept
+        self._folder = run / FOLDER
+        self._is_kept = is_kept
+        self._key = _own_key()
+        self._lines: set[tuple[str, str]] = set()
+        self._bytes = 0
+        self._lock = threading.Lock()  # threads import, too
+
+    def read(self, path: Path) -> bytes:
+        """Return what is in a file; keep a copy of one of the user's own."""
+        data = super().read(path)
+        if self._is_kept(path):
+            self.keep(path, data)
+        return data
+
+    def keep(self, path: Path, data: bytes) -> None:
+        """Keep a copy of a file."""
+        line = (str(path), hashlib.sha256(data).hexdigest())
+        with self._lock:
+            if line in self._lines:
+                return
+            self._lines.add(line)
+            if len(self._lines) > MAX_FILES or len(data) > MAX_FILE_BYTES or self._bytes + len(data) > MAX_BYTES:
+                self.left_out.append(f"{path.name} was not kept for a replay: it is too large, or there are too many.")
+                return
+            self._bytes += len(data)
+            try:
+                self._write(path, line[1], data)
+            except OSError as error:
+                self.left_out.append(f"{path.name} could not be kept for a replay: {error.strerror}.")
+
+    def _write(self, path: Path, sha256: str, data: bytes) -> None:
+        self._folder.mkdir(exist_ok=True)
+        with suppress(FileExistsError), open(self._folder / _name_of(sha256, path), "xb") as file:
+            file.write(data)
+        line = {"path": str(path), "sha256": sha256, "mark": _mark_of(sha256, self._key)}
+        with open(self._folder / TABLE, "a", encoding="utf-8") as file:
+            file.write(json.dumps(line) + "\n")
+
+
+class RecordedFiles(SourceFiles):
+    """What a run was recorded with, instead of the disk.
+
+    Args:
+        kept: the copies; of several of one path the first is what the run began with.
+        reloads: by the seq of the task that reloaded: sha256 of each file that was read, by its name and its folder's.
+        is_of_kit: whether a file is the kit's; these are read from the disk.
+        folders: so is what is in these and was not recorded: a user has just named them.
+    """
+
+    def __init__(
+        self,
+        kept: Iterable[KeptFile],
+        reloads: Mapping[int, Mapping[str, str]],
+        is_of_kit: Callable[[Path], bool],
+        folders: Sequence[Path] = (),
+    ) -> None:
+        self._at_first: dict[Path, bytes] = {}
+        self._data: dict[str, bytes] = {}
+        for one in kept:
+            self._at_first.setdefault(one.path, one.data)
+            self._data[one.sha256] = one.data
+        self._reloads = reloads
+        self._is_of_kit = is_of_kit
+        self._folders = folders
+        self._shown: set[str] = set()
+        self._now = dict(self._at_first)
+
+    @property
+    def recorded(self) -> Sequence[Path]:
+        """Paths of the files that were recorded."""
+        return tuple(self._at_first)
+
+    def is_file(self, path: Path) -> bool:
+        """Return whether it was recorded."""
+        return super().is_file(path) if self._is_on_disk(path) else path in self._now
+
+    def is_dir(self, path: Path) -> bool:
+        """Return whether files in it, or beneath, were recorded."""
+        return super().is_dir(path) if self._is_on_disk(path) else any(path in one.parents for one in self._now)
+
+    def in_folder(self, folder: Path) -> list[Path]:
+        """Return the Python files in a folder that were recorded."""
+        if self._is_on_disk(folder):
+            return super().in_folder(folder)
+        return sorted(one for one in self._now if one.parent == folder and one.suffix == ".py")
+
+    def read(self, path: Path) -> bytes:
+        """Return what was in a file then; messages show its lines. What is not Python, as a policy, is on the disk."""
+        if path.suffix != ".py" or self._is_on_disk(path):
+            return super().read(path)
+        if path not in self._now:
+            raise FileNotFoundError(2, "it was not recorded with this run", str(path))
+        data = self._now[path]
+        with suppress(SyntaxError, UnicodeDecodeError):  # whoever compiles it says so
+            lines = importlib.util.decode_source(data).splitlines(keepends=True)
+            linecache.cache[str(path)] = (len(data), None, lines, str(path))
+            self._shown.add(str(path))
+        return data
+
+    def check(self, path: Path, source: bytes) -> None:
+        """Raise a SyntaxError that shows the line as it was recorded, and open no file for it."""
+        if self._is_on_disk(path):
+            return
+        try:
+            compile(source, "<recorded>", "exec", dont_inherit=True)
+        except SyntaxError as error:
+            error.filename = str(path)
+            raise
+
+    def _is_on_disk(self, path: Path) -> bool:
+        whole = Path(os.path.normpath(path))
+        is_named = path not in self._now and any(whole.is_relative_to(folder) for folder in self._folders)
+        return is_named or self._is_of_kit(path)
+
+    def begin_node(self) -> None:
+        """Go back to what the run began with."""
+        self._now = dict(self._at_first)
+
+    def begin_task(self, seq: int) -> None:
+        """Have files hold what a reload, if this task was one, read then."""
+        read_then = self._reloads.get(seq, {})
+        for path in self._now:
+            sha256 = read_then.get("/".join(path.parts[-2:]))
+            if sha256 in self._data:
+                self._now[path] = self._data[sha256]
+
+    def close(self) -> None:
+        """Have messages show what stands in the files again."""
+        for name in self._shown:
+            linecache.cache.pop(name, None)
+
+
+def read_kept_files(run: Path) -> list[KeptFile]:
+    """Return the copies in a run folder, checked, in the order of its table; none if it has no table.
+
+    Raises:
+        TraceError: a copy is not what the table says, is a link or too large, or the table is damaged.
+    """
+    try:
+        folder = os.open(run / FOLDER, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    except FileNotFoundError:
+        return []
+    except OSError as error:
+        raise _unusable(run, f"{FOLDER} is not a folder ({error.strerror})") from error
+    try:
+        return _read_table(run, folder)
+    finally:
+        os.close(folder)
+
+
+def copy_of(run: Path, kept: KeptFile) -> Path:
+    """Return the path of a copy in its run folder."""
+    return run / FOLDER / _name_of(kept.sha256, kept.path)
+
+
+def _read_table(run: Path, folder: int) -> list[KeptFile]:
+    key = _own_key()
+    kept: list[KeptFile] = []
+    left_bytes = MAX_BYTES
+    lines = _read(run, folder, TABLE, _MAX_TABLE_BYTES).splitlines()
+    if len(lines) > MAX_FILES:
+        raise _unusable(run, f"{TABLE} names {len(lines)} files, of at most {MAX_FILES}")
+    for number, text in enumerate(lines, 1):
+        try:
+            line = msgspec.json.decode(text, type=TableLine)
+        except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+            if number == len(lines) and not text.endswith(b"}"):
+                break  # cut with the run
+            raise _unusable(run, f"line {number} of {TABLE} is damaged ({error})") from error
+        if not (_is_plain_path(line.path) and _SHA256.fullmatch(line.sha256)):
+            raise _unusable(run, f"line {number} of {TABLE} does not name a file: {line.path[:100]!r}")
+        path = Path(line.path)
+        name = _name_of(line.sha256, path)
+        data = _read(run, folder, name, min(MAX_FILE_BYTES, left_bytes))
+        left_bytes -= len(data)
+        if hashlib.sha256(data).hexdigest() != line.sha256:
+            raise _unusable(run, f"{name} does not hold what its name says")
+        is_own = bool(key) and hmac.compare_digest(_mark_of(line.sha256, key).encode(), line.mark.encode())
+        kept.append(KeptFile(path, line.sha256, is_own, data))
+    return kept
+
+
+def _read(run: Path, folder: int, name: str, most: int) -> bytes:
+    """Return what is in a file of the folder, which must be a plain file of no more than `most` bytes."""
+    try:
+        descriptor = os.open(name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK, dir_fd=folder)
+    except OSError as error:
+        raise _unusable(run, f"{name} cannot be read ({error.strerror})") from error
+    with open(descriptor, "rb") as file:
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+            raise _unusable(run, f"{name} is not a plain file")
+        data = file.read(most + 1)
+    if len(data) > most:
+        raise _unusable(run, f"{name} is too large")
+    return data
+
+
+def _is_plain_path(text: str) -> bool:
+    """Return whether a text is an absolute path without "..", of characters that can be shown."""
+    is_whole = os.path.isabs(text) and os.path.normpath(text) == text
+    return is_whole and len(text) <= MAX_PATH_CHARS and text.isprintable()
+
+
+def _name_of(sha256: str, path: Path) -> str:
+    return sha256 + (path.suffix if _SUFFIX.fullmatch(path.suffix) else "")
+
+
+def _unusable(run: Path, what: str) -> TraceError:
+    return TraceError(
+        f"The sources in {run} cannot be used: {what}.",
+        fix="take an untouched copy of the run; or name the code to replay it with: --with FILE.",
+    )
+
+
+def _own_key() -> bytes:
+    """Return the key of this user, made when it is first needed; empty where none can be kept."""
+    path = user_folder() / "key"
+    with suppress(OSError):
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        part = path.with_name(f"key.{os.getpid()}.{secrets.token_hex(4)}")
+        if not path.exists():
+            descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+            with open(descriptor, "wb") as file:
+                file.write(secrets.token_bytes(_KEY_BYTES))
+            with suppress(FileExistsError):
+                os.link(part, path)  # whole or not at all, and never in the place of another program's
+            part.unlink()
+        key = path.read_bytes()
+        return key if len(key) == _KEY_BYTES else b""
+    return b""
+
+
+def _mark_of(sha256: str, key: bytes) -> str:
+    return hmac.new(key, f"snr source {sha256}".encode(), hashlib.sha256).hexdigest() if key else ""
