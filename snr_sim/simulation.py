@@ -206,6 +206,15 @@ class Simulation:
             self.notes.append(f"{place}: factories(robot) returned [], so nobody controls {whom}.")
         return made
 
+    def start_lines(self) -> list[str]:
+        """Returns what the controller of the first role has to say before a run."""
+        first = self.robot_file.ROLES[0]
+        controller = (
+            self._controller if first in controlled_roles(self._controller, self.robot_file) else self._standard
+        )
+        lines = getattr(controller, "start_lines", None)
+        return [] if lines is None else list(map(str, call_student(lines, "start_lines(robot)", self._robot)))
+
     def plant(self) -> Plant:
         """Returns the plant at the start that belongs to the seed; with `--io replay:RUN`, the run as it was recorded.
 

@@ -171,6 +171,8 @@ def record_run(
             _close(recorder)
             discard(folder)  # the request was wrong, and nothing has begun
             raise
+        for line in [] if is_quiet else simulation.start_lines():
+            print(line, file=sys.stderr, flush=True)
         try:
             result = flight.run(signals)
         finally:
