@@ -206,6 +206,21 @@ class Simulation:
             self.notes.append(f"{place}: factories(robot) returned [], so nobody controls {whom}.")
         return made
 
+    def start_lines(self) -> list[str]:
+        """Returns what the controller of the first role has to say before a run.
+
+        Raises:
+            ConfigError: its `start_lines` returned something else, or raised.
+        """
+        is_first = self.robot_file.ROLES[0] in controlled_roles(self._controller, self.robot_file)
+        controller = self._controller if is_first else self._standard
+        function = getattr(controller, "start_lines", None)
+        lines = [] if function is None else call_student(function, "start_lines(robot)", self._robot)
+        if not (isinstance(lines, (list, tuple)) and all(isinstance(line, str) for line in lines)):
+            place = short_path(str(getattr(controller, "__file__", "")))
+            raise ConfigError(f"{place}: start_lines(robot) returned {lines!r}.", fix='a list of texts: ["..."].')
+        return list(lines)
+
     def plant(self) -> Plant:
         """Returns the plant at the start that belongs to the seed; with `--io replay:RUN`, the run as it was recorded.
 

@@ -3,7 +3,7 @@
 page "controls" --> guard: whose word counts --.
 page "imu" ------> holds: wrench --> allocation: thrusts --> slew limit --> curve: pulses --> page "pwm"
 page "depth" ----'                                                     `--> page "vehicle": what it is doing
-pages "leak", "power" --> guard
+pages "leak", "power", "pwm_applied", "recording" --> guard: what has failed, and what is done then (failsafes.py)
 """
 
 from __future__ import annotations
@@ -14,22 +14,30 @@ from typing import Any
 import msgspec
 
 from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
+from snr_sim.core.ages import age_s
 from snr_sim.plants.t200 import curve
 from snr_sim.prelude.errors import CommandError, UnknownName
-from snr_sim.prelude.signals import DepthReading, ImuReading, PowerReading
+from snr_sim.prelude.signals import RESET, STOPPED, DepthReading, ImuReading
 from snr_sim.std_mods.allocation import Allocation
 from snr_sim.std_mods.slew import SlewLimit
 from snr_sim.std_mods.thrust_curve import ThrustCurve
 
 from .controls import Controls, controls_of
+from .failsafes import CAUSES, in_words
 from .guard import Guard
 from .holds import Holds
 from .parameters import UrovParameters
+from .prearm import PreArm, failing_checks
+from .readings import Outputs, Readings, outputs_of
 
 TOLD_EVERY_S = 0.1  # and whenever something else than numbers changes
 SURFACE_M = 0.2  # where going up ends: the top of the vehicle is just out of the water
 BLIND_S = 0.5  # age of the newest depth from which the vehicle does not know how deep it is
+DIZZY_S = 0.25  # age of the newest attitude from which nothing pushes, as of the newest controls
 NEAR_SURFACE_M = 0.3  # less deep than this, buoyancy does the rest of the way up, unless the vehicle has taken in water
+# The node is overloaded if readings have waited so long, for so long; and it is no more if none has for so long.
+LATE_S, LATE_FOR_S, IN_TIME_S = 0.1, 0.5, 1.0
+CAUSE_NOTES = 3  # a plug that is loose is not told of for ever
 
 
 class AutopilotFactory(EndpointFactory):
@@ -57,7 +65,9 @@ class Autopilot(Endpoint):
         super().__init__(factory, parent, name)
         parameters = factory.parameters
         self.parameters = parameters
-        self.guard = Guard(parameters.guard)
+        self.guard = Guard(parameters.guard, parameters.failsafes)
+        self.prearm = PreArm()
+        self.readings = Readings(parameters.sensors.rates_hz)
         self.thruster = ThrustCurve(*curve(parameters.nominal_v)[:2])
         self.allocation = Allocation(
             parameters.vehicle.thruster_matrix(), self.thruster.limits_n, first=parameters.first
@@ -74,6 +84,10 @@ class Autopilot(Endpoint):
         self.refused = ""
         self.is_blind = False
         self.were_active = False  # the outputs, since they were armed
+        self.late_since_s: float | None = None
+        self.late_s = -math.inf  # when readings were last late for long enough
+        self.causes: dict[str, int] = dict.fromkeys(CAUSES, 0)  # how often each was noted
+        self.noted: set[str] = set()  # the causes that are there
         self.told_s = -math.inf
         self.task_handlers = {
             (TaskType.process_data, "controls"): self.on_controls,
@@ -87,48 +101,84 @@ class Autopilot(Endpoint):
         try:
             controls = controls_of(self.get_data("controls"))
         except (CommandError, UnknownName) as error:
-            if not self.refused:  # each value would be a note of its own, twenty times a second
-                self.parent.note(f"Controls were refused: {error.message}")
-            self.refused = error.message
+            self._refuse(error.message)
             return
-        age_s = self.get_age_s("controls")
-        if not age_s <= self.parameters.guard.stale_s and not controls.is_stop:
+        old_s = self.get_age_s("controls")
+        if not old_s <= self.parameters.guard.stale_s and not controls.is_stop:
+            if controls.is_armed and not self.prearm.has_armed and math.isinf(old_s):
+                self._refuse("Not armed: clock: how far the surface's clock is from the vehicle's is not known.")
             return  # held up on its way, or nobody knows when it was made: only to stop it is never too late
-        self.refused = ""
         if self.allocation.lacking and controls.mode != self.guard.controls.mode and controls.mode != "manual":
             self.parent.note(f"The thrusters cannot push {', '.join(self.allocation.lacking)}: that is not held.")
         now_s = self.get_time_s()
-        self.guard.hear(controls, now_s - age_s if math.isfinite(age_s) else now_s)
+        is_armed = controls.is_armed and not controls.is_stop
+        why_not = self.prearm.why_not(is_armed, self._failing() if is_armed else [], now_s)
+        if why_not:
+            self._refuse(why_not)
+        else:
+            self.refused = ""
+        if why_not is not None:
+            controls = msgspec.structs.replace(controls, is_armed=False, clears_stop=False)
+        self.guard.hear(controls, now_s - old_s if math.isfinite(old_s) else now_s)
+
+    def _refuse(self, why: str) -> None:
+        """Tells the surface why it is not obeyed, and notes it once: else it were twenty notes a second."""
+        if not self.refused:
+            self.parent.note(f"Controls were refused: {why}")
+        self.refused = why
+
+    def _failing(self) -> list[str]:
+        """Returns why the vehicle may not be armed; nothing once it has been."""
+        if self.prearm.has_armed:
+            return []
+        return failing_checks(self.guard, self.readings, self._ages_s(), self._outputs())
+
+    def _ages_s(self) -> dict[str, float]:
+        return {key: age_s(self.parent, page) for key, page in self.readings.pages.items()}
 
     def on_leak(self, task: Task, task_id: TaskId) -> None:
         """Notes water in the hull."""
-        self.guard.is_wet = self.guard.is_wet or self.get_data("leak")["is_wet"]
+        reading = self._take("leak", self.get_time_s())
+        self.guard.is_wet = self.guard.is_wet or (reading is not None and reading.is_wet)
 
     def on_power(self, task: Task, task_id: TaskId) -> None:
         """Watches the battery."""
-        was_low = self.guard.is_low
-        self.guard.measure(PowerReading(**self.get_data("power")))
-        if self.guard.is_low and not was_low:
-            limits = self.guard.limits
-            does = "the vehicle comes up" if limits.surfaces_on_low else "charge it"
-            self.parent.note(
-                f"The battery is low: for {limits.low_s:g} s it had less than {limits.low_v:g} V at rest; {does}."
-            )
+        reading = self._take("power", self.get_time_s())
+        if reading is not None:
+            self.guard.measure(reading)
 
     def on_imu(self, task: Task, task_id: TaskId) -> SomeTasks:
-        """Answers with pulses, and now and then with what it is doing."""
-        depth_data = self.get_data("depth")
-        if depth_data is None:
-            return None
-        now_s = self.get_time_s()
-        depth, imu = DepthReading(**depth_data), ImuReading(**self.get_data("imu"))
-        self._watch_outputs()
+        """Answers with pulses, and now and then with what it is doing; also if no reading has come (`watch.py`)."""
+        now_s, page = self.get_time_s(), self.get_page("imu")
+        if self.readings.take("imu", page, now_s) and page is not None:
+            self._watch_lateness(now_s, age_s(self.parent, page))
+        return self._answer(now_s)
+
+    def _take(self, key: str, now_s: float) -> Any:
+        """Returns the reading that a sensor's newest page holds; None if that is none."""
+        page = self.get_page(key)
+        self.readings.take(key, page, now_s)
+        return self.readings.newest.get(key) if page is self.readings.pages.get(key) else None
+
+    def _answer(self, now_s: float) -> SomeTasks:
+        """Returns pulses for now, and now and then what the vehicle is doing."""
+        self._take("depth", now_s)
+        depth, imu = self.readings.newest.get("depth"), self.readings.newest.get("imu")
+        ages_s = self._ages_s()
+        self._watch_outputs(now_s)
+        self._see_causes(now_s, ages_s)
         rules = self.guard.rules(now_s)
+        self._note_causes(now_s)
         dt_s = now_s - self.before_s if self.before_s is not None else 0.0
         self.before_s = now_s
         changed, self.rules = rules != self.rules, rules
-        self._see(self.get_age_s("depth"))
-        thrusts = self.slewed(self.thrusts(rules, depth, imu, dt_s), dt_s) if dt_s > 0.0 else self.still
+        self.is_blind = ages_s.get("depth", math.inf) > BLIND_S
+        thrusts = self.still
+        if depth is not None and imu is not None and ages_s["imu"] <= DIZZY_S + 1e-9 and dt_s > 0.0:
+            thrusts = self.slewed(self.thrusts(rules, depth, imu, dt_s), dt_s)
+        else:
+            self.holds.let_go()
+            self.slew.reset()
         pulses = [self.thruster.pulse_us(thrust) for thrust in thrusts]
         command = {"pulses_us": pulses, "is_armed": rules != "idle", "is_stop": self.guard.is_stopped}
         answer = [self.store_data_task("pwm", command, process=False)]
@@ -137,27 +187,65 @@ class Autopilot(Endpoint):
             answer.append(self.store_data_task("vehicle", self.told(now_s, imu)))
         return answer
 
-    def _watch_outputs(self) -> None:
-        """Notices outputs that have let go while they should push: nobody arms them again but who disarms first."""
-        page = self.parent.datastore.get("pwm_applied")
-        if page is None:
+    # -- what fails ---------------------------------------------------------------------------------------------------
+
+    def _outputs(self) -> Outputs | None:
+        """Returns how the outputs are, as their loop has told last; None if it has not."""
+        page = self.parent.datastore.pages.get("pwm_applied")
+        return None if page is None else outputs_of(page.data)
+
+    def _watch_outputs(self, now_s: float) -> None:
+        """Notices outputs that have let go while they should push, and what has become of those that had."""
+        outputs = self._outputs()
+        if outputs is None:
             return
-        state = page.data["state"]
-        if state == "active" and self.rules != "idle":
+        if outputs.state == "active" and self.rules != "idle":
             self.were_active = True
         elif self.rules == "idle":
             self.were_active = False
-        elif self.were_active and state in ("inactive", "error"):
-            self.guard.let_go = page.data["fault"] or "the outputs have disarmed by themselves"
+        elif self.were_active and outputs.state in ("inactive", "error"):
+            words = outputs.fault or "the outputs have disarmed by themselves"
+            self.guard.lose_outputs(RESET in outputs.why, words, STOPPED in outputs.why, now_s)
+        self.guard.see_outputs(outputs.state, now_s)
 
-    def _see(self, age_s: float) -> None:
-        """Notices that depth is no longer measured, and that it is again."""
-        is_blind = age_s > BLIND_S
-        if is_blind and not self.is_blind:
-            self.parent.note(
-                f"Depth is not known, t = {self.get_time_s():.2f} s: it is no longer held, heave is as told."
-            )
-        self.is_blind = is_blind
+    def _watch_lateness(self, now_s: float, waited_s: float) -> None:
+        """Notices a node that has more to do than it can: readings wait until they are answered."""
+        if waited_s <= LATE_S:
+            self.late_since_s = None
+            return
+        if self.late_since_s is None:
+            self.late_since_s = now_s
+        if now_s - self.late_since_s >= LATE_FOR_S:
+            self.late_s = now_s
+
+    def _see_causes(self, now_s: float, ages_s: dict[str, float]) -> None:
+        """Tells the guard what has failed that it cannot know by itself."""
+        see = self.guard.see
+        stale = self.readings.stale(ages_s)
+        see("stale_sensor", f"no fresh reading of {stale}" if stale else "", now_s)
+        see("nonsense", self.readings.nonsense(now_s), now_s)
+        is_late = now_s - self.late_s <= IN_TIME_S
+        see("overloaded", f"readings wait for more than {LATE_S:g} s" if is_late else "", now_s)
+        page = self.parent.datastore.pages.get("recording")  # quietly: a run that records well stores none
+        data = page.data if page is not None and isinstance(page.data, dict) else {}
+        see("disk_full", f"not recorded: {data.get('reason')}" if data.get("ok") is False else "", now_s)
+
+    def _note_causes(self, now_s: float) -> None:
+        """Notes each cause that begins, with what is done; not for ever."""
+        guard, there = self.guard, set(self.guard.since_s)
+        for cause in CAUSES:
+            if cause not in there - self.noted or self.causes[cause] > CAUSE_NOTES:
+                continue
+            self.causes[cause] += 1
+            is_last = self.causes[cause] > CAUSE_NOTES
+            text = "no more is said of that" if is_last else f"{guard.words[cause]}; {self._does(cause)}"
+            self.parent.note(f"Failsafe {cause}, t = {now_s:.2f} s: {text}")
+        self.noted = there
+
+    def _does(self, cause: str) -> str:
+        return in_words(self.guard.failsafes.of(cause), self.guard.limits.hold_s)
+
+    # -- what follows -------------------------------------------------------------------------------------------------
 
     def slewed(self, wanted_n: list[float], dt_s: float) -> list[float]:
         """Returns thrusts on their way to those wanted. To nothing at all there is no way: that is obeyed at once."""
@@ -183,9 +271,10 @@ class Autopilot(Endpoint):
         thrusts, self.share, _ = self.allocation.allocate(self.holds.wrench(controls, depth, imu, dt_s))
         return thrusts
 
-    def told(self, now_s: float, imu: ImuReading) -> dict[str, Any]:
-        """Returns what the surface is told about the vehicle."""
+    def told(self, now_s: float, imu: ImuReading | None) -> dict[str, Any]:
+        """Returns what the surface is told about the vehicle; `failsafes` only if something has failed."""
         guard, holds = self.guard, self.holds
+        failed = {cause: f"{guard.words[cause]}; {self._does(cause)}" for cause in CAUSES if cause in guard.since_s}
         return {
             "rules": self.rules,
             "mode": guard.controls.mode,
@@ -201,5 +290,6 @@ class Autopilot(Endpoint):
             "depth_m": holds.depth_m,
             "heading_rad": holds.heading_rad,
             "share": self.share,
-            "attitude_rad": [imu.roll_rad, imu.pitch_rad, imu.yaw_rad],
+            "attitude_rad": [0.0] * 3 if imu is None else [imu.roll_rad, imu.pitch_rad, imu.yaw_rad],
+            **({"failsafes": failed} if failed else {}),
         }

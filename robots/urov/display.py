@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Sequence
 from typing import Any
 
 from snr_sim import Loop, LoopFactory, Node
@@ -25,13 +26,17 @@ class DisplayFactory(LoopFactory):
         rate_hz: how often it is drawn.
         in_lock_step: whether it shows anything under a virtual clock; no, if nobody watches that run as it goes.
         has_pad: whether a person flies.
+        lines: what stands below the table.
     """
 
-    def __init__(self, rate_hz: float = 5.0, in_lock_step: bool = True, has_pad: bool = False) -> None:
+    def __init__(
+        self, rate_hz: float = 5.0, in_lock_step: bool = True, has_pad: bool = False, lines: Sequence[str] = ()
+    ) -> None:
         super().__init__()
         self.rate_hz = rate_hz
         self.in_lock_step = in_lock_step
         self.keys = (*KEYS, "pad") if has_pad else KEYS
+        self.lines = tuple(lines)
 
     def get(self, parent: Node) -> Display:
         """Returns the loop 'display'."""
@@ -71,8 +76,10 @@ class Display(Loop):
     def draw(self, shown: list[tuple[str, str]]) -> None:
         """Draws the table."""
         from rich.table import Table
+        from rich.text import Text
 
         table = Table(show_header=False, title=f"t = {self.get_time_s():.1f} s")
+        table.caption = Text("\n".join(self.factory.lines), justify="left")
         for name, text in shown:
             table.add_row(name, text)
         self.live.update(table, refresh=True)
@@ -96,7 +103,8 @@ class Display(Loop):
 
 
 KEYS = ("vehicle", "depth", "altitude", "power", "leak")
-NEWS = ("hands", "vehicle", "state", "outputs", "refused", "low", "leak")  # rows that are told as soon as they change
+# Rows that are told as soon as they change.
+NEWS = ("hands", "vehicle", "state", "outputs", "refused", "failsafe", "low", "leak")
 
 
 def rows(pages: dict[str, Any], heard_s: float) -> list[tuple[str, str]]:
@@ -112,23 +120,32 @@ def rows(pages: dict[str, Any], heard_s: float) -> list[tuple[str, str]]:
     )
     if page is None:
         return [*shown, ("vehicle", "[red]not heard yet[/red]")]
+    try:
+        told = _told(page.data, pages)
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+        # These pages come over a wire, and a display that ends takes the pilot with it.
+        told = [("pages", f"[red]what was told cannot be shown: {type(error).__name__}[/red]")]
     if heard_s <= SILENT_S:
-        return [*shown, ("vehicle", f"heard {heard_s:.2f} s ago"), *_told(page.data, pages)]
+        return [*shown, ("vehicle", f"heard {heard_s:.2f} s ago"), *told]
     # What it was is worth knowing, but must not look like what it is.
-    then = [(name, f"[dim]last heard: {text}[/dim]") for name, text in _told(page.data, pages)]
+    then = [(name, f"[dim]last heard: {text}[/dim]") for name, text in told]
     return [*shown, ("vehicle", f"[red]silent for {heard_s:.1f} s[/red]"), *then]
 
 
 def _told(vehicle: dict[str, Any], pages: dict[str, Any]) -> list[tuple[str, str]]:
     """Returns names and texts of what the vehicle has told, as it was then."""
+    from rich.markup import escape
+
     shown: list[tuple[str, str]] = []
     state = "[red]EMERGENCY STOP[/red]" if vehicle["is_stopped"] else "armed" if vehicle["is_armed"] else "disarmed"
     shown.append(("state", f"{state}, {vehicle['mode']}, obeys: {vehicle['rules']}"))
     if vehicle.get("let_go"):
         why = vehicle["let_go"].splitlines()[0]
-        shown.append(("outputs", f"[red]have let go: {why} Disarm, then arm again.[/red]"))
+        shown.append(("outputs", f"[red]have let go: {escape(why)}[/red]"))
+    for cause, text in vehicle.get("failsafes", {}).items():
+        shown.append(("failsafe", f"[red]{cause}: {escape(text)}[/red]"))
     if vehicle["refused"]:
-        shown.append(("refused", f"[red]{vehicle['refused']}[/red]"))
+        shown.append(("refused", f"[red]{escape(vehicle['refused'])}[/red]"))
     if pages["depth"] is not None:
         held = vehicle["depth_m"]
         wanted = "" if held is None else f" (holds {held:.2f} m)"

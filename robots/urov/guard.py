@@ -1,26 +1,28 @@
 """The guard decides whose word counts: the pilot's, nobody's, or the vehicle's own.
 
     idle      nothing pushes: disarmed, an emergency stop that nobody has cleared, or outputs that have let go of the
-              thrusters by themselves: then somebody must disarm before arming again
+              thrusters by themselves
     pilot     as the controls say
-    neutral   nothing pushes: the newest controls are older than a quarter of a second
-    hold      the link has been lost for two seconds: stays at the depth and heading it had when they were
-    surface   it has been lost for longer, water comes in, or the battery is low: goes up
+    neutral   nothing pushes: the newest controls are older than a quarter of a second, or a failsafe says so
+    hold      a failsafe says so: stays at the depth and heading it had when the pilot was last obeyed
+    surface   a failsafe says so: goes up
 
-The age of controls is counted from when they were made, by the vehicle's own clock.
+What fails, and what is done then, is the table of `failsafes.py`; `see` takes causes in. The age of controls is counted
+from when they were made, by the vehicle's own clock.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from snr_sim.plants.plausible import IS_ABOVE, Limit, check_number, shown
+from snr_sim.plants.plausible import IS_ABOVE, Limit, check_number
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.signals import PowerReading
 
 from .controls import Controls
+from .failsafes import MILLISECONDS, OUTPUTS, Failsafes
 
-MILLISECONDS = {"milliseconds": 1e-3}
+IDLE_S = 0.2  # outputs that have let go are told for so long that they are disarmed, before they are armed again
 # fmt: off
 LIMITS = {
     "stale_s": Limit(0.0, 5.0, "s", "0.25 is usual, and until then the vehicle goes on as it was told", MILLISECONDS,
@@ -41,14 +43,12 @@ class GuardLimits:
     Args:
         stale_s: age of the newest controls from which nothing pushes.
         lost_s: age from which the link counts as lost.
-        hold_s: how long the vehicle holds its depth before it goes up.
-        surfaces_on_leak: whether water in the hull sends it up.
+        hold_s: how long a failsafe's `hold` holds before the vehicle goes up.
         low_v: of the battery at rest; lower than that for `low_s`, and it is low until the next start. 13 V is 3.25 V
             a cell, some 7 % of the charge; at 12 V the pack's maker wants it charged. 0 asks nothing.
         low_s: as ArduPilot waits (BATT_LOW_TIMER).
         sag_ohm: makes the voltage at rest out of that under load. What this does not know of (a pack that is old or
             cold) a burst of thrust would take for a low battery, and that is what `low_s` is for.
-        surfaces_on_low: whether a low battery sends it up; else it is only told.
 
     Raises:
         ParameterError: a number cannot be; the message names it and says what is usual.
@@ -57,18 +57,13 @@ class GuardLimits:
     stale_s: float = 0.25
     lost_s: float = 2.0
     hold_s: float = 10.0
-    surfaces_on_leak: bool = True
     low_v: float = 13.0
     low_s: float = 10.0
     sag_ohm: float = 0.03
-    surfaces_on_low: bool = True
 
     def __post_init__(self) -> None:
         for name, limit in LIMITS.items():
             check_number(f"The guard's {name}", getattr(self, name), limit)
-        for name in ("surfaces_on_leak", "surfaces_on_low"):
-            if not isinstance(getattr(self, name), bool):
-                raise ParameterError(f"The guard's {name} is {shown(getattr(self, name))}.", fix="True or False.")
         if self.lost_s < self.stale_s:
             raise ParameterError(
                 f"The guard's lost_s is {self.lost_s:g}, less than its stale_s, {self.stale_s:g}.",
@@ -77,20 +72,32 @@ class GuardLimits:
 
 
 class Guard:
-    """Keeps what it has heard.
+    """Keeps what it has heard, and what has failed.
 
     Args:
         limits: what it goes by.
+        failsafes: what is done when something fails.
+
+    Attributes:
+        since_s: the causes that are there, or last until a person disarms, and when each began.
+        words: what is told of each cause.
+        let_go: why the outputs have let go by themselves; empty once they are armed again, or a person has disarmed.
     """
 
-    def __init__(self, limits: GuardLimits) -> None:
+    def __init__(self, limits: GuardLimits, failsafes: Failsafes | None = None) -> None:
         self.limits = limits
+        self.failsafes = failsafes or Failsafes()
         self.controls = Controls()
         self.heard_s: float | None = None
         self.is_stopped = False
-        self.let_go = ""  # why the outputs have let go by themselves; until somebody disarms
+        self.let_go = ""
         self.is_wet = False
         self.is_low = False
+        self.rest_v: float | None = None  # of the battery, without what the load costs
+        self.since_s: dict[str, float] = {}
+        self.words: dict[str, str] = {}
+        self._gone_on: set[str] = set()  # causes after which it has gone on by itself, since a person disarmed
+        self._are_back = self._needs_person = False  # the outputs that have let go
         self._low_since_s: float | None = None
 
     def hear(self, controls: Controls, made_s: float) -> None:
@@ -106,13 +113,16 @@ class Guard:
         self.controls, self.heard_s = controls, made_s
         if not controls.is_armed:
             self.let_go = ""
+            for known in (self.since_s, self.words, self._gone_on):
+                known.clear()  # what is still there is seen again
         if controls.clears_stop and not (controls.is_stop or controls.is_armed):
             self.is_stopped = False
 
     def measure(self, power: PowerReading) -> None:
         """Takes what the power module measured, and so notices a battery that has been low for long enough."""
         limits = self.limits
-        if power.voltage_v + power.current_a * limits.sag_ohm >= limits.low_v:
+        self.rest_v = power.voltage_v + power.current_a * limits.sag_ohm
+        if self.rest_v >= limits.low_v:
             self._low_since_s = None
             return
         if self._low_since_s is None:
@@ -123,16 +133,103 @@ class Guard:
         """Returns how old the newest controls are; None if there are none."""
         return None if self.heard_s is None else now_s - self.heard_s
 
+    # -- what fails ---------------------------------------------------------------------------------------------------
+
+    def see(self, cause: str, words: str, now_s: float) -> None:
+        """Takes in whether a cause is there: in words, or "" if it is not. It may last longer, as its action says."""
+        if words:
+            self.since_s.setdefault(cause, now_s)
+            self.words[cause] = words
+        elif cause in self.since_s and self._is_over(cause, now_s):
+            del self.since_s[cause], self.words[cause]
+
+    def _is_over(self, cause: str, now_s: float) -> bool:
+        action = self.failsafes.of(cause)
+        if not self.controls.is_armed or action in ("warn", "hold", "surface"):
+            return True
+        return self._goes_on(cause, now_s)
+
+    def _goes_on(self, cause: str, now_s: float) -> bool:
+        """Returns whether the vehicle goes on by itself now that a cause is over; notes that it has."""
+        if not self._may_go_on(cause, now_s):
+            return False
+        self._gone_on.add(cause)
+        return True
+
+    def _may_go_on(self, cause: str, now_s: float) -> bool:
+        action = self.failsafes.of(cause)
+        in_time = not isinstance(action, str) and now_s - self.since_s[cause] <= action.within_s + 1e-9
+        return in_time and cause not in self._gone_on
+
+    def lose_outputs(self, was_reset: bool, why: str, is_stopped: bool, now_s: float) -> None:
+        """Notes that the outputs have let go by themselves.
+
+        Args:
+            was_reset: because their microcontroller has started anew.
+            why: in words.
+            is_stopped: by an emergency stop: nobody but a person ends it.
+            now_s: when.
+        """
+        self.let_go, self._needs_person = why, is_stopped
+        cause = "controller_reset" if was_reset else "line_lost"
+        self.since_s.pop(cause, None)  # each time is counted by itself
+        self.see(cause, why, now_s)
+
+    def see_outputs(self, state: str, now_s: float) -> None:
+        """Takes in the state of the outputs (`Health.state`), and so notices that those that had let go are back."""
+        self._are_back = state != "error"
+        if not self.let_go:
+            return
+        waits_s = now_s - min(self.since_s[cause] for cause in OUTPUTS if cause in self.since_s)
+        if waits_s >= self.failsafes.no_rearm_s:
+            self.see("no_rearm", f"no person has re-armed the outputs for {self.failsafes.no_rearm_s:g} s", now_s)
+        if state != "active" or not self._may_arm(now_s):
+            return
+        self.let_go = ""
+        for cause in [one for one in (*OUTPUTS, "no_rearm") if one in self.since_s]:
+            if self._goes_on(cause, now_s):
+                del self.since_s[cause], self.words[cause]
+            else:
+                self.since_s[cause] = now_s  # it holds, or goes up, from now on
+
+    def _may_arm(self, now_s: float) -> bool:
+        """Returns whether the vehicle arms outputs by itself that have let go."""
+        lost = [cause for cause in (*OUTPUTS, "no_rearm") if cause in self.since_s]
+        if self._needs_person or not self._are_back or now_s < max(self.since_s[one] for one in lost) + IDLE_S:
+            return False
+        return any(self.failsafes.of(one) in ("hold", "surface") or self._may_go_on(one, now_s) for one in lost)
+
+    # -- what follows -------------------------------------------------------------------------------------------------
+
     def rules(self, now_s: float) -> str:
         """Returns whose word counts now, by the names above."""
-        age_s = self.age_s(now_s)
-        limits = self.limits
-        if age_s is None or self.is_stopped or self.let_go or not self.controls.is_armed:
+        age_s, limits = self.age_s(now_s), self.limits
+        if age_s is not None:
+            is_lost = age_s >= limits.lost_s
+            began_s = now_s - age_s + limits.lost_s if is_lost else now_s
+            self.see("link_lost", f"no controls for {limits.lost_s:g} s" if is_lost else "", began_s)
+        self.see("leak", "water in the hull" if self.is_wet else "", now_s)
+        low = f"for {limits.low_s:g} s it had less than {limits.low_v:g} V at rest"
+        self.see("low_battery", low if self.is_low else "", now_s)
+        if age_s is None or self.is_stopped or not self.controls.is_armed:
             return "idle"
-        if (self.is_wet and limits.surfaces_on_leak) or (self.is_low and limits.surfaces_on_low):
+        if self.let_go and not self._may_arm(now_s):
+            return "idle"
+        wanted = {self._does(cause, now_s) for cause in self.since_s}
+        if self.let_go:
+            return "neutral"  # which is shown to outputs until they are armed
+        for rules in ("surface", "neutral", "hold"):
+            if rules in wanted:
+                return rules
+        return "pilot" if age_s <= limits.stale_s else "neutral"
+
+    def _does(self, cause: str, now_s: float) -> str:
+        """Returns what a cause makes of the rules; "warn" if nothing."""
+        action = self.failsafes.of(cause)
+        if not isinstance(action, str):
+            action = "neutral"
+        if cause in OUTPUTS and action == "neutral":
+            return "warn"  # they are armed again, so another row has said so
+        if action == "hold" and now_s - self.since_s[cause] >= self.limits.hold_s:
             return "surface"
-        if age_s <= limits.stale_s:
-            return "pilot"
-        if age_s < limits.lost_s:
-            return "neutral"
-        return "hold" if age_s < limits.lost_s + limits.hold_s else "surface"
+        return action

@@ -98,7 +98,7 @@ class PadPilot(Endpoint):
         self.held = pressed(self.held, self.gone_down(pad.buttons))
         # To clear a stop is asked for until the vehicle says that it is cleared: one command may be lost.
         vehicle = self.get_data("vehicle")
-        is_stopped = vehicle is not None and vehicle["is_stopped"]
+        is_stopped = isinstance(vehicle, dict) and vehicle.get("is_stopped") is True
         self.clears = not self.held.is_stop and (was_stop or (self.clears and is_stopped))
         sticks = {stick: -eased(pad.axes[number]) if number < len(pad.axes) else 0.0 for stick, number in AXES.items()}
         controls = Controls(

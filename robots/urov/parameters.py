@@ -23,6 +23,7 @@ from snr_sim.prelude.errors import ParameterError, nearest
 from snr_sim.prelude.wrench import AXES
 from snr_sim.std_mods.comms.faults import Faults
 
+from .failsafes import Failsafes
 from .guard import GuardLimits
 from .pilot import Cue
 from .seeing_pilot import Waypoint
@@ -157,6 +158,7 @@ class UrovParameters:
         script: what the pilot does, where there is no person.
         route: where a pilot who sees goes; if there is one, he flies instead.
         sensors, holds, guard: see there.
+        failsafes: what the vehicle does by itself when something fails.
         fix_hz: how often the vehicle is told its place, as by an acoustic positioning system; 0 is never.
         nominal_v: at which the pulse for a thrust is looked up.
         slew_nps: how fast a thrust may change.
@@ -176,6 +178,7 @@ class UrovParameters:
     sensors: Sensors = field(default_factory=Sensors)
     holds: HoldNumbers = field(default_factory=HoldNumbers)
     guard: GuardLimits = field(default_factory=GuardLimits)
+    failsafes: Failsafes = field(default_factory=Failsafes)
     fix_hz: float = 0.0
     nominal_v: float = 14.8
     slew_nps: float = 250.0
@@ -186,6 +189,8 @@ class UrovParameters:
     port: int = 9120
 
     def __post_init__(self) -> None:
+        if not isinstance(self.failsafes, Failsafes):
+            raise ParameterError(f"failsafes is {shown(self.failsafes)}.", fix='Failsafes(link_lost="surface").')
         check_number("nominal_v", self.nominal_v, VOLTS)
         check_number("slew_nps", self.slew_nps, SLEW)
         check_number("command_hz", self.command_hz, RATE)
@@ -200,3 +205,8 @@ class UrovParameters:
 def vehicle(name: str = "benzon2022") -> Vehicle:
     """Returns the numbers of a vehicle in `vehicles/`."""
     return read_vehicle(VEHICLES / f"{name}.toml")
+
+
+def failsafe_lines(parameters: UrovParameters) -> list[str]:
+    """Returns what the vehicle does by itself when something fails, in few lines."""
+    return [f"failsafe  {line}" for line in parameters.failsafes.lines(parameters.guard.hold_s)]

@@ -49,6 +49,7 @@ from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Rig
 from snr_sim.prelude.signals import DepthReading, EchoReading, ImuReading, LeakReading, PowerReading
 
+from .autopilot import AutopilotFactory
 from .choices import check_choices, presses_of, tether_of
 from .deadman import Deadman
 from .display import DisplayFactory
@@ -56,7 +57,7 @@ from .keyboard import Hands
 from .lookout import LookoutFactory
 from .pad_pilot import PadPilotFactory
 from .panel import PanelFactory
-from .parameters import UrovParameters
+from .parameters import UrovParameters, failsafe_lines
 from .pilot import ScriptedPilotFactory
 from .seeing_pilot import SeeingPilotFactory
 from .sight import EYES, Place
@@ -276,14 +277,16 @@ def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
         sensors.insert(0, CameraLoopFactory("camera", open_camera, 1.0 / camera.period_s, process=False))
     if parameters.fix_hz:
         sensors.insert(0, SensorLoopFactory("place", partial(devices["place"], rig), parameters.fix_hz))
+    # Of another autopilot than ours nobody here knows what it does when something fails.
+    lines = failsafe_lines(parameters) if any(isinstance(one, AutopilotFactory) for one in controller) else []
     pwm = PwmLoopFactory("pwm", partial(devices["pwm"], rig), parameters.pwm_hz)
     return {
         "urov": [*below, *sensors, *controller, pwm],
-        "topside": [tether.client("controls", accept=TO_TOPSIDE), *_surface(rig, parameters)],
+        "topside": [tether.client("controls", accept=TO_TOPSIDE), *_surface(rig, parameters, lines)],
     }
 
 
-def _surface(rig: Rig, parameters: UrovParameters) -> list[Factory]:
+def _surface(rig: Rig, parameters: UrovParameters, lines: Sequence[str]) -> list[Factory]:
     """Returns who flies: with `--option pilot=hands` a person.
 
     Else somebody who sees, if there is a route, or somebody who does as it is written. A controller's own components
@@ -293,7 +296,13 @@ def _surface(rig: Rig, parameters: UrovParameters) -> list[Factory]:
     key = "sticks" if crew else "controls"
     if rig.robot.options.get("pilot") == "hands":
         hands = PadLoopFactory("pad", partial(DEVICES[rig.io]["hands"], rig), rate_hz)
-        return [hands, PadPilotFactory(key), DisplayFactory(has_pad=True), LookoutFactory("link_tether"), *crew]
+        return [
+            hands,
+            PadPilotFactory(key),
+            DisplayFactory(has_pad=True, lines=lines),
+            LookoutFactory("link_tether"),
+            *crew,
+        ]
     if parameters.route:
         eyes = SensorLoopFactory("place", partial(DEVICES[rig.io]["place"], rig), 10.0)
         return [
@@ -304,5 +313,5 @@ def _surface(rig: Rig, parameters: UrovParameters) -> list[Factory]:
                 else [SeeingPilotFactory(parameters.route)]
             ),
         ]
-    shown = DisplayFactory(in_lock_step=False)
+    shown = DisplayFactory(in_lock_step=False, lines=lines)
     return [ScriptedPilotFactory(parameters.script, rate_hz, key), shown, LookoutFactory("link_tether"), *crew]

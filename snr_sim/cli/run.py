@@ -140,6 +140,7 @@ def record_run(
         else:
             config = world.config
             header = simulation.header(world.plant, config, "wall")
+        start_lines = simulation.start_lines()
         if is_watched:
             show_log(logging.INFO)
             config = watched(config)
@@ -173,6 +174,8 @@ def record_run(
             _close(recorder)
             discard(folder)  # the request was wrong, and nothing has begun
             raise
+        for line in [] if is_quiet else start_lines:
+            print(line, file=sys.stderr, flush=True)
         try:
             result = flight.run(signals)
         finally:

@@ -103,7 +103,10 @@ def in_words(value: Any) -> str:
     >>> in_words("full"), in_words([0.5]), in_words(None)
     ("the text 'full'", 'the list [0.5]', 'None')
     """
-    shown = repr(value)
+    try:
+        shown = repr(value)
+    except ValueError:  # Python writes no integer of more than 4300 digits
+        shown = "... with more than 4300 digits"
     if len(shown) > _SHOWN_LENGTH:
         shown = shown[: _SHOWN_LENGTH - 3] + "..."
     if isinstance(value, str):

@@ -31,7 +31,7 @@ from snr_sim.devices.wire.mcu_messages import (
 from snr_sim.prelude.device import LEASE_S, Stale
 from snr_sim.prelude.errors import DeviceError, ParameterError, SensorLost
 from snr_sim.prelude.life_cycle import LifeCycle
-from snr_sim.prelude.signals import NOT_ACTIVE, SLEWING, STOPPED, TOO_OLD, AppliedPulses, PowerReading
+from snr_sim.prelude.signals import NOT_ACTIVE, RESET, SLEWING, STOPPED, TOO_OLD, AppliedPulses, PowerReading
 
 RESOLUTION_US = 0.5
 _ASK_EVERY_S = 0.05
@@ -123,6 +123,7 @@ class McuPwm(PwmBackend):
 
     def _hear_telemetry(self, telemetry: Telemetry, why: list[str]) -> None:
         if telemetry.session != self.board.session:
+            self.let_go_for = [] if telemetry.session else [RESET]
             raise DeviceError(self._forgotten(telemetry), fix="it is greeted again, and armed after neutral.")
         told = len(telemetry.widths_us)
         if told < self.channels:
@@ -155,6 +156,7 @@ class McuPwm(PwmBackend):
     def _let_go(self, what: str, why: list[str], *words: str) -> None:
         if self.state in ("activating", "active"):
             self.state, self.why = "inactive", what
+            self.let_go_for = [word for word in words if word == STOPPED]
             why += [word for word in (NOT_ACTIVE, *words) if word not in why]
 
     def _forgotten(self, telemetry: Telemetry) -> str:
@@ -188,6 +190,7 @@ class McuPwm(PwmBackend):
         """
         self._check_not_stopped()
         self.state, self.why = "activating", "the speed controllers are shown neutral"
+        self.let_go_for = []
         self._asked_s = -math.inf
 
     def _check_not_stopped(self) -> None:

@@ -27,6 +27,7 @@ class PwmBackend(LifeCycle):
     Attributes:
         asks_neutral: whether the newest command was a whole one, not too old, and neutral: only then may be armed.
         is_stopped: an emergency stop holds.
+        let_go_for: words that stay in each answer until it is armed again: RESET, STOPPED.
     """
 
     fails_safe_alone = False
@@ -46,6 +47,7 @@ class PwmBackend(LifeCycle):
         self.applied = AppliedPulses(self.still_us, 0.0, [NOT_ACTIVE])
         self.asks_neutral = False
         self.is_stopped = False
+        self.let_go_for: list[str] = []
 
     def __del__(self) -> None:
         """Goes to neutral if whoever had it has dropped it: nobody is left who could."""
@@ -61,6 +63,7 @@ class PwmBackend(LifeCycle):
             wanted, stamp_s = self.still_us, self._time_of(stamp_s)
             why.append(TOO_OLD)
         self.asks_neutral = not why and all(abs(one - STOP_US) <= self.resolution_us / 2 for one in wanted)
+        why += [word for word in self.let_go_for if word not in why]
         if self.state == "activating":
             wanted = self.still_us
         if self.state not in ("activating", "active"):
@@ -72,7 +75,7 @@ class PwmBackend(LifeCycle):
         except DeviceError as error:
             self.fail(str(error))
             made = self.still_us
-            why.append(LOST)
+            why += [LOST, *(word for word in self.let_go_for if word not in why)]
         if self.state == "activating":
             why.append(NOT_ACTIVE)
         self.applied = AppliedPulses(made, stamp_s, why)

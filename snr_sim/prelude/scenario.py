@@ -20,6 +20,9 @@ robot.py may also have `dressed(rig) -> Plant`: what is stepped in place of the 
 row of the device table that puts something between devices and plant, such as an emulated board; else it returns
 `rig.plant`.
 
+A controller may also have `start_lines(robot) -> [text, ...]`: what whoever starts a run is to know, such as what the
+robot does by itself when something fails; `snr run` prints it.
+
 robot.py and a controller may also have OPTIONS, a dict from each key that they read in `options` to a line of help.
 With OPTIONS in robot.py, any other `--option` is refused before the run; without, any key goes. A scenario reads none.
 """

@@ -102,6 +102,7 @@ WRONG_COUNT = "wrong count"  # fewer or more than channels: all are neutral
 TOO_OLD = "too old"  # the lease of the newest command has run out: all are neutral
 NOT_ACTIVE = "not active"  # not armed, or disarmed by itself since: all are neutral
 STOPPED = "stopped"  # by the emergency stop
+RESET = "reset"  # the microcontroller that makes them has started anew, and they have not been armed since
 LOST = "lost"  # the wire is gone: what the outputs do is not known; neutral, if they fail safe alone
 
 

@@ -60,6 +60,37 @@ def test_a_run_in_words_says_how_it_ended_and_where_it_is(snr: Snr, here: Path) 
     assert f"run folder: {run_folder(here).relative_to(here)}" in answer.out
 
 
+START_LINES = """
+
+def start_lines(robot):
+    return {}
+"""
+
+
+def saying(mine: Mine, returned: str) -> str:
+    path = mine()
+    path.write_text(path.read_text() + START_LINES.format(returned))
+    return str(path)
+
+
+def test_run_prints_start_lines_of_controller_except_with_json(snr: Snr, mine: Mine) -> None:
+    path = saying(mine, '[f"failsafe  none of {robot.name}"]')
+    assert "failsafe  none of lander\n" in snr(*RUN, "--controller", path).err
+    assert "failsafe" not in snr(*RUN, "--controller", path, "--json").err
+
+
+@pytest.mark.parametrize(
+    ("returned", "says"), [("'one'", "returned 'one'"), ("[1]", "returned [1]"), ("1 / 0", "zero")]
+)
+def test_start_lines_that_are_no_lines_are_refused_before_there_is_a_run(
+    snr: Snr, here: Path, mine: Mine, returned: str, says: str
+) -> None:
+    answer = snr(*RUN, "--controller", saying(mine, returned))
+    assert answer.status == 2
+    assert says in answer.err
+    assert_nothing_written(here)
+
+
 def test_a_run_that_misses_its_criterion_ends_with_status_1(snr: Snr) -> None:
     answer = snr(*RUN, "--controller", "coast", "--json")
     assert (answer.status, answer.json["outcome"], answer.json["success"]) == (1, "crashed", False)

@@ -22,6 +22,7 @@ robot = library.load_robot(library.find("robots", "urov"))
 
 from snr_sim_robot_urov.autopilot import AutopilotFactory  # noqa: E402
 from snr_sim_robot_urov.controls import MODES, Controls, controls_of  # noqa: E402
+from snr_sim_robot_urov.failsafes import Failsafes  # noqa: E402
 from snr_sim_robot_urov.guard import Guard, GuardLimits  # noqa: E402
 from snr_sim_robot_urov.holds import Holds  # noqa: E402
 from snr_sim_robot_urov.keyboard import Hands, Keyboard  # noqa: E402
@@ -148,8 +149,8 @@ def test_a_surface_that_was_started_again_is_obeyed_though_it_counts_from_one() 
 
 
 def test_water_in_the_hull_sends_it_up_unless_it_is_not_to() -> None:
-    for surfaces, rules in ((True, "surface"), (False, "pilot")):
-        one = guard(surfaces_on_leak=surfaces)
+    for action, rules in (("surface", "surface"), ("warn", "pilot")):
+        one = Guard(GuardLimits(), Failsafes(leak=action))
         one.hear(armed(), 0.0)
         one.is_wet = True
         assert one.rules(0.0) == rules
@@ -182,8 +183,8 @@ def test_the_sag_of_a_burst_is_no_low_battery() -> None:
 
 
 def test_a_low_battery_can_be_only_told_or_not_be_asked_for() -> None:
-    for limits, is_low in (({"surfaces_on_low": False}, True), ({"low_v": 0.0}, False)):
-        one = weak(guard(**limits), 0.0, 20.0, 11.0)
+    for low_v, is_low in ((13.0, True), (0.0, False)):
+        one = weak(Guard(GuardLimits(low_v=low_v), Failsafes(low_battery="warn")), 0.0, 20.0, 11.0)
         one.hear(armed(), 20.0)
         assert (one.rules(20.0), one.is_low) == ("pilot", is_low)
 
@@ -356,19 +357,26 @@ def dived(
         script: what the pilot does.
         until_s: how long.
         meddle: makes another component of the surface.
-        charge: of the battery.
+        charge: that the battery has left all at once at DRAIN_S: one that is low before the dive cannot be armed with.
         pilot: who flies.
         changes: of the parameters.
     """
     scenario = library.load_scenario(library.find("scenarios", "urov_depth_hold"))
     parameters = replace(scenario.parameters(1), script=tuple(script), **changes)
     plant = scenario.plant(1, "mujoco")
-    plant.thrusters.supply = Battery(charge=charge)
+    plant.thrusters.supply = Battery()
     plant.reset(1)
     rig = Rig(Robot("urov", "urov", "test", "mujoco", parameters, {"pilot": pilot}), "sim", 1, plant)
     told: list[dict[str, Any]] = []
     parts = robot.roles(rig, [AutopilotFactory(parameters)])
     parts["topside"] += [listener("vehicle", told), *([] if meddle is None else [meddle])]
+    left = [charge] if charge < 1.0 else []
+
+    def drain(loop: Ticker) -> None:
+        if left and loop.get_time_s() >= DRAIN_S:
+            plant.thrusters.supply.restore((left.pop(), 0.0, 0.0, False))
+
+    parts["topside"].append(TickerFactory(drain, "drain", rate_hz=10.0))
     clock = SimClock()
     clock.follow(Stepper(plant).advance_to)
     SimRunner(Config(Mode.TEST, parts), clock=clock, until_s=until_s).run()
@@ -381,6 +389,7 @@ def dived(
 
 
 ARM = Cue(1.5, is_armed=True, mode="depth_hold")
+DRAIN_S = 1.8
 
 
 def test_an_emergency_stop_is_acknowledged_and_kept_until_it_is_cleared_and_the_pilot_has_disarmed() -> None:
@@ -411,7 +420,7 @@ def test_a_vehicle_whose_battery_is_nearly_empty_tells_the_surface_and_comes_up(
     told = dived(script, 14.0, charge=0.064, guard=GuardLimits(low_s=4.0))
     low = [one["is_low"] for one in told]
     assert low == sorted(low), "once low, it stays low"
-    assert 35 < low.index(True) < 60, "ten a second: after four seconds, though the pilot is heard"
+    assert 50 < low.index(True) < 75, "ten a second: after four seconds, though the pilot is heard"
     assert (told[-1]["rules"], told[-1]["is_armed"]) == ("surface", True)
     assert told[-1]["true_depth_m"] < 0.35
     assert told[-1]["charge"] > 0.05, "with plenty left for the way"
@@ -450,7 +459,7 @@ def test_full_thrust_on_a_battery_that_is_not_empty_is_no_low_battery() -> None:
 
 
 def test_a_battery_that_breaks_down_leaves_thrusters_still_and_the_pilot_is_told() -> None:
-    told = dived([Cue(1.5, is_armed=True, surge=1.0)], 9.0, charge=0.008, guard=GuardLimits(low_s=4.0))
+    told = dived([Cue(1.5, is_armed=True, surge=1.0)], 11.0, charge=0.008, guard=GuardLimits(low_s=4.0))
     assert told[-1]["thrust_n"] < 0.01
     assert told[-1]["is_low"]
 

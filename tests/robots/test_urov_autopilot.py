@@ -27,6 +27,10 @@ def told(age_s: float, **controls: Any) -> Autopilot:
     def bring(loop: Any) -> None:
         nonlocal number
         number += 1
+        now_s = loop.get_time_s()
+        level = ImuReading([0.0, 0.0, 0.0], [0.0, 0.0, 9.81], [0.0, 20.0, -40.0], 0.0, 0.0, 0.0, now_s)
+        loop.store_data("depth", msgspec.to_builtins(DepthReading(0.95, 110_000.0, 18.0, now_s)), process=False)
+        loop.store_data("imu", msgspec.to_builtins(level))
         data = msgspec.structs.asdict(Controls(number, **controls))
         page = Page("controls", data, "topside_node", loop.get_time_s() - age_s, True)
         loop.schedule(Task(TaskType.store_page, "controls", [page]))
@@ -93,7 +97,7 @@ def test_depth_that_is_no_longer_measured_is_no_longer_held_and_that_is_said_onc
     assert blind.is_blind
     assert blind.told(4.0, ImuReading([0.0] * 3, [0.0] * 3, [0.0] * 3, 0.0, 0.0, 0.0, 4.0))["is_blind"]
     assert pulses[-1] == [1500.0] * 8  # what it last knew does not push it on for ever
-    (note,) = [note for note in blind.parent.notes if "Depth is not known" in note]
+    (note,) = [note for note in blind.parent.notes if "no fresh reading of depth" in note]
     assert 2.4 < float(note.partition("t = ")[2].partition(" s")[0]) < 2.6
 
 
@@ -103,7 +107,7 @@ def test_a_blind_vehicle_still_obeys_the_sticks() -> None:
 
 
 def test_outputs_that_let_go_are_armed_again_only_by_who_disarms_first_and_the_surface_is_told() -> None:
-    state, told, commands = {"state": "inactive", "fault": ""}, [], []
+    state, told, commands = {"state": "inactive", "fault": "", "why": ["not active"]}, [], []
 
     def bring(loop: Any) -> None:
         now_s = loop.get_time_s()

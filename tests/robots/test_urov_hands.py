@@ -1,5 +1,6 @@
 """A person at the surface: game controller, keyboard, what they are made into, and what the person sees."""
 
+import math
 from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
@@ -265,6 +266,65 @@ def test_the_display_says_what_is_wrong() -> None:
     assert "warp" in shown(refused="There is no mode 'warp'.")["refused"]
     nothing: dict[str, Any] = dict.fromkeys(("vehicle", "depth", "altitude", "power", "leak"))
     assert "not heard yet" in dict(rows(nothing, 1.0))["vehicle"]
+
+
+def test_display_shows_what_has_failed_and_what_is_done_then() -> None:
+    failed = {"leak": "water in the hull; surface"}
+    assert shown(failsafes=failed, rules="surface")["failsafe"] == "[red]leak: water in the hull; surface[/red]"
+    assert "failsafe" not in shown()
+    assert "failsafe" in display.NEWS
+    assert "[red]have let go: port [/dev" in shown(let_go="port [/dev/ttyUSB0] is gone")["outputs"].replace("\\", "")
+
+
+@pytest.mark.parametrize(
+    ("key", "data"),
+    [
+        ("vehicle", None),
+        ("vehicle", {}),
+        ("vehicle", {**VEHICLE, "attitude_rad": [math.nan] * 3}),
+        ("vehicle", {**VEHICLE, "attitude_rad": [math.inf] * 3}),
+        ("vehicle", {**VEHICLE, "depth_m": "deep"}),
+        ("vehicle", {**VEHICLE, "failsafes": ["leak"]}),
+        ("depth", {"depth_m": 10**400}),
+        ("depth", "deep"),
+        ("power", {"voltage_v": None}),
+        ("altitude", {"confidence": "sure"}),
+        ("leak", {}),
+    ],
+)
+def test_display_lives_whatever_pages_come_over_the_link(key: str, data: Any) -> None:
+    pages = {
+        "vehicle": VEHICLE,
+        "depth": {"depth_m": 1.98},
+        "altitude": {"distance_m": 2.5, "confidence": 1.0},
+        "power": {"voltage_v": 15.9, "current_a": 4.2},
+        "leak": {"is_wet": False},
+        key: data,
+    }
+    told = dict(rows({name: Page(name, value, "urov", 10.0, True) for name, value in pages.items()}, 0.1))
+    assert "cannot be shown" in told["pages"]
+
+
+def test_table_of_failsafes_is_below_the_display(monkeypatch: pytest.MonkeyPatch) -> None:
+    from snr_sim_robot_urov.failsafes import Failsafes, Rearm
+
+    lines = Failsafes(line_lost=Rearm(5.0)).lines(10.0)
+    assert lines == [
+        "hold for 10 s, then surface: link_lost, nonsense",
+        "neutral, goes on once within 5 s: line_lost",
+        "neutral until re-armed: controller_reset, no_rearm",
+        "warn only: stale_sensor, disk_full, overloaded",
+        "surface: low_battery, leak",
+    ]
+    tables: list[Any] = []
+    screen = SimpleNamespace(update=lambda table, refresh: tables.append(table), stop=lambda: None)
+
+    def takes_the_screen(part: Any) -> None:
+        part.parent.components["display"].live = screen
+
+    parts = [display.DisplayFactory(2.0, lines=lines), TickerFactory(takes_the_screen, "screen")]
+    TestRunner(Config(factories={"test": parts}), until_s=2.0).run()
+    assert tables[-1].caption.plain.splitlines() == lines
 
 
 def test_what_a_vehicle_told_that_is_silent_now_is_grey_and_said_to_be_old() -> None:

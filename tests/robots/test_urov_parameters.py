@@ -13,6 +13,7 @@ from snr_sim.prelude.errors import ParameterError
 
 library.load_robot(library.find("robots", "urov"))
 
+from snr_sim_robot_urov.failsafes import Failsafes, Rearm  # noqa: E402
 from snr_sim_robot_urov.guard import GuardLimits  # noqa: E402
 from snr_sim_robot_urov.parameters import Gains, HoldNumbers, Sensors, UrovParameters, vehicle  # noqa: E402
 
@@ -35,7 +36,16 @@ def parameters(**numbers: Any) -> UrovParameters:
         (GuardLimits, {"low_v": "13"}, "guard's low_v is '13'"),
         (GuardLimits, {"low_v": math.inf}, "guard's low_v is inf"),
         (GuardLimits, {"sag_ohm": 30}, r"guard's sag_ohm is 30: milliohms\?"),
-        (GuardLimits, {"surfaces_on_leak": "no"}, "guard's surfaces_on_leak is 'no'"),
+        (Failsafes, {"leak": "surfce"}, "failsafe leak is 'surfce'"),
+        (Failsafes, {"leak": True}, "failsafe leak is True"),
+        (Failsafes, {"no_rearm_s": math.nan}, "failsafes' no_rearm_s is nan"),
+        (Failsafes, {"line_lost": "warn"}, "line_lost is 'warn', but outputs that have let go do not push"),
+        (Failsafes, {"no_rearm": "warn"}, "no_rearm is 'warn', but outputs"),
+        (Failsafes, {"no_rearm": Rearm(5.0)}, "never comes to it: nobody has re-armed"),
+        (Failsafes, {"leak": Rearm(5.0)}, "never comes to it: that is over only with the next start"),
+        (Rearm, {"within_s": 0.0}, "failsafe's Rearm is 0.0"),
+        (Rearm, {"within_s": 5000}, r"failsafe's Rearm is 5000: milliseconds\?"),
+        (parameters, {"failsafes": {"leak": "surface"}}, "failsafes is {'leak': 'surface'}"),
         (Gains, {**GAINS, "kp": math.nan}, "gain kp is nan"),
         (Gains, {**GAINS, "kd": -4.0}, "gain kd is -4.0"),
         (Gains, {**GAINS, "most": 0.0}, "The most that a controller asks for is 0.0"),

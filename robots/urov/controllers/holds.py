@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 from snr_sim_robot_urov.autopilot import AutopilotFactory
+from snr_sim_robot_urov.parameters import failsafe_lines
+from snr_sim_robot_urov.watch import WatchFactory
 
-from snr_sim import EndpointFactory
+from snr_sim.core.config import AnyFactory
 from snr_sim.prelude.scenario import Robot
 
 
-def factories(robot: Robot) -> list[EndpointFactory]:
+def factories(robot: Robot) -> list[AnyFactory]:
     """Returns what makes the controller's components, which run at the vehicle."""
-    return [AutopilotFactory(robot.parameters)]
+    return [WatchFactory(), AutopilotFactory(robot.parameters)]
+
+
+def start_lines(robot: Robot) -> list[str]:
+    """Returns the table of failsafes, for whoever starts a run."""
+    return failsafe_lines(robot.parameters)

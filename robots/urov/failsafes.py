@@ -1,0 +1,133 @@
+"""What the vehicle does by itself when something fails, agreed before the dive: one row for each cause.
+
+    cause             there while                                                           action, unless changed
+    link_lost         no controls that count have come for `lost_s`                         hold
+    line_lost         the outputs have disarmed by themselves, or do not answer             neutral
+    controller_reset  the outputs' microcontroller has started anew                         neutral
+    stale_sensor      a sensor that has been read has had no reading for a while            warn
+    nonsense          a sensor's page has wrong types, NaN or what cannot be                hold
+    low_battery       it was low for `low_s`; until the next start                          surface
+    leak              a probe is wet; until the next start                                  surface
+    disk_full         nothing more is recorded: page `recording` says so                    warn
+    overloaded        readings wait for more than 0.1 s until they are answered             warn
+    no_rearm          the outputs have let go, and no person has re-armed for `no_rearm_s`  neutral
+
+    action       what the vehicle does
+    warn         tells it, and nothing else
+    neutral      nothing pushes until a person has disarmed and armed
+    Rearm(N)     nothing pushes; if the cause is over within N seconds it goes on by itself, once; else as neutral
+    hold         depth and heading, for `hold_s`; then it goes up. The pilot is obeyed when the cause is over
+    surface      goes up
+
+Of several causes, `surface` counts first, then `neutral`, then `hold`. While outputs do not answer nothing can push:
+their `hold` and `surface` begin when they are back, for which the vehicle re-arms them, until a person has disarmed.
+`lost_s`, `hold_s`, `low_s` are in `GuardLimits` (guard.py).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+from snr_sim.plants.plausible import IS_ABOVE, Limit, check_number, shown
+from snr_sim.prelude.errors import ParameterError, nearest
+
+ACTIONS = ("warn", "neutral", "hold", "surface")
+OUTPUTS = ("line_lost", "controller_reset")  # the outputs have let go of the thrusters
+LASTING = ("low_battery", "leak")  # until the next start
+MILLISECONDS = {"milliseconds": 1e-3}
+WITHIN = Limit(0.0, 600.0, "s", "5 is usual, and later nobody expects thrusters to turn", MILLISECONDS, IS_ABOVE)
+NO_REARM = Limit(0.0, 3600.0, "s", "10 is usual: as long as a person needs", MILLISECONDS)
+
+
+@dataclass(frozen=True)
+class Rearm:
+    """Go on by itself, once until a person disarms, if the cause is over soon enough.
+
+    Args:
+        within_s: since it began, with all that arming takes: a microcontroller that was reset needs 1.5 s.
+
+    Raises:
+        ParameterError: the number cannot be.
+    """
+
+    within_s: float
+
+    def __post_init__(self) -> None:
+        check_number("A failsafe's Rearm", self.within_s, WITHIN)
+
+
+@dataclass(frozen=True)
+class Failsafes:
+    """The table: for each cause, one of ACTIONS or `Rearm`.
+
+    Args:
+        no_rearm_s: how long outputs wait for a person before that is a cause of its own.
+
+    Raises:
+        ParameterError: there is no such action, or a cause cannot have it.
+    """
+
+    link_lost: str | Rearm = "hold"
+    line_lost: str | Rearm = "neutral"
+    controller_reset: str | Rearm = "neutral"
+    stale_sensor: str | Rearm = "warn"
+    nonsense: str | Rearm = "hold"
+    low_battery: str | Rearm = "surface"
+    leak: str | Rearm = "surface"
+    disk_full: str | Rearm = "warn"
+    overloaded: str | Rearm = "warn"
+    no_rearm: str | Rearm = "neutral"
+    no_rearm_s: float = 10.0
+
+    def __post_init__(self) -> None:
+        check_number("The failsafes' no_rearm_s", self.no_rearm_s, NO_REARM)
+        for cause in CAUSES:
+            self._check(cause, self.of(cause))
+
+    def of(self, cause: str) -> str | Rearm:
+        """Returns the action for one of CAUSES."""
+        action: str | Rearm = getattr(self, cause)
+        return action
+
+    def _check(self, cause: str, action: str | Rearm) -> None:
+        if not isinstance(action, Rearm) and action not in ACTIONS:
+            raise ParameterError(
+                f"The failsafe {cause} is {shown(action)}.", fix=f"{nearest(str(action), ACTIONS)} Or Rearm(5.0)."
+            )
+        if action == "warn" and cause in (*OUTPUTS, "no_rearm"):
+            raise ParameterError(
+                f"The failsafe {cause} is 'warn', but outputs that have let go do not push, warned or not.",
+                fix=f'{cause}="neutral", or Rearm(5.0) to go on without a person.',
+            )
+        if isinstance(action, Rearm) and cause in (*LASTING, "no_rearm"):
+            why = "nobody has re-armed" if cause == "no_rearm" else "that is over only with the next start"
+            raise ParameterError(
+                f"The failsafe {cause} is {action}, which never comes to it: {why}.",
+                fix=f'{cause}="surface", or line_lost=Rearm(5.0) for outputs that come back.',
+            )
+
+    def lines(self, hold_s: float) -> list[str]:
+        """Returns the table in few lines of text, one for each action.
+
+        Args:
+            hold_s: how long `hold` holds.
+        """
+        causes: dict[str, list[str]] = {}
+        for cause in CAUSES:
+            causes.setdefault(in_words(self.of(cause), hold_s), []).append(cause)
+        return [f"{action}: {', '.join(names)}" for action, names in causes.items()]
+
+
+CAUSES = tuple(field.name for field in fields(Failsafes) if field.name != "no_rearm_s")
+
+
+def in_words(action: str | Rearm, hold_s: float) -> str:
+    """Returns an action as the display shows it.
+
+    >>> in_words(Rearm(5.0), 10.0), in_words("hold", 10.0)
+    ('neutral, goes on once within 5 s', 'hold for 10 s, then surface')
+    """
+    if not isinstance(action, str):
+        return f"neutral, goes on once within {action.within_s:g} s"
+    words = {"neutral": "neutral until re-armed", "hold": f"hold for {hold_s:g} s, then surface", "warn": "warn only"}
+    return words.get(action, action)

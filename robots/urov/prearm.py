@@ -1,0 +1,79 @@
+"""What keeps the vehicle from being armed before the dive, in words: so the pilot knows why not, and what to look at.
+
+Only the first arming is checked. In the water a person who arms has a reason, and failsafes do the rest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from snr_sim.prelude.page import Page
+
+from .guard import Guard
+from .readings import Outputs, Readings
+
+CLOCK_S = 1.0  # readings that were measured so long before they came: their clock is another one
+WARM_UP_S = 2.0  # of a program that has just started what is missing may still come: arming waits so long
+
+
+def failing_checks(guard: Guard, readings: Readings, ages_s: Mapping[str, float], outputs: Outputs | None) -> list[str]:
+    """Returns what is not as it must be, each in words; nothing if the vehicle may be armed.
+
+    Args:
+        guard: knows battery, leak, disk and what else has failed.
+        readings: of the sensors.
+        ages_s: of the pages of the newest ones.
+        outputs: how they are; None if nobody tells.
+    """
+    failing = readings.missing(ages_s)
+    if guard.rest_v is not None and guard.rest_v < guard.limits.low_v:
+        failing.append(f"battery: {guard.rest_v:.1f} V at rest, less than {guard.limits.low_v:g} V")
+    for cause, what in (("nonsense", "sensors"), ("disk_full", "disk"), ("overloaded", "computer"), ("leak", "leak")):
+        if cause in guard.since_s:
+            failing.append(f"{what}: {guard.words[cause]}")
+    failing += [
+        f"clock: {key} is stamped {late_s:.1f} s before it came"
+        for key, late_s in _late_s(readings.newest, readings.pages).items()
+        if late_s > CLOCK_S
+    ]
+    if outputs is not None and outputs.state == "error":
+        failing.append(f"outputs and their firmware: {outputs.fault.partition(chr(10))[0]}")
+    return failing
+
+
+def _late_s(newest: Mapping[str, Any], pages: Mapping[str, Page]) -> dict[str, float]:
+    """Returns how long before its page each reading was measured, if it says so."""
+    return {key: pages[key].created_at_s - reading.stamp_s for key, reading in newest.items() if key in pages}
+
+
+class PreArm:
+    """Lets the first arming through once all is well. What was refused is not made up for later: disarm, arm again."""
+
+    def __init__(self) -> None:
+        self.has_armed = False
+        self._refused = ""  # why, when it was asked for; told until the pilot disarms
+        self._start_s = math.inf
+
+    def why_not(self, is_armed: bool, failing: list[str], now_s: float) -> str | None:
+        """Returns why the vehicle is not armed; "" if it is only not armed yet; None if nothing is against it.
+
+        Args:
+            is_armed: whether the controls ask for it.
+            failing: see `failing_checks`.
+            now_s: when.
+        """
+        self._start_s = min(self._start_s, now_s)
+        if not is_armed or self.has_armed:
+            self._refused = ""
+            return None
+        if self._refused:
+            return self._refused
+        if failing and now_s < self._start_s + WARM_UP_S:
+            return ""
+        if failing:
+            self._refused = f"Not armed: {'; '.join(failing)}. Disarm, then arm again."
+            return self._refused
+        self.has_armed = True
+        return None

@@ -1,0 +1,160 @@
+"""What sensors told last: taken if it is a reading that can be, else told what is wrong with it.
+
+A page may hold anything: a driver divides by zero, a wire spoils a byte, somebody types it at a console. What is no
+reading is dropped, and the one before it grows older.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import msgspec
+
+from snr_sim.devices.commands import command_of
+from snr_sim.plants.plausible import Limit
+from snr_sim.prelude.errors import CommandError
+from snr_sim.prelude.page import Page
+from snr_sim.prelude.signals import DepthReading, ImuReading, LeakReading, PowerReading
+from snr_sim.prelude.structs import learned
+
+AHEAD_S = 0.1  # a reading is stamped by the clock of the run, so none is of times to come
+NONSENSE_S = 1.0  # after a page that held no reading, the sensor is not trusted for so long
+SILENT_S, SILENT_PERIODS = 0.5, 3.0  # no reading for so long, and for so many of its periods: it is stale
+_ANGLE = Limit(-2.0 * math.pi, 2.0 * math.pi, "rad", "a full turn is 6.28 rad")
+
+# Far beyond what the parts can measure: what lies outside is no measurement. Of a list, each number.
+CAN_BE: dict[str, tuple[type[Any], Mapping[str, Limit]]] = {
+    "depth": (
+        DepthReading,
+        {
+            "depth_m": Limit(-10.0, 1000.0, "m", "an MS5837 ends at 300 m"),
+            "pressure_pa": Limit(0.0, 2e7, "Pa", "1000 m of water have 1e7"),
+            "temperature_c": Limit(-50.0, 150.0, "degrees Celsius", "the part is made for -20 to 85"),
+        },
+    ),
+    "imu": (
+        ImuReading,
+        {
+            "rate_radps": Limit(-100.0, 100.0, "rad/s", "an ICM-20948 ends at 35"),
+            "specific_force_mps2": Limit(-500.0, 500.0, "m/s2", "an ICM-20948 ends at 157"),
+            "field_ut": Limit(-1e4, 1e4, "uT", "an ICM-20948 ends at 4900"),
+            "roll_rad": _ANGLE,
+            "pitch_rad": _ANGLE,
+            "yaw_rad": _ANGLE,
+        },
+    ),
+    "power": (
+        PowerReading,
+        {
+            "voltage_v": Limit(-1.0, 100.0, "V", "the module ends at 60"),
+            "current_a": Limit(-500.0, 500.0, "A", "the module ends at 120"),
+        },
+    ),
+    "leak": (LeakReading, {}),
+}
+
+
+def reading_of(key: str, data: Any, now_s: float) -> Any:
+    """Returns the reading that a page's data is.
+
+    Args:
+        key: of the page, one of CAN_BE.
+        data: anything.
+        now_s: by the clock that readings are stamped by.
+
+    Raises:
+        CommandError: it is none, or a number in it cannot be; says which field.
+    """
+    kind, limits = CAN_BE[key]
+    if isinstance(data, msgspec.Struct):  # whose types nobody has checked
+        data = msgspec.structs.asdict(data)
+    reading = command_of(data, kind, {name: (limit.least, limit.most) for name, limit in limits.items()})
+    for name, limit in limits.items():
+        value = getattr(reading, name)
+        numbers = value if isinstance(value, list) else [value]
+        if isinstance(value, list) and len(value) != 3:
+            raise CommandError(f"{name} has {len(value)} numbers.", fix="[x, y, z].")
+        for number in numbers:
+            if not limit.holds(number):
+                raise CommandError(f"{name} is {number!r}.", fix=f"{limit.wanted()}: {limit.why}.")
+    if not -math.inf < reading.stamp_s <= now_s + AHEAD_S:
+        raise CommandError(
+            f"stamp_s is {reading.stamp_s!r}, and the vehicle's clock shows {now_s:.2f} s.",
+            fix="stamp a reading with the clock of the run, when it is measured.",
+        )
+    return reading
+
+
+class Outputs(msgspec.Struct, frozen=True):
+    """How the outputs are: what `PwmLoop` tells in page `pwm_applied`, as far as the vehicle goes by it.
+
+    Args:
+        state: as of `Health`.
+        fault: what is wrong with them, in words.
+        why: words of `AppliedPulses`.
+    """
+
+    state: str
+    fault: str = ""
+    why: list[str] = []
+
+
+def outputs_of(data: Any) -> Outputs | None:
+    """Returns how the outputs are; None if the page does not say."""
+    try:
+        return msgspec.convert(data, learned(Outputs))
+    except msgspec.ValidationError:
+        return None
+
+
+class Readings:
+    """Keeps, of each sensor, the newest page that held a reading.
+
+    Args:
+        rates_hz: how often each sensor is read.
+
+    Attributes:
+        newest: the readings.
+        pages: those that held them.
+    """
+
+    def __init__(self, rates_hz: Mapping[str, float]) -> None:
+        self.newest: dict[str, Any] = {}
+        self.pages: dict[str, Page] = {}
+        self._silent_s = {key: max(SILENT_S, SILENT_PERIODS / rates_hz[key]) for key in CAN_BE}
+        self._seen: dict[str, Page] = {}
+        self._wrong: dict[str, tuple[float, str]] = {}  # when a page held none, and what was wrong with it
+
+    def take(self, key: str, page: Page | None, now_s: float) -> bool:
+        """Takes a sensor's newest page, if it is another than before; returns whether it is."""
+        if page is None or page is self._seen.get(key):
+            return False
+        self._seen[key] = page
+        try:
+            self.newest[key] = reading_of(key, page.data, now_s)
+        except CommandError as error:
+            self._wrong[key] = now_s, error.message
+        else:
+            self.pages[key] = page
+        return True
+
+    def nonsense(self, now_s: float) -> str:
+        """Returns which sensors have lately told what is no reading, in words; empty if none has."""
+        lately = [f"{key}: {what}" for key, (at_s, what) in self._wrong.items() if now_s - at_s <= NONSENSE_S]
+        return " ".join(lately)
+
+    def stale(self, ages_s: Mapping[str, float]) -> str:
+        """Returns which sensors that have been read have no fresh reading, in words; empty if all have.
+
+        Args:
+            ages_s: of the page of each newest reading.
+        """
+        return ", ".join(key for key, age_s in ages_s.items() if age_s > self._silent_s[key])
+
+    def missing(self, ages_s: Mapping[str, float]) -> list[str]:
+        """Returns what keeps the vehicle from being steered at all: sensors without a fresh reading, in words."""
+        never = [f"{key}: no reading yet" for key in ("depth", "imu") if key not in self.newest]
+        old = [f"{key}: newest reading {ages_s[key]:.1f} s old" for key in ages_s if ages_s[key] > self._silent_s[key]]
+        return never + old

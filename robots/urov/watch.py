@@ -1,0 +1,28 @@
+"""Has the autopilot think also when no reading comes: so outputs hear neutral, and the surface hears why."""
+
+from __future__ import annotations
+
+from snr_sim import Loop, LoopFactory, Node, tasks
+
+RATE_HZ = 10.0
+UNANSWERED_S = 0.1  # the inertial unit is answered with a command 50 times a second
+
+
+class WatchFactory(LoopFactory):
+    """Makes the watch."""
+
+    def get(self, parent: Node) -> Watch:
+        """Returns the loop 'watch'."""
+        return Watch(self, parent, "watch", RATE_HZ)
+
+
+class Watch(Loop):
+    """Has page 'imu' answered once more, ten times a second while nothing is commanded; in a healthy run never."""
+
+    first_tick_after_s = 0.5
+
+    def loop(self) -> None:
+        """Looks how old the newest command is."""
+        page = self.parent.datastore.pages.get("pwm")
+        if page is None or self.get_time_s() - page.created_at_s > UNANSWERED_S + 1e-9:
+            self.schedule(tasks.process_data("imu"))

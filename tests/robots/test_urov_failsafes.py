@@ -1,0 +1,340 @@
+"""Each cell of the table of failsafes: a cause, an action, and what the vehicle then does.
+
+The same cells in simulation, and with the thrusters at the pins of an emulated microcontroller.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import groupby
+from typing import Any
+
+import msgspec
+import pytest
+
+from snr_sim import Config, SimRunner, library
+from snr_sim.core.clocks import SimClock
+from snr_sim.devices.emulated.lock_step import PlantOnBoard
+from snr_sim.devices.emulated.port import EmulatedPort
+from snr_sim.devices.loops import SensorLoop, SensorLoopFactory
+from snr_sim.devices.mcu_board import McuBoard
+from snr_sim.devices.sim_pwm import SimPwm
+from snr_sim.plants.stepping import Stepper
+from snr_sim.plants.t200 import LEAST_US, MOST_US
+from snr_sim.prelude.device import Stale
+from snr_sim.prelude.errors import DeviceError
+from snr_sim.prelude.page import Page
+from snr_sim.prelude.scenario import Rig, Robot
+from snr_sim.prelude.signals import RESET, LeakReading
+from snr_sim.prelude.task import Task, TaskType
+from snr_sim.testing.parts import PartFactory, TickerFactory
+
+robot = library.load_robot(library.find("robots", "urov"))
+
+from snr_sim_robot_urov.failsafes import ACTIONS, CAUSES, LASTING, OUTPUTS  # noqa: E402
+
+ARM_S, FROM_S, TO_S, GAP_S = 1.8, 2.6, 4.8, 0.22
+DISARM_S, ARM_AGAIN_S, END_S = 6.0, 6.2, 7.0
+GREETS_S = 2.0  # a link that was cut needs so long to greet again
+REARM, WITHIN_S = "rearm", 5.0
+LIMITS = {"lost_s": 0.5, "hold_s": 0.8, "low_s": 0.4}
+EMPTY = 0.03  # charge of a battery that is low
+QUIET_N, PUSH_N = 0.5, 2.0
+SETTLED_S = 0.4  # the lease of the last command, and what propellers need to stand still
+CELLS = [
+    (cause, action)
+    for cause in CAUSES
+    for action in (*ACTIONS, REARM)
+    if not (action == "warn" and cause in (*OUTPUTS, "no_rearm"))
+    and not (action == REARM and cause in (*LASTING, "no_rearm"))
+]
+
+
+class Gap:
+    """A line that loses all there is for GAP_S. Keeps the promise of BytePort."""
+
+    def __init__(self, port: EmulatedPort, now_s: Callable[[], float]) -> None:
+        self.port, self.now_s, self.name = port, now_s, port.name
+
+    def _is_torn(self) -> bool:
+        return FROM_S <= self.now_s() < FROM_S + GAP_S
+
+    def write(self, data: bytes) -> None:
+        if not self._is_torn():
+            self.port.write(data)
+
+    def read(self) -> bytes:
+        data = self.port.read()
+        return b"" if self._is_torn() else data
+
+    def wait(self, seconds: float) -> bool:
+        return self.port.wait(seconds)
+
+    def close(self) -> None:
+        self.port.close()
+
+
+class TornPwm(SimPwm):
+    """Simulated outputs whose line, or whose microcontroller, fails at FROM_S for GAP_S."""
+
+    def __init__(self, rig: Rig, is_reset: bool) -> None:
+        super().__init__(rig.plant, rig.now_s, 8, limits_us=(LEAST_US, MOST_US))
+        self.is_reset, self.failed = is_reset, False
+
+    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
+        if not self.failed and self.now_s() >= FROM_S:
+            self.failed, self.let_go_for = True, [RESET] if self.is_reset else []
+            raise DeviceError("nothing answers")
+        return super().put(pulses_us, stamp_s, lease_s, why)
+
+    def on_configure(self) -> None:
+        if self.failed and self.now_s() < FROM_S + GAP_S:
+            raise DeviceError("nothing answers")
+        super().on_configure()
+
+    def on_activate(self) -> None:
+        self.let_go_for = []
+        super().on_activate()
+
+
+class Meddled:
+    """A sensor of which some readings are others. Keeps the promise of Sensor."""
+
+    def __init__(self, sensor: Any, change: Callable[[Any], Any], now_s: Callable[[], float]) -> None:
+        self._sensor, self._change, self._now_s = sensor, change, now_s
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._sensor, name)
+
+    def read(self) -> Any:
+        reading = self._sensor.read()
+        return self._change(reading) if FROM_S <= self._now_s() < TO_S else reading
+
+
+class LateLoop(SensorLoop):
+    """A sensor's loop of a node that has too much to do: its pages wait for 0.2 s before they are handled."""
+
+    def loop(self) -> None:
+        now_s, reading = self.get_time_s(), self.sensor.read()
+        made_s = now_s - 0.2 if FROM_S <= now_s < TO_S else now_s
+        page = Page("imu", self.data_of(reading), self.parent.name, made_s, True)
+        self.schedule(Task(TaskType.store_page, "imu", [page]))
+
+
+class LateFactory(SensorLoopFactory):
+    def get(self, parent: Any) -> LateLoop:
+        return LateLoop(self, parent, "imu_sensor", self.rate_hz)
+
+
+class Dive:
+    """A dive at 2 m, the pilot going ahead, in which something fails at FROM_S.
+
+    Attributes:
+        rules: whose word counted, in order, from just before.
+        told: every page 'vehicle' from then on.
+        samples: (time_s, rules, thrust of all thrusters [N], widths at the pins of an emulated board [us]).
+    """
+
+    def __init__(self, io: str, cause: str, person: bool, actions: dict[str, Any]) -> None:
+        scenario = library.load_scenario(library.find("scenarios", "urov_heading_hold"))
+        # Of the robot as it is now: other tests load it again.
+        from snr_sim_robot_urov.autopilot import AutopilotFactory
+        from snr_sim_robot_urov.failsafes import Failsafes, Rearm
+        from snr_sim_robot_urov.guard import GuardLimits
+        from snr_sim_robot_urov.pilot import Cue
+        from snr_sim_robot_urov.watch import WatchFactory
+
+        failsafes = Failsafes(**{name: Rearm(WITHIN_S) if one == REARM else one for name, one in actions.items()})
+        later_s = GREETS_S if cause == "link_lost" else 0.0
+        script = [Cue(ARM_S, is_armed=True, mode="heading_hold", surge=0.3)]
+        if person:
+            script += [Cue(DISARM_S + later_s, is_armed=False), Cue(ARM_AGAIN_S + later_s, is_armed=True)]
+        parameters = replace(
+            scenario.parameters(1), script=tuple(script), guard=GuardLimits(**LIMITS), failsafes=failsafes
+        )
+        if cause == "link_lost":
+            parameters = replace(parameters, tether=replace(parameters.tether, cut=((FROM_S, TO_S),)))
+        bare = scenario.plant(1, "mujoco")
+        rig = Rig(Robot("urov", "urov", "test", "mujoco", parameters, {}), io, 1, bare)
+        plant = robot.dressed(rig)
+        rig = replace(rig, plant=plant)
+        clock = SimClock()
+        self.plant, self.now_s = plant, clock.now_s
+        self.told: list[dict[str, Any]] = []
+        self.samples: list[tuple[float, str, float, list[float]]] = []
+        with pytest.MonkeyPatch.context() as patch:
+            self._break_devices(patch, io, cause)
+            parts = robot.roles(rig, [WatchFactory(), AutopilotFactory(parameters)])
+            self._meddle(parts["urov"], cause, bare)
+            parts["urov"].append(TickerFactory(lambda loop: self._sample(bare), "sampler", 50.0))
+            parts["urov"].append(PartFactory({(TaskType.store_page, "vehicle"): self._keep}))
+            clock.follow(Stepper(plant).advance_to)
+            runner = SimRunner(Config(factories=parts), clock=clock, until_s=END_S + later_s, tells_notes=False)
+            runner.run()
+        self.notes = runner.nodes["urov"].notes
+        if isinstance(plant, PlantOnBoard):
+            plant.board.close()
+
+    def _break_devices(self, patch: pytest.MonkeyPatch, io: str, cause: str) -> None:
+        row, plant = robot.DEVICES[io], self.plant
+
+        def meddled(name: str, change: Callable[[Any], Any]) -> None:
+            open_device = row[name]
+            patch.setitem(row, name, lambda rig: Meddled(open_device(rig), change, self.now_s))
+
+        if cause == "stale_sensor":
+            meddled("depth", lambda reading: Stale("the plug is out"))
+        if cause == "nonsense":
+            meddled("depth", lambda reading: msgspec.structs.replace(reading, depth_m=math.nan))
+        if cause == "leak":
+            meddled("leak", lambda reading: LeakReading(True, reading.stamp_s))
+        if cause in (*OUTPUTS, "no_rearm") and not isinstance(plant, PlantOnBoard):
+            patch.setitem(row, "pwm", lambda rig: TornPwm(rig, cause == "controller_reset"))
+        elif cause in ("line_lost", "no_rearm"):
+            board = plant.board
+            plant.mcu = McuBoard(
+                lambda: Gap(EmulatedPort(board), self.now_s),
+                lambda: plant.plant.time_s,
+                lambda: board.now_us * 1e-6,
+                session=1,
+            )
+
+    def _meddle(self, urov: list[Any], cause: str, bare: Any) -> None:
+        if cause == "overloaded":
+            (at,) = [i for i, one in enumerate(urov) if getattr(one, "key", "") == "imu"]
+            urov[at] = LateFactory("imu", urov[at].open_device, urov[at].rate_hz)
+        if cause == "disk_full":
+            for at_s, ok in ((FROM_S, False), (TO_S, True)):
+                data = {"ok": ok, "since_s": at_s, "lost": 3, "reason": "no space left on device"}
+                urov.append(once(at_s, f"disk_{ok}", lambda loop, data=data: loop.store_data("recording", data)))
+        if cause == "low_battery":
+            supply = bare.thrusters.supply
+            urov.append(once(FROM_S, "drain", lambda loop: supply.restore((EMPTY, supply.energy_j, 0.0, False))))
+        if cause == "controller_reset" and isinstance(self.plant, PlantOnBoard):
+            urov.append(once(FROM_S, "reset", lambda loop: self.plant.board.reset()))
+
+    def _keep(self, task: Task, task_id: Any) -> None:
+        page = task.val_list[0]
+        if page.created_at_s >= FROM_S - 0.3:
+            self.told.append({**page.data, "t": page.created_at_s})
+
+    def _sample(self, bare: Any) -> None:
+        thrust_n = sum(map(abs, bare.thrusters.forces_n))
+        pins = [pin.width_us for pin in self.plant.board.pins()] if isinstance(self.plant, PlantOnBoard) else []
+        if self.told:
+            self.samples.append((self.now_s(), self.told[-1]["rules"], thrust_n, pins))
+
+    @property
+    def rules(self) -> list[str]:
+        return [rules for rules, _ in groupby(one["rules"] for one in self.told)]
+
+    def check_outputs(self) -> None:
+        """Nothing pushes while nobody's word counts, and something does while somebody's does; also at the pins."""
+        for rules, group in groupby(self.samples, lambda one: one[1]):
+            samples = list(group)
+            settled = [one for one in samples if one[0] > samples[0][0] + SETTLED_S]
+            if rules in ("idle", "neutral"):
+                assert max((thrust_n for _, _, thrust_n, _ in settled), default=0.0) < QUIET_N, rules
+                assert all(abs(width - 1500.0) < 1.0 for _, _, _, pins in settled for width in pins), rules
+            elif settled:
+                assert max(thrust_n for _, _, thrust_n, _ in settled) > PUSH_N, rules
+
+
+def once(at_s: float, name: str, do: Callable[[Any], Any]) -> TickerFactory:
+    """A component that does something once."""
+    done = []
+
+    def look(loop: Any) -> None:
+        if not done and loop.get_time_s() >= at_s:
+            done.append(True)
+            do(loop)
+
+    return TickerFactory(look, name, 50.0)
+
+
+def expected(cause: str, action: str) -> list[str]:
+    """Whose word counts, in order, in a dive with a cause and an action; after `neutral` a person disarms and arms."""
+    follows = {"hold": ["hold", "surface"], "surface": ["surface"]}
+    if cause in (*OUTPUTS, "no_rearm"):
+        after = ["pilot"] if action == "neutral" else ["neutral", *follows.get(action, ["pilot"])]
+        return ["pilot", "idle", *after]
+    begin = ["pilot", "neutral"] if cause == "link_lost" else ["pilot"]
+    if action == "warn":
+        return [*begin, "pilot"] if cause == "link_lost" else begin
+    if action == "neutral":
+        return ["pilot", "neutral", "idle", "neutral" if cause in LASTING else "pilot"]
+    if action == REARM:
+        return ["pilot", "neutral", "pilot"]
+    return [*begin, *follows[action], *([] if cause in LASTING else ["pilot"])]
+
+
+def dive_of(io: str, cause: str, action: str) -> Dive:
+    actions = {cause: action, "no_rearm_s": 0.8 if cause == "no_rearm" else 600.0}
+    return Dive(io, cause, action == "neutral", actions)
+
+
+def check_cell(io: str, cause: str, action: str) -> None:
+    dive = dive_of(io, cause, action)
+    assert dive.rules == expected(cause, action)
+    dive.check_outputs()
+    told = [one["failsafes"][cause] for one in dive.told if cause in one.get("failsafes", {})]
+    assert told, "the surface is told"
+    assert any(f"Failsafe {cause}, t = " in note for note in dive.notes)
+    ends = dive.told[-1].get("failsafes", {})
+    lasts = cause in LASTING or (cause in (*OUTPUTS, "no_rearm") and action in ("hold", "surface"))
+    assert (cause in ends) == lasts
+    if dive.rules[-1] == "surface":
+        depths_m = [sample.depth_m for sample in dive.plant.course]
+        assert depths_m[-1] < depths_m[-6] - 0.02, "and it rises"
+
+
+@pytest.mark.parametrize(("cause", "action"), CELLS, ids=str)
+def test_cell_in_simulation(cause: str, action: str) -> None:
+    check_cell("sim", cause, action)
+
+
+@pytest.mark.usefixtures("emulators")
+@pytest.mark.parametrize(("cause", "action"), CELLS, ids=str)
+def test_cell_at_pins_of_emulated_board(cause: str, action: str) -> None:
+    check_cell("emulated", cause, action)
+
+
+def test_rearm_goes_on_once_and_not_after_its_time() -> None:
+    late = Dive("sim", "line_lost", False, {"line_lost": REARM})
+    assert late.rules[-1] == "pilot"
+    from snr_sim_robot_urov.controls import Controls
+    from snr_sim_robot_urov.failsafes import Failsafes, Rearm
+    from snr_sim_robot_urov.guard import Guard, GuardLimits
+
+    guard = Guard(GuardLimits(), Failsafes(line_lost=Rearm(5.0), overloaded=Rearm(1.0)))
+    now_s = 0.0
+
+    def rules_after(seconds: float, state: str, overloaded: str = "") -> str:
+        nonlocal now_s
+        for _ in range(round(20 * seconds)):
+            now_s += 0.05
+            guard.hear(Controls(round(20 * now_s), is_armed=True), now_s)
+            guard.see("overloaded", overloaded, now_s)
+            guard.see_outputs(state, now_s)
+            rules = guard.rules(now_s)
+        return rules
+
+    assert rules_after(1.0, "active") == "pilot"
+    for after in ("pilot", "idle"):
+        guard.lose_outputs(False, "nothing answers", False, now_s)
+        assert rules_after(1.0, "error") == "idle"
+        rules_after(1.0, "inactive")
+        assert rules_after(1.0, "active") == after
+    guard.hear(Controls(10**6), now_s + 0.05)
+    guard.hear(Controls(10**6 + 1, is_armed=True), now_s + 0.1)
+    now_s += 1.0
+    assert rules_after(0.5, "active") == "pilot", "a person has disarmed and armed"
+    guard.lose_outputs(False, "emergency stop", True, now_s)
+    assert rules_after(3.0, "inactive") == "idle", "who stopped it is a person, and so is who starts it again"
+    guard.hear(Controls(10**6 + 2), now_s + 1.0)
+    now_s += 2.0
+    assert rules_after(0.5, "active", "late") == "neutral"
+    assert rules_after(1.0, "active", "late") == "neutral"
+    assert rules_after(1.0, "active") == "neutral", "it took longer than a second"
