@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -109,6 +110,8 @@ def _record(
         recorder.close()
         discard(folder)  # nothing has begun
         raise
+    if not isinstance(clock, SimClock):
+        recorder.fail_softly([node])
     if has_node is not None:
         has_node(node)
     try:
@@ -119,6 +122,8 @@ def _record(
                 node.loop()
     finally:
         recorder.close()
+        if recorder.loss:
+            print(f"note: {recorder.loss}", file=sys.stderr)
 
 
 def _record_one_of_several(

@@ -165,6 +165,8 @@ def record_run(
                 if world is None
                 else RoleRun(world, config, recorder)
             )
+            if world is not None or simulation.has_wires:  # what moves for real goes on without its recording
+                recorder.fail_softly(flight.nodes)
             # From here on a signal ends the run in order, and the files are finished, also if it comes after the run.
             signals = stack.enter_context(orderly(flight.nodes))
         except BaseException:
@@ -175,6 +177,8 @@ def record_run(
             result = flight.run(signals)
         finally:
             recorder_error = _close(recorder)
+        if recorder.loss and not recorder_error:
+            result.notes.append(recorder.loss)
         if recorder_error and not result.error:
             result.error, result.outcome, result.success = recorder_error, "error", False
         fields = result_fields(simulation.request, result, recorder.digest, place / folder.name)

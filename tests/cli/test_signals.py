@@ -202,15 +202,19 @@ def test_a_disk_that_is_full_from_the_first_line_is_told_too(here: Path) -> None
     assert "could not be written" in json.loads(done.stdout)["error"]
 
 
-@pytest.mark.parametrize("step", ["write_text", "replace"])
+@pytest.mark.parametrize("step", ["open", "replace"])
 @pytest.mark.parametrize("words", [[], ["--no-rrd"]], ids=["with a view", "without"])
 def test_a_result_that_could_not_be_written_is_said_and_the_run_counts(
     snr: Callable[..., Any], here: Path, monkeypatch: pytest.MonkeyPatch, step: str, words: list[str]
 ) -> None:
-    def fail(*given: Any) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
+    really = getattr(os, step)
 
-    monkeypatch.setattr(*((Path, "write_text") if step == "write_text" else (os, "replace")), fail)
+    def fail(path: Any, *given: Any, **named: Any) -> Any:
+        if RESULT_NAME in str(path):
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return really(path, *given, **named)
+
+    monkeypatch.setattr(os, step, fail)
     answer = snr("run", "lander_vertical", "--json", *words)
     assert answer.status == 0
     (said,) = [note for note in answer.json["notes"] if RESULT_NAME in note]
