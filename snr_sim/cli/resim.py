@@ -20,7 +20,7 @@ def resim(
         str, typer.Option(help="Where devices are: sim, emulated, ...; as recorded if not given and nothing real.")
     ] = "",
     out: Annotated[Path, typer.Option(help="Folder that run folders go into.")] = Path("runs"),
-    no_rrd: Annotated[bool, typer.Option("--no-rrd", help="Leave out view.rrd.")] = False,
+    rrd: Annotated[bool, typer.Option("--rrd/--no-rrd", help="Write view.rrd at once, not at snr view.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Simulate a run again, plant and all.
@@ -40,7 +40,7 @@ def resim(
     for remark in remarks(trace):
         print(f"note: {remark}", file=sys.stderr)
     request = with_devices(request_of(trace.opening, trace.header, with_file), io)
-    fields, status = record_run(request, out, None, is_viewed=not no_rrd, is_live=False, is_quiet=as_json)
+    fields, status = record_run(request, out, None, is_viewed=rrd, is_live=False, is_quiet=as_json)
     fields["resim_of"] = str(trace.path.parent)
     fields["identical"] = fields["trace_digest"] == trace.digest
     if not fields["identical"]:

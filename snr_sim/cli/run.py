@@ -36,7 +36,7 @@ def run(
         str, typer.Option(metavar="FILE", help="What it has learned; same as --option policy=FILE.")
     ] = "",
     out: Annotated[Path, typer.Option(help="Folder that run folders go into.")] = Path("runs"),
-    no_rrd: Annotated[bool, typer.Option("--no-rrd", help="Leave out view.rrd.")] = False,
+    rrd: Annotated[bool, typer.Option("--rrd/--no-rrd", help="Write view.rrd at once, not at snr view.")] = False,
     show: Annotated[
         bool, typer.Option("--view", help="Show it in rerun: live with --speed, else when it is over.")
     ] = False,
@@ -68,7 +68,7 @@ def run(
         request,
         out,
         pace,
-        is_viewed=not no_rrd,
+        is_viewed=rrd,
         is_live=is_live,
         is_quiet=as_json,
         is_watched=watch,
@@ -276,25 +276,17 @@ def _write_view(folder: Path, result: Result) -> None:
         result.notes.append("No view.rrd was written, as the run was to end at once; snr view makes it.")
         return
     from snr_sim.prelude.errors import MissingExtra, SnrError
-    from snr_sim.recording.folder import VIEW_NAME
-    from snr_sim.recording.reader import read_trace
-    from snr_sim.recording.trace import FILE_NAME
 
-    part = folder / f"part-{VIEW_NAME}"
     try:
-        from snr_sim.recording.view import write_view
+        from snr_sim.recording.view import view_of
 
-        trace = read_trace(folder / FILE_NAME)
-        write_view(trace.header, trace.records, part)
-        part.replace(folder / VIEW_NAME)
+        view_of(folder)
     except MissingExtra as error:
         result.notes.append(f"No view.rrd was written. {error.message} {error.fix}")
     except (OSError, SnrError) as error:
         result.notes.append(f"No view.rrd was written: {error}")
     except KeyboardInterrupt:
         result.notes.append("No view.rrd was written, as it was interrupted; snr view makes it.")
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _live_view(header: Header, recorder: Any) -> Any:

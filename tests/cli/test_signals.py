@@ -120,7 +120,7 @@ def signalled(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Signa
     place = tmp_path_factory.mktemp("signalled")
     jobs = [[*case, "run", "lander_vertical"] for case in EARLY]
     jobs += [[*case, "run", "lander_vertical", "--json"] for case in FIRST_TICK]
-    jobs += [[phase, kind, "run", "lander_vertical"] for phase, kind, _ in AFTERWARDS]
+    jobs += [[phase, kind, "run", "lander_vertical", "--rrd"] for phase, kind, _ in AFTERWARDS]
     program = Path(__file__).with_name("phased.py")
     command = [sys.executable, program, place]
     done = subprocess.run(command, input=json.dumps(jobs), capture_output=True, text=True, timeout=1000)
@@ -203,7 +203,7 @@ def test_a_disk_that_is_full_from_the_first_line_is_told_too(here: Path) -> None
 
 
 @pytest.mark.parametrize("step", ["open", "replace"])
-@pytest.mark.parametrize("words", [[], ["--no-rrd"]], ids=["with a view", "without"])
+@pytest.mark.parametrize("words", [["--rrd"], []], ids=["with a view", "without"])
 def test_a_result_that_could_not_be_written_is_said_and_the_run_counts(
     snr: Callable[..., Any], here: Path, monkeypatch: pytest.MonkeyPatch, step: str, words: list[str]
 ) -> None:
@@ -230,7 +230,7 @@ def test_a_disk_without_room_for_the_view_costs_only_the_view(here: Path) -> Non
     run_limited(10**9, "run", "lander_vertical", "--json", "--no-rrd", "--out", "first")
     (first,) = (here / "first").iterdir()
     room = (first / FILE_NAME).stat().st_size + 1000
-    done = run_limited(room, "run", "lander_vertical", "--json")
+    done = run_limited(room, "run", "lander_vertical", "--json", "--rrd")
     assert done.returncode == 0, done.stderr
     (folder,) = (here / "runs").iterdir()
     assert not (folder / "view.rrd").exists() or (folder / "view.rrd").stat().st_size < room
