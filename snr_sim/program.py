@@ -111,6 +111,8 @@ def _record(
         recorder.close()
         discard(folder)  # nothing has begun
         raise
+    if not isinstance(clock, SimClock):
+        recorder.fail_softly([node])
     if has_node is not None:
         has_node(node)
     try:
@@ -121,6 +123,8 @@ def _record(
                 node.loop()
     finally:
         recorder.close()
+        if recorder.loss:
+            print(f"note: {recorder.loss}", file=sys.stderr)
 
 
 def _files_of(program: Path) -> list[Path]:

@@ -17,6 +17,7 @@ from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, Ta
 from snr_sim.core.ages import age_s
 from snr_sim.plants.t200 import curve
 from snr_sim.prelude.errors import CommandError, UnknownName
+from snr_sim.prelude.recorder import RECORDING_KEY
 from snr_sim.prelude.signals import RESET, STOPPED, DepthReading, ImuReading
 from snr_sim.std_mods.allocation import Allocation
 from snr_sim.std_mods.slew import SlewLimit
@@ -226,9 +227,9 @@ class Autopilot(Endpoint):
         see("nonsense", self.readings.nonsense(now_s), now_s)
         is_late = now_s - self.late_s <= IN_TIME_S
         see("overloaded", f"readings wait for more than {LATE_S:g} s" if is_late else "", now_s)
-        page = self.parent.datastore.pages.get("recording")  # quietly: a run that records well stores none
+        page = self.parent.datastore.pages.get(RECORDING_KEY)  # quietly: a run that records well stores none
         data = page.data if page is not None and isinstance(page.data, dict) else {}
-        see("disk_full", f"not recorded: {data.get('reason')}" if data.get("ok") is False else "", now_s)
+        see("disk_full", f"not recorded: {data['reason']}" if "reason" in data else "", now_s)
 
     def _note_causes(self, now_s: float) -> None:
         """Notes each cause that begins, with what is done; not for ever."""

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from snr_sim import Loop, LoopFactory, Node
+from snr_sim.prelude.recorder import RECORDING_KEY
 
 # A vehicle that was not heard for so long is told to be silent; it tells of itself every 0.1 s. With the time between
 # two drawings, a vehicle that has died or stands still is told within a second.
@@ -102,9 +103,9 @@ class Display(Loop):
             self.live.stop()
 
 
-KEYS = ("vehicle", "depth", "altitude", "power", "leak")
+KEYS = ("vehicle", "depth", "altitude", "power", "leak", RECORDING_KEY)
 # Rows that are told as soon as they change.
-NEWS = ("hands", "vehicle", "state", "outputs", "refused", "failsafe", "low", "leak")
+NEWS = ("hands", "vehicle", "recording", "state", "outputs", "refused", "failsafe", "low", "leak")
 
 
 def rows(pages: dict[str, Any], heard_s: float) -> list[tuple[str, str]]:
@@ -118,6 +119,10 @@ def rows(pages: dict[str, Any], heard_s: float) -> list[tuple[str, str]]:
     shown = (
         [] if pad is None or pad.data["is_connected"] else [("hands", "[yellow]keyboard: no game controller[/yellow]")]
     )
+    lost = pages.get(RECORDING_KEY)
+    if lost is not None:
+        why = f"lost at {lost.origin} since its t = {lost.data['since_s']:.1f} s: {lost.data['reason']}"
+        shown.append(("recording", f"[red]{why}[/red]"))
     if page is None:
         return [*shown, ("vehicle", "[red]not heard yet[/red]")]
     try:

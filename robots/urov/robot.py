@@ -46,6 +46,7 @@ from snr_sim.prelude.component import Factory
 from snr_sim.prelude.device import PwmOut
 from snr_sim.prelude.errors import UnknownName
 from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.recorder import RECORDING_KEY
 from snr_sim.prelude.scenario import Rig
 from snr_sim.prelude.signals import DepthReading, EchoReading, ImuReading, LeakReading, PowerReading
 
@@ -98,7 +99,7 @@ READINGS: dict[str, type[msgspec.Struct]] = {
     "place": Place,
 }
 ANSWERED = ("leak", "power", "imu")  # of these each reading sets off work; the others are looked up when needed
-TO_TOPSIDE = ("vehicle", "depth", "altitude", "power", "leak")
+TO_TOPSIDE = ("vehicle", "depth", "altitude", "power", "leak", RECORDING_KEY)
 
 
 def sim_sensor(rig: Rig, name: str) -> Any:

@@ -23,7 +23,7 @@ def resim(
     ] = "",
     out: Annotated[Path, typer.Option(help="Folder that run folders go into.")] = Path("runs"),
     trust: Trust = False,
-    no_rrd: Annotated[bool, typer.Option("--no-rrd", help="Leave out view.rrd.")] = False,
+    rrd: Annotated[bool, typer.Option("--rrd/--no-rrd", help="Write view.rrd at once, not at snr view.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Simulate a run again, plant and all.
@@ -46,7 +46,7 @@ def resim(
     for remark in remarks(trace):
         print(f"note: {remark}", file=sys.stderr)
     request = with_devices(request_of(trace.opening, trace.header, with_file), io)
-    fields, status = record_run(request, out, None, is_viewed=not no_rrd, is_live=False, is_quiet=as_json)
+    fields, status = record_run(request, out, None, is_viewed=rrd, is_live=False, is_quiet=as_json)
     fields["resim_of"] = str(trace.path.parent)
     fields["identical"] = fields["trace_digest"] == trace.digest
     if not fields["identical"]:

@@ -36,7 +36,7 @@ def run(
         str, typer.Option(metavar="FILE", help="What it has learned; same as --option policy=FILE.")
     ] = "",
     out: Annotated[Path, typer.Option(help="Folder that run folders go into.")] = Path("runs"),
-    no_rrd: Annotated[bool, typer.Option("--no-rrd", help="Leave out view.rrd.")] = False,
+    rrd: Annotated[bool, typer.Option("--rrd/--no-rrd", help="Write view.rrd at once, not at snr view.")] = False,
     show: Annotated[
         bool, typer.Option("--view", help="Show it in rerun: live with --speed, else when it is over.")
     ] = False,
@@ -68,7 +68,7 @@ def run(
         request,
         out,
         pace,
-        is_viewed=not no_rrd,
+        is_viewed=rrd,
         is_live=is_live,
         is_quiet=as_json,
         is_watched=watch,
@@ -168,6 +168,8 @@ def record_run(
                 if world is None
                 else RoleRun(world, config, recorder)
             )
+            if world is not None or simulation.has_wires:  # what moves for real goes on without its recording
+                recorder.fail_softly(flight.nodes)
             # From here on a signal ends the run in order, and the files are finished, also if it comes after the run.
             signals = stack.enter_context(orderly(flight.nodes))
         except BaseException:
@@ -175,11 +177,13 @@ def record_run(
             discard(folder)  # the request was wrong, and nothing has begun
             raise
         for line in [] if is_quiet else start_lines:
-            print(line, file=sys.stderr, flush=True)
+            print(line, flush=True)
         try:
             result = flight.run(signals)
         finally:
             recorder_error = _close(recorder)
+        if recorder.loss and not recorder_error:
+            result.notes.append(recorder.loss)
         if recorder_error and not result.error:
             result.error, result.outcome, result.success = recorder_error, "error", False
         result.notes += kept.left_out
@@ -278,25 +282,17 @@ def _write_view(folder: Path, result: Result) -> None:
         result.notes.append("No view.rrd was written, as the run was to end at once; snr view makes it.")
         return
     from snr_sim.prelude.errors import MissingExtra, SnrError
-    from snr_sim.recording.folder import VIEW_NAME
-    from snr_sim.recording.reader import read_trace
-    from snr_sim.recording.trace import FILE_NAME
 
-    part = folder / f"part-{VIEW_NAME}"
     try:
-        from snr_sim.recording.view import write_view
+        from snr_sim.recording.view import view_of
 
-        trace = read_trace(folder / FILE_NAME)
-        write_view(trace.header, trace.records, part)
-        part.replace(folder / VIEW_NAME)
+        view_of(folder)
     except MissingExtra as error:
         result.notes.append(f"No view.rrd was written. {error.message} {error.fix}")
     except (OSError, SnrError) as error:
         result.notes.append(f"No view.rrd was written: {error}")
     except KeyboardInterrupt:
         result.notes.append("No view.rrd was written, as it was interrupted; snr view makes it.")
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _live_view(header: Header, recorder: Any) -> Any:

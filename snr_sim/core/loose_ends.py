@@ -10,6 +10,7 @@ from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.handlers import Entry, describe
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import nearest
+from snr_sim.prelude.recorder import RECORDING_KEY
 from snr_sim.prelude.task import TaskName, TaskType
 
 _STEPS = ("begin", "join", "halt", "terminate")
@@ -51,6 +52,7 @@ def _never_called(components: Mapping[str, Component], seen: Seen, datastore: Da
                 isinstance(task_id, tuple)
                 and task_id[1] not in seen[task_id[0]]
                 and task_id[0] is not TaskType.terminate
+                and task_id[1] != RECORDING_KEY
             ):
                 kind, name = task_id
                 if kind is TaskType.process_data and name in datastore.pages:
@@ -78,7 +80,7 @@ def _without_handlers(components: Mapping[str, Component], seen: Seen) -> Iterat
 
 def _never_stored(datastore: Datastore) -> Iterator[str]:
     for key in datastore.missed:
-        if key not in datastore.pages:
+        if key not in datastore.pages and key != RECORDING_KEY:  # which is only there when something is wrong
             near = nearest(str(key), datastore.pages, "stored were")
             yield f"Page '{key}' was asked for, but nobody stored it; {near}"
 

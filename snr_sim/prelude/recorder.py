@@ -7,6 +7,9 @@ from typing import Any, Protocol, TypeAlias
 
 from snr_sim.prelude.task import Task
 
+# The page that a node gets when its recording fails and it goes on without; any other run has none.
+RECORDING_KEY = "recording"
+
 # A queued task of a recorded node, and where it came from: the task, the seq of the record that brought it, its
 # position among the tasks of that record, and what the recorder has made of it, so that each is encoded once.
 # A plain tuple: there is one for every task, and a named one costs three times as much to make.

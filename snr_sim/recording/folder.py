@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import os
 import shutil
 import time
 from contextlib import suppress
@@ -17,7 +16,9 @@ from snr_sim.recording.reader import Trace
 from snr_sim.recording.records import digest_of
 from snr_sim.recording.sources import FOLDER as SOURCES
 from snr_sim.recording.trace import FILE_NAME
+from snr_sim.recording.whole_files import write_whole
 
+MIN_FREE_BYTES = 50_000_000  # for a run to begin: some minutes of a dive
 RESULT_NAME = "result.json"
 VIEW_NAME = "view.rrd"
 OF_ANY_RUN = (  # what every result.json has, or may have
@@ -30,7 +31,7 @@ def new_run_folder(out: Path, scenario: str, seed: int) -> Path:
     """Makes `<out>/<scenario>-<seed>-<stamp>` and returns it.
 
     Raises:
-        TraceError: it cannot be made.
+        TraceError: it cannot be made, or the disk has less room than `MIN_FREE_BYTES`.
     """
     stamp = time.strftime("%Y%m%d-%H%M%S")
     for attempt in range(1000):
@@ -45,8 +46,20 @@ def new_run_folder(out: Path, scenario: str, seed: int) -> Path:
             raise TraceError(
                 f"The run folder {folder} cannot be made: {error.strerror}.", fix="name another folder with --out."
             ) from error
+        _check_room(folder)
         return folder
     raise TraceError(f"{out} holds a thousand runs of this second.", fix="name another folder with --out.")
+
+
+def _check_room(folder: Path) -> None:
+    room = shutil.disk_usage(folder)
+    if room.total and room.free < MIN_FREE_BYTES:  # some network disks tell neither
+        discard(folder)
+        free_mb, wanted_mb = room.free / 1e6, MIN_FREE_BYTES / 1e6
+        raise TraceError(
+            f"The disk of {folder.parent} has {free_mb:.0f} MB free, and a run begins with {wanted_mb:.0f} MB.",
+            fix="make room on the disk, or record to another one with --out.",
+        )
 
 
 def discard(folder: Path) -> None:
@@ -64,13 +77,9 @@ def write_result(folder: Path, fields: dict[str, Any]) -> None:
     Raises:
         TraceError: it cannot be written, as on a full disk.
     """
-    part = folder / (RESULT_NAME + ".part")
     try:
-        part.write_text(as_json(fields, indent=2) + "\n")
-        os.replace(part, folder / RESULT_NAME)
+        write_whole(folder / RESULT_NAME, (as_json(fields, indent=2) + "\n").encode())
     except OSError as error:
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
         raise TraceError(
             f"{folder / RESULT_NAME} could not be written: {error.strerror}. What it would say is printed here.",
             fix="make room on the disk, or name another folder with --out.",

@@ -37,7 +37,7 @@ class Trace:
         header: its second line.
         records: all others, in order.
         digest: as the writer computed it.
-        is_cut: the file ends in a line that was cut short; it was left out.
+        is_cut: the file ends in a line that was cut short, or in what a loss of power left; that was left out.
     """
 
     def __init__(
@@ -66,7 +66,8 @@ def read_trace(path: Path) -> Trace:
         data = path.read_bytes()
     except OSError as error:
         raise TraceError(f"The trace {path} cannot be read: {error.strerror}.", fix="name a run folder.") from error
-    lines = data.split(b"\n")
+    written = data.partition(_NEVER_WRITTEN)[0]
+    lines = written.split(b"\n")
     tail = lines.pop()  # what follows the last newline: nothing, unless the file was cut
     if not lines:
         raise TraceError(f"The trace {path} has no whole line.", fix=_CUT_TOO_EARLY)
@@ -84,10 +85,12 @@ def read_trace(path: Path) -> Trace:
                 f"{path}, line {number} is not a record: {error}. It reads: {line[:100]!r}", fix=_DAMAGED
             ) from error
     _check_order(path, records)
-    digest = digest_of(data[len(lines[0]) + 1 : len(data) - len(tail)])
-    return Trace(path, opening, header, records, digest.hexdigest(), is_cut=bool(tail))
+    digest = digest_of(written[len(lines[0]) + 1 : len(written) - len(tail)])
+    return Trace(path, opening, header, records, digest.hexdigest(), is_cut=bool(tail) or len(written) < len(data))
 
 
+# JSON has no such byte. After a loss of power it stands where a disk had made room and then written nothing.
+_NEVER_WRITTEN = b"\0"
 _CUT_TOO_EARLY = "the run was cut before it began; run it again."
 _DAMAGED = "the file was changed or damaged after the run; use an untouched copy, or run again."
 

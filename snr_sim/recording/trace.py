@@ -1,24 +1,31 @@
 """The trace: a run's record of truth, one JSON line per record, written as it happens.
 
-The node's thread only appends finished lines to a queue in memory; a flusher thread writes them out every 50 ms and
-adds them to the digest. So a killed process loses at most the last moments, and no line is ever half written by us;
-a reader drops a last line that the disk or the kill cut short.
+The node's thread only appends finished lines to a queue in memory; a flusher thread writes them out every 50 ms, adds
+them to the digest and syncs the file every second. So a killed process loses at most the last moments, a loss of power
+at most what came after the last sync, and no line is ever half written by us; a reader drops what was cut short.
+
+What if the disk refuses? A run in lock step ends: it can be repeated with more room. A robot with real outputs, or on
+the wall clock, goes on without its recording (`fail_softly`), and its page `recording` says what is lost.
 """
 
 from __future__ import annotations
 
-import os
+import errno
+import math
 import sys
 import threading
+import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
 
 from snr_sim.prelude.errors import TraceError
+from snr_sim.prelude.recorder import RECORDING_KEY
+from snr_sim.prelude.task import Task, TaskType
 from snr_sim.recording.node_trace import NodeTrace
 from snr_sim.recording.records import (
     Header,
@@ -28,11 +35,19 @@ from snr_sim.recording.records import (
     decode_record,
     digest_of,
 )
+from snr_sim.recording.trace_file import TraceFile
+
+if TYPE_CHECKING:
+    from snr_sim.core.node import Node
 
 FILE_NAME = "trace.jsonl"
 FLUSH_PERIOD_S = 0.05
-# A run that is faster than its disk waits here, instead of filling the memory.
-MAX_UNWRITTEN_LINES = 200_000
+SYNC_PERIOD_S = 1.0
+REPORT_PERIOD_S = 1.0  # of the page that says what is lost
+# What a disk may be behind: minutes of a dive. A run in lock step then waits for it; any other gives up its recording.
+MAX_UNWRITTEN_BYTES = 64_000_000
+CLOSE_PATIENCE_S = 5.0  # with a disk that takes nothing, when a robot ends that would not wait for it before
+_SOURCE = "recorder"
 
 _encode = msgspec.json.Encoder().encode
 
@@ -56,23 +71,41 @@ class TraceWriter:
         path: of the file, which must not exist: a recording is never overwritten.
         header: its second line.
         opening: its first one; if not given, it says when and by which command, but not of which files.
+        open_file: makes the file.
 
     Raises:
         TraceError: the file cannot be made.
     """
 
-    def __init__(self, path: Path, header: Header, opening: Opening | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        header: Header,
+        opening: Opening | None = None,
+        *,
+        open_file: Callable[[Path], TraceFile] = TraceFile,
+    ) -> None:
         self.path = path
         self.seq = 0  # of the newest record
         self._lines: deque[bytes] = deque()
+        self._put_bytes = 0  # counted by the thread that puts
+        self._taken_bytes = 0  # counted by who takes; what lies between them waits
         self._digest = digest_of()
-        self._failure: OSError | None = None
         self._follower: Follower | None = None
         self._whole_bytes = 0  # length of the file up to its last whole line
+        self._unsynced = b""  # the first line since the last sync
+        self._unsynced_lines = 0
+        self._sync_due_s = time.monotonic() + SYNC_PERIOD_S
         self._writing = threading.Lock()
         self._closing = threading.Event()
+        self._failure: OSError | None = None
+        self._survivors: Sequence[Node] = ()  # nodes that go on without a recording
+        self._losing = threading.Lock()  # of what is taken and of the numbers below; never held while a disk works
+        self._lost = 0  # records
+        self._lost_since_s = math.inf  # time of the first of them
+        self._reported_s = -math.inf
         try:
-            self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
+            self._file = open_file(path)
         except OSError as error:
             raise TraceError(
                 f"The trace {path} cannot be made: {error.strerror}.", fix="choose another folder with --out."
@@ -82,7 +115,7 @@ class TraceWriter:
         self._write(first + second)
         self._digest.update(second)
         if self._whole_bytes < len(first) + len(second):
-            os.close(self._file)
+            self._file.close()
             path.unlink()
             self._check()
         self._flusher = threading.Thread(target=self._flush_until_closed, name="trace-flusher", daemon=True)
@@ -91,6 +124,15 @@ class TraceWriter:
     def for_node(self, name: str) -> NodeTrace:
         """Returns the recorder of one node."""
         return NodeTrace(self, name)
+
+    def fail_softly(self, nodes: Sequence[Node]) -> None:
+        """Has these nodes go on if the disk fails, for a robot must not end because it cannot be recorded.
+
+        From the first record that is lost they get a page `recording` every second: `since_s`, the time of that
+        record; `lost`, how many records; and the `reason`. The trace ends there, whole: later records are not written,
+        also if the disk has room again, because a trace has no gaps.
+        """
+        self._survivors = nodes
 
     def truth(self, now_s: float, truth: dict[str, Any]) -> None:
         """Takes down the plant's true state, see `Plant.truth`."""
@@ -102,19 +144,34 @@ class TraceWriter:
         """BLAKE2b-256 of all that has been written, but for the first line; see `close`."""
         return self._digest.hexdigest()
 
+    @property
+    def loss(self) -> str:
+        """What a run that went on without its recording has lost, in words; empty if nothing."""
+        if not self._lost or self._failure is None:
+            return ""
+        return (
+            f"The recording stops at t = {self._lost_since_s:.2f} s: {self._failure.strerror}. "
+            f"The trace is whole up to there; {self._lost} records are lost."
+        )
+
     def close(self) -> None:
         """Writes what is left and closes the file. Safe to call twice.
 
         Raises:
-            TraceError: not everything could be written.
+            TraceError: not everything could be written, and that is not to be survived; see `fail_softly`.
         """
         if self._closing.is_set():
             return
         self._closing.set()
-        self._flusher.join()
+        self._flusher.join(CLOSE_PATIENCE_S if self._survivors else None)
+        if self._flusher.is_alive():
+            self._give_up()
+            return  # the disk still has the file, and may never give it back
         self._flush()
-        os.close(self._file)
-        self._check()
+        self._sync()
+        self._file.close()
+        if not self._survivors:
+            self._check()
 
     def follow(self, follower: Follower) -> None:
         """Has every record from now on given to a follower, too, on the thread that writes the file."""
@@ -124,13 +181,22 @@ class TraceWriter:
         """Adds a line to the trace.
 
         Raises:
-            TraceError: an earlier one could not be written.
+            TraceError: an earlier one could not be written, and that is not to be survived; see `fail_softly`.
         """
-        self._lines.append(line)
         if self._failure is not None:
-            self._check()
-        if len(self._lines) > MAX_UNWRITTEN_LINES:
-            self._flush()
+            if not self._survivors:
+                self._check()
+            self._lose(line, 1)
+            self._report()
+            if self._follower is None:
+                return
+        self._lines.append(line)
+        self._put_bytes += len(line)
+        if self._put_bytes - self._taken_bytes > MAX_UNWRITTEN_BYTES:
+            if self._survivors:
+                self._give_up()
+            else:
+                self._flush()
 
     def _check(self) -> None:
         if self._failure is not None:
@@ -139,18 +205,67 @@ class TraceWriter:
                 fix="make room on the disk, or record to another one with --out.",
             ) from self._failure
 
+    # What is lost
+
+    def _give_up(self) -> None:
+        """Loses what waits for a disk that takes nothing."""
+        if self._failure is None:
+            self._failure = OSError(errno.ETIMEDOUT, "the disk is too slow, or does not answer")
+        lines = self._take()
+        if lines:
+            self._lose(lines[0], len(lines))
+
+    def _lose(self, first: bytes, count: int) -> None:
+        """Counts records that do not get into the file."""
+        since_s = decode_record(first).t
+        with self._losing:
+            self._lost += count
+            self._lost_since_s = min(self._lost_since_s, since_s)
+
+    def _report(self) -> None:
+        """Tells the nodes what is lost, now and then; from any thread."""
+        failure, now_s = self._failure, time.monotonic()
+        with self._losing:
+            if failure is None or not self._lost or now_s < self._reported_s + REPORT_PERIOD_S:
+                return
+            is_first, self._reported_s = self._reported_s < 0, now_s
+            data = {"since_s": self._lost_since_s, "lost": self._lost, "reason": failure.strerror}
+        if is_first and self._survivors:
+            print(f"{self.loss} The run goes on.", file=sys.stderr, flush=True)
+        for node in self._survivors:
+            node.enter(Task(TaskType.store_page, RECORDING_KEY, [node.page(RECORDING_KEY, data)]), _SOURCE)
+
+    # The flusher's
+
     def _flush_until_closed(self) -> None:
         while not self._closing.wait(FLUSH_PERIOD_S):
             self._flush()
+            if time.monotonic() >= self._sync_due_s:
+                self._sync()
+            self._report()
+
+    def _take(self) -> list[bytes]:
+        """Takes what waits; from any thread."""
+        lines = self._lines
+        with self._losing:
+            taken = [lines.popleft() for _ in range(len(lines))]
+            self._taken_bytes += sum(map(len, taken))
+        return taken
 
     def _flush(self) -> None:
-        lines = self._lines
         with self._writing:
-            ready = [lines.popleft() for _ in range(len(lines))]
-            if not ready or self._failure is not None:
+            ready = self._take()
+            if not ready:
                 return
-            # b"" at the end, so that the last line gets its newline, too
-            self._digest.update(self._write(b"\n".join([*ready, b""])))
+            if self._failure is None:
+                # b"" at the end, so that the last line gets its newline, too
+                written = self._write(b"\n".join([*ready, b""]))
+                self._digest.update(written)
+                whole = written.count(b"\n")
+                self._unsynced = self._unsynced or ready[0]
+                self._unsynced_lines += whole
+                if whole < len(ready):
+                    self._lose(ready[whole], len(ready) - whole)
             self._show(ready)
 
     def _show(self, lines: Sequence[bytes]) -> None:
@@ -172,11 +287,25 @@ class TraceWriter:
         view = memoryview(data)
         try:
             while view:
-                view = view[os.write(self._file, view) :]
+                view = view[self._file.write(view) :]
         except OSError as error:
             self._failure = error
             data = data[: data.rfind(b"\n", 0, len(data) - len(view)) + 1]
             with suppress(OSError):  # some disks refuse even that; a reader leaves out a last line that is cut
-                os.ftruncate(self._file, self._whole_bytes + len(data))
+                self._file.cut(self._whole_bytes + len(data))
         self._whole_bytes += len(data)
         return data
+
+    def _sync(self) -> None:
+        """Brings what was written to the disk; if that fails, all since the last time counts as lost."""
+        with self._writing:
+            self._sync_due_s = time.monotonic() + SYNC_PERIOD_S
+            if not self._unsynced_lines:
+                return
+            try:
+                self._file.sync()
+            except OSError as error:
+                if self._failure is None:
+                    self._failure = error
+                self._lose(self._unsynced, self._unsynced_lines)
+            self._unsynced, self._unsynced_lines = b"", 0

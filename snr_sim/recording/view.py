@@ -27,7 +27,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from snr_sim.prelude.errors import MissingExtra
+from snr_sim.prelude.errors import MissingExtra, TraceError
 from snr_sim.recording.folder import VIEW_NAME, trace_path
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.records import Header, Record
@@ -50,7 +50,7 @@ def write_view(header: Header, records: Iterable[Record], path: str | Path) -> N
 
 
 def view_of(run: Path) -> Path:
-    """Returns the .rrd that shows a run; it is derived from the trace again if it is not there.
+    """Returns the .rrd that shows a run; it is derived from the trace if it is not there, or the trace has grown since.
 
     Args:
         run: a run folder, its trace, or an .rrd file.
@@ -63,9 +63,16 @@ def view_of(run: Path) -> Path:
         return run
     path = trace_path(run)
     rrd = path.parent / VIEW_NAME
-    if not rrd.is_file():
+    if not rrd.is_file() or rrd.stat().st_mtime_ns < path.stat().st_mtime_ns:
         trace = read_trace(path)
-        write_view(trace.header, trace.records, rrd)
+        part = rrd.with_name(f"part-{VIEW_NAME}")  # so that nobody who interrupts this leaves half a view
+        try:
+            write_view(trace.header, trace.records, part)
+            part.replace(rrd)
+        except OSError as error:
+            raise TraceError(f"The view {rrd} cannot be written: {error.strerror}.") from error
+        finally:
+            part.unlink(missing_ok=True)
     return rrd
 
 

@@ -50,7 +50,7 @@ def open_view(path: str | Path, web: bool = False, say: Callable[[str], None] | 
     """
     path = Path(path)
     if not path.is_file():
-        raise TraceError(f"There is no view at {path}.", fix="a run writes one unless it is started with --no-rrd.")
+        raise TraceError(f"There is no view at {path}.", fix="snr view RUN makes one of a run.")
     if not web:
         _wait_for(
             subprocess.Popen(

@@ -151,7 +151,7 @@ def check_same(flight: Flight, tick_of: Callable[..., Any], folder: Path) -> Non
 
 
 def write_view_of(path: Path) -> None:
-    """Writes view.rrd as `snr run` does."""
+    """Writes view.rrd as `snr view` does."""
     from snr_sim.recording.view import write_view
 
     trace = read_trace(path)

@@ -78,10 +78,12 @@ def start(here: Path) -> Iterator[Start]:
         port = free.getsockname()[1]
     running: list[subprocess.Popen[str]] = []
 
-    def start(role: str, *more: str) -> subprocess.Popen[str]:
+    def start(role: str, *more: str, room: int | None = None) -> subprocess.Popen[str]:
         words = ["run", "./dash.py", "--role", role, "--option", f"port={port}", "--no-rrd", "--json", "--out", role]
         words += more
         command = [sys.executable, "-m", "snr_sim", *words]
+        if room is not None:  # no file may be longer: what a full disk looks like from a program
+            command = ["prlimit", f"--fsize={room}", *command]
         running.append(subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True))
         return running[-1]
 
@@ -125,6 +127,27 @@ def pages(trace: Trace, key: str) -> list[tuple[float, Any]]:
     """When each page of a key was stored, and its data."""
     found = [record for record in trace.records if isinstance(record, PageRecord) and record.name == key]
     return [(record.t, json.loads(bytes(record.values))[0]["data"]) for record in found]
+
+
+@pytest.mark.wall_clock
+def test_a_vehicle_whose_disk_is_full_goes_on_and_the_surface_is_told(here: Path, start: Start) -> None:
+    topside, urov = start("topside"), start("urov", room=120_000)  # full before it is armed
+    wait_for_page(here / "topside", "recording", "File too large", topside)
+    wait_for_page(here / "topside", "vehicle", '"is_armed":true', topside)
+    urov.terminate()
+    out, complaints = urov.communicate(timeout=PATIENCE_S)
+    fields = json.loads(out)
+    assert (fields["outcome"], fields["signal"]) == ("interrupted", "SIGTERM"), complaints
+    assert "error" not in fields
+    (note,) = [note for note in fields["notes"] if "recording" in note.lower()]
+    assert re.match(r"The recording stops at t = [0-9.]+ s: File too large\. The trace is whole up to there; \d+", note)
+    trace = trace_in(here / "urov")
+    assert (trace.is_cut, trace.is_ended, trace.digest) == (False, False, fields["trace_digest"])
+    topside.terminate()
+    _, told = topside.communicate(timeout=PATIENCE_S)
+    assert re.search(r" recording lost at urov_node since its t = [0-9.]+ s: File too large;", told), told
+    replayed = subprocess.run([sys.executable, "-m", "snr_sim", "replay", trace.path], capture_output=True)
+    assert replayed.returncode == 0, replayed.stdout
 
 
 @pytest.mark.wall_clock

@@ -75,7 +75,7 @@ def saying(mine: Mine, returned: str) -> str:
 
 def test_run_prints_start_lines_of_controller_except_with_json(snr: Snr, mine: Mine) -> None:
     path = saying(mine, '[f"failsafe  none of {robot.name}"]')
-    assert "failsafe  none of lander\n" in snr(*RUN, "--controller", path).err
+    assert "failsafe  none of lander\n" in snr(*RUN, "--controller", path).out
     assert "failsafe" not in snr(*RUN, "--controller", path, "--json").err
 
 
@@ -124,8 +124,9 @@ def test_the_same_controller_in_another_folder_gives_the_same_digest(snr: Snr, h
 
 def test_a_view_neither_changes_a_run_nor_its_result(snr: Snr) -> None:
     pytest.importorskip("rerun")
-    with_view = snr("run", "lander_vertical", "--json").json
-    without = snr(*RUN, "--json").json
+    with_view = snr("run", "lander_vertical", "--rrd", "--json").json
+    without = snr("run", "lander_vertical", "--json").json
+    assert {path.name for path in Path(without["run_dir"]).iterdir()} == {"trace.jsonl", "result.json"}
     assert (Path(with_view["run_dir"]) / "view.rrd").stat().st_size > 1000
     for changing in ("wall_time_s", "run_dir"):
         del with_view[changing], without[changing]

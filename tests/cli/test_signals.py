@@ -120,7 +120,7 @@ def signalled(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Signa
     place = tmp_path_factory.mktemp("signalled")
     jobs = [[*case, "run", "lander_vertical"] for case in EARLY]
     jobs += [[*case, "run", "lander_vertical", "--json"] for case in FIRST_TICK]
-    jobs += [[phase, kind, "run", "lander_vertical"] for phase, kind, _ in AFTERWARDS]
+    jobs += [[phase, kind, "run", "lander_vertical", "--rrd"] for phase, kind, _ in AFTERWARDS]
     program = Path(__file__).with_name("phased.py")
     command = [sys.executable, program, place]
     done = subprocess.run(command, input=json.dumps(jobs), capture_output=True, text=True, timeout=1000)
@@ -202,15 +202,19 @@ def test_a_disk_that_is_full_from_the_first_line_is_told_too(here: Path) -> None
     assert "could not be written" in json.loads(done.stdout)["error"]
 
 
-@pytest.mark.parametrize("step", ["write_text", "replace"])
-@pytest.mark.parametrize("words", [[], ["--no-rrd"]], ids=["with a view", "without"])
+@pytest.mark.parametrize("step", ["open", "replace"])
+@pytest.mark.parametrize("words", [["--rrd"], []], ids=["with a view", "without"])
 def test_a_result_that_could_not_be_written_is_said_and_the_run_counts(
     snr: Callable[..., Any], here: Path, monkeypatch: pytest.MonkeyPatch, step: str, words: list[str]
 ) -> None:
-    def fail(*given: Any) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
+    really = getattr(os, step)
 
-    monkeypatch.setattr(*((Path, "write_text") if step == "write_text" else (os, "replace")), fail)
+    def fail(path: Any, *given: Any, **named: Any) -> Any:
+        if RESULT_NAME in str(path):
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return really(path, *given, **named)
+
+    monkeypatch.setattr(os, step, fail)
     answer = snr("run", "lander_vertical", "--json", *words)
     assert answer.status == 0
     (said,) = [note for note in answer.json["notes"] if RESULT_NAME in note]
@@ -226,7 +230,7 @@ def test_a_disk_without_room_for_the_view_costs_only_the_view(here: Path) -> Non
     run_limited(10**9, "run", "lander_vertical", "--json", "--no-rrd", "--out", "first")
     (first,) = (here / "first").iterdir()
     room = (first / FILE_NAME).stat().st_size + 1000
-    done = run_limited(room, "run", "lander_vertical", "--json")
+    done = run_limited(room, "run", "lander_vertical", "--json", "--rrd")
     assert done.returncode == 0, done.stderr
     (folder,) = (here / "runs").iterdir()
     assert not (folder / "view.rrd").exists() or (folder / "view.rrd").stat().st_size < room

@@ -335,6 +335,26 @@ def test_a_run_without_its_view_gets_one_from_its_trace_and_keeps_it(tmp_path: P
     assert view.view_of(found) == found
 
 
+def test_a_view_that_was_made_while_the_run_went_on_is_made_anew(tmp_path: Path) -> None:
+    TraceWriter(tmp_path / "trace.jsonl", header()).close()
+    found = view.view_of(tmp_path)
+    found.write_bytes(b"of half the run")
+    os.utime(found, (1.0, 1.0))
+    assert entities(view.view_of(tmp_path)) >= {"/run"}
+
+
+def test_a_view_that_is_interrupted_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*given: Any) -> None:
+        given[2].write_bytes(b"half")
+        raise KeyboardInterrupt
+
+    TraceWriter(tmp_path / "trace.jsonl", header()).close()
+    monkeypatch.setattr(view, "write_view", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        view.view_of(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["trace.jsonl"]
+
+
 def test_without_rerun_the_message_says_how_to_get_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "rerun", None)
     with pytest.raises(MissingExtra, match=r"snr_sim\[view\]"):

@@ -206,9 +206,9 @@ class Dive:
             (at,) = [i for i, one in enumerate(urov) if getattr(one, "key", "") == "imu"]
             urov[at] = LateFactory("imu", urov[at].open_device, urov[at].rate_hz)
         if cause == "disk_full":
-            for at_s, ok in ((FROM_S, False), (TO_S, True)):
-                data = {"ok": ok, "since_s": at_s, "lost": 3, "reason": "no space left on device"}
-                urov.append(once(at_s, f"disk_{ok}", lambda loop, data=data: loop.store_data("recording", data)))
+            lost = {"since_s": FROM_S, "lost": 3, "reason": "no space left on device"}
+            for at_s, data in ((FROM_S, lost), (TO_S, {})):
+                urov.append(once(at_s, f"disk_{at_s}", lambda loop, data=data: loop.store_data("recording", data)))
         if cause == "low_battery":
             supply = bare.thrusters.supply
             urov.append(once(FROM_S, "drain", lambda loop: supply.restore((EMPTY, supply.energy_j, 0.0, False))))

@@ -262,6 +262,9 @@ def test_the_display_says_what_is_wrong() -> None:
     pulled = Page("pad", {"is_connected": False}, "topside", 1.0, True)
     assert rows({"vehicle": None, "pad": pulled}, 1.0)[0] == ("hands", "[yellow]keyboard: no game controller[/yellow]")
     assert "WATER" in shown(wet=True)["leak"]
+    lost = Page("recording", {"since_s": 5.5, "lost": 90, "reason": "No space left on device"}, "urov_node", 6.0)
+    told = "[red]lost at urov_node since its t = 5.5 s: No space left on device[/red]"
+    assert ("recording", told) in rows({"vehicle": None, "recording": lost}, 1.0)
     assert "40%" in shown(share=0.4)["thrusters"]
     assert "warp" in shown(refused="There is no mode 'warp'.")["refused"]
     nothing: dict[str, Any] = dict.fromkeys(("vehicle", "depth", "altitude", "power", "leak"))

@@ -84,7 +84,10 @@ def leave_out(key: str) -> Callable[[dict[str, Any], float], Any]:
         (lambda pages, now_s: pages.pop("power") if now_s > 1.0 else None, "power: newest reading 2.0 s old"),
         (put("depth", depth_m="deep"), "sensors: depth: depth_m is the text 'deep'"),
         (put("power", voltage_v=12.0), "battery: 12.1 V at rest, less than 13 V"),
-        (put("recording", ok=False, reason="no space left on device"), "disk: not recorded: no space left on device"),
+        (
+            put("recording", since_s=1.0, lost=3, reason="no space left on device"),
+            "disk: not recorded: no space left on device",
+        ),
         (put("depth", stamp_s=-30.0), "clock: depth is stamped 33.0 s before it came"),
         (put("depth", stamp_s=90.0), "sensors: depth: stamp_s is 90.0, and the vehicle's clock shows"),
         (

@@ -40,7 +40,7 @@ def load(line):
 
 def trace(file, key=None):
     data = pathlib.Path(file).read_bytes()
-    whole, tail = data[: data.rindex(b"\n") + 1], data[data.rindex(b"\n") + 1 :]
+    whole = data[: data.rindex(b"\n", 0, (data + b"\0").index(b"\0")) + 1]
     opening, header, *records = [load(line) for line in whole.split(b"\n")[:-1]]
     if opening["kind"] != "trace" or opening["schema"] != 2 or header["kind"] != "header":
         sys.exit(f"no trace of format 2: {opening}")
@@ -48,7 +48,7 @@ def trace(file, key=None):
     if seqs != list(range(1, len(records) + 1)) or any(record.get("cause", 0) >= record["seq"] for record in records):
         sys.exit("a record is missing or moved")
     print("digest", hashlib.blake2b(whole[whole.index(b"\n") + 1 :], digest_size=32).hexdigest())
-    print("cut" if tail else "whole", len(records))
+    print("cut" if len(whole) < len(data) else "whole", len(records))
     for record in records:
         if record["kind"] == "page" and record["name"] == key:
             print(record["t"], record["values"][0]["created_at_s"], repr(record["values"][0]["data"]))

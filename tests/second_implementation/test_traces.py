@@ -91,6 +91,9 @@ def test_it_leaves_out_a_cut_tail_and_refuses_a_moved_line(unusual: Trace) -> No
     unusual.path.write_bytes(data[:-5])
     cut = read_trace(unusual.path)
     assert run("trace", unusual.path).stdout.split() == ["digest", cut.digest, "cut", str(len(cut.records))]
+    unusual.path.write_bytes(unusual.path.read_bytes() + bytes(4096) + b"\n{}\n")  # as after a loss of power
+    assert run("trace", unusual.path).stdout.split() == ["digest", cut.digest, "cut", str(len(cut.records))]
+    assert read_trace(unusual.path).digest == cut.digest
     lines = data.splitlines(keepends=True)
     unusual.path.write_bytes(b"".join([*lines[:5], lines[6], lines[5], *lines[7:]]))
     assert "missing or moved" in run("trace", unusual.path).stderr

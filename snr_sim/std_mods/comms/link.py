@@ -19,6 +19,7 @@ from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.prelude.errors import SnrError, nearest
 from snr_sim.prelude.page import DataKey, Page
+from snr_sim.prelude.recorder import RECORDING_KEY
 from snr_sim.prelude.task import Task, TaskType
 from snr_sim.prelude.tasks import ADD_COMPONENT_TASK_NAME, REMOVE_COMPONENT_TASK_NAME
 from snr_sim.std_mods.comms.frames import HEADER_BYTES, encode_frame
@@ -124,10 +125,11 @@ class Link(Loop):
             return  # only taken out: what was not stored yet may still be; or nothing could be
         stored = self.parent.datastore.pages
         for key in self.options.keys:
-            if key not in stored:
+            if key not in stored and key != RECORDING_KEY:  # which is only there when something is wrong
                 near = nearest(key, stored.keys() - {self.name}, "stored were")
                 self.parent.note(f"'{self.name}' waits for store_page '{key}', which nobody stored; {near}")
-        for key in sorted((self.options.accept or frozenset()) - self._accepted) if self._kept_out else ():
+        missed = (self.options.accept or frozenset()) - self._accepted - {RECORDING_KEY}
+        for key in sorted(missed) if self._kept_out else ():
             near = nearest(key, self._kept_out, "kept out were")
             self.parent.note(f"'{self.name}' accepts '{key}', of which no page came; {near}")
 
