@@ -19,16 +19,19 @@ from snr_sim.recording.records import (
     EndRecord,
     ErrorRecord,
     InputRecord,
-    PageRecord,
+    PageLine,
+    RepeatLine,
     Returned,
-    TaskRecord,
+    TaskLine,
 )
+from snr_sim.recording.references import CORE_STORES
 
 if TYPE_CHECKING:
     from snr_sim.recording.trace import TraceWriter
 
 _encode = msgspec.json.Encoder().encode
 _NO_VALUES = b"[]"
+_PROCESS_DATA = TaskType.process_data
 _STORE_PAGE = TaskType.store_page  # looked up once: in Python 3.11 a member of an Enum takes 0.1 us to find
 
 
@@ -44,50 +47,75 @@ class NodeTrace:
         """Takes down what a component scheduled in `begin`."""
         seq = self._next_seq()
         tickets: list[Ticket] = []
-        returned = _returned(scheduled, seq, tickets)
-        self._writer.put(_encode(BeginRecord(seq, now_s, self._node, component, returned)))
+        returned = self._returned(scheduled, seq, now_s, tickets)
+        self._writer.put(now_s, _encode(BeginRecord(seq, now_s, self._node, component, returned)))
         return tickets
 
     def input(self, now_s: float, source: str, task: Task) -> Ticket:
         """Takes down a task that entered through the door."""
         seq = self._next_seq()
         told = told_of(task)
-        self._writer.put(_encode(InputRecord(seq, now_s, self._node, source, told.type, told.name, told.values)))
-        return (task, seq, 0, told)
+        line: InputRecord | RepeatLine
+        place = self._writer.place_of(told, seq, 0)
+        if place is None:
+            line = InputRecord(seq, now_s, self._node, source, told.type, told.name, told.values)
+        else:
+            line = RepeatLine(seq, now_s, self._node, source, *place)
+        self._writer.put(now_s, _encode(line))
+        return (task, seq, 0, now_s)
 
     def task(self, now_s: float, ticket: Ticket, handled: Sequence[Handled]) -> list[Ticket]:
         """Takes down an executed task; returns a ticket for each task its handlers returned, in order."""
         writer = self._writer
         self._newest = writer.seq = seq = writer.seq + 1
-        task, cause, nth, told = ticket
+        task, cause, nth, cause_s = ticket
         tickets: list[Ticket] = []
-        by = [By(label[0], label[1], _returned(outputs, seq, tickets)) for label, outputs in handled]
-        kind = PageRecord if task.type is _STORE_PAGE else TaskRecord
-        writer.put(_encode(kind(seq, now_s, self._node, told.type, told.name, told.values, cause, nth, by)))
+        time_s = msgspec.UNSET if cause_s == now_s else now_s
+        if task.type is not _STORE_PAGE:
+            by = [By(label[0], label[1], self._returned(outputs, seq, now_s, tickets)) for label, outputs in handled]
+            writer.put(now_s, _encode(TaskLine(seq, cause, nth, time_s, by)))
+            return tickets
+        process = _process_of(task, handled)
+        if process is not None:
+            tickets = [(one, seq, 0, now_s) for one in handled[0][1]]
+            handled = handled[1:]
+        by = [By(label[0], label[1], self._returned(outputs, seq, now_s, tickets)) for label, outputs in handled]
+        writer.put(now_s, _encode(PageLine(seq, cause, nth, time_s, process, by)))
         return tickets
 
     def error(self, now_s: float, component: str, message: str) -> None:
         """Takes down what went wrong in a component, just now."""
         cause = self._newest
-        self._writer.put(_encode(ErrorRecord(self._next_seq(), now_s, self._node, cause, component, message)))
+        self._writer.put(now_s, _encode(ErrorRecord(self._next_seq(), now_s, self._node, cause, component, message)))
 
     def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:
         """Takes down that the node has ended, and why."""
-        self._writer.put(_encode(EndRecord(self._next_seq(), now_s, self._node, reason, summary)))
+        self._writer.put(now_s, _encode(EndRecord(self._next_seq(), now_s, self._node, reason, summary)))
 
     def _next_seq(self) -> int:
         self._newest = self._writer.seq = self._writer.seq + 1
         return self._newest
 
+    def _returned(self, tasks: Sequence[Task], seq: int, now_s: float, tickets: list[Ticket]) -> list[Returned]:
+        """Returns tasks as they stand in a record, and adds a ticket for each."""
+        returned = []
+        for task in tasks:
+            told = told_of(task)
+            self._writer.place_of(told, seq, len(tickets))
+            tickets.append((task, seq, len(tickets), now_s))
+            returned.append(told)
+        return returned
 
-def _returned(tasks: Sequence[Task], seq: int, tickets: list[Ticket]) -> list[Returned]:
-    """Returns tasks as they stand in a record, and adds a ticket for each."""
-    returned = []
-    for task in tasks:
-        told = told_of(task)
-        tickets.append((task, seq, len(tickets), told))
-        returned.append(told)
-    return returned
+
+def _process_of(task: Task, handled: Sequence[Handled]) -> bool | None:
+    """Returns whether the node stored a page and asked for `process_data` of it, or None if it did something else."""
+    if not handled or handled[0][0] != CORE_STORES:
+        return None
+    outputs = handled[0][1]
+    if not outputs:
+        return False
+    is_usual = len(outputs) == 1 and outputs[0].type is _PROCESS_DATA and outputs[0].name == task.name
+    return True if is_usual and not outputs[0].val_list else None
 
 
 def told_of(task: Task) -> Returned:

@@ -14,6 +14,7 @@ from snr_sim.recording.records import (
     SCHEMA,
     BeginRecord,
     EndRecord,
+    ErrorRecord,
     Header,
     InputRecord,
     Opening,
@@ -21,9 +22,10 @@ from snr_sim.recording.records import (
     Record,
     TaskRecord,
     decode_beginning,
-    decode_record,
+    decode_line,
     digest_of,
 )
+from snr_sim.recording.references import References
 
 _decode_any = msgspec.json.Decoder().decode
 
@@ -76,15 +78,24 @@ def read_trace(path: Path) -> Trace:
         raise TraceError(f"The trace {path} has no whole header.", fix=_CUT_TOO_EARLY)
     _check_text(path, lines)
     header = _read_beginning(path, lines[1], Header, "its header")
-    records = []
-    for number, line in enumerate(lines[2:], start=3):
+    records: list[Record] = []
+    references = References()
+    for seq, line in enumerate(lines[2:], start=1):
         try:
-            records.append(decode_record(line))
+            read = decode_line(line)
         except NO_JSON as error:
             raise TraceError(
-                f"{path}, line {number} is not a record: {error}. It reads: {line[:100]!r}", fix=_DAMAGED
+                f"{path}, line {seq + 2} is not a record: {error}. It reads: {line[:100]!r}", fix=_DAMAGED
             ) from error
-    _check_order(path, records)
+        if read.seq != seq:
+            raise TraceError(
+                f"{path}: record {seq} has seq {read.seq}; a line was taken out, put in or moved.", fix=_DAMAGED
+            )
+        try:
+            records.append(references.whole(read))
+        except LookupError as error:
+            raise TraceError(f"{path}: {error}.", fix=_DAMAGED) from error
+    _check_values(path, records)
     digest = digest_of(written[len(lines[0]) + 1 : len(written) - len(tail)])
     return Trace(path, opening, header, records, digest.hexdigest(), is_cut=bool(tail) or len(written) < len(data))
 
@@ -133,23 +144,19 @@ def _check_text(path: Path, lines: Sequence[bytes]) -> None:
                 raise TraceError(f"{path}, line {number} is not a record: {error}.", fix=_DAMAGED) from error
 
 
-def _check_order(path: Path, records: Sequence[Record]) -> None:
-    for place, record in enumerate(records, start=1):
-        if record.seq != place:
-            raise TraceError(
-                f"{path}: record {place} has seq {record.seq}; a line was taken out, put in or moved.", fix=_DAMAGED
-            )
-        if getattr(record, "cause", 0) >= place:
-            raise TraceError(f"{path}: the cause of record {place} does not come before it.", fix=_DAMAGED)
+def _check_values(path: Path, records: Sequence[Record]) -> None:
+    for record in records:
+        if isinstance(record, ErrorRecord) and record.cause >= record.seq:
+            raise TraceError(f"{path}: the cause of record {record.seq} does not come before it.", fix=_DAMAGED)
         if any(bytes(values)[:1] != b"[" for values in _values_in(record)):
-            raise TraceError(f"{path}: record {place} has values that are no list.", fix=_DAMAGED)
+            raise TraceError(f"{path}: record {record.seq} has values that are no list.", fix=_DAMAGED)
 
 
 def _values_in(record: Record) -> Iterator[msgspec.Raw]:
-    """Yields the values of every task in a record."""
-    if isinstance(record, (InputRecord, TaskRecord, PageRecord)):
+    """Yields the values of every task that a record brings."""
+    if isinstance(record, InputRecord):
         yield record.values
-    if isinstance(record, (TaskRecord, PageRecord)):
+    elif isinstance(record, (TaskRecord, PageRecord)):
         for by in record.handled:
             yield from (task.values for task in by.returned)
     elif isinstance(record, BeginRecord):

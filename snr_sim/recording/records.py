@@ -1,4 +1,8 @@
-"""The lines of `trace.jsonl`. Each is one JSON object with a `kind`; together they are the whole run.
+"""The lines of `trace.jsonl`, and the records they stand for. Each is one JSON object with a `kind`.
+
+A line says nothing that an earlier one has said: an executed task is known by `cause` and `nth`, the record that
+brought it and its place among that record's tasks, and type, name and values stand there. `references.py` makes whole
+records of lines; only the reader of a trace and a live view see lines.
 
 `seq` is the order, over all nodes of the run; `t` is virtual time and never the order. `values` is the list a task
 carried, as `prelude/values.py` writes it, left encoded here because most readers want only some of it.
@@ -17,7 +21,7 @@ from typing import Annotated, Any, Final, TypeAlias
 
 import msgspec
 
-SCHEMA: Final = 2
+SCHEMA: Final = 3
 
 Count: TypeAlias = Annotated[int, msgspec.Meta(ge=0)]
 Seq: TypeAlias = Annotated[int, msgspec.Meta(ge=1)]
@@ -97,8 +101,8 @@ class Returned(msgspec.Struct, frozen=True, forbid_unknown_fields=True, array_li
     values: Values
 
 
-class By(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One handler's part in a task."""
+class By(msgspec.Struct, frozen=True, forbid_unknown_fields=True, array_like=True):
+    """One handler's part in a task: [component, handler, tasks]."""
 
     by: str
     handler: str
@@ -115,6 +119,55 @@ class InputRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_f
     type: str
     name: str
     values: Values
+
+
+class RepeatLine(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="repeat"):
+    """An input that brings what stands in this trace already, as a link does to another node of the same run.
+
+    Args:
+        cause, nth: the task that it repeats, as of an executed one.
+    """
+
+    seq: Seq
+    t: float
+    node: str
+    source: str
+    cause: Seq
+    nth: Count
+
+
+class TaskLine(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True, tag_field="kind", tag="task"
+):
+    """A task that was executed, on the node of its cause; see `TaskRecord`.
+
+    Args:
+        t: if it is another than that of the cause.
+    """
+
+    seq: Seq
+    cause: Seq
+    nth: Count = 0
+    t: float | msgspec.UnsetType = msgspec.UNSET
+    handled: list[By] = []
+
+
+class PageLine(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True, tag_field="kind", tag="page"
+):
+    """A `store_page` task that was executed; see `TaskLine`.
+
+    Args:
+        process: what the node itself did first, before all that is in `handled`: it stored the page and asked for
+            `process_data` (true), or only stored it (false). Null: neither, or not in this way, and `handled` is all.
+    """
+
+    seq: Seq
+    cause: Seq
+    nth: Count = 0
+    t: float | msgspec.UnsetType = msgspec.UNSET
+    process: bool | None = True
+    handled: list[By] = []
 
 
 class _Executed(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -188,14 +241,15 @@ class EndRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fie
 
 Executed: TypeAlias = TaskRecord | PageRecord
 Record: TypeAlias = InputRecord | TaskRecord | PageRecord | TruthRecord | BeginRecord | ErrorRecord | EndRecord
+Line: TypeAlias = InputRecord | RepeatLine | TaskLine | PageLine | TruthRecord | BeginRecord | ErrorRecord | EndRecord
 
 _encode = msgspec.json.Encoder().encode
 decode_beginning = msgspec.json.Decoder(Opening | Header).decode
-decode_record = msgspec.json.Decoder(Record).decode
+decode_line = msgspec.json.Decoder(Line).decode
 
 
-def encode_record(record: Opening | Header | Record) -> bytes:
-    """Returns a line as it stands in the file, without the newline."""
+def encode_record(record: Opening | Header | Line | Record) -> bytes:
+    """Returns the JSON of a line as it stands in the file, without the newline, or of a whole record."""
     return _encode(record)
 
 

@@ -31,10 +31,12 @@ from snr_sim.recording.records import (
     Header,
     Opening,
     Record,
+    Returned,
     TruthRecord,
-    decode_record,
+    decode_line,
     digest_of,
 )
+from snr_sim.recording.references import REPEAT_WITHIN, References
 from snr_sim.recording.trace_file import TraceFile
 
 if TYPE_CHECKING:
@@ -46,6 +48,7 @@ SYNC_PERIOD_S = 1.0
 REPORT_PERIOD_S = 1.0  # of the page that says what is lost
 # What a disk may be behind: minutes of a dive. A run in lock step then waits for it; any other gives up its recording.
 MAX_UNWRITTEN_BYTES = 64_000_000
+ARROW_DIGITS = 4  # behind the point of arrows [m, N]: they are there to be drawn, and would be half of the truth
 CLOSE_PATIENCE_S = 5.0  # with a disk that takes nothing, when a robot ends that would not wait for it before
 _SOURCE = "recorder"
 
@@ -87,13 +90,15 @@ class TraceWriter:
     ) -> None:
         self.path = path
         self.seq = 0  # of the newest record
-        self._lines: deque[bytes] = deque()
+        self._lines: deque[tuple[float, bytes]] = deque()  # each with its time
         self._put_bytes = 0  # counted by the thread that puts
         self._taken_bytes = 0  # counted by who takes; what lies between them waits
         self._digest = digest_of()
+        self._places: dict[tuple[str, str, bytes], tuple[int, int]] | None = {} if len(header.nodes) > 1 else None
         self._follower: Follower | None = None
+        self._references = References()  # of what the follower is shown
         self._whole_bytes = 0  # length of the file up to its last whole line
-        self._unsynced = b""  # the first line since the last sync
+        self._unsynced_since_s = 0.0
         self._unsynced_lines = 0
         self._sync_due_s = time.monotonic() + SYNC_PERIOD_S
         self._writing = threading.Lock()
@@ -137,7 +142,22 @@ class TraceWriter:
     def truth(self, now_s: float, truth: dict[str, Any]) -> None:
         """Takes down the plant's true state, see `Plant.truth`."""
         self.seq += 1
-        self.put(_encode(TruthRecord(self.seq, now_s, truth["poses"], truth["arrows"], truth["values"])))
+        arrows = {name: [round(number, ARROW_DIGITS) for number in arrow] for name, arrow in truth["arrows"].items()}
+        self.put(now_s, _encode(TruthRecord(self.seq, now_s, truth["poses"], arrows, truth["values"])))
+
+    def place_of(self, task: Returned, seq: int, nth: int) -> tuple[int, int] | None:
+        """Returns seq and place of an earlier task that carries the same page, and remembers this one.
+
+        None if there was none lately, or the run has one node: then nobody brings a page to another one.
+        """
+        if self._places is None or task.type != TaskType.store_page:
+            return None
+        known = (task.type, task.name, bytes(task.values))
+        place = self._places.get(known)
+        self._places[known] = (seq, nth)
+        if len(self._places) > 4 * REPEAT_WITHIN:
+            self._places = {one: at for one, at in self._places.items() if at[0] >= seq - REPEAT_WITHIN}
+        return place if place is not None and place[0] >= seq - REPEAT_WITHIN else None
 
     @property
     def digest(self) -> str:
@@ -174,10 +194,10 @@ class TraceWriter:
             self._check()
 
     def follow(self, follower: Follower) -> None:
-        """Has every record from now on given to a follower, too, on the thread that writes the file."""
+        """Has every record given to a follower, too, on the thread that writes the file; before the first one."""
         self._follower = follower
 
-    def put(self, line: bytes) -> None:
+    def put(self, now_s: float, line: bytes) -> None:
         """Adds a line to the trace.
 
         Raises:
@@ -186,11 +206,11 @@ class TraceWriter:
         if self._failure is not None:
             if not self._survivors:
                 self._check()
-            self._lose(line, 1)
+            self._lose(now_s, 1)
             self._report()
             if self._follower is None:
                 return
-        self._lines.append(line)
+        self._lines.append((now_s, line))
         self._put_bytes += len(line)
         if self._put_bytes - self._taken_bytes > MAX_UNWRITTEN_BYTES:
             if self._survivors:
@@ -213,11 +233,10 @@ class TraceWriter:
             self._failure = OSError(errno.ETIMEDOUT, "the disk is too slow, or does not answer")
         lines = self._take()
         if lines:
-            self._lose(lines[0], len(lines))
+            self._lose(lines[0][0], len(lines))
 
-    def _lose(self, first: bytes, count: int) -> None:
+    def _lose(self, since_s: float, count: int) -> None:
         """Counts records that do not get into the file."""
-        since_s = decode_record(first).t
         with self._losing:
             self._lost += count
             self._lost_since_s = min(self._lost_since_s, since_s)
@@ -244,12 +263,12 @@ class TraceWriter:
                 self._sync()
             self._report()
 
-    def _take(self) -> list[bytes]:
+    def _take(self) -> list[tuple[float, bytes]]:
         """Takes what waits; from any thread."""
         lines = self._lines
         with self._losing:
             taken = [lines.popleft() for _ in range(len(lines))]
-            self._taken_bytes += sum(map(len, taken))
+            self._taken_bytes += sum(len(line) for _, line in taken)
         return taken
 
     def _flush(self) -> None:
@@ -259,21 +278,22 @@ class TraceWriter:
                 return
             if self._failure is None:
                 # b"" at the end, so that the last line gets its newline, too
-                written = self._write(b"\n".join([*ready, b""]))
+                written = self._write(b"\n".join([*(line for _, line in ready), b""]))
                 self._digest.update(written)
                 whole = written.count(b"\n")
-                self._unsynced = self._unsynced or ready[0]
+                if not self._unsynced_lines:
+                    self._unsynced_since_s = ready[0][0]
                 self._unsynced_lines += whole
                 if whole < len(ready):
-                    self._lose(ready[whole], len(ready) - whole)
+                    self._lose(ready[whole][0], len(ready) - whole)
             self._show(ready)
 
-    def _show(self, lines: Sequence[bytes]) -> None:
+    def _show(self, lines: Sequence[tuple[float, bytes]]) -> None:
         if self._follower is None:
             return
         try:
-            for line in lines:
-                self._follower.add(decode_record(line))
+            for _, line in lines:
+                self._follower.add(self._references.whole(decode_line(line)))
             self._follower.flush()
         except Exception as error:  # a view that fails must not cost the recording
             self._follower = None
@@ -307,5 +327,5 @@ class TraceWriter:
             except OSError as error:
                 if self._failure is None:
                     self._failure = error
-                self._lose(self._unsynced, self._unsynced_lines)
-            self._unsynced, self._unsynced_lines = b"", 0
+                self._lose(self._unsynced_since_s, self._unsynced_lines)
+            self._unsynced_lines = 0

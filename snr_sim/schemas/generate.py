@@ -12,7 +12,7 @@ from typing import Any
 
 import msgspec
 
-from snr_sim.recording.records import SCHEMA, Header, Opening, Record
+from snr_sim.recording.records import SCHEMA, Header, Line, Opening
 from snr_sim.schemas import SUFFIX
 from snr_sim.std_mods.comms.messages import VERSION, Control
 from snr_sim.std_mods.console.wire import Command, Complete, Reply, Words
@@ -32,7 +32,7 @@ def generated() -> dict[str, str]:
         "trace": _text(
             f"A line of trace.jsonl, format {SCHEMA}",
             "The first line is of kind trace, the second of kind header; all others are records.",
-            _schema_of(Opening | Header | Record),
+            _schema_of(Opening | Header | Line),
         ),
         "wire": _text(
             f"A message between two nodes, protocol version {VERSION}",

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO, NamedTuple, TypeAlias
 
 import msgspec
 
@@ -78,6 +78,7 @@ class PageReader:
         self._keys = {keys} if isinstance(keys, str) else None if keys is None else set(keys)
         self._node = node
         self._times = _Times()
+        self._tasks = _TasksOfTrace()
         self._number = 0
         self._left_out = 0
         self._remarks: list[str] = []
@@ -127,12 +128,13 @@ class PageReader:
         return Stored(self._times.of(page), page)
 
     def _of_trace(self, line: bytes) -> Stored | None:
-        if not line.startswith(b'{"kind":"page"'):
+        if not line.startswith(_KINDS_WITH_TASKS):
             return None
-        record = _decode_page_record(line)
-        if self._node not in ("", record.node):
+        record = _decode_task_record(line)
+        task = self._tasks.take(record)
+        if record.kind != "page" or self._node not in ("", task.node):
             return None
-        return Stored(record.t, Page.deserialize(bytes(record.values[0])))
+        return Stored(task.time_s, Page.deserialize(bytes(task.values[0])))
 
     def _leave_out(self, error: Exception) -> None:
         self._left_out += 1
@@ -147,16 +149,69 @@ class _Start(msgspec.Struct):
     node: str
 
 
-class _PageRecord(msgspec.Struct):
-    """What a reader of pages needs of a record of a trace."""
+class _TaskRecord(msgspec.Struct):
+    """What a reader of pages needs of the records of a trace that bring or execute tasks; see docs/formats.md."""
+
+    kind: str
+    seq: int
+    t: float | None = None
+    node: str = ""
+    cause: int = 0
+    nth: int = 0
+    values: list[msgspec.Raw] = []
+    process: bool | None = True
+    handled: list[tuple[str, str, list[_Returned]]] = []
+    returned: list[_Returned] = []
+
+
+_Returned: TypeAlias = tuple[str, str, list[msgspec.Raw]]
+_KINDS_WITH_TASKS = tuple(f'{{"kind":"{kind}"'.encode() for kind in ("begin", "input", "repeat", "task", "page"))
+_KEPT = 500  # executed tasks: an input repeats one at most 500 records later
+_decode_start = msgspec.json.Decoder(_Start).decode
+_decode_task_record = msgspec.json.Decoder(_TaskRecord).decode
+
+
+class _Task(NamedTuple):
+    """A task in a trace: of which node, when, and what it carries."""
 
     node: str
-    t: float
+    time_s: float
     values: list[msgspec.Raw]
 
 
-_decode_start = msgspec.json.Decoder(_Start).decode
-_decode_page_record = msgspec.json.Decoder(_PageRecord).decode
+class _TasksOfTrace:
+    """The tasks of a trace by the record that brought them, and their place there: others refer to them."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[tuple[int, int], _Task] = {}
+        self._executed: dict[tuple[int, int], _Task] = {}
+
+    def take(self, record: _TaskRecord) -> _Task:
+        """Returns the task that a record executes or lets in, and keeps those that it brings.
+
+        Raises:
+            ValueEncodingError: it refers to a task that is not there.
+        """
+        task = _Task(record.node, record.t or 0.0, record.values)
+        if record.cause:
+            task = self._find(record, (record.cause, record.nth))
+        brought = [task.values] if record.kind in ("input", "repeat") else [values for _, _, values in record.returned]
+        if record.kind == "page" and record.process:
+            brought.append([])
+        brought += [values for _, _, returned in record.handled for _, _, values in returned]
+        for nth, values in enumerate(brought):
+            self._waiting[record.seq, nth] = _Task(task.node, task.time_s, values)
+        return task
+
+    def _find(self, record: _TaskRecord, place: tuple[int, int]) -> _Task:
+        task = self._waiting.get(place) or self._executed.get(place)
+        if task is None:
+            raise ValueEncodingError(f"Record {record.seq} refers to a task that is not there.")
+        if record.kind != "repeat":
+            self._executed[place] = self._waiting.pop(place, task)
+            if len(self._executed) > _KEPT:
+                del self._executed[next(iter(self._executed))]
+        return _Task(record.node or task.node, task.time_s if record.t is None else record.t, task.values)
 
 
 class _Times:

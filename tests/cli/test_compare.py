@@ -25,8 +25,10 @@ def test_two_controllers_part_where_the_first_of_them_burns(snr: Snr, here: Path
     engine = fields["signals"]["engine.throttle"]
     burns_s = next(
         record["t"]
-        for record in map(json.loads, Path(optimal, "trace.jsonl").read_bytes().splitlines()[2:])
-        if record["kind"] == "page" and record["name"] == "engine" and record["values"][0]["data"]["throttle"] > 0.0
+        for record in map(
+            json.loads, snr("trace", optimal, "--kind", "page", "--name", "engine", "--json").out.splitlines()
+        )
+        if record["values"][0]["data"]["throttle"] > 0.0
     )
     assert fields["commands_first_differ_s"] == engine["first_differs_s"] == pytest.approx(burns_s)
     assert engine["second"]["highest"] == 0.0  # coast burns nothing

@@ -242,7 +242,7 @@ def test_a_trace_that_cannot_be_used_ends_with_status_2(snr: Snr, here: Path, fl
     (here / "cut.jsonl").write_bytes((flown / FILE_NAME).read_bytes()[:-3000])
     answer = snr("replay", "cut.jsonl")
     assert (answer.status, "cut short" in answer.err) == (0, True)
-    (here / "other.jsonl").write_bytes((flown / FILE_NAME).read_bytes().replace(b'"schema":2', b'"schema":9', 1))
+    (here / "other.jsonl").write_bytes((flown / FILE_NAME).read_bytes().replace(b'"schema":3', b'"schema":9', 1))
     for verb in ("replay", "resim", "trace"):
         assert snr(verb, "other.jsonl", *(["--json"] if verb != "trace" else [])).status == 2
 
@@ -419,7 +419,12 @@ def test_a_vehicle_whose_roles_ran_apart_on_real_parts_is_simulated_whole() -> N
 def test_records_are_printed_and_picked_by_kind_name_and_node(snr: Snr, flown: Path) -> None:
     lines = (flown / FILE_NAME).read_text().splitlines()[2:]  # after opening and header
     assert len(snr("trace", flown).out.splitlines()) == len(lines)
-    assert snr("trace", flown, "--json").out.splitlines() == lines
+    whole = list(map(json.loads, snr("trace", flown, "--json").out.splitlines()))
+    assert [(one["kind"], one["seq"]) for one in whole] == [(one["kind"], one["seq"]) for one in map(json.loads, lines)]
+    # Each says all of its task, where the file refers to the record that brought it.
+    assert all(
+        one.keys() >= {"t", "node", "type", "name", "values"} for one in whole if one["kind"] in ("task", "page")
+    )
     inputs = snr("trace", flown, "--kind", "input", "--json").out.splitlines()
     assert {json.loads(line)["kind"] for line in inputs} == {"input"}
     engine = snr("trace", flown, "--name", "eng*", "--kind", "page", "--json").out.splitlines()

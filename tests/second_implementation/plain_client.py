@@ -42,16 +42,23 @@ def trace(file, key=None):
     data = pathlib.Path(file).read_bytes()
     whole = data[: data.rindex(b"\n", 0, (data + b"\0").index(b"\0")) + 1]
     opening, header, *records = [load(line) for line in whole.split(b"\n")[:-1]]
-    if opening["kind"] != "trace" or opening["schema"] != 2 or header["kind"] != "header":
-        sys.exit(f"no trace of format 2: {opening}")
-    seqs = [record["seq"] for record in records]
-    if seqs != list(range(1, len(records) + 1)) or any(record.get("cause", 0) >= record["seq"] for record in records):
-        sys.exit("a record is missing or moved")
+    if opening["kind"] != "trace" or opening["schema"] != 3 or header["kind"] != "header":
+        sys.exit(f"no trace of format 3: {opening}")
     print("digest", hashlib.blake2b(whole[whole.index(b"\n") + 1 :], digest_size=32).hexdigest())
     print("cut" if len(whole) < len(data) else "whole", len(records))
-    for record in records:
-        if record["kind"] == "page" and record["name"] == key:
-            print(record["t"], record["values"][0]["created_at_s"], repr(record["values"][0]["data"]))
+    brought = {}  # by seq and nth: time and task
+    for seq, record in enumerate(records, 1):
+        kind, place = record["kind"], (record.get("cause"), record.get("nth", 0))
+        if record["seq"] != seq or (kind in ("task", "page", "repeat") and place not in brought):
+            sys.exit("a record is missing or moved")
+        t, task = brought.get(place, (None, [record.get(name) for name in ("type", "name", "values")]))
+        tasks = [task] if kind in ("input", "repeat") else record.get("returned", [])
+        if kind == "page" and record.get("process", True):
+            tasks = [["process_data", task[1], []]]
+        tasks += [one for by in record.get("handled", []) for one in by[2]]
+        brought.update(((seq, nth), (record.get("t", t), one)) for nth, one in enumerate(tasks))
+        if kind == "page" and task[1] == key:
+            print(record.get("t", t), task[2][0]["created_at_s"], repr(task[2][0]["data"]))
 
 
 def receive(stream):

@@ -1,0 +1,83 @@
+"""Makes whole records of the lines of a trace: a line refers to earlier ones instead of repeating them."""
+
+from __future__ import annotations
+
+import msgspec
+
+from snr_sim.core.component import CORE_NAME
+from snr_sim.recording.records import (
+    BeginRecord,
+    By,
+    InputRecord,
+    Line,
+    PageLine,
+    PageRecord,
+    Record,
+    RepeatLine,
+    Returned,
+    TaskLine,
+    TaskRecord,
+)
+
+# How many records back an input may repeat a task. So nobody who follows a run has to keep all of it.
+REPEAT_WITHIN = 500
+CORE_STORES = (CORE_NAME, "store")  # component and handler that `PageLine.process` stands for
+NO_VALUES = msgspec.Raw(b"[]")
+
+
+class References:
+    """Takes the lines of a trace in order and keeps what later ones may refer to."""
+
+    def __init__(self) -> None:
+        # By cause and nth: node and time of the cause, and the task.
+        self._waiting: dict[tuple[int, int], tuple[str, float, Returned]] = {}  # brought, and not executed yet
+        self._recent: dict[tuple[int, int], Returned] = {}
+
+    def whole(self, line: Line) -> Record:
+        """Returns the record that a line stands for.
+
+        Raises:
+            LookupError: it refers to a task that no earlier line brought, or that was executed already.
+        """
+        if isinstance(line, (TaskLine, PageLine)):
+            return self._executed(line)
+        if isinstance(line, RepeatLine):
+            line = self._repeated(line)
+        if isinstance(line, InputRecord):
+            self._bring(line.seq, line.node, line.t, [Returned(line.type, line.name, line.values)])
+        elif isinstance(line, BeginRecord):
+            self._bring(line.seq, line.node, line.t, line.returned)
+        return line
+
+    def _executed(self, line: TaskLine | PageLine) -> Record:
+        try:
+            node, cause_s, task = self._waiting.pop((line.cause, line.nth))
+        except KeyError:
+            raise self._unknown(line.seq, line.cause, line.nth) from None
+        time_s = cause_s if line.t is msgspec.UNSET else line.t
+        handled = line.handled
+        if isinstance(line, PageLine) and line.process is not None:
+            returned = [Returned("process_data", task.name, NO_VALUES)] if line.process else []
+            handled = [By(*CORE_STORES, returned), *handled]
+        self._bring(line.seq, node, time_s, [one for by in handled for one in by.returned])
+        kind = PageRecord if isinstance(line, PageLine) else TaskRecord
+        return kind(line.seq, time_s, node, task.type, task.name, task.values, line.cause, line.nth, handled)
+
+    def _repeated(self, line: RepeatLine) -> InputRecord:
+        task = self._recent.get((line.cause, line.nth))
+        if task is None:
+            raise self._unknown(line.seq, line.cause, line.nth)
+        return InputRecord(line.seq, line.t, line.node, line.source, task.type, task.name, task.values)
+
+    def _bring(self, seq: int, node: str, time_s: float, tasks: list[Returned]) -> None:
+        for nth, task in enumerate(tasks):
+            self._waiting[seq, nth] = (node, time_s, task)
+            self._recent[seq, nth] = task
+        if len(self._recent) > 4 * REPEAT_WITHIN:
+            self._recent = {place: task for place, task in self._recent.items() if place[0] >= seq - REPEAT_WITHIN}
+
+    @staticmethod
+    def _unknown(seq: int, cause: int, nth: int) -> LookupError:
+        if cause >= seq:
+            return LookupError(f"the cause of record {seq} does not come before it")
+        return LookupError(f"record {seq} refers to task {nth} of record {cause}, which is not there or was executed")
