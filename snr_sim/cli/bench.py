@@ -1,13 +1,13 @@
 """`snr bench`: measures how fast the kit is here, and sets it beside what it is meant to be.
 
 The measuring is done by the files in `tests/bench`, each in a process of its own, so that none warms up or slows down
-the next. They print one row of JSON at a time; this puts the rows into a table.
+the next. They print one row of JSON at a time; this puts the rows into a table. What one of them needs and is not here
+is named and skipped; one that fails is named, and the others are measured all the same.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,7 +21,7 @@ _PREFIX = "bench_"
 _REPORTED_PACKAGES = ("msgspec", "numpy", "pymunk", "rerun-sdk")
 _WIDTH_IN_A_PIPE = 150
 
-# A row as tests/bench/harness.py prints it.
+# A row as tests/bench/harness.py prints it; one with `skipped` was not measured, and says why.
 Row = dict[str, Any]
 
 
@@ -31,32 +31,60 @@ def bench(
     ] = None,
     is_quick: Annotated[bool, typer.Option("--quick", help="Measure briefly: to see that it works.")] = False,
     with_install: Annotated[bool, typer.Option("--install", help="Measure the size of a fresh base install.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object, and keep it in the history.")] = False,
+    history: Annotated[Path, typer.Option(metavar="FILE", help="With --json: earlier results, one line each.")] = Path(
+        "runs/bench.jsonl"
+    ),
 ) -> None:
     """Measure speed on this machine, beside the targets.
 
     Times are CPU time, ratios are to a bare version measured in turns within the same run. Needs a checkout of the
     project, and some quiet: whatever else runs is measured, too.
 
+    With --json what has become slower by more than 10 % is named. Compared are ratios to the bare version, with the
+    median of the last five results in the history of the same processor, Python and options.
+
     Exit status: 0 it was measured, also if targets are missed; 2 there are no benchmarks, or one failed.
     """
     import json
 
+    from snr_sim.cli.bench_history import append_result, read_history, slower_rows
     from snr_sim.cli.plain_console import plain_console
 
     folder = _folder()
     files = _chosen(folder, names or [])
-    options = ["--json", *(["--quick"] if is_quick else []), *(["--install"] if with_install else [])]
-    rows: list[Row] = []
+    options = [*(["--quick"] if is_quick else []), *(["--install"] if with_install else [])]
+    found: list[Row] = []
+    failed: list[dict[str, Any]] = []
     errors = plain_console(stderr=True)
     for file in files:
-        subject = file.stem.removeprefix(_PREFIX)
-        for row in _measured(file, options, subject, errors):
-            rows.append({"subject": subject, **row})
+        status = _measure(file, options, errors, found)
+        if status != 0:
+            failed.append({"subject": _subject(file), "status": status})
+    rows = [row for row in found if "skipped" not in row]
+    skipped = [row for row in found if "skipped" in row]
     if as_json:
-        print(json.dumps({"machine": machine(), "quick": is_quick, "rows": rows}))
+        result = {"machine": machine(), "options": options, "rows": rows, "skipped": skipped, "failed": failed}
+        slower = slower_rows(read_history(history), result)
+        append_result(history, result)
+        print(json.dumps({**result, "slower": slower}))
+        for one in slower:
+            errors.print(
+                f"{one['subject']}: {one['name']} is slower: {one['ratio']:.2f} x the bare version, "
+                f"{one['before']:.2f} x before"
+            )
     else:
-        _show(rows)
+        _show(rows, skipped)
+    for one in failed:
+        errors.print(
+            f"The benchmark '{one['subject']}' stopped with status {one['status']}; its own words are above.\n"
+            f"  Try: it by itself: snr bench {one['subject']} --quick."
+        )
+    sys.exit(2 if failed else 0)
+
+
+def _subject(file: Path) -> str:
+    return file.stem.removeprefix(_PREFIX)
 
 
 def _folder() -> Path:
@@ -92,28 +120,19 @@ def _chosen(folder: Path, names: list[str]) -> list[Path]:
     return [known[name] for name in names or known]
 
 
-def _measured(file: Path, options: list[str], subject: str, errors: Console) -> Iterator[Row]:
-    """Runs one file and yields its rows; on a terminal it says what is going on.
-
-    Raises:
-        SnrError: the file failed.
-    """
+def _measure(file: Path, options: list[str], errors: Console, found: list[Row]) -> int:
+    """Runs one benchmark and adds its rows as they come; returns its exit status."""
     import json
     import subprocess
     from contextlib import nullcontext
 
-    from snr_sim.prelude.errors import SnrError
-
+    subject = _subject(file)
     shown = errors.status(f"measuring {subject}") if errors.is_terminal else nullcontext()
-    with shown, subprocess.Popen([sys.executable, str(file), *options], stdout=subprocess.PIPE, text=True) as process:
+    command = [sys.executable, str(file.with_name("run.py")), subject, *options]
+    with shown, subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
-        for line in process.stdout:
-            yield json.loads(line)
-    if process.returncode != 0:
-        raise SnrError(
-            f"The benchmark {file.name} stopped with status {process.returncode}; its own words are above.",
-            fix=f"run it by itself: python {file} --quick.",
-        )
+        found.extend({"subject": subject, **json.loads(line)} for line in process.stdout)
+    return process.returncode
 
 
 def machine() -> dict[str, Any]:
@@ -155,7 +174,7 @@ def _cpu_model() -> str:
     return platform.processor() or platform.machine()
 
 
-def _show(rows: list[Row]) -> None:
+def _show(rows: list[Row], skipped: list[Row]) -> None:
     from snr_sim.cli.plain_console import plain_console
 
     console = plain_console(width_in_a_pipe=_WIDTH_IN_A_PIPE)
@@ -163,6 +182,8 @@ def _show(rows: list[Row]) -> None:
     for row in rows:
         if row["note"]:
             console.print(f"{row['name']}: {row['note']}.")
+    for row in skipped:
+        console.print(f"skipped: {row['name']}: {row['skipped']}")
     here = machine()
     console.print(f"{here['cpu']}, {here['cores']} cores, Python {here['python']}, {here['date']}")
     missed = sum(row["is_met"] is False for row in rows)

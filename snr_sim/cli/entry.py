@@ -2,23 +2,66 @@
 
 from __future__ import annotations
 
-import signal
+import atexit
+import os
 import sys
+import threading
+import time
+from contextlib import suppress
+
+from snr_sim.cli import stopping
+from snr_sim.core.standard_streams import open_closed_streams
+
+_THREADS_S = 0.5  # that threads have to end before they are named
 
 
 def main() -> None:
     """Runs the command line. A signal while it is still being imported ends it as one does later: in a word."""
-    stopped_by: list[int] = []
-
-    def stop(number: int, frame: object) -> None:
-        stopped_by.append(number)
-        raise KeyboardInterrupt(number)
-
-    signal.signal(signal.SIGTERM, stop)
+    open_closed_streams()
+    stopping.interrupt_at_signals()
+    ending = Ending()
+    atexit.register(ending.leave)  # the first, so it is called last
     try:
         from snr_sim.cli.main import main as run
 
         run()
     except KeyboardInterrupt:
         print("Stopped.", file=sys.stderr)
-        sys.exit(128 + (stopped_by[0] if stopped_by else signal.SIGINT))
+        ending.status = stopping.status()
+        sys.exit(ending.status)
+    except SystemExit as end:
+        ending.status = end.code if isinstance(end.code, int) else int(end.code is not None)
+        raise
+    finally:
+        stopping.end_by_default()
+        _name_threads()
+
+
+class Ending:
+    """Ends the process at once when all exit functions have been called.
+
+    Python would take modules and objects apart first: 0.1 to 0.3 s for a run that ends in 0.004 s, and three times
+    that with no core free.
+    """
+
+    def __init__(self) -> None:
+        self.status = 1  # of an exception, which Python prints
+
+    def leave(self) -> None:
+        """Writes what is left in the standard streams, and ends the process."""
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(OSError, ValueError):  # its reader has gone, or a student's code has closed it
+                stream.flush()
+        os._exit(self.status)
+
+
+def _name_threads() -> None:
+    give_up_s = time.monotonic() + _THREADS_S
+    for thread in threading.enumerate():
+        if not thread.daemon and thread is not threading.main_thread():
+            thread.join(max(give_up_s - time.monotonic(), 0.0))
+    if threading.active_count() > 1:
+        from snr_sim.core.left_threads import notes_on_threads
+
+        for note in notes_on_threads():
+            print(f"note: {note}", file=sys.stderr)

@@ -9,7 +9,23 @@ from typing import Annotated, NoReturn
 import typer
 
 from snr_sim import __version__
-from snr_sim.cli import bench, check, compare, console, doctor, grade, io, listing, new, replay, resim, run, trace, view
+from snr_sim.cli import (
+    bench,
+    check,
+    compare,
+    console,
+    doctor,
+    grade,
+    io,
+    listing,
+    new,
+    replay,
+    resim,
+    run,
+    stopping,
+    trace,
+    view,
+)
 
 app = typer.Typer(
     name="snr",
@@ -56,16 +72,14 @@ _TYPER_STOPPED = 130  # what typer returns when it has caught a KeyboardInterrup
 
 def main() -> None:
     """Runs the command line; an error of ours is a sentence, not a traceback."""
-    import signal
-
-    signal.signal(signal.SIGTERM, _stop)  # as Ctrl-C: every verb puts in order what it has begun
+    stopping.interrupt_at_signals()  # every verb puts in order what it has begun
     try:
         try:
             status = app(prog_name="snr", standalone_mode=False)
         finally:
             sys.stdout.flush()  # here, where we can answer if nobody listens any more
-    except KeyboardInterrupt as stop:
-        fail("Stopped.", 128 + (stop.args[0] if stop.args and isinstance(stop.args[0], int) else signal.SIGINT))
+    except KeyboardInterrupt:
+        fail("Stopped.", stopping.status())
     except OSError as error:
         if isinstance(error, BrokenPipeError):  # `snr trace RUN | head`
             _nobody_listens()
@@ -86,7 +100,7 @@ def main() -> None:
         said = error.format_message()
         fail(said if said.startswith("Usage:") else f"{said}\n  Try: snr {_verb()}--help says what there is.")
     if status == _TYPER_STOPPED:
-        fail("Stopped.", 128 + (_stopped_by[0] if _stopped_by else signal.SIGINT))
+        fail("Stopped.", stopping.status())
     sys.exit(status if isinstance(status, int) else 0)
 
 
@@ -98,14 +112,6 @@ def _verb() -> str:
 def _nobody_listens() -> NoReturn:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     sys.exit(0)
-
-
-_stopped_by: list[int] = []
-
-
-def _stop(number: int, frame: object) -> None:
-    _stopped_by.append(number)
-    raise KeyboardInterrupt(number)
 
 
 def fail(message: str, status: int = 2) -> NoReturn:

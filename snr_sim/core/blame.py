@@ -7,10 +7,13 @@ import os
 import re
 import traceback
 from pathlib import Path
-from types import CodeType, TracebackType
+from types import CodeType, FrameType, TracebackType
 from typing import NamedTuple
 
 from snr_sim.prelude.errors import DeviceError, SnrError
+
+# What to do about code that did not return although it was interrupted.
+LET_INTERRUPTS_PASS = "catch Exception, not BaseException; and put no bare except around what repeats."
 
 _KIT = Path(__file__).resolve().parents[1]
 _SHIPPED = _KIT / "shipped"  # robots and scenarios in the wheel: content, not kit
@@ -32,8 +35,17 @@ class Place(NamedTuple):
 
 def student_place(trace: TracebackType | None) -> Place | None:
     """Returns the innermost line that a student wrote, or None if there is none in the traceback."""
+    return _innermost(traceback.extract_tb(trace))
+
+
+def place_now(frame: FrameType) -> Place | None:
+    """Returns the innermost line of a student's that a thread is at, or None; `frame` is the thread's newest."""
+    return _innermost(traceback.extract_stack(frame))
+
+
+def _innermost(frames: traceback.StackSummary) -> Place | None:
     found = None
-    for frame in traceback.extract_tb(trace):
+    for frame in frames:
         if is_student_file(frame.filename):
             source = (frame.line or linecache.getline(frame.filename, frame.lineno or 0)).strip()
             found = Place(short_path(frame.filename), frame.lineno or 0, frame.name, source)

@@ -3,7 +3,8 @@
 A signal handler here never raises into the machine. It puts a terminate task at the door, as any other input. Only
 if a student's own code is still running a moment later (a `while True`, a `sleep(60)`), it is interrupted where it
 is. A second signal interrupts it at once. But nothing interrupts a `halt` that has only just begun, nor the kit's own
-steps at the end of a run: a person pressing Ctrl-C again and again must not keep the motors from being stopped.
+steps at the end of a run: a person pressing Ctrl-C again and again must not keep the motors from being stopped. What
+swallows the interrupts, too, is ended with the process: see `core/last_resort.py`.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
+from snr_sim.core.last_resort import LastResort
 from snr_sim.core.node import Node
 from snr_sim.core.wake_up import woken_by
 from snr_sim.prelude import tasks
@@ -73,7 +75,7 @@ def orderly(nodes: Sequence[Node]) -> Iterator[list[str]]:
         handlers[signal.SIGALRM] = on_impatience
     before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     try:
-        with woken_by((signal.SIGINT, signal.SIGTERM), caught):
+        with woken_by((signal.SIGINT, signal.SIGTERM), caught, LastResort(nodes, threading.get_ident()).look):
             yield caught
     finally:
         if hasattr(signal, "setitimer"):

@@ -271,7 +271,8 @@ class Node:
             cause = failed.__cause__
             assert cause is not None
             if isinstance(cause, KeyboardInterrupt):
-                self._record_interrupt(failed, cause)
+                interrupt = self._handler_failure(failed, cause)
+                self.record_interrupt(interrupt.component, interrupt.message)
                 raise cause from None  # an interrupt, not a failure
             raise self._handler_failure(failed, cause) from cause
 
@@ -336,7 +337,8 @@ class Node:
             if cause is not None and not isinstance(cause, KeyboardInterrupt):
                 failures.append(self._handler_failure(failed, cause))
             elif cause is not None:
-                self._record_interrupt(failed, cause)
+                interrupt = self._handler_failure(failed, cause)
+                self.record_interrupt(interrupt.component, interrupt.message)
         except ComponentFailed as failure:
             failures.append(failure)
         else:
@@ -555,11 +557,10 @@ class Node:
         if self._recorder is not None:
             self._recorder.error(self.machine.now_s, failure.component, failure.message)
 
-    def _record_interrupt(self, failed: HandlerFailed, cause: BaseException) -> None:
+    def record_interrupt(self, component_name: str, message: str) -> None:
         """Writes into the trace which handler was interrupted: a replay must not wait for it again."""
         if self._recorder is not None:
-            interrupt = self._handler_failure(failed, cause)
-            self._recorder.error(self.machine.now_s, interrupt.component, f"{INTERRUPTED}: {interrupt.message}")
+            self._recorder.error(self.machine.now_s, component_name, f"{INTERRUPTED}: {message}")
 
     def note(self, text: str) -> None:
         """Keeps a remark for the end of the run, once: what fails again and again must not fill the memory."""

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import logging
 import sys
+import threading
 from collections.abc import Sequence
 from typing import Protocol
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.config import ComponentsByRole, Config, Mode
 from snr_sim.core.interrupts import Interrupted, orderly
+from snr_sim.core.left_threads import notes_on_threads
 from snr_sim.core.lockstep import LockStep
 from snr_sim.core.node import Node
 from snr_sim.core.sources import being_read
@@ -58,11 +60,12 @@ class SynchronousRunner:
         Raises:
             ComponentFailed: a handler or a loop raised.
         """
+        threads = threading.enumerate()
         try:
             with orderly([self.node]) as signals:
                 self._loop(signals)
         finally:
-            _tell_notes([self.node])
+            _tell_notes([self.node], threads)
 
     def _loop(self, signals: Sequence[str]) -> None:
         try:
@@ -73,12 +76,15 @@ class SynchronousRunner:
             self.node.note(f"{signals[0]}: {interrupted}, and was interrupted.")
 
 
-def _tell_notes(nodes: Sequence[Node]) -> None:
-    """Says what the nodes remarked; of several, which one."""
+def _tell_notes(nodes: Sequence[Node], threads_before: Sequence[threading.Thread]) -> None:
+    """Says what the nodes remarked; of several, which one; and what the run has left running."""
     for node in nodes:
         whose = f"{node.name}: " if len(nodes) > 1 else ""
         for note in node.notes:
             print(f"note: {whose}{note}", file=sys.stderr)
+    if threading.current_thread() is threading.main_thread():
+        for note in notes_on_threads(threads_before):
+            print(f"note: {note}", file=sys.stderr)
 
 
 class CliRunner:
@@ -218,9 +224,10 @@ class SimRunner:
         Raises:
             ComponentFailed: a handler or a loop raised; every node has been halted.
         """
-        nodes = list(self.nodes.values())
+        nodes, threads = list(self.nodes.values()), threading.enumerate()
         try:
             with orderly(nodes) as self.signals:
                 self._lock_step.run()
         finally:
-            _tell_notes(nodes if self._tells_notes else [])
+            if self._tells_notes:
+                _tell_notes(nodes, threads)

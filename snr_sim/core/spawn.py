@@ -22,6 +22,7 @@ from multiprocessing.connection import Pipe, wait
 from typing import TextIO
 
 from snr_sim.core import spawned
+from snr_sim.core.standard_streams import open_closed_streams
 from snr_sim.prelude.errors import ConfigError
 
 LAST_LINES = 20
@@ -88,6 +89,7 @@ class Spawned:
             )
         if os.name != "posix":
             raise ConfigError("Loops and roles in processes need Linux or macOS.", fix="let them be threads here.")
+        open_closed_streams()  # else the line would get their numbers
         self.line, far = Pipe()
         self.last: deque[str] = deque(maxlen=LAST_LINES)
         self._err = err or partial(print_line, sys.stderr)

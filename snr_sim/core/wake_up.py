@@ -1,9 +1,9 @@
-"""Wakes a program that went to sleep at the very moment when a signal came.
+"""Follows a signal from a thread of its own until the run has ended: wakes the main thread, and looks for a stuck run.
 
 Python notes a signal, and looks at the note between two of its steps. One that comes after the last look and before
 the kernel has put the program to sleep is noted and does not end the sleep: `sleep(60)` would sleep for its whole
 minute. So a thread of its own hears of each note (`signal.set_wakeup_fd`), and sends the signal once more if nobody has
-taken it. Twice noted is still one note.
+taken it. Twice noted is still one note. From then on that thread looks at the run: see `core/last_resort.py`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 
 WAKE_S = 0.1  # a note is taken at once, but in a long step of a library's
@@ -20,12 +20,13 @@ _watched: list[int] = []  # file descriptors; the copy of a process would tell w
 
 
 @contextmanager
-def woken_by(numbers: Sequence[int], taken: Sequence[object]) -> Iterator[None]:
+def woken_by(numbers: Sequence[int], taken: Sequence[object], look: Callable[[int], None]) -> Iterator[None]:
     """Has the main thread woken by the first of these signals, while it is entered. Only the main thread may.
 
     Args:
         numbers: of signals, which have handlers in Python.
         taken: is no longer empty once a handler has run.
+        look: called with the first signal's number again and again from then on, on a thread.
     """
     if not hasattr(signal, "pthread_kill"):  # Windows, where Ctrl-C ends a sleep by other means
         yield
@@ -36,9 +37,10 @@ def woken_by(numbers: Sequence[int], taken: Sequence[object]) -> Iterator[None]:
 
     def watch() -> None:
         while (number := os.read(heard, 1)) != _NO_SIGNAL:
-            while number[0] in numbers and not taken and not is_over.wait(WAKE_S):
+            while number[0] in numbers and not is_over.wait(WAKE_S):
                 if not taken:
                     signal.pthread_kill(main, number[0])
+                look(number[0])
 
     watcher = threading.Thread(target=watch, name="wake_up", daemon=True)
     before = signal.set_wakeup_fd(noted, warn_on_full_buffer=False)

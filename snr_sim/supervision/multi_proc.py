@@ -29,8 +29,9 @@ from snr_sim.prelude.values import decode_value, encode_value
 from snr_sim.supervision.role_process import RoleRun, run_role
 
 TARGET = "snr_sim.supervision.role_process:run"
-# How long roles have to halt everything after they were asked, and after they were interrupted.
-GRACE_S = 3.0
+# How long roles have to halt everything after they were asked, and after they were interrupted. One that is stuck
+# ends itself before that, and halts its loops: see `core/last_resort.py`.
+GRACE_S = 4.0
 SHORT_GRACE_S = 1.0
 
 # What the main thread is told: ("signal", name), ("failed", role, message, component), ("over", role, status).

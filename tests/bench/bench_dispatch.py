@@ -1,6 +1,6 @@
 """Dispatch: what the event machine adds to a handler that returns the next task.
 
-Run by `snr bench dispatch`, or by itself: python tests/bench/bench_dispatch.py [--quick] [--json]
+Run by `snr bench dispatch`.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from harness import Row, Trial, compare, report
+from harness import Row, Trial, compare
 
 from snr_sim import Config, Endpoint, EndpointFactory, Mode, Node, SomeTasks, Task, TaskId, TaskType
 from snr_sim.core.clocks import SimClock, WallClock
@@ -175,7 +175,3 @@ def measure(is_quick: bool) -> Iterator[Row]:
         compared_to="calls from a list",
         ratio=found.ratios[1],
     )
-
-
-if __name__ == "__main__":
-    report(measure)

@@ -1,19 +1,17 @@
 """The firmware on emulated microcontrollers: how exact at the pins, how soon neutral. All by their time, so of no load.
 
-How fast it runs is in bench_hardware.py. Run by `snr bench firmware`, or by itself:
-python tests/bench/bench_firmware.py [--quick] [--json]
+How fast it runs is in bench_hardware.py. Run by `snr bench firmware`.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from pathlib import Path
 
-from harness import Row, report
+from harness import Row
 
 from snr_sim.devices.emulated.board import PINS, Board
-from snr_sim.devices.emulated.toolchain import ToolsMissing, firmware_elf, require_tools
+from snr_sim.devices.emulated.toolchain import firmware_elf, require_tools
 from snr_sim.devices.wire.mcu_frames import encode
 from snr_sim.devices.wire.mcu_messages import Arm, Hello, SetWidths
 
@@ -45,11 +43,7 @@ class Driven:
 
 def measure(is_quick: bool) -> Iterator[Row]:
     """Yields the rows of each microcontroller."""
-    try:
-        require_tools()
-    except ToolsMissing as missing:
-        yield Row("worst width at a pin", math.nan, "us", note=str(missing))
-        return
+    require_tools()
     ticks = 200 if is_quick else 1000
     for mcu in PINS:
         yield exactness(mcu, ticks)
@@ -86,7 +80,3 @@ def lease(mcu: str) -> Row:
         worst_ms = max(worst_ms, (max(driven_us.values()) + 8000 - end_us) / 1000)
         driven.board.close()
     return Row(f"{mcu}: silence of the computer to neutral at each pin", worst_ms, "ms", limit=NEUTRAL_WITHIN_MS)
-
-
-if __name__ == "__main__":
-    report(measure)

@@ -8,8 +8,8 @@ grader is frozen now and then and the next slice of the bare side measured, so t
 faster and now slower; and CPU time is told, too, of everything that the grader starts: on a busy computer only that
 means something.
 
-Run by `snr bench grading`, or by itself. The whole measure, about ten minutes; how far it is goes to stderr:
-python tests/bench/bench_grading.py --count 200 [--lab NAME_OR_PATH --reference FOLDER] [--quick] [--json]
+Run by `snr bench grading`, or with options: ten minutes, and how far it is goes to stderr:
+python tests/bench/run.py grading --count 200 [--lab NAME_OR_PATH --reference FOLDER]
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from types import ModuleType
 from typing import Any
 
 import msgspec
-from harness import Row, report
+from harness import Row
 
 from snr_sim import library
 from snr_sim.grading import grade
@@ -296,5 +296,3 @@ def measure(is_quick: bool) -> Iterator[Row]:
 if __name__ == "__main__":
     if sys.argv[1:2] == ["--bare"]:
         grade_bare(sys.argv[2], sys.argv[3:])
-    else:
-        report(measure)

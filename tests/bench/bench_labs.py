@@ -1,6 +1,6 @@
 """Labs: how long `snr check` keeps a student waiting, with a solution that has all points; wall time, a process each.
 
-Run by `snr bench labs`, or by itself: python tests/bench/bench_labs.py [--quick] [--json]
+Run by `snr bench labs`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from harness import Row, report
+from harness import Row
 
 from snr_sim.library import known
 
@@ -46,7 +46,3 @@ def of_children_s() -> float:
     """Returns the CPU time of all processes that were waited for [s]."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
-
-
-if __name__ == "__main__":
-    report(measure)

@@ -3,7 +3,7 @@
 Baseline and subject fly the same flight: same plant, same simulated devices with the same seeds, same law at the same
 moments. That the plant ends in the same state, to the last bit, is checked before anything is measured.
 
-Run by `snr bench lander`, or by itself: python tests/bench/bench_lander.py [--quick] [--json]
+Run by `snr bench lander`.
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from harness import Row, Trial, compare, report
+from harness import Row, Trial, compare
 
 from snr_sim import flight, library
+from snr_sim.devices.loops import started
 from snr_sim.prelude.errors import MissingExtra
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Rig, Robot
@@ -31,11 +32,17 @@ PACE_SEED = 0  # of lander_vertical: the reference case
 Tick = Callable[[float], None]
 
 
+def opened(robot: ModuleType, rig: Rig, *names: str) -> list[Any]:
+    """Returns devices of the robot as its loops open them; the last one is the engine, at neutral."""
+    *sensors, engine = (robot.DEVICES["sim"][name](rig) for name in names)
+    devices = [started(device, name) for device, name in zip([*sensors, engine.open_device()], names, strict=True)]
+    devices[-1].neutral()
+    return devices
+
+
 def pad_tick(robot: ModuleType, law: Any, rig: Rig) -> tuple[Tick, Callable[[], None]]:
     """Returns one tick of lander_pad through the same devices, and what ends the flight."""
-    devices = robot.DEVICES["sim"]
-    radar, inertial, engine = (devices[name](rig) for name in ("radar", "inertial", "engine"))
-    engine.neutral()
+    radar, inertial, engine = opened(robot, rig, "radar", "inertial", "engine")
 
     def tick(time_s: float) -> None:
         radar_reading = radar.read()
@@ -56,9 +63,7 @@ def pad_tick_without_devices(robot: ModuleType, law: Any, rig: Rig) -> tuple[Tic
 
 def vertical_tick(robot: ModuleType, law: Any, rig: Rig) -> tuple[Tick, Callable[[], None]]:
     """Returns one tick of lander_vertical through the same devices, and what ends the flight."""
-    devices = robot.DEVICES["sim"]
-    radar, engine = (devices[name](rig) for name in ("radar", "engine"))
-    engine.neutral()
+    radar, engine = opened(robot, rig, "radar", "engine")
 
     def tick(time_s: float) -> None:
         engine.write(law.update(radar.read(), time_s))
@@ -233,7 +238,3 @@ def measure_vertical(folder: Path, rounds: int) -> Iterator[Row]:
             compared_to="plant, devices, law",
             ratio=found.ratios[i],
         )
-
-
-if __name__ == "__main__":
-    report(measure)

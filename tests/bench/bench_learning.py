@@ -1,6 +1,6 @@
 """Learning: the compatible environment beside Box2D's, steps of the scenarios' environments, and a training.
 
-Run by `snr bench learning`, or by itself: python tests/bench/bench_learning.py [--quick] [--json]
+Run by `snr bench learning`.
 Box2D comes with the extra `bench`.
 """
 
@@ -14,7 +14,7 @@ from typing import Any
 import gymnasium
 import mujoco
 import numpy as np
-from harness import Row, Trial, compare, cpu_time_of, report
+from harness import Row, Trial, compare, cpu_time_of
 from mujoco.rollout import Rollout
 
 import snr_sim.learning  # noqa: F401 - makes the names known
@@ -161,7 +161,3 @@ def measure(is_quick: bool) -> Iterator[Row]:
             note=f"seed {PadTraining.seed}",
         )
         yield landings("LanderPad", landed, least=90)
-
-
-if __name__ == "__main__":
-    report(measure)

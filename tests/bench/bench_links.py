@@ -1,7 +1,7 @@
 """Links: how long a page takes to the node of another process and back, and how many go one way.
 
 Beside it, in the same run and in turns, the same bytes through bare TCP, ZeroMQ and Zenoh. Wall time, on loopback.
-Run by `snr bench links`, or by itself: python tests/bench/bench_links.py [--quick] [--json]
+Run by `snr bench links`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from statistics import median, quantiles
 
 import peers
 from bench_pages import PAGE
-from harness import Row, report
+from harness import Row
 
 from snr_sim import (
     Config,
@@ -261,5 +261,3 @@ def measure_round_trips(rounds: int, count: int) -> Iterator[Row]:
 if __name__ == "__main__":
     if sys.argv[1:2] == ["--far"]:
         be_far_end(sys.argv[2], *map(int, sys.argv[3:]))
-    else:
-        report(measure)

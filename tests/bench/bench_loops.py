@@ -1,6 +1,6 @@
 """Loops: what waiting costs, and how well threads keep their rates. The one file that takes real time.
 
-Run by `snr bench loops`, or by itself: python tests/bench/bench_loops.py [--quick] [--json]
+Run by `snr bench loops`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from statistics import quantiles
 
-from harness import Row, report
+from harness import Row
 
 from snr_sim import Config, Loop, LoopFactory, Mode, Node, tasks
 
@@ -108,7 +108,3 @@ def measure(is_quick: bool) -> Iterator[Row]:
             baseline=alone(jitter_ms, rate_hz, 0.3 * wall_s),
             compared_to="bare time.sleep",
         )
-
-
-if __name__ == "__main__":
-    report(measure)

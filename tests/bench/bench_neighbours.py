@@ -8,8 +8,7 @@ minutes. An attack that seems to be a bad neighbour gets more turns, and all of 
 `takes_another_core` runs into, a flight takes twice as long. It wants a computer of at least two cores that does
 nothing else.
 
-Run by `snr bench neighbours`, or by itself. The whole measure takes a quarter of an hour; how far it is goes to stderr:
-python tests/bench/bench_neighbours.py [--quick] [--json]
+Run by `snr bench neighbours`. The whole measure takes a quarter of an hour; how far it is goes to stderr.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from statistics import mean, median
 
-from harness import Row, report
+from harness import Outcome, Row, Skipped
 
 from snr_sim.grading.grade import grade_submission, sandboxed
 from snr_sim.grading.lab import load_lab
@@ -40,14 +39,18 @@ DOUBLES = "def double(x):\n    return 2 * x\n"
 LANDS = (TESTS.parent / "robots" / "lander" / "controllers" / "optimal.py").read_text()
 FALLING = ATTACKS / "in_flight" / "falling.py"  # what those in flight have in common
 SECRET = b"of the benchmark, which everybody may know"
-QUICK = ("busy", "fills_memory", "takes_another_core", "floods_steadily")
-ROUNDS, MORE_ROUNDS, QUICK_ROUNDS, FLIGHTS = 7, 28, 3, 3
+QUICK = ("busy", "takes_another_core")
+ROUNDS, MORE_ROUNDS, FLIGHTS = 7, 28, 3
+QUICK_ROUNDS = 2  # and no more, however bad an attack seems: it is to see that it works
 SEEMS_BAD = 1.05
 MOST = 1.1
 
 
-def measure(is_quick: bool) -> Iterator[Row]:
+def measure(is_quick: bool) -> Iterator[Outcome]:
     """Yields a row for the attack that is the worst neighbour, and one for all of them."""
+    if len(os.sched_getaffinity(0)) < 2:
+        yield Skipped("neighbours", "each of the two programs needs a core of its own, and there is one")
+        return
     attacks = sorted({*ATTACKS.glob("*.py"), *(ATTACKS / "in_flight").glob("*.py")} - {FALLING})
     if is_quick:
         attacks = [attack for attack in attacks if attack.stem in QUICK]
@@ -73,8 +76,8 @@ def measure(is_quick: bool) -> Iterator[Row]:
                 at = LANDING if attack.parent.name == "in_flight" else DOUBLE
                 folder = handed_in(Path(name) / attack.stem, at, attack.read_text())
                 pairs: list[float] = []
-                rounds = QUICK_ROUNDS if is_quick else ROUNDS
-                while len(pairs) < rounds or (len(pairs) < MORE_ROUNDS and median(pairs) > SEEMS_BAD):
+                rounds, most = (QUICK_ROUNDS, QUICK_ROUNDS) if is_quick else (ROUNDS, MORE_ROUNDS)
+                while len(pairs) < rounds or (len(pairs) < most and median(pairs) > SEEMS_BAD):
                     turns = [honest[at], folder] if len(pairs) % 2 else [folder, honest[at]]
                     took = {turn: took_s(at, turn) for turn in turns}
                     pairs.append(took[folder] / took[honest[at]])
@@ -161,5 +164,3 @@ def grade_what_is_asked(core: int) -> None:
 if __name__ == "__main__":
     if sys.argv[1:2] == ["--beside"]:
         grade_what_is_asked(int(sys.argv[2]))
-    else:
-        report(measure)

@@ -1,6 +1,6 @@
 """Pages: stored, answered and read back; and to JSON and back, as a link or a trace sends them.
 
-Run by `snr bench pages`, or by itself: python tests/bench/bench_pages.py [--quick] [--json]
+Run by `snr bench pages`.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import msgspec
-from harness import Row, Trial, compare, report
+from harness import Row, Trial, compare
 
 from snr_sim import Config, Endpoint, EndpointFactory, Mode, Node, Page, SomeTasks, Task, TaskId, TaskType
 from snr_sim.core.clocks import SimClock
@@ -147,7 +147,3 @@ def measure(is_quick: bool) -> Iterator[Row]:
         compared_to="bare msgspec",
         ratio=found.ratios[1],
     )
-
-
-if __name__ == "__main__":
-    report(measure)

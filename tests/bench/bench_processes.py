@@ -1,6 +1,6 @@
 """Loops in processes: how much more two cores get done, and what it costs to start, to talk and to end.
 
-Run by `snr bench processes`, or by itself: python tests/bench/bench_processes.py [--quick] [--json]
+Run by `snr bench processes`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from statistics import median
 from typing import Literal
 
-from harness import Row, report
+from harness import Row
 
 from snr_sim import Config, Loop, LoopFactory, Mode, Node, tasks
 
@@ -143,7 +143,3 @@ def measure(is_quick: bool) -> Iterator[Row]:
             "MB/s",
             note="copied in, copied out, and stored by the node",
         )
-
-
-if __name__ == "__main__":
-    report(measure)

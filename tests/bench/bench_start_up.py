@@ -3,7 +3,7 @@
 Wall time of whole processes, bare Python in between. With --install, the base install goes into a fresh environment,
 which takes a minute and needs the package index.
 
-Run by `snr bench start_up`, or by itself: python tests/bench/bench_start_up.py [--quick] [--json] [--install]
+Run by `snr bench start_up`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from statistics import median
 
-from harness import Row, report
+from harness import Row
 
 PROJECT = Path(__file__).resolve().parents[2]
 sys.path.append(str(PROJECT / "tests"))
@@ -86,7 +86,3 @@ def measure(is_quick: bool) -> Iterator[Row]:
     )
     if "--install" in sys.argv:
         yield Row("base install", base_install_mb(), "MB", limit=60.0, note="without bytecode, pip and setuptools")
-
-
-if __name__ == "__main__":
-    report(measure)

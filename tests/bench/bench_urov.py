@@ -1,6 +1,6 @@
 """UROV: what the water costs beside MuJoCo's own step of the same world; and a minute of a dive, with both nodes.
 
-Run by `snr bench urov`, or by itself: python tests/bench/bench_urov.py [--quick] [--json]
+Run by `snr bench urov`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from harness import Row, compare, report
+from harness import Row, compare
 
 from snr_sim.flight import Flight
 from snr_sim.plants.dive import Current, Dive
@@ -169,7 +169,3 @@ def dives(rounds: int) -> Iterator[Row]:
             ratio=found.ratios[i],
             note=f"{DIVE}, of {DIVE_S:g} s, counted for 60",
         )
-
-
-if __name__ == "__main__":
-    report(measure)

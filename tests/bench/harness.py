@@ -8,14 +8,20 @@ time of each. Times are CPU time of all threads of the process, unless a row say
 from __future__ import annotations
 
 import gc
+import importlib
 import json
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass
 from statistics import median
 from typing import Any, TypeAlias
 
+from snr_sim.devices.emulated.toolchain import ToolsMissing
+from snr_sim.grading.sandbox import IsolationMissing
+from snr_sim.prelude.errors import MissingExtra
+
+_OURS = ("snr_sim", "harness", "peers")
 # Makes something ready, untimed, and returns what is timed: each turn starts from the same state.
 Trial: TypeAlias = Callable[[], Callable[[], Any]]
 
@@ -99,20 +105,44 @@ def compare(baseline: Trial, *subjects: Trial, rounds: int) -> Comparison:
     return Comparison([min(turn[i] for turn in times) for i in range(len(trials))], ratios)
 
 
-def report(measure: Callable[[bool], Iterator[Row]]) -> None:
-    """Runs a file's `measure`, printing each row as soon as it is known: in words, or as JSON with --json."""
-    is_quick, is_json = "--quick" in sys.argv, "--json" in sys.argv
-    for row in measure(is_quick):
-        if is_json:
-            print(json.dumps({**asdict(row), "is_met": row.is_met}), flush=True)
-        else:
-            print(_in_words(row), flush=True)
+@dataclass(frozen=True)
+class Skipped:
+    """A part that cannot be measured here.
+
+    Args:
+        name: of the part.
+        skipped: why.
+    """
+
+    name: str
+    skipped: str
 
 
-def _in_words(row: Row) -> str:
-    words = [f"{row.name}: {row.value:.3g} {row.unit}"]
-    if row.ratio is not None:
-        words.append(f"{row.ratio:.2f} x {row.compared_to or 'baseline'}")
-    if row.is_met is not None:
-        words.append("met" if row.is_met else "MISSED")
-    return ", ".join(words)
+# What a benchmark yields. Each file `bench_<name>.py` has a function `measure(is_quick)` that yields them one by one.
+Outcome: TypeAlias = Row | Skipped
+
+_MISSING = (MissingExtra, ToolsMissing, IsolationMissing, ModuleNotFoundError)
+
+
+def what_can_run(name: str, measure: Callable[[], Iterable[Outcome]]) -> Iterator[Outcome]:
+    """Yields what a part of a benchmark measures; where a package or a tool is missing, that it was skipped."""
+    try:
+        yield from measure()
+    except _MISSING as missing:
+        if isinstance(missing, ModuleNotFoundError) and (missing.name or "").partition(".")[0] in _OURS:
+            raise
+        yield Skipped(name, str(missing))
+
+
+def main() -> None:
+    """Runs the benchmark that the first word names, printing each result as one line of JSON as soon as it is known."""
+    name, is_quick = sys.argv[1], "--quick" in sys.argv
+
+    def measure() -> Iterator[Outcome]:
+        yield from importlib.import_module(f"bench_{name}").measure(is_quick)
+
+    for outcome in what_can_run(name, measure):
+        fields = asdict(outcome)
+        if isinstance(outcome, Row):
+            fields["is_met"] = outcome.is_met
+        print(json.dumps(fields), flush=True)

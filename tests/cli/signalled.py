@@ -48,10 +48,11 @@ def main(count: int, seed: int, folder: Path, controllers: list[str]) -> None:
                 begun_s, held_up_s = time.monotonic(), held_up(child.pid)
                 child.send_signal(kind)
                 os.waitid(os.P_PID, child.pid, os.WEXITED | os.WNOWAIT)  # it has ended, and can still be asked
-                took_s = time.monotonic() - begun_s - (held_up(child.pid) - held_up_s)
+                wall_s = time.monotonic() - begun_s
+                took_s = wall_s - (held_up(child.pid) - held_up_s)
                 out, err = child.communicate()
                 reports.append({
-                    "number": number, "signal": kind.name, "took_s": took_s,
+                    "number": number, "signal": kind.name, "took_s": took_s, "wall_s": wall_s,
                     "status": child.returncode, "out": out.decode(), "err": err.decode(),
                 })  # fmt: skip
         time.sleep(0.005)

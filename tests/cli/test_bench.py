@@ -5,28 +5,132 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import pytest
 
-pytestmark = pytest.mark.slow
+from snr_sim.cli.bench_history import append_result, read_history, slower_rows
+from snr_sim.prelude.errors import ParameterError
+
+BENCH = Path(__file__).parents[1] / "bench"
+ALL = sorted(path.stem.removeprefix("bench_") for path in BENCH.glob("bench_*.py"))
 
 
-def snr_bench(*words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "snr_sim", "bench", *words], capture_output=True, text=True, check=False
-    )
+def snr_bench(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "snr_sim", "bench", *words]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
 
-def test_a_quick_run_of_one_file_is_one_json_object_with_machine_and_rows() -> None:
-    done = snr_bench("pages", "--quick", "--json")
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", ALL)
+def test_each_benchmark_runs_and_what_it_lacks_is_named(tmp_path: Path, name: str) -> None:
+    done = snr_bench(tmp_path, name, "--quick", "--json")
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["failed"] == []
+    assert found["rows"] or found["skipped"]
+    assert all(row["value"] >= 0.0 for row in found["rows"])
+    assert all(row["skipped"] for row in found["skipped"])
+
+
+@pytest.mark.slow
+def test_a_quick_run_of_one_file_is_one_json_object_with_machine_and_rows(tmp_path: Path) -> None:
+    done = snr_bench(tmp_path, "pages", "--quick", "--json")
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert {"cpu", "cores", "python", "packages", "date"} <= set(found["machine"])
     assert all(row["subject"] == "pages" and row["value"] > 0 for row in found["rows"])
     assert {row["limit"] for row in found["rows"]} == {2.5, 2.0}
+    (kept,) = read_history(tmp_path / "runs" / "bench.jsonl")
+    assert kept["rows"] == found["rows"]
 
 
-def test_an_unknown_benchmark_is_answered_with_the_nearest_name() -> None:
-    done = snr_bench("dispach")
+@pytest.mark.slow
+def test_an_unknown_benchmark_is_answered_with_the_nearest_name(tmp_path: Path) -> None:
+    done = snr_bench(tmp_path, "dispach")
     assert done.returncode == 2
     assert "dispatch" in done.stderr
+
+
+ROW = 'Row("a step", 2.0, "us", ratio=1.5, ratio_limit=2.0)'
+FILES = {
+    "fails": f"def measure(is_quick):\n    yield {ROW}\n    raise RuntimeError('no such neutral')\n",
+    "lacks": "import a_package_that_nobody_has\n",
+    "partly": "from snr_sim.prelude.errors import MissingExtra\n"
+    "def lacking():\n    raise MissingExtra('pyserial', 'io')\n"
+    "    yield\ndef measure(is_quick):\n    yield from what_can_run('the line', lacking)\n"
+    f"    yield {ROW}\n",
+}
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    """A checkout with benchmarks of which one fails, one lacks a package, and one lacks it in part."""
+    bench = tmp_path / "tests" / "bench"
+    bench.mkdir(parents=True)
+    for name in ("harness.py", "run.py"):
+        (bench / name).write_text((BENCH / name).read_text())
+    for name, code in FILES.items():
+        (bench / f"bench_{name}.py").write_text(f"from harness import Row, what_can_run\n{code}")
+    return tmp_path
+
+
+@pytest.mark.slow
+def test_what_was_measured_is_shown_although_one_fails_and_one_lacks_a_package(project: Path) -> None:
+    done = snr_bench(project, "--quick")
+    assert done.returncode == 2
+    assert done.stdout.count("a step") == 2  # also that of the one that failed later
+    assert "skipped: lacks: No module named 'a_package_that_nobody_has'" in done.stdout
+    assert "skipped: the line:" in done.stdout
+    assert "RuntimeError: no such neutral" in done.stderr
+    assert "The benchmark 'fails' stopped with status 1" in done.stderr
+
+
+@pytest.mark.slow
+def test_as_json_too_and_a_second_run_is_compared_with_the_first(project: Path) -> None:
+    first = snr_bench(project, "partly", "--json", "--history", "h.jsonl")
+    assert (first.returncode, json.loads(first.stdout)["slower"]) == (0, [])
+    bench = project / "tests" / "bench" / "bench_partly.py"
+    bench.write_text(bench.read_text().replace("ratio=1.5", "ratio=1.8"))
+    second = snr_bench(project, "--json", "--history", "h.jsonl")
+    assert second.returncode == 2  # as one fails
+    found = json.loads(second.stdout)
+    assert [one["subject"] for one in found["failed"]] == ["fails"]
+    assert {row["name"] for row in found["skipped"]} == {"lacks", "the line"}
+    (slower,) = found["slower"]
+    assert (slower["subject"], slower["ratio"], slower["before"]) == ("partly", 1.8, 1.5)
+    assert "partly: a step is slower: 1.80 x the bare version, 1.50 x before" in second.stderr
+    assert len(read_history(project / "h.jsonl")) == 2
+
+
+def result(ratios: Sequence[float | None], cpu: str = "one", options: Sequence[str] = ()) -> dict[str, Any]:
+    rows = [{"subject": "lander", "name": f"row {i}", "ratio": ratio} for i, ratio in enumerate(ratios)]
+    return {"machine": {"cpu": cpu, "cores": 2, "python": "3.11.7"}, "options": list(options), "rows": rows}
+
+
+def test_a_ratio_ten_percent_above_the_median_of_the_last_five_is_slower() -> None:
+    history = [result([9.0, 1.0]), *(result([ratio, 1.0]) for ratio in (1.0, 1.0, 2.0, 1.0, 1.0))]
+    assert [row["name"] for row in slower_rows(history, result([1.11, 1.09]))] == ["row 0"]
+    assert slower_rows(history, result([1.11, 1.0]))[0]["slower_by"] == pytest.approx(1.11)
+
+
+def test_results_of_another_computer_or_of_quick_runs_are_not_compared_with() -> None:
+    history = [result([1.0], cpu="another"), result([1.0], options=["--quick"]), result([None])]
+    assert slower_rows(history, result([3.0])) == []
+    assert slower_rows([result([1.0])], result([None])) == []
+
+
+def test_a_history_with_a_line_that_was_cut_is_read_without_it(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "bench.jsonl"
+    assert read_history(path) == []
+    append_result(path, result([1.0]))
+    path.write_text(path.read_text() + '{"rows": [\n[]\n')
+    append_result(path, result([2.0]))
+    assert [one["rows"][0]["ratio"] for one in read_history(path)] == [1.0, 2.0]
+
+
+def test_a_history_that_cannot_be_written_says_so(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="cannot be written: Is a directory"):
+        append_result(tmp_path, result([1.0]))

@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -235,3 +236,81 @@ def test_a_disk_without_room_for_the_view_costs_only_the_view(here: Path) -> Non
     (folder,) = (here / "runs").iterdir()
     assert not (folder / "view.rrd").exists() or (folder / "view.rrd").stat().st_size < room
     assert {path.name for path in folder.iterdir()} <= {FILE_NAME, RESULT_NAME, "view.rrd"}
+
+
+SWALLOW = """open("stuck", "w").close()
+while True:
+    try:
+        time.sleep(0.01)
+    except BaseException:
+        pass
+"""
+
+
+def ended(here: Path, code: str, number: int, *words: str) -> subprocess.CompletedProcess[str]:
+    """Run `snr` with a file of a student's that swallows everything; return how the signal ended it."""
+    (here / "mine.py").write_text(f"import time\n{code}")
+    command = [sys.executable, "-m", "snr_sim", *words]
+    child = subprocess.Popen(command, cwd=here, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    while not (here / "stuck").exists():
+        assert child.poll() is None, child.communicate()
+        time.sleep(0.01)
+    child.send_signal(number)
+    try:
+        out, err = child.communicate(timeout=60)
+    finally:
+        child.kill()
+    return subprocess.CompletedProcess(command, child.returncode, out, err)
+
+
+RUN_MINE = ["run", "lander_vertical", "--no-rrd", "--controller", "./mine.py"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_file_that_swallows_interrupts_while_it_is_read_ends_with_the_process(here: Path, number: int) -> None:
+    done = ended(here, SWALLOW, number, *RUN_MINE)
+    assert done.returncode == 128 + number
+    assert done.stderr.startswith("mine.py, line ")
+    assert "this did not return, although it was interrupted" in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_exit_function_that_swallows_interrupts_is_ended_at_once(here: Path, number: int) -> None:
+    at_exit = "".join(f"    {line}\n" for line in SWALLOW.splitlines())
+    controller = f"import atexit\n@atexit.register\ndef spin():\n{at_exit}def factories(robot):\n    return []\n"
+    done = ended(here, controller, number, *RUN_MINE)
+    assert done.returncode == -number  # a shell says 128 + number
+    assert "run folder:" in done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("closed", [">&-", ">&- 2>&- <&-"])
+@pytest.mark.parametrize(
+    "words", ["list", "run lander_vertical --no-rrd", "run lander_vertical --json", "bench --help"]
+)
+def test_without_standard_streams_a_verb_ends_quietly(here: Path, words: str, closed: str) -> None:
+    command = ["sh", "-c", f'"$0" -m snr_sim {words} {closed}', sys.executable]
+    done = subprocess.run(command, cwd=here, capture_output=True, text=True, timeout=100)
+    assert (done.returncode, done.stdout) == (0, "")
+    assert "Traceback" not in done.stderr
+    if words.startswith("run"):
+        (folder,) = (here / "runs").iterdir()
+        assert_whole(folder, json.loads((folder / RESULT_NAME).read_bytes()))
+
+
+@pytest.mark.wall_clock
+def test_a_run_ends_within_half_a_second_of_a_signal_with_no_core_free(here: Path) -> None:
+    count = os.cpu_count() or 1
+    busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
+    try:
+        program = Path(__file__).with_name("signalled.py")
+        command = [sys.executable, program, "4", "3", here / "runs", "optimal"]
+        reports = json.loads(subprocess.check_output(command, timeout=300, cwd=here))
+    finally:
+        for one in busy:
+            one.kill()
+            one.wait()
+    wall_s = sorted(report["wall_s"] for report in reports)
+    assert wall_s[len(wall_s) // 2] <= 0.5, wall_s  # 0.01 to 0.05 s; it was 0.5 to 1.3 s

@@ -95,10 +95,8 @@ static void follow(uint8_t channel) {
     wanted = side_of(goal);
     if (wanted && output->side && wanted != output->side)
         goal = NEUTRAL;
-    if (goal > width)
-        width = goal - width > SLEW_PER_MS ? width + SLEW_PER_MS : goal;
-    else
-        width = width - goal > SLEW_PER_MS ? width - SLEW_PER_MS : goal;
+    int16_t change = goal - width;
+    width += change > SLEW_PER_MS ? SLEW_PER_MS : change < -SLEW_PER_MS ? -SLEW_PER_MS : change;
     set_width(channel, width);
 }
 
@@ -191,21 +189,27 @@ static void hello(uint16_t new_session, uint8_t protocol) {
 
 static void take_command(const uint8_t *body) {
     uint32_t stamp = get16(body + 5) | (uint32_t)get16(body + 7) << 16;
-    uint16_t age = get16(body + 9), lease = get16(body + 11);
-    if (lease > MOST_LEASE_MS)
-        lease = MOST_LEASE_MS;
+    uint16_t number = get16(body + 3), age = get16(body + 9);
+    uint16_t lease = get16(body + 11) < MOST_LEASE_MS ? get16(body + 11) : MOST_LEASE_MS;
+    int32_t later_ms = stamp - stamp_ms; /* also right when the computer's count begins anew */
+    uint8_t is_neutral = 1;
+    for (uint8_t i = 0; i < CHANNELS; i++)
+        is_neutral &= get16(body + 13 + 2 * i) == NEUTRAL;
     faults &= ~F_OF_COMMAND;
-    if (has_command && (int32_t)(stamp - stamp_ms) <= 0) /* also right when the computer's count begins anew */
+    if (has_command && (later_ms < 0 || (later_ms == 0 && (int16_t)(number - seq) <= 0)))
         faults |= F_REPEATED;
     else if (age >= lease)
         faults |= F_STALE;
-    if (faults & F_OF_COMMAND)
+    if ((faults & F_OF_COMMAND) && !is_neutral) /* neutral is taken however late it comes, but extends no lease */
         return;
-    has_command = is_in_force = 1;
-    seq = get16(body + 3);
-    stamp_ms = stamp;
-    age_ms = age;
-    lease_ms = lease;
+    if (!(faults & F_OF_COMMAND)) {
+        if (!has_command || later_ms || age > age_ms) /* the same moment does not become younger */
+            age_ms = age;
+        has_command = is_in_force = 1;
+        seq = number;
+        stamp_ms = stamp;
+        lease_ms = lease;
+    }
     for (uint8_t i = 0; i < CHANNELS; i++) {
         uint16_t width = get16(body + 13 + 2 * i);
         uint16_t allowed = width < LOWEST ? LOWEST : width > HIGHEST ? HIGHEST : width;
@@ -216,14 +220,10 @@ static void take_command(const uint8_t *body) {
 }
 
 static uint8_t arm(void) {
-    if (state == STARTING)
-        return IS_STARTING;
-    if (state == STOPPED)
-        return IS_STOPPED;
-    if (!is_in_force)
-        return NO_COMMAND;
-    if (state == ARMED)
-        return DONE;
+    if (state == STARTING || state == STOPPED)
+        return state == STARTING ? IS_STARTING : IS_STOPPED;
+    if (!is_in_force || state == ARMED)
+        return is_in_force ? DONE : NO_COMMAND;
     for (uint8_t i = 0; i < CHANNELS; i++)
         if (commanded[i] != NEUTRAL)
             return NOT_NEUTRAL;
@@ -252,11 +252,11 @@ static void handle(const uint8_t *body, uint8_t length) {
         return;
     }
 #ifdef HANG_TEST /* for tests of the watchdog only */
-    while (type == HANG && body[1] < 2) /* 0: with interrupts, 1: without, 2: no pulses any more */
+    while (type == HANG && body[1] < 2) /* 0: with interrupts, 1: without, else: a register that is cleared */
         if (body[1])
             cli();
     if (type == HANG)
-        TIMSK1 = TCCR1B = 0;
+        *(volatile uint8_t *)(uint16_t)body[1] = 0;
 #endif
     if (type < HELLO || type > CLEAR_STOP) {
         faults |= F_UNKNOWN_TYPE;

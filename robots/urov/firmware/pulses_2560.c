@@ -10,12 +10,17 @@
 
 static volatile uint16_t *const compare[CHANNELS] = {&OCR3B, &OCR3C, &OCR3A, &OCR4A, &OCR4B, &OCR4C, &OCR1A, &OCR1B};
 
+/* Whether another timer runs beside timer 1, with which it was started. */
+static uint8_t is_in_step(uint16_t count) {
+    return (uint16_t)(TCNT1 - count + BEFORE / 2) < BEFORE;
+}
+
 /* A moment before the next pulses: hands over the widths. The timers take them when the pulses begin. simavr takes them
    at once, and so they are not handed over while a pulse is under way. */
 ISR(TIMER1_COMPC_vect) {
     for (uint8_t i = 0; i < CHANNELS; i++)
         *compare[i] = widths[i] - 1; /* a pulse lasts from 0 up to the match, both included */
-    periods++;
+    periods += is_in_step(TCNT3) && is_in_step(TCNT4);
 }
 
 void pulses_begin(void) {

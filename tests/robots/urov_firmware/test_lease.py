@@ -10,7 +10,7 @@ from snr_sim.devices.wire.mcu_messages import NO_COMMAND_MS, Fault, SetWidths, S
 
 from .conftest import NEUTRAL, SESSION, Bench
 
-AHEAD = (1900.0,) * 8
+AHEAD, SLOW = (1900.0,) * 8, (1700.0,) * 8
 NEUTRAL_WITHIN_MS = 250.0
 PERIOD_MS = 8.0
 
@@ -80,7 +80,7 @@ def test_h11_a_lease_counts_from_the_computing_and_is_never_longer_than_200_ms(
 @pytest.mark.parametrize(("age_ms", "lease_ms"), [(200, 200), (65535, 200), (0, 0), (300, 65535)])
 def test_a_command_that_is_already_too_old_is_not_taken(ahead: Bench, age_ms: int, lease_ms: int) -> None:
     ahead.run(10)
-    ahead.send(SetWidths(SESSION, 4321, int(ahead.now_ms), age_ms, lease_ms, NEUTRAL))
+    ahead.send(SetWidths(SESSION, 4321, int(ahead.now_ms), age_ms, lease_ms, SLOW))
     ahead.run(10)
     assert ahead.told.seq != 4321
     assert Fault.STALE in ahead.told.faults
@@ -89,10 +89,50 @@ def test_a_command_that_is_already_too_old_is_not_taken(ahead: Bench, age_ms: in
 
 def test_a_command_computed_before_the_last_one_is_not_taken(ahead: Bench) -> None:
     ahead.run(10)
-    ahead.send(ahead.command(NEUTRAL, stamp_ms=int(ahead.now_ms) - 100))
+    ahead.send(ahead.command(SLOW, stamp_ms=int(ahead.now_ms) - 100))
     ahead.run(10)
     assert Fault.REPEATED in ahead.told.faults
     assert ahead.told.widths_us == AHEAD
+
+
+def are(wanted_us: float, widths: list[set[float]]) -> bool:
+    return all(abs(width_us - wanted_us) <= 1.0 for found in widths for width_us in found)
+
+
+def test_two_commands_of_one_moment_are_both_taken_in_the_order_of_their_numbers(ahead: Bench) -> None:
+    ahead.run(10)
+    stamp_ms = int(ahead.now_ms)
+    first, second = (ahead.command(widths, stamp_ms=stamp_ms) for widths in (AHEAD, SLOW))
+    ahead.send(first, second)
+    ahead.run(100)
+    assert are(SLOW[0], ahead.widths())
+    ahead.send(first)
+    assert are(SLOW[0], ahead.widths())
+    assert ahead.told.seq == second.seq
+    assert Fault.REPEATED in ahead.told.faults
+
+
+def test_h11_new_numbers_make_a_command_of_one_moment_no_younger(ahead: Bench) -> None:
+    stuck_ms = int(ahead.now_ms) + 1
+
+    def send_it_as_new() -> None:
+        ahead.send(ahead.command(AHEAD, stamp_ms=stuck_ms))
+
+    assert ms_until_neutral(ahead, send_it_as_new) <= 210.0 + 3.0 + PERIOD_MS
+    assert Fault.LEASE_EXPIRED in ahead.told.faults
+
+
+@pytest.mark.parametrize("late_ms", [20, 100, 1000])
+@pytest.mark.parametrize("age_ms", [0, 200])
+def test_neutral_is_taken_however_late_it_comes(ahead: Bench, late_ms: int, age_ms: int) -> None:
+    ahead.drive(AHEAD)
+    seq = ahead.seq
+    ahead.send(ahead.command(NEUTRAL, stamp_ms=int(ahead.now_ms) - late_ms, age_ms=age_ms))
+    ahead.run(110)
+    assert are(1500.0, ahead.widths())
+    assert (ahead.told.seq, ahead.told.state) == (seq, State.ARMED)  # which command holds has not changed, ...
+    ahead.run(200)
+    assert ahead.told.state is State.DISARMED  # ... nor for how long
 
 
 def test_the_computers_clock_may_begin_anew(bench: Bench) -> None:

@@ -3,6 +3,7 @@
 import hashlib
 import random
 from binascii import crc_hqx
+from collections.abc import Callable
 
 import pytest
 
@@ -134,11 +135,26 @@ def test_voltages_at_the_pins_are_told_to_two_steps_of_the_converter(bench: Benc
     assert bench.told.current_pin_mv == pytest.approx(4995 - millivolts, abs=10)
 
 
-@pytest.mark.parametrize("kind", [0, 1, 2], ids=["with-interrupts", "without-interrupts", "pulses-stop"])
+TCCR1B, TIMSK1, TCCR3B, TCCR4B = 0x81, 0x6F, 0x91, 0xA1  # addresses; a timer whose TCCRnB is cleared stands still
+HANGS = {"with-interrupts": 0, "without-interrupts": 1, "timer-1-stops": TCCR1B, "no-interrupts-by-it": TIMSK1}
+
+
+@pytest.mark.parametrize("kind", HANGS.values(), ids=HANGS)
 def test_h2_when_the_firmware_hangs_the_watchdog_makes_all_neutral_within_200_ms(
-    make_bench, mcu: str, kind: int
+    make_bench: Callable[..., Bench], mcu: str, kind: int
 ) -> None:
-    bench: Bench = make_bench(mcu, HANG=1)
+    assert_neutral_after(make_bench(mcu, HANG=1), kind)
+
+
+@pytest.mark.parametrize("register", [TCCR3B, TCCR4B], ids=["timer-3", "timer-4"])
+def test_h2_each_timer_of_the_mega_that_stops_is_found_by_the_watchdog(
+    make_bench: Callable[..., Bench], register: int
+) -> None:
+    assert_neutral_after(make_bench("atmega2560", HANG=1), register)
+
+
+def assert_neutral_after(bench: Bench, kind: int) -> None:
+    """Assert that all outputs are neutral 200 ms after the firmware was told to hang, and that it tells why."""
     bench.armed()
     bench.drive(AHEAD, 150)
     order = bytes([0x7F, kind])

@@ -1,0 +1,56 @@
+"""How Ctrl-C and SIGTERM end `snr` outside of a run, where they interrupt it. Within a run: `core/interrupts.py`."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from types import FrameType
+
+STUCK_S = 2.0  # as in a run: see core/last_resort.py, which is slow to import
+stopped_by: list[int] = []  # numbers of the signals that came
+
+
+def interrupt_at_signals() -> None:
+    """Has SIGTERM, and Ctrl-C unless it is ignored, raise KeyboardInterrupt with the signal's number.
+
+    A student's file that is read, or a handler that is replayed, may swallow that. If the program is still in it two
+    seconds later, the process is ended.
+    """
+    signal.signal(signal.SIGTERM, _interrupt)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _interrupt)
+
+
+def status() -> int:
+    """Returns the exit status of a program that a signal has interrupted, and watches it no longer."""
+    if hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_REAL, 0)
+    return 128 + (stopped_by[0] if stopped_by else signal.SIGINT)
+
+
+def end_by_default() -> None:
+    """Has signals end the process at once from now on: what is left are threads and exit functions of a student's."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(number) is _interrupt:
+            signal.signal(number, signal.SIG_DFL)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    stopped_by.append(number)
+    if hasattr(signal, "setitimer"):
+        signal.signal(signal.SIGALRM, _end_if_stuck)
+        signal.setitimer(signal.ITIMER_REAL, STUCK_S)
+    raise KeyboardInterrupt(number)
+
+
+def _end_if_stuck(number: int, frame: FrameType | None) -> None:
+    from snr_sim.core.blame import LET_INTERRUPTS_PASS, place_now
+
+    place = None if frame is None else place_now(frame)
+    if place is None:  # it is the kit that still works, or asks
+        return
+    name = signal.Signals(stopped_by[0]).name
+    print(f"{place}\n  {name}: this did not return, although it was interrupted.", file=sys.stderr)
+    print(f"  After {STUCK_S:g} s the process was ended.\n  Try: {LET_INTERRUPTS_PASS}", file=sys.stderr, flush=True)
+    os._exit(128 + stopped_by[0])

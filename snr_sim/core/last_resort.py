@@ -1,0 +1,104 @@
+"""Ends the process of a run that does not end after a signal, because its code swallows every interrupt.
+
+Called from the thread of `core/wake_up.py`: the node's own thread is the one that is stuck. Loops are halted first, so
+that actuators are neutral.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import Any
+
+from snr_sim.core.blame import LET_INTERRUPTS_PASS, place_now
+from snr_sim.core.loop import Loop
+from snr_sim.core.node import Node
+
+# A run in which nothing has changed for so long after a signal is stuck. Longer than each component has at the end.
+STUCK_S = 2.0
+FILES_S = 10.0  # the same while no component runs: the recording may be waiting for a slow disk
+HALT_S = 1.0  # for all halts together; a loop on a thread that hangs takes 0.5 s, one in a process 0.8 s
+
+
+class LastResort:
+    """Watches a run that is to end.
+
+    Args:
+        nodes: of the run.
+        main: identifier of the thread that runs them.
+    """
+
+    def __init__(self, nodes: Sequence[Node], main: int) -> None:
+        self._nodes = nodes
+        self._main = main
+        self._state: list[Any] | None = None
+        self._since_s = 0.0
+
+    def look(self, number: int) -> None:
+        """Ends the process if nothing has changed for too long.
+
+        Args:
+            number: of the signal that is to end the run; the exit status is 128 + number.
+        """
+        running = [node.machine.running for node in self._nodes]
+        state = [*map(id, running), *((node.is_over, node.machine.executed) for node in self._nodes)]
+        now_s = time.monotonic()
+        if state != self._state:
+            self._state, self._since_s = state, now_s
+        is_with_files = all(node.is_over for node in self._nodes) and all(one is None for one in running)
+        if now_s - self._since_s >= (FILES_S if is_with_files else STUCK_S):
+            self._end_process(number)
+
+    def _end_process(self, number: int) -> None:
+        stuck = next((node for node in self._nodes if node.machine.running is not None), None)
+        name = "" if stuck is None or stuck.machine.running is None else stuck.machine.running.name
+        what = f"component '{name}'" if name else "the run"
+        frame = sys._current_frames().get(self._main)
+        place = None if frame is None else place_now(frame)
+        because = f"{what} did not return, although it was interrupted"
+        loops = [
+            loop
+            for node in self._nodes
+            for loop in node.components.values()
+            if isinstance(loop, Loop) and node.has_begun(loop)
+        ]
+        for loop in loops:
+            loop.stop()
+        at_once([*(loop.join for loop in loops), *([sys.stdout.flush] if sys.stdout else [])], HALT_S)
+        at_once([loop.terminate for loop in loops], HALT_S)
+        if stuck is not None:
+            stuck.record_interrupt(name, because if place is None else f"{place}\n  {because}")
+            time.sleep(2 * 0.05)  # two periods of the trace's flusher
+        where = "" if place is None else f"{place}\n  "
+        halted = f" Halted: {', '.join(loop.name for loop in loops)}." if loops else ""
+        say(
+            f"{where}{signal.Signals(number).name}: {because}. After {STUCK_S:g} s the process was ended.{halted}\n"
+            f"  Try: {LET_INTERRUPTS_PASS}"
+        )
+        os._exit(128 + number)
+
+
+def at_once(steps: Sequence[Callable[[], object]], timeout_s: float) -> None:
+    """Takes steps on threads of their own; waits no longer than the timeout for all of them together."""
+
+    def take(step: Callable[[], object]) -> None:
+        with suppress(BaseException):  # the others must still be taken, and there is no run left that could fail
+            step()
+
+    threads = [threading.Thread(target=take, args=(step,), daemon=True) for step in steps]
+    for thread in threads:
+        thread.start()
+    give_up_s = time.monotonic() + timeout_s
+    for thread in threads:
+        thread.join(max(give_up_s - time.monotonic(), 0.0))
+
+
+def say(text: str) -> None:
+    """Writes to stderr without its lock, which the stuck thread may hold."""
+    with suppress(OSError):
+        os.write(2, f"{text}\n".encode(errors="backslashreplace"))

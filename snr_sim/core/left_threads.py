@@ -1,0 +1,33 @@
+"""Threads that a student's code started and did not end: Python keeps the program alive until they return."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Collection
+
+from snr_sim.core.blame import place_now
+
+_POOLS = "concurrent.futures.thread"  # Python ends a pool's idle threads itself
+
+
+def notes_on_threads(before: Collection[threading.Thread] = ()) -> list[str]:
+    """Returns a note on each thread that keeps the program alive, with the line that it is at.
+
+    Args:
+        before: threads that are not to be named: those that ran before a run.
+    """
+    frames, notes = sys._current_frames(), []
+    for thread in threading.enumerate():
+        if thread.daemon or thread is threading.main_thread() or thread in before or thread.ident is None:
+            continue
+        frame = frames.get(thread.ident)
+        place = None if frame is None else place_now(frame)
+        if place is None and getattr(getattr(thread, "_target", None), "__module__", "") == _POOLS:
+            continue
+        where = "" if place is None else f" ({place})"
+        notes.append(
+            f"Thread '{thread.name}'{where} still runs, and keeps the program alive until it returns. "
+            "Start it with daemon=True, and end it in halt()."
+        )
+    return notes
