@@ -31,8 +31,8 @@ def run(*words: Any) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.slow
-def test_it_has_a_hundred_lines_and_cannot_see_the_kit() -> None:
-    assert len(CLIENT.read_text().splitlines()) <= 100
+def test_it_has_120_lines_at_most_and_cannot_see_the_kit() -> None:
+    assert len(CLIENT.read_text().splitlines()) <= 120
     for package in ("snr_sim", "msgspec"):
         assert subprocess.run([*BARE, "-c", f"import {package}"], capture_output=True).returncode == 1
 
