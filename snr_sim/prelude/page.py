@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
 import msgspec
@@ -49,8 +50,12 @@ class Page(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MA
         return encode_with_marks(self)
 
     @staticmethod
-    def deserialize(raw: bytes | str) -> Page:
+    def deserialize(raw: bytes | str, kinds: Mapping[str, Callable[..., Any]] | None = None) -> Page:
         """Returns the page that `serialize` wrote.
+
+        Args:
+            raw: JSON.
+            kinds: as of `decode_value`; those of tasks and traces if None.
 
         Raises:
             ValueEncodingError: it is no page.
@@ -59,7 +64,7 @@ class Page(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MA
         try:
             # As we write it, and with no mark beside its own: then C can do it all.
             is_plain = data.startswith(_OWN_MARK) and not may_have_marks(data, len(_OWN_MARK))
-            page: Any = _decode_page(data) if is_plain else decode_value(data, KINDS)
+            page: Any = _decode_page(data) if is_plain else decode_value(data, kinds or KINDS)
         except NO_JSON as error:
             raise ValueEncodingError(f"This is not a page ({error}): {data[:80]!r}", fix=_FIX) from error
         if not isinstance(page, Page):

@@ -1,6 +1,7 @@
 """Links: how long a page takes to the node of another process and back, and how many go one way.
 
-Beside it, in the same run and in turns, the same bytes through bare TCP, ZeroMQ and Zenoh. Wall time, on loopback.
+Beside it, in the same run and in turns, the same bytes through bare TCP, ZeroMQ and Zenoh. Wall time, on loopback. And
+what a shared secret costs: the MAC of a page at each end, and a round trip with it beside one without.
 Run by `snr bench links`.
 """
 
@@ -31,11 +32,16 @@ from snr_sim import (
     tasks,
 )
 from snr_sim import TaskType as T
+from snr_sim.std_mods.comms.frame_mac import FrameMac
+from snr_sim.std_mods.comms.frames import HEADER_BYTES, encode_frame
 from snr_sim.std_mods.comms.options import LinkOptions
 from snr_sim.std_mods.comms.pipes import PipeLoopFactory
 
 ROUND_TRIP_P50_US = 80.0
 ROUND_TRIP_P99_US = 300.0
+MAC_US = 5.0  # of a page, at each end
+MAC_RATIO = 1.15  # of a round trip with a secret to one without
+SECRET = "sixteen or more bytes"
 SOCKETS_PAGES_PER_S = 100e3
 PIPE_PAGES_PER_S = 80e3
 BURST = 100  # pages stored by one task of the flood: a handler that has much to say
@@ -165,12 +171,17 @@ def run(*factories: EndpointFactory | LoopFactory) -> None:
     Node("near", Config(Mode.TEST, {"near": list(factories)})).loop()
 
 
-def link_round_trips_s(count: int) -> list[float]:
+def link_round_trips_s(count: int, has_secret: bool = False) -> list[float]:
     """Returns round trips from page to page [s]: stored here, handled there, stored there, handled here."""
     port, pinger = peers.free_port(), PingerFactory(count)
-    with far_end("echo", port):
-        run(SocketsPair((peers.HOST, port), name="bench").server("ping"), pinger)
+    with far_end("echo", port, int(has_secret)):
+        run(pair(port, has_secret).server("ping"), pinger)
     return pinger.times_s
+
+
+def pair(port: int, has_secret: bool) -> SocketsPair:
+    """Returns both ends of the link of the round trips."""
+    return SocketsPair((peers.HOST, port), name="bench", secret=SECRET if has_secret else None)
 
 
 def sockets_flood(count: int) -> CounterFactory:
@@ -200,7 +211,7 @@ def be_far_end(kind: str, *numbers: int) -> None:
     """What the other process does."""
     factories: list[EndpointFactory | LoopFactory]
     if kind == "echo":
-        factories = [EchoFactory(), SocketsPair((peers.HOST, numbers[0]), name="bench").client("pong")]
+        factories = [EchoFactory(), pair(numbers[0], bool(numbers[1])).client("pong")]
     else:
         keys, count = ["number", "flood_is_over"], numbers[1]
         link: LoopFactory = (
@@ -221,6 +232,7 @@ def percentiles_us(times_s: Sequence[float]) -> tuple[float, float]:
 def measure(is_quick: bool) -> Iterator[Row]:
     """Yields the rows."""
     yield from measure_round_trips(rounds=1 if is_quick else 5, count=1_000 if is_quick else 4_000)
+    yield from measure_macs(rounds=3 if is_quick else 15, count=1_000 if is_quick else 4_000)
     count = 20_000 if is_quick else 1_000_000
     for name, flood, limit in (
         ("TCP link, one way", sockets_flood, SOCKETS_PAGES_PER_S),
@@ -256,6 +268,38 @@ def measure_round_trips(rounds: int, count: int) -> Iterator[Row]:
                 ratio=mine / theirs,
                 ratio_limit=None if name == "bare TCP" else 1.0,
             )
+
+
+def measure_macs(rounds: int, count: int) -> Iterator[Row]:
+    """Yields what a secret costs. The least of the rounds counts: other programs only ever add to it."""
+    frame = encode_frame(PAGE.serialize())
+    sealing, opening = FrameMac(bytes(32)), FrameMac(bytes(32))
+    shortest_s = [float("inf")] * 2
+    for _ in range(rounds):
+        start_s = time.process_time()
+        payloads = [sealing.seal(frame)[HEADER_BYTES:] for _ in range(count)]
+        sealed_s = time.process_time()
+        assert all(opening.open(payload) is not None for payload in payloads)
+        both = sealed_s - start_s, time.process_time() - sealed_s
+        shortest_s = [min(pair) for pair in zip(shortest_s, both, strict=True)]
+    for name, spent_s in zip(("sender", "receiver"), shortest_s, strict=True):
+        note = f"{len(frame)} bytes, CPU time, the least of {rounds} rounds of {count} pages"
+        yield Row(f"MAC of a page, {name}", 1e6 * spent_s / count, "us", limit=MAC_US, note=note)
+    found: dict[bool, list[float]] = {False: [], True: []}
+    for _ in range(rounds):
+        for has_secret, p50s_us in found.items():
+            p50s_us.append(percentiles_us(link_round_trips_s(count, has_secret))[0])
+    without, with_secret = (min(p50s_us) for p50s_us in found.values())
+    yield Row(
+        "TCP link with a secret, round trip page to page, p50",
+        with_secret,
+        "us",
+        baseline=without,
+        compared_to="without",
+        ratio=with_secret / without,
+        ratio_limit=MAC_RATIO,
+        note=f"the least of {rounds} rounds in turns",
+    )
 
 
 if __name__ == "__main__":

@@ -39,9 +39,9 @@ def talk(one: Session, other: Session) -> list[dict[str, Any]]:
     while frames := [(one, other, frame) for frame in one.take_output()] + [
         (other, one, frame) for frame in other.take_output()
     ]:
-        for _, to, frame in frames:
+        for sender, to, frame in frames:
             said.extend(json.loads(payload) for payload in FrameReader().feed(frame))
-            to.receive(frame, now_s=0.1)
+            to.receive(sender.seal(frame), now_s=0.1)
     return said
 
 
@@ -87,7 +87,7 @@ def test_all_that_is_said_is_valid(
 
 
 MESSAGES: list[dict[str, Any]] = [
-    {"$": "hello", "protocol": "snr", "version": 1, "node": "n", "nonce": "0" * 32, "purpose": "pages", "auth": False,
+    {"$": "hello", "protocol": "snr", "version": 2, "node": "n", "nonce": "0" * 32, "purpose": "pages", "auth": False,
      "max_frame_bytes": 1},
     {"$": "auth", "proof": "0" * 64},
     {"$": "ping", "stamp_s": 0.5},

@@ -61,38 +61,56 @@ def trace(file, key=None):
             print(record.get("t", t), task[2][0]["created_at_s"], repr(task[2][0]["data"]))
 
 
-def receive(stream):
-    header = stream.read(4)
-    return load(stream.read(int.from_bytes(header, "big"))) if len(header) == 4 else {"$": "gone"}
+def frame(payload):
+    return len(payload).to_bytes(4, "big") + payload
 
 
-def link(host, port, secret, pages, key, data):
+def mac(key, number, message):
+    data = number.to_bytes(8, "big") + frame(message)
+    return hashlib.blake2b(data, key=key, digest_size=16).digest()
+
+
+def link(host, port, secret, pages, page, data):
     sock = socket.create_connection((host, int(port)), timeout=30)
     stream = sock.makefile("rb")
     nonce, name = os.urandom(16).hex(), "plain_node"
+    crossed = {"out": [], "in": []}  # payloads so far; the first two of each direction have no MAC
+
+    def key(use):
+        text = f"snr 2 {use}\0".encode() + frame(crossed["out"][0]) + frame(crossed["in"][0])
+        return hmac.digest(secret.encode(), text, "sha256")
 
     def send(**message):
         payload = json.dumps({"$" if name == "mark" else name: item for name, item in message.items()}).encode()
-        sock.sendall(len(payload).to_bytes(4, "big") + payload)
+        if secret and len(crossed["out"]) > 1:
+            payload += mac(key("client frames"), len(crossed["out"]) - 2, payload)
+        crossed["out"].append(payload)
+        sock.sendall(frame(payload))
 
-    def proof(side):
-        text = f"snr 1 {side} {nonce} {hello['nonce']}"
-        return hmac.new(secret.encode(), text.encode(), "sha256").hexdigest()
+    def receive():
+        header = stream.read(4)
+        payload = stream.read(int.from_bytes(header, "big"))
+        crossed["in"].append(payload)
+        if secret and len(crossed["in"]) > 2 and len(header) == 4:
+            payload, found = payload[:-16], payload[-16:]
+            if not hmac.compare_digest(found, mac(key("server frames"), len(crossed["in"]) - 3, payload)):
+                sys.exit("something between us changes frames")
+        return load(payload) if len(header) == 4 else {"$": "gone"}
 
-    about = {"protocol": "snr", "version": 1, "node": name, "nonce": nonce, "purpose": "pages"}
+    about = {"protocol": "snr", "version": 2, "node": name, "nonce": nonce, "purpose": "pages"}
     send(mark="hello", **about, auth=bool(secret), max_frame_bytes=1 << 20)
-    hello = message = receive(stream)
+    hello = message = receive()
     if secret and hello["$"] == "hello":
-        send(mark="auth", proof=proof("client"))
-        message = receive(stream)
-        if message["$"] == "auth" and not hmac.compare_digest(message["proof"], proof("server")):
+        send(mark="auth", proof=key("client proof").hex())
+        message = receive()
+        if message["$"] == "auth" and not hmac.compare_digest(message["proof"], key("server proof").hex()):
             sys.exit("that is not the server")
     if message["$"] in ("hello", "auth"):
         print("up", hello["node"], flush=True)
-        send(mark="page", key=key, data=json.loads(data), origin=name, created_at_s=0.0, process=True)
+        send(mark="page", key=page, data=json.loads(data), origin=name, created_at_s=0.0, process=True)
     left = int(pages)
     while left and message["$"] not in ("bye", "refused", "gone"):
-        message = receive(stream)
+        message = receive()
         if message["$"] == "ping":
             send(mark="pong", stamp_s=message["stamp_s"])
         elif message["$"] == "page":

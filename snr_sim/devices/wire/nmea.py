@@ -16,6 +16,7 @@ from operator import xor
 
 import msgspec
 
+MOST_DIGITS = 4  # of a count
 MOST_BYTES = 120  # of a line: 82 by the standard, and some receivers say more
 KNOTS_TO_MPS = 1852.0 / 3600.0
 
@@ -136,7 +137,7 @@ def checksum(body: bytes) -> int:
 
 def _fix(f: list[str]) -> Fix:
     return Fix(
-        _time_s(f[1]), _angle_deg(f[2], f[3], "NS"), _angle_deg(f[4], f[5], "EW"), int(f[6]), int(f[7] or 0),
+        _time_s(f[1]), _angle_deg(f[2], f[3], "NS"), _angle_deg(f[4], f[5], "EW"), _count(f[6]), _count(f[7] or "0"),
         _number(f[8]), _number(f[9]),
     )  # fmt: skip
 
@@ -158,6 +159,12 @@ def _number(text: str) -> float | None:
     if not set(text) <= set("0123456789.-"):  # Python's float would take "nan" and "1_0"
         raise ValueError(text)
     return float(text)
+
+
+def _count(text: str) -> int:
+    if not (text.isdecimal() and len(text) <= MOST_DIGITS):  # a line has room for a number that no link carries
+        raise ValueError(text)
+    return int(text)
 
 
 def _time_s(text: str) -> float | None:

@@ -10,7 +10,8 @@ import struct
 from snr_sim.prelude.errors import FrameTooLarge
 
 MAX_FRAME_BYTES = 1 << 20  # of a payload, if nobody says otherwise
-MOST_FRAME_BYTES = (1 << 32) - 1  # what the length can say
+MAC_BYTES = 16  # behind the message in a payload, where both ends have a secret: see frame_mac.py
+MOST_FRAME_BYTES = (1 << 32) - 1 - MAC_BYTES  # of a message: what the length can say
 _LENGTH = struct.Struct(">I")
 HEADER_BYTES = _LENGTH.size
 # With these a TLS record begins: an alert or a handshake, and the version (RFC 8446, section 5.1).

@@ -24,6 +24,7 @@ from snr_sim.prelude.task import Task, TaskType
 from snr_sim.prelude.tasks import ADD_COMPONENT_TASK_NAME, REMOVE_COMPONENT_TASK_NAME
 from snr_sim.std_mods.comms.frames import HEADER_BYTES, encode_frame
 from snr_sim.std_mods.comms.options import MAX_KEY_CHARS, LinkOptions
+from snr_sim.std_mods.comms.wire_bounds import encode_page
 
 BEFORE_LOOPS = -1  # under a SimClock, of what is due at one moment, pages arrive first, so that loops find them
 REPORT_EVERY_S = 1.0
@@ -37,19 +38,6 @@ KEPT_OUT_REMEMBERED = 20  # keys of the far end that `accept` keeps out, for a n
 # What this node tells of itself; a far end's page of such a key comes in only if `accept` names it.
 OUTCOMES = frozenset((TaskType.reload.value, ADD_COMPONENT_TASK_NAME, REMOVE_COMPONENT_TASK_NAME))
 _STORE_PAGE = TaskType.store_page
-_OBJECT_MARK = b'"$":"object"'
-
-
-def wire_form(page: Page) -> bytes:
-    """Returns a page as it crosses.
-
-    Raises:
-        ValueEncodingError: it holds what no wire can carry: the sender's mistake, so it fails at the sender.
-    """
-    raw = page.serialize()
-    if _OBJECT_MARK in raw:
-        Page.deserialize(raw)  # says which class
-    return raw
 
 
 def unsendable(page: Page, error: SnrError, node: Node, link: str) -> SnrError:
@@ -151,7 +139,7 @@ class Link(Loop):
     def _out(self, page: Page) -> None:
         _, by = self._brought.pop(id(page), (page, None))
         try:
-            raw = wire_form(page)
+            raw = encode_page(page)
             frame = encode_frame(raw, self.options.max_frame_bytes)
         except SnrError as error:
             raise unsendable(page, error, self.parent, f"'{self.name}'") from error

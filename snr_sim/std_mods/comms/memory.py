@@ -16,7 +16,8 @@ from snr_sim.prelude.errors import ConfigError, SnrError, UnknownName, nearest
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.task import Task
 from snr_sim.std_mods.comms.faults import Faults, Way
-from snr_sim.std_mods.comms.link import BEFORE_LOOPS, unsendable, wire_form
+from snr_sim.std_mods.comms.link import BEFORE_LOOPS, unsendable
+from snr_sim.std_mods.comms.wire_bounds import encode_page
 
 
 class MemoryLink:
@@ -117,7 +118,7 @@ class OneWay:
             return
         self.sent += 1
         try:
-            raw = wire_form(page)
+            raw = encode_page(page)
         except SnrError as error:
             link = f"The link from '{self.sender.role}' to '{self.receiver.role}'"
             raise unsendable(page, error, self.sender, link) from error

@@ -13,9 +13,10 @@ import msgspec
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.structs import learned
 from snr_sim.prelude.values import MARK, may_have_marks
+from snr_sim.std_mods.comms.wire_bounds import WIRE_KINDS, check_bounds
 
 PROTOCOL = "snr"
-VERSION = 1
+VERSION = 2
 NONCE_BYTES = 16
 MAX_NAME_CHARS = 200
 MAX_REASON_CHARS = 1000
@@ -33,14 +34,14 @@ class Hello(msgspec.Struct, frozen=True, tag_field=MARK, tag="hello"):
         protocol: "snr".
         version: of the protocol; both ends must have the same.
         node: name of the node.
-        nonce: 16 random bytes in hexadecimal, new for each session; the challenge of `Auth`.
+        nonce: 16 random bytes in hexadecimal, new for each session; so each has proofs and keys of its own.
         purpose: "pages", or what else the port is for; both ends must have the same.
         auth: whether this end has a shared secret and wants the other to prove that it has it too.
         max_frame_bytes: the longest payload this end takes.
     """
 
     protocol: Name
-    version: int
+    version: Annotated[int, msgspec.Meta(ge=0, lt=2**32)]
     node: Name
     nonce: Hex16
     purpose: Name
@@ -52,7 +53,7 @@ class Auth(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MA
     """Proof that the sender knows the secret, which itself never crosses.
 
     Args:
-        proof: HMAC-SHA256 in hexadecimal: see `snr_sim/std_mods/comms/security.py`.
+        proof: HMAC-SHA256 in hexadecimal: see `derive_key` in `snr_sim/std_mods/comms/security.py`.
     """
 
     proof: Hex32
@@ -110,12 +111,14 @@ def decode_message(raw: bytes) -> Control | Page:
 
     Raises:
         msgspec.DecodeError: it is not JSON, or none of these messages.
-        ValueEncodingError: it is a page with damaged data.
+        ValueEncodingError: it is a page with damaged data, or beyond the bounds of wire_bounds.py.
         RecursionError: it is nested too deeply.
     """
     message = _decode(raw)
-    if type(message) is Page and may_have_marks(raw, len(b'{"$')):  # beside its own, which mostly stands first
-        return Page.deserialize(raw)
+    if type(message) is Page:
+        check_bounds(raw)
+        if may_have_marks(raw, len(b'{"$')):  # beside its own, which mostly stands first
+            return Page.deserialize(raw, WIRE_KINDS)
     return message
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import hmac
 import ipaddress
 import os
@@ -78,14 +77,18 @@ def secret_from_env(name: str) -> bytes:
     return as_secret(os.environ[name], f"variable {name}") or b""
 
 
-def proof_of(secret: bytes, of_server: bool, client_nonce: str, server_nonce: str) -> str:
-    """Returns the proof that one end knows the secret, in hexadecimal.
+def derive_key(secret: bytes, use: str, client_hello: bytes, server_hello: bytes) -> bytes:
+    """Returns 32 bytes that only ends with this secret can compute, for one use in one session.
 
-    Both nonces are in it, so it is worth nothing in another session; the side is in it, so what one end says cannot
-    be said back to it.
+    Both greetings are in it as they crossed, and so purpose, names and nonces: it is worth nothing in another session,
+    at another port, or where somebody changed a greeting.
+
+    Args:
+        use: "client proof", "server proof", "client frames" or "server frames"; the sides differ, so what one end
+            sends cannot be sent back to it.
+        client_hello, server_hello: their frames, the length included.
     """
-    side = "server" if of_server else "client"
-    return hmac.new(secret, f"snr 1 {side} {client_nonce} {server_nonce}".encode(), hashlib.sha256).hexdigest()
+    return hmac.digest(secret, f"snr 2 {use}\0".encode() + client_hello + server_hello, "sha256")
 
 
 def as_networks(allow: Iterable[str]) -> tuple[Network, ...]:

@@ -19,7 +19,8 @@ from typing import Any, get_args
 import msgspec
 
 from snr_sim.prelude.errors import FrameTooLarge, SnrError
-from snr_sim.std_mods.comms.frames import MAX_FRAME_BYTES, FrameReader, encode_frame
+from snr_sim.std_mods.comms.frame_mac import FrameMac
+from snr_sim.std_mods.comms.frames import MAC_BYTES, MAX_FRAME_BYTES, FrameReader, encode_frame
 from snr_sim.std_mods.comms.messages import (
     MAX_REASON_CHARS,
     NONCE_BYTES,
@@ -36,11 +37,14 @@ from snr_sim.std_mods.comms.messages import (
     decode_message,
     encode_message,
 )
-from snr_sim.std_mods.comms.security import proof_of
+from snr_sim.std_mods.comms.security import derive_key
 from snr_sim.std_mods.console.readable import printable
 
 # Whoever has not said hello yet gets no more of our memory than this.
 MAX_GREETING_BYTES = 4096
+# The first frames of each end with a secret, hello and auth, are for ends that do not know each other yet. Later ones
+# have a MAC.
+FRAMES_WITHOUT_MAC = 2
 # Answers that wait because the other end does not read them; beyond this it is left.
 MAX_WAITING_BYTES = 1 << 16
 # Of so many pings the quickest counts for the clocks' offset: more, and clocks that drift apart would be noticed late.
@@ -109,6 +113,7 @@ class Session:
         self.reason = ""  # why it closed, in words
         self.was_refused = False  # by either end: trying again soon is of no use
         self.was_left = False  # by the other end, in good order
+        self.was_forged = False  # by what is between the two ends
         self.peer: Hello | None = None
         self.peer_node = ""  # name of the other end's node, once it said so
         self.rtt_s: float | None = None
@@ -116,6 +121,7 @@ class Session:
         self.clock_offset_s: float | None = None
         self.heard_s = now_s
         self.received = 0  # messages handed out
+        self.rejected = 0  # once it was up, that were none of the messages, or beyond their bounds
         self._decode = decode
         self._reader = FrameReader(min(MAX_GREETING_BYTES, terms.max_frame_bytes))
         self._nonce = (nonce or os.urandom(NONCE_BYTES)).hex()
@@ -124,17 +130,24 @@ class Session:
         self._offsets_s: deque[float] = deque(maxlen=OFFSETS_REMEMBERED)
         self._outbox: list[bytes] = []
         self._outbox_bytes = 0
-        self._say(
-            Hello(
-                PROTOCOL,
-                VERSION,
-                terms.node,
-                self._nonce,
-                terms.purpose,
-                terms.secret is not None,
-                terms.max_frame_bytes,
+        self._sealed = 0  # frames that went through `seal`, up to FRAMES_WITHOUT_MAC
+        self._mac_out: FrameMac | None = None  # both once the other end has greeted, if there is a secret
+        self._mac_in: FrameMac | None = None
+        self._proofs = ("", "")  # of this end, and what the other end's must be
+        self._hello = encode_frame(
+            encode_message(
+                Hello(
+                    PROTOCOL,
+                    VERSION,
+                    terms.node,
+                    self._nonce,
+                    terms.purpose,
+                    terms.secret is not None,
+                    terms.max_frame_bytes,
+                )
             )
         )
+        self._put(self._hello)
 
     @property
     def is_up(self) -> bool:
@@ -152,9 +165,23 @@ class Session:
         return bool(self._outbox) or self.state is _CLOSED
 
     def take_output(self) -> list[bytes]:
-        """Returns the frames that are to be sent, in order, and forgets them."""
+        """Returns the frames that are to be sent, in order and not sealed yet, and forgets them."""
         frames, self._outbox, self._outbox_bytes = self._outbox, [], 0
         return frames
+
+    def seal(self, frame: bytes) -> bytes:
+        """Returns a frame as it crosses: with its MAC, if there is a secret.
+
+        Every frame of the session, those of `take_output` and all others, once and in the order in which they cross.
+        So not before it is certain that a frame is sent, and which is next; and by one thread at a time.
+        """
+        if self.terms.secret is None:
+            return frame
+        if self._sealed < FRAMES_WITHOUT_MAC:
+            self._sealed += 1
+            return frame
+        assert self._mac_out is not None  # more than a hello and a last word is only said to who has greeted
+        return self._mac_out.seal(frame)
 
     def receive(self, data: bytes, now_s: float) -> list[Any]:
         """Takes bytes as they come; returns the messages in them that are none of the session's own: pages.
@@ -172,12 +199,16 @@ class Session:
                 if not frames:
                     return taken
                 # Who is not known yet is not even listened to beyond the greeting.
-                self._answer(decode_control(frames[0]), now_s)
+                self._answer_greeting(frames[0], now_s)
                 if self.state is _CLOSED:
                     return taken
-            decode = self._decode
-            for frame in self._reader.feed(data):
-                message = decode(frame)
+            decode, mac = self._decode, self._mac_in
+            for payload in self._reader.feed(data):
+                raw = payload if mac is None else mac.open(payload)
+                if raw is None:
+                    self._refuse_forged()
+                    return taken
+                message = decode(raw)
                 if type(message) in _CONTROL:
                     self._answer(message, now_s)
                     if self.state is not _UP:
@@ -187,6 +218,7 @@ class Session:
         except FrameTooLarge as error:
             self.refuse(str(error))
         except (msgspec.MsgspecError, SnrError, ValueError, RecursionError, MemoryError, OverflowError) as error:
+            self.rejected += self.is_up
             during = "" if self.is_up else " before the greeting was complete"
             self.refuse(f"a message came{during} that is none: {error}")
         finally:
@@ -243,6 +275,30 @@ class Session:
             self.state = State.closed
             self.reason = reason
 
+    def _refuse_forged(self) -> None:
+        self.was_forged = True
+        self.refuse(
+            f"a frame came that '{self.peer_node}' did not send, or not now (its MAC is wrong): something between the "
+            "two ends adds, changes, repeats or leaves out frames. Try: another cable or network."
+        )
+
+    def _answer_greeting(self, payload: bytes, now_s: float) -> None:
+        message = decode_control(payload)
+        if isinstance(message, Hello) and self.peer is None and self.terms.secret is not None:
+            self._derive_keys(self.terms.secret, encode_frame(payload))
+        self._answer(message, now_s)
+
+    def _derive_keys(self, secret: bytes, their_hello: bytes) -> None:
+        """Computes what proves both ends to each other, and the keys of what they send."""
+        sides, hellos = ("client", "server"), (self._hello, their_hello)
+        if self.terms.is_server:
+            sides, hellos = sides[::-1], hellos[::-1]
+        own, other = (
+            {use: derive_key(secret, f"{side} {use}", *hellos) for use in ("proof", "frames")} for side in sides
+        )
+        self._proofs = (own["proof"].hex(), other["proof"].hex())
+        self._mac_out, self._mac_in = FrameMac(own["frames"]), FrameMac(other["frames"])
+
     def _answer(self, message: Control, now_s: float) -> None:
         match message:
             case Bye():
@@ -295,32 +351,25 @@ class Session:
                 return
             self.state = State.proving
             if not terms.is_server:  # who calls proves first: a server tells strangers nothing
-                self._say(Auth(self._proof(of_server=False)))
+                self._say(Auth(self._proofs[0]))
 
     def _meet(self, hello: Hello) -> None:
         self.peer, self.peer_node = hello, hello.node
 
     def _check(self, auth: Auth, now_s: float) -> None:
-        is_server = self.terms.is_server
-        if not hmac.compare_digest(auth.proof, self._proof(of_server=not is_server)):
+        own, other = self._proofs
+        if not hmac.compare_digest(auth.proof, other):
             what, fix = self.terms.secret_is
-            self.refuse(f"the {what}s of the two ends differ. Try: {fix}.")
+            self.refuse(f"the {what}s of the two ends differ, or somebody passed on or changed a greeting. Try: {fix}.")
             return
-        if is_server:
-            self._say(Auth(self._proof(of_server=True)))
+        if self.terms.is_server:
+            self._say(Auth(own))
         self._go_up(now_s)
-
-    def _proof(self, of_server: bool) -> str:
-        assert self.peer is not None
-        assert self.terms.secret is not None
-        nonces = (self._nonce, self.peer.nonce)
-        client, server = reversed(nonces) if self.terms.is_server else nonces
-        return proof_of(self.terms.secret, of_server, client, server)
 
     def _go_up(self, now_s: float) -> None:
         self.state = State.up
         self._ping(now_s)  # before any page: so the other end knows from the first one on how old ours are
-        self._reader.max_bytes = self.terms.max_frame_bytes
+        self._reader.max_bytes = self.terms.max_frame_bytes + (0 if self._mac_in is None else MAC_BYTES)
 
     def _say(self, message: Control) -> None:
         self._put(encode_frame(encode_message(message)))

@@ -87,7 +87,11 @@ class SimulatedPeer(Peer):
     def _send(self, frame: bytes, is_page: bool) -> None:
         clock = self.link.clock
         for arrival_s in self._way.arrivals_s(len(frame), clock.now_s(), is_page):
-            clock.call_at(arrival_s, partial(self.far.link.arrive, self.far, frame), BEFORE_LOOPS)
+            clock.call_at(arrival_s, partial(self._deliver, frame), BEFORE_LOOPS)
+
+    def _deliver(self, frame: bytes) -> None:
+        # Sealed only now: faults lose, repeat and reorder pages before they are sent, as over sockets.
+        self.far.link.arrive(self.far, self.session.seal(frame))
 
 
 class SimulatedLink(PeerLink):

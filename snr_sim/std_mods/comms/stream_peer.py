@@ -110,17 +110,18 @@ class StreamPeer(Peer):
         self._link.wake()
 
     def _try(self, frame: bytes) -> bool:
-        """Sends what fits of a page; returns whether anything fitted: what is left then waits in front."""
+        """Sends what fits of a page, and has the rest wait in front; returns whether the stream still works."""
+        sealed, done = self.session.seal(frame), 0
         try:
-            done = self.port.write(frame)
+            done = self.port.write(sealed)
         except BlockingIOError:
-            return False
+            pass  # sealed is sent: a later frame cannot go before it any more
         except Exception as error:  # on the node's thread, which goes on whatever happens to this stream
             self.fail(error)
             return False
         self.sent += 1
-        if done < len(frame):
-            self._cut_off = frame[done:]
+        if done < len(sealed):
+            self._cut_off = sealed[done:]
             self._link.wake()
         return True
 
@@ -157,7 +158,7 @@ class StreamPeer(Peer):
                 else:
                     frames = self.queue.take(WRITE_BYTES)
                     self.sent += len(frames)
-                self._cut_off = memoryview(b"".join(frames))
+                self._cut_off = memoryview(b"".join(map(self.session.seal, frames)))
             if not len(self._cut_off):
                 return False
             self._cut_off = self._cut_off[self.port.write(self._cut_off) :]

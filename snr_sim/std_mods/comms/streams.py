@@ -7,6 +7,7 @@ by the link's thread in one `select`. It also reads, when the node is too busy t
 
 from __future__ import annotations
 
+import logging
 import selectors
 import socket
 import threading
@@ -52,6 +53,7 @@ class StreamLink(RestartingLoop, PeerLink):
         self._lock = threading.Lock()  # held for steps that do not wait
         self._visits = -1  # of the node at its door, when last seen
         self._is_node_busy = True
+        self.forged = 0  # streams that something between the two ends has changed
 
     def _open_ports(self, ports: ExitStack) -> None:
         self._selector: selectors.BaseSelector = selectors.DefaultSelector()
@@ -130,7 +132,7 @@ class StreamLink(RestartingLoop, PeerLink):
         see_off(self.streams, self.get_time_s, self._farewell())
 
     def _state(self, now_s: float) -> dict[str, Any]:
-        return {**super()._state(now_s), "failures": self.failures}
+        return {**super()._state(now_s), "failures": self.failures, "forged": self.forged}
 
     # Streams
 
@@ -241,7 +243,10 @@ class StreamLink(RestartingLoop, PeerLink):
         if stream.is_admitted:
             self._dismiss(stream)
         self.reason = stream.session.reason
-        self.log.info("%s: %s", stream.where, self.reason)
+        self.unwanted += stream.session.rejected
+        self.forged += stream.session.was_forged
+        is_news = stream.session.was_forged and self.forged == 1  # told once: it can happen again and again
+        self.log.log(logging.WARNING if is_news else logging.INFO, "%s: %s", stream.where, self.reason)
         self._tend_s = 0.0
         return stream.leaves_s
 

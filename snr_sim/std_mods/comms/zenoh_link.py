@@ -26,7 +26,7 @@ from typing import Any
 from snr_sim.core.loop import LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.prelude.errors import LinkError, MissingExtra, SnrError
-from snr_sim.prelude.page import DataKey, Page
+from snr_sim.prelude.page import DataKey
 from snr_sim.std_mods.comms.back_off import BackOff
 from snr_sim.std_mods.comms.faults import Way
 from snr_sim.std_mods.comms.fleet import PING_BYTES, FleetLink, Hearing, Member
@@ -35,6 +35,7 @@ from snr_sim.std_mods.comms.options import LinkOptions
 from snr_sim.std_mods.comms.restarting import RestartingLoop
 from snr_sim.std_mods.comms.roster import Far, Roster, encoded
 from snr_sim.std_mods.comms.send_queue import SendQueue
+from snr_sim.std_mods.comms.wire_bounds import decode_page
 from snr_sim.std_mods.comms.zenoh_callbacks import ZenohCallbacks
 from snr_sim.std_mods.comms.zenoh_settings import ZenohSettings
 
@@ -292,7 +293,7 @@ class ZenohLink(RestartingLoop, FleetLink):
         far = letter.far
         assert far is not None
         try:
-            page = Page.deserialize(letter.raw)
+            page = decode_page(letter.raw)
         except (SnrError, ValueError, RecursionError, MemoryError, OverflowError):
             page = None
         if page is None or encoded(page.key) != letter.key:

@@ -213,9 +213,9 @@ class ConsoleClient:
                 session.bye("the console was closed.")
             if session.is_closed and give_up_s is None:
                 give_up_s = time.monotonic() + LINGER_S
-            output += b"".join(session.take_output())
+            output += b"".join(map(session.seal, session.take_output()))
             with self._changed:
-                output += b"".join(self._outbox)
+                output += b"".join(map(session.seal, self._outbox))
                 self._outbox.clear()
             try:
                 if output:

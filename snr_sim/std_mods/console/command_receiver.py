@@ -114,6 +114,7 @@ class CommandReceiver(RestartingLoop):
         self._processor = CommandProcessor(parent, name)
         self._allowance = Allowance()
         self._lines: list[Line] = []
+        self.forged = 0  # lines that something between node and console has changed
 
     def begin(self) -> None:
         """Listens, and starts the thread.
@@ -210,6 +211,10 @@ class CommandReceiver(RestartingLoop):
     def _drop(self, line: Line) -> None:
         if line in self._lines:
             self._lines.remove(line)
+            if line.conversation.wire.was_forged:
+                self.forged += 1
+                if self.forged == 1:  # told once: it can happen again and again
+                    self.log.warning("a console's line was closed: %s", line.conversation.wire.reason)
             if line.watched:
                 self._selector.unregister(line.sock)
             line.sock.close()

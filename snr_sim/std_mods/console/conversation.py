@@ -80,14 +80,14 @@ class Conversation:
         """Answers what waits, shows watched pages that have changed, and does what time asks for."""
         outcome = self._session.outcome(now_s)
         if outcome is not None:
-            self.output += replied(self._waiting_number, outcome)
+            self._send(replied(self._waiting_number, outcome))
         while self.is_busy and not self.is_over and self._allowance.take(now_s):
             self._answer(self._asked.popleft())
         if self._asked and len(self.output) <= OUTPUT_MAX_BYTES:
             self.wire.forgive_silence(now_s)  # it is we who do not read
         if self.wire.is_up and len(self.output) <= OUTPUT_MAX_BYTES:
             for answer in self._session.changes(now_s):
-                self.output += replied(0, answer)
+                self._send(replied(0, answer))
         self.wire.tick(now_s)
         self._flush()
 
@@ -95,7 +95,7 @@ class Conversation:
         """Says goodbye; whoever waits for what comes of a command is told that it will not come this way."""
         if self.wire.is_up and self.is_waiting:
             text = f"This line ends before it is known what came of the command; {reason} Try: dump, on a new line."
-            self.output += replied(self._waiting_number, Answer(text, is_error=True))
+            self._send(replied(self._waiting_number, Answer(text, is_error=True)))
         self.wire.bye(reason)
         self._flush()
 
@@ -120,10 +120,13 @@ class Conversation:
             if self._session.is_waiting:
                 self._waiting_number = asked.number
             else:
-                self.output += replied(asked.number, answer)
+                self._send(replied(asked.number, answer))
         else:
-            self.output += completed(asked.number, self._session.complete(asked.line))
+            self._send(completed(asked.number, self._session.complete(asked.line)))
 
     def _flush(self) -> None:
         for frame in self.wire.take_output():
-            self.output += frame
+            self._send(frame)
+
+    def _send(self, frame: bytes) -> None:
+        self.output += self.wire.seal(frame)

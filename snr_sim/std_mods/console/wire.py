@@ -10,10 +10,10 @@ from typing import Annotated, Any, TypeAlias
 
 import msgspec
 
-from snr_sim.prelude.page import KINDS
 from snr_sim.prelude.values import MARK, decode_value, encode_value
 from snr_sim.std_mods.comms.frames import MAX_FRAME_BYTES, encode_frame
 from snr_sim.std_mods.comms.messages import decoder_of
+from snr_sim.std_mods.comms.wire_bounds import WIRE_KINDS, check_bounds
 from snr_sim.std_mods.console.table import Answer
 from snr_sim.std_mods.console.words import LINE_MAX_CHARS
 
@@ -22,6 +22,7 @@ PURPOSE = "console"
 DEFAULT_PORT = 54321
 LINE_FRAME_MAX_BYTES = 8 * LINE_MAX_CHARS  # six bytes at most for a character in JSON, and what stands around them
 
+Number: TypeAlias = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 Line: TypeAlias = Annotated[str, msgspec.Meta(max_length=LINE_MAX_CHARS)]
 Value: TypeAlias = Annotated[msgspec.Raw, msgspec.Meta(extra_json_schema={"$ref": "value.schema.json"})]
 
@@ -29,21 +30,21 @@ Value: TypeAlias = Annotated[msgspec.Raw, msgspec.Meta(extra_json_schema={"$ref"
 class Command(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="command"):
     """A line to carry out; a Reply with the same number follows."""
 
-    number: int
+    number: Number
     line: Line
 
 
 class Complete(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="complete"):
     """A line to complete; Words with the same number follow."""
 
-    number: int
+    number: Number
     line: Line
 
 
 class Reply(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="reply"):
     """An answer; number 0 is of a watched page, which nobody asked for just now."""
 
-    number: int
+    number: Number
     text: str
     data: Value
     is_error: bool
@@ -53,7 +54,7 @@ class Reply(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=M
 class Words(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="words"):
     """What can stand where a line ends."""
 
-    number: int
+    number: Number
     words: list[str]
 
 
@@ -86,7 +87,9 @@ def answer_of(reply: Reply) -> Answer:
     """Returns the answer in a reply.
 
     Raises:
-        ValueEncodingError: its data is damaged.
+        ValueEncodingError: its data is damaged, or beyond the bounds of `comms/wire_bounds.py`.
     """
-    data: Any = decode_value(bytes(reply.data), KINDS)
+    raw = bytes(reply.data)
+    data: Any = decode_value(raw, WIRE_KINDS)
+    check_bounds(raw)
     return Answer(reply.text, data, reply.is_error, reply.about)

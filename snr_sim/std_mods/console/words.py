@@ -7,11 +7,11 @@ from typing import Any
 import msgspec
 
 from snr_sim.prelude.errors import SnrError
+from snr_sim.std_mods.comms.wire_bounds import MAX_INT, MIN_INT
 
 LINE_MAX_CHARS = 16 * 1024
 NAME_MAX_CHARS = 200
 DEPTH_MAX = 32  # of values: what lies deeper than a student's eye also chokes recorders and links
-_INT_MAX_BITS = 64
 
 _decode = msgspec.json.Decoder().decode
 
@@ -77,8 +77,8 @@ def value_of(word: str) -> Any:
 
 
 def _check_numbers(value: Any) -> None:
-    if isinstance(value, int) and value.bit_length() > _INT_MAX_BITS:
-        raise CommandRefused(f"A whole number of {value.bit_length()} bits is too large; {_INT_MAX_BITS} is the most.")
+    if isinstance(value, int) and not MIN_INT <= value <= MAX_INT:
+        raise CommandRefused("A whole number is too large: -2^63 to 2^64-1 are taken.", fix="a number with a point.")
     if isinstance(value, (list, dict)):
         for item in value.values() if isinstance(value, dict) else value:
             _check_numbers(item)

@@ -146,7 +146,7 @@ class Raw:
 
 def hello(node: str = "raw", **fields: Any) -> bytes:
     """A greeting."""
-    usual = {"protocol": "snr", "version": 1, "node": node, "nonce": "0" * 32, "purpose": "pages", "auth": False}
+    usual = {"protocol": "snr", "version": 2, "node": node, "nonce": "0" * 32, "purpose": "pages", "auth": False}
     return msgspec.json.encode({"$": "hello", "max_frame_bytes": 1 << 26, **usual, **fields})
 
 

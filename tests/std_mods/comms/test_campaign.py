@@ -25,7 +25,7 @@ STEPS = 120
 SETTLED_S = 60.0  # of simulated time, in which an honest client has to be served again
 SECRET = "a secret of 16 bytes or more"
 STRANGE = [
-    *(encode_message(Hello("snr", 1, "x", "0" * 32, "pages", has_secret, 1 << 20)) for has_secret in (True, False)),
+    *(encode_message(Hello("snr", 2, "x", "0" * 32, "pages", has_secret, 1 << 20)) for has_secret in (True, False)),
     encode_message(Auth("0" * 64)),
     encode_message(Ping(1.0)),
     encode_message(Bye("x")),
@@ -53,6 +53,8 @@ class History:
         self.mark = 0  # the newest page that settles
         self.acts: list[Callable[[], None]] = [self.round] * 8 + [self.store] * 3 + [self.connect] * 6
         self.acts += [self.say, self.say, self.hang_up, self.hang_up, self.break_line, self.crowd, self.fill, self.wait]
+        if self.pair.secret:
+            self.acts.append(self.tamper)
         self.has_bugs = seed % 2 == 1
         if self.has_bugs:
             self.acts += [self.bug_of_stream, self.bug_of_link]
@@ -93,13 +95,16 @@ class History:
         node.run_ready()
         node.door.wait(0.0)
         node.run_ready()
+        for key in ("depth", "stick"):
+            data = node.datastore.pages[key].data if key in node.datastore.pages else 0
+            assert isinstance(data, int) or not data.strip("x"), "a page was changed on its way"
         assert node.door.failure is None
         assert not node.is_terminated
 
     def store(self) -> None:
         size = self.rng.choice((1, 100, 3000, 20_000))
         self.robot.store_data("depth", "x" * size)
-        self.operator.store_data("stick", "y" * size)
+        self.operator.store_data("stick", "x" * size)
 
     def connect(self) -> None:
         with suppress(ConnectionRefusedError):
@@ -133,6 +138,13 @@ class History:
             sock.is_reset = True
             if how and sock.far:
                 sock.far.is_reset = True
+
+    def tamper(self) -> None:
+        """Change, add or leave out bytes of an honest stream on their way."""
+        for stream in self.link(self.rng.choice(self.nodes)).streams:
+            come = stream.port._sock.come
+            i = self.rng.randrange(len(come) + 1)
+            come[i : i + self.rng.randrange(3)] = self.rng.randbytes(self.rng.randrange(3))
 
     def fill(self) -> None:
         self.network.is_full = not self.network.is_full

@@ -8,12 +8,14 @@ import socket
 import struct
 import threading
 from collections.abc import Callable
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
-from snr_sim import Page, SocketsPair, Task, TaskType
+from snr_sim import Page, PrinterEndpointFactory, SocketsPair, Task, TaskType
 from snr_sim.std_mods.comms.frames import encode_frame
 from snr_sim.std_mods.comms.link import MAX_TASKS_WAITING
 from snr_sim.std_mods.comms.messages import Hello, Refused, encode_message
@@ -23,7 +25,7 @@ from snr_sim.testing.parts import PartFactory
 pytestmark = pytest.mark.slow
 
 HERE = "127.0.0.1"
-HELLO = encode_frame(encode_message(Hello("snr", 1, "stranger", "0" * 32, "pages", True, 1 << 20)))
+HELLO = encode_frame(encode_message(Hello("snr", 2, "stranger", "0" * 32, "pages", True, 1 << 20)))
 Start = Callable[..., Any]
 Connect = Callable[..., Any]
 
@@ -63,6 +65,7 @@ NONSENSE = {
     "random bytes": b"\x00\x00\x00\x03\xfe\xdc\xba",
     "JSON that is not a page": encode_frame(b"[1, 2, 3]"),
     "NaN": encode_frame(b'{"$":"page","key":"x","data":NaN,"origin":"a","created_at_s":0}'),
+    "an integer of 5000 digits": encode_frame(Page("x", 10**5000, "raw", 0.0).serialize()),
     "deep nesting": encode_frame(
         b'{"$":"page","key":"x","origin":"a","created_at_s":0,"data":' + b"[" * 99_999 + b"]" * 99_999 + b"}"
     ),
@@ -84,8 +87,24 @@ def test_nonsense_is_answered_with_a_reason_and_the_end(
     assert serves(robot, start, pair)
 
 
+@pytest.mark.parametrize(
+    "data", [{"$": "int", "v": hex(10**5000)}, *({"a": [10**digits]} for digits in (20, 400, 4299))], ids=lambda _: ""
+)
+def test_long_integer_ends_no_printer(start: Start, pair: SocketsPair, raw: Connect, data: Any) -> None:
+    printer = PrinterEndpointFactory([(TaskType.process_data, "x"), TaskType.store_page], StringIO())
+    robot = start("robot", [pair.server("depth"), printer])
+    robot.until_link("t", up=False)
+    far = raw(pair.port)
+    far.messages(until=Hello)
+    far.sock.sendall(encode_frame(page("x", 1).replace(b":1,", b":%s," % msgspec.json.encode(data))))
+    assert isinstance(far.messages()[-1], Refused)
+    assert robot.until_link("t", up=False, unwanted=1)
+    assert serves(robot, start, pair)
+    assert robot.failure is None
+
+
 def test_another_version_is_told_so(robot: Any, pair: SocketsPair, raw: Connect) -> None:
-    assert "version 1, the other end snr version 7" in raw(pair.port, version=7).messages()[-1].reason
+    assert "version 2, the other end snr version 7" in raw(pair.port, version=7).messages()[-1].reason
 
 
 def test_a_key_of_a_megabyte_is_not_let_in(robot: Any, pair: SocketsPair, raw: Connect) -> None:

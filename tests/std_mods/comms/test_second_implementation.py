@@ -11,7 +11,9 @@ from typing import Any
 import pytest
 
 from snr_sim import SocketsPair
-from snr_sim.std_mods.comms.security import proof_of
+from snr_sim.std_mods.comms.frame_mac import FrameMac
+from snr_sim.std_mods.comms.frames import MAC_BYTES, encode_frame
+from snr_sim.std_mods.comms.security import derive_key
 
 ROOT = Path(__file__).parents[3]
 CLIENT = ROOT / "tests" / "second_implementation" / "plain_client.py"
@@ -76,7 +78,7 @@ def test_it_sends_a_page_gets_pages_and_answers_pings(
         (
             SECRET,
             SECRET + "r",
-            "refused the shared secrets of the two ends differ. Try: the same secret= on both ends.",
+            "refused the shared secrets of the two ends differ, or somebody passed on or changed a greeting. Try: ",
         ),
         (SECRET, "", "refused node 'rov_node' asks for a shared secret"),
         (None, SECRET, "refused node 'plain_node' asks for a shared secret"),
@@ -100,9 +102,16 @@ def test_it_hears_that_the_node_ends(start: Callable[..., Any], call: Call) -> N
     assert client.communicate(timeout=120)[0].splitlines()[-1] == "bye node 'rov_node' ended: test is over."
 
 
-def test_the_proofs_of_the_example_are_what_the_page_says() -> None:
+def test_the_proofs_and_the_mac_of_the_example_are_what_the_page_says() -> None:
     text = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
-    nonces = ("00112233445566778899aabbccddeeff", "ffeeddccbbaa99887766554433221100")
-    assert all(nonce in text for nonce in nonces)
-    for side in ("client", "server"):
-        assert f"    {side}: {proof_of(SECRET.encode(), side == 'server', *nonces)}\n" in text
+    hellos = [encode_frame(line.strip().encode()) for line in text.splitlines() if '"auth":true' in line]
+    keys = {
+        f"{side} {use}": derive_key(SECRET.encode(), f"{side} {use}", *hellos)
+        for use in ("proof", "frames")
+        for side in ("client", "server")
+    }
+    shown = [line.split(":") for line in text.splitlines() if line.startswith(("    client ", "    server "))]
+    assert {use.strip(): value.strip() for use, value in shown} == {use: key.hex() for use, key in keys.items()}
+    message = '{"$":"bye","reason":"done."}'
+    mac = FrameMac(keys["client frames"]).seal(encode_frame(message.encode()))[-MAC_BYTES:]
+    assert f"`{message}`, has the MAC `{mac.hex()}`" in text

@@ -27,11 +27,16 @@ def ends(client: dict[str, Any] | None = None, server: dict[str, Any] | None = N
     return one, other
 
 
+def said_by(session: Session) -> bytes:
+    """What a session has to say, as it crosses."""
+    return b"".join(map(session.seal, session.take_output()))
+
+
 def talk(one: Session, other: Session, now_s: float = 0.0) -> list[Any]:
     """Carries what both say until neither has anything to say; returns the pages that came."""
     came: list[Any] = []
     while True:
-        there, back = b"".join(one.take_output()), b"".join(other.take_output())
+        there, back = said_by(one), said_by(other)
         if not there and not back:
             return came
         came += other.receive(there, now_s) + one.receive(back, now_s)
@@ -55,7 +60,7 @@ def last_word(session: Session) -> Any:
 
 
 def hello(**fields: Any) -> bytes:
-    usual = {"protocol": "snr", "version": 1, "node": "x", "nonce": NONCE, "purpose": "pages", "auth": False}
+    usual = {"protocol": "snr", "version": 2, "node": "x", "nonce": NONCE, "purpose": "pages", "auth": False}
     return msgspec.json.encode({"$": "hello", "max_frame_bytes": 1 << 20, **usual, **fields})
 
 
@@ -70,7 +75,7 @@ def test_two_ends_with_one_secret_come_up_and_the_secret_never_crosses() -> None
     client, server = ends({"secret": SECRET}, {"secret": SECRET})
     crossed = b""
     while not (client.is_up and server.is_up):
-        there, back = b"".join(client.take_output()), b"".join(server.take_output())
+        there, back = said_by(client), said_by(server)
         assert there or back
         server.receive(there, 0.0)
         client.receive(back, 0.0)
@@ -83,8 +88,8 @@ def test_a_wrong_secret_is_refused_and_the_server_proves_nothing() -> None:
     client, server = ends({"secret": SECRET}, {"secret": SECRET + b"!"})
     said_by_server = b""
     for _ in range(3):
-        server.receive(b"".join(client.take_output()), 0.0)
-        answer = b"".join(server.take_output())
+        server.receive(said_by(client), 0.0)
+        answer = said_by(server)
         said_by_server += answer
         client.receive(answer, 0.0)
     assert not client.is_up
@@ -117,10 +122,10 @@ def test_what_a_client_proved_cannot_be_said_back_to_it() -> None:
 
 def test_a_proof_of_another_session_is_worth_nothing() -> None:
     client, server = ends({"secret": SECRET}, {"secret": SECRET})
-    server_says = b"".join(server.take_output())
-    client_says = b"".join(client.take_output())
+    server_says = said_by(server)
+    client_says = said_by(client)
     client.receive(server_says, 0.0)
-    server.receive(client_says + (proof := b"".join(client.take_output())), 0.0)
+    server.receive(client_says + (proof := said_by(client)), 0.0)
     assert server.is_up
     again = Session(Terms("b_node", is_server=True, secret=SECRET), 0.0, nonce=b"t" * 16)
     again.receive(client_says + proof, 0.0)
@@ -129,10 +134,10 @@ def test_a_proof_of_another_session_is_worth_nothing() -> None:
 
 def test_another_version_is_refused_on_both_ends_with_both_numbers() -> None:
     _, server = ends()
-    say(server, hello(version=2))
+    say(server, hello(version=1))
     assert server.is_closed
     assert server.was_refused
-    assert "version 1, the other end snr version 2" in last_word(server).reason
+    assert "speaks snr version 2, the other end snr version 1. Try: the same release" in last_word(server).reason
 
 
 def test_a_port_for_pages_is_not_one_for_consoles() -> None:
@@ -224,7 +229,7 @@ def test_who_comes_up_says_at_once_what_time_it_has() -> None:
     client, server = ends({"secret": SECRET}, {"secret": SECRET})
     for now_s in (1.0, 2.0):  # hello, then the client's proof
         for one, other in ((client, server), (server, client)):
-            other.receive(b"".join(one.take_output()), now_s)
+            other.receive(said_by(one), now_s)
     assert server.is_up
     assert client.clock_offset_s is not None
 

@@ -25,7 +25,7 @@ import msgspec
 from snr_sim import CommandReceiverFactory, Config, ConsoleClient, Node, SimClock, Task, TaskType, tasks
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.values import encode_value
-from snr_sim.std_mods.comms.frames import MAX_FRAME_BYTES, encode_frame
+from snr_sim.std_mods.comms.frames import HEADER_BYTES, MAX_FRAME_BYTES, encode_frame
 from snr_sim.std_mods.comms.security import as_secret
 from snr_sim.std_mods.comms.session import Session as WireSession
 from snr_sim.std_mods.comms.session import Terms
@@ -198,8 +198,11 @@ def fuzz_bytes(rng: random.Random, count: int) -> None:
         if conversation is None or conversation.is_over:
             has_token = rng.random() < 0.5
             is_greeted = rng.random() < 0.8
-            conversation, _ = line_to(subject, allowance, now_s, has_token, is_greeted)
-        conversation.receive(some_bytes(rng), now_s)
+            conversation, far = line_to(subject, allowance, now_s, has_token, is_greeted)
+        data = some_bytes(rng)
+        if has_token and is_greeted and len(data) >= HEADER_BYTES and rng.random() < 0.9:
+            data = far.seal(data)  # a console with the token sends nonsense
+        conversation.receive(data, now_s)
         now_s += rng.choice((0.0, 0.2, 1.0))
         conversation.work(now_s)
         assert conversation.wire.is_up or not subject.node.door.waiting, "a stranger has done something"
@@ -222,7 +225,7 @@ def line_to(
     far = WireSession(Terms("console", False, secret, PURPOSE), now_s, decode_answered)
     if is_greeted:
         for _ in range(3):
-            near.receive(b"".join(far.take_output()), now_s)
+            near.receive(b"".join(map(far.seal, far.take_output())), now_s)
             far.receive(bytes(near.output), now_s)
             near.output.clear()
         assert near.wire.is_up

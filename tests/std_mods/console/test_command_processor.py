@@ -69,6 +69,7 @@ def test_a_type_of_task_can_end_the_node_too(talk: Talk) -> None:
         ("task start foo", "not JSON"),
         ("store depth_m 1 2", "does not take '2'"),
         ("store depth_m 123456789012345678901234567890", "not JSON|too large"),
+        ("store depth_m -9223372036854775809", "too large"),
         ("store depth_m [1, 2", "opened and not closed"),
         ('store depth_m "deep', "opened and not closed"),
         ("store depth_m 1]", "not JSON"),

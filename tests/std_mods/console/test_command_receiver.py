@@ -32,7 +32,7 @@ from snr_sim.testing.parts import PartFactory, TickerFactory
 
 TOKEN = "a token of at least sixteen bytes"
 HELLO = (
-    b'{"$":"hello","protocol":"snr","version":1,"node":"x","nonce":"00000000000000000000000000000000",'
+    b'{"$":"hello","protocol":"snr","version":2,"node":"x","nonce":"00000000000000000000000000000000",'
     b'"purpose":"console","auth":false,"max_frame_bytes":1048576}'
 )
 PATIENCE_S = 60.0  # a limit for a machine that is very busy, and nothing that anybody waits for

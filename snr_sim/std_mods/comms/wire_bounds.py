@@ -1,0 +1,92 @@
+"""Bounds of the values that cross a link, beside the length of a frame: integers of 64 bits, JSON nested 100 deep.
+
+Ordinary code fails beyond them: an integer of 5000 digits has no `str`, one of 310 no `float`, and `repr` of a value
+that is nested 900 deep overflows the stack. So such a value could end a component that did nothing wrong.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any, NoReturn
+
+from snr_sim.prelude.errors import ValueEncodingError
+from snr_sim.prelude.page import KINDS, Page
+
+MAX_DEPTH = 100  # of objects and lists inside each other, the message included
+MIN_INT, MAX_INT = -(2**63), 2**64 - 1
+_DIGITS_AS_ZERO = bytes.maketrans(b"123456789", b"000000000")
+_LONG_RUN = b"0" * len(str(-MIN_INT))  # fewer digits are always within the bounds
+_TEXT = re.compile(rb'"(?:[^"\\]++|\\.)*+"')
+_LONG_INT = re.compile(rb"(?<![0-9.eE+-])-?[0-9]{%d,}(?![0-9.eE])" % len(_LONG_RUN))
+_BRACES_AS_BRACKETS = bytes.maketrans(b"{}", b"[]")
+_NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
+_OWN_INT_MARK = b'"$":"int"'
+_OWN_OBJECT_MARK = b'"$":"object"'
+
+
+def _refuse_int(**fields: Any) -> NoReturn:
+    """Refuses the mark `int`, which is only for integers of more than 64 bits."""
+    raise _too_long()
+
+
+WIRE_KINDS = {**KINDS, "int": _refuse_int}  # the marks that may cross, beside the plain ones of prelude/values.py
+
+
+def encode_page(page: Page) -> bytes:
+    """Returns a page as it crosses a link.
+
+    Raises:
+        ValueEncodingError: it holds what no link carries: the sender's mistake, so it fails at the sender.
+    """
+    raw = page.serialize()
+    check_bounds(raw)
+    if _OWN_OBJECT_MARK in raw or _OWN_INT_MARK in raw:
+        Page.deserialize(raw, WIRE_KINDS)  # names the class
+    return raw
+
+
+def decode_page(raw: bytes) -> Page:
+    """Returns a page that came over a link.
+
+    Raises:
+        ValueEncodingError: it is not a page, or beyond the bounds.
+    """
+    page = Page.deserialize(raw, WIRE_KINDS)
+    check_bounds(raw)
+    return page
+
+
+def check_bounds(raw: bytes) -> None:
+    """Checks plain integers and depth of JSON that is known to be valid; marks are the decoder's business.
+
+    Raises:
+        ValueEncodingError: an integer is outside of -2^63 .. 2^64-1, or it is nested too deeply.
+
+    >>> check_bounds(b'{"count":18446744073709551615}')
+    >>> check_bounds(b"[" * 100 + b"]" * 100)
+    """
+    # Both first conditions are cheap and hold for next to no page.
+    if raw.count(b"[") + raw.count(b"{") > MAX_DEPTH and _is_too_deep(raw):
+        raise ValueEncodingError(f"A value is nested more than {MAX_DEPTH} deep.", fix="a flatter value.")
+    if _LONG_RUN in raw.translate(_DIGITS_AS_ZERO) and _has_long_int(raw):
+        raise _too_long()
+
+
+def _is_too_deep(raw: bytes) -> bool:
+    brackets = _TEXT.sub(b"", raw).translate(_BRACES_AS_BRACKETS, _NO_BRACKETS)
+    for _ in range(MAX_DEPTH):
+        if not brackets:
+            return False
+        brackets = brackets.replace(b"[]", b"")  # the innermost ones
+    return bool(brackets)
+
+
+def _has_long_int(raw: bytes) -> bool:
+    # Python reads no more than 4300 digits, and neither does msgspec, which has read these.
+    return any(not MIN_INT <= int(digits) <= MAX_INT for digits in _LONG_INT.findall(_TEXT.sub(b"", raw)))
+
+
+def _too_long() -> ValueEncodingError:
+    return ValueEncodingError(
+        "An integer needs more than 64 bits, and links carry those from -2^63 to 2^64-1.", fix="a float, or text."
+    )
