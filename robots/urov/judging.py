@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from array import array
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, overload
 
 from snr_sim.plants.dive import Dive
 from snr_sim.plants.pool import Pool
@@ -20,6 +21,7 @@ from snr_sim.prelude.sums import ordered_sum
 from .sight import place_of
 
 SAMPLE_S = 0.1
+_NUMBERS = 8  # of a sample
 
 
 class Sample(NamedTuple):
@@ -36,6 +38,36 @@ class Sample(NamedTuple):
     def depth_m(self) -> float:
         """Positive down."""
         return -self.position_m[2]
+
+
+class Course(Sequence[Sample]):
+    """Samples in the order in which they were taken, in 64 bytes each: as objects they took 0.22 MB a minute."""
+
+    def __init__(self, samples: Iterable[Sample] = ()) -> None:
+        self._numbers = array("d")
+        for sample in samples:
+            self.append(sample)
+
+    def append(self, sample: Sample) -> None:
+        """Adds the newest."""
+        time_s, position_m, *others = sample
+        self._numbers.extend((time_s, *position_m, *others))
+
+    def __len__(self) -> int:
+        return len(self._numbers) // _NUMBERS
+
+    @overload
+    def __getitem__(self, index: int) -> Sample: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[Sample]: ...
+
+    def __getitem__(self, index: int | slice) -> Sample | list[Sample]:
+        if isinstance(index, slice):
+            return [self[i] for i in range(*index.indices(len(self)))]
+        begin = range(len(self))[index] * _NUMBERS
+        time_s, x_m, y_m, z_m, *others = self._numbers[begin : begin + _NUMBERS]
+        return Sample(time_s, (x_m, y_m, z_m), *others)
 
 
 class Watched(Urov):
@@ -55,7 +87,7 @@ class Watched(Urov):
 
     def reset(self, seed: int) -> None:
         """Starts anew, with an empty course."""
-        self.course: list[Sample] = []
+        self.course = Course()
         self.touched_n = 0.0
         super().reset(seed)
 
@@ -72,7 +104,7 @@ class Watched(Urov):
     def restore(self, snapshot: Any) -> None:
         """Puts the vehicle back; what was taken down since is taken back."""
         super().restore(snapshot)
-        self.course = [sample for sample in self.course if sample.time_s <= self.time_s]
+        self.course = Course(sample for sample in self.course if sample.time_s <= self.time_s)
 
     def during(self, from_s: float, to_s: float) -> list[Sample]:
         """Returns what was taken down between two moments."""

@@ -1,5 +1,7 @@
 """What is said of a dive that missed its criterion, beside by how much."""
 
+import tracemalloc
+
 import pytest
 
 from snr_sim import library
@@ -10,7 +12,7 @@ from snr_sim.prelude.signals import PwmCommand
 
 library.load_robot(library.find("robots", "urov"))
 
-from snr_sim_robot_urov.judging import WatchedUrov, judged  # noqa: E402
+from snr_sim_robot_urov.judging import Course, Sample, WatchedUrov, judged  # noqa: E402
 from snr_sim_robot_urov.parameters import vehicle  # noqa: E402
 
 
@@ -33,3 +35,28 @@ def test_a_missed_dive_tells_of_speed_controllers_that_were_not_shown_stop_first
     verdict = judged(plant, ["too deep"])
     assert (verdict.success, verdict.why) == (False, said)
     assert judged(plant, []).success
+
+
+def sample_at(time_s: float) -> Sample:
+    return Sample(time_s, (0.1 + time_s, 0.2, -time_s), 0.3, 0.4, 0.5, 0.6)
+
+
+def test_a_course_gives_back_the_samples_that_it_was_given() -> None:
+    samples = [sample_at(0.1 * i) for i in range(50)]
+    course = Course(samples)
+    assert (list(course), len(course), course[-1], course[1:4]) == (samples, 50, samples[-1], samples[1:4])
+    with pytest.raises(IndexError):
+        course[50]
+    assert not Course()
+
+
+def test_an_hour_of_a_course_takes_less_than_three_megabytes() -> None:
+    """Nothing else of the vehicle's role grows with time: it was 13 MB."""
+    tracemalloc.start()
+    try:
+        course = Course()
+        for i in range(36_000):
+            course.append(sample_at(0.1 * i))
+        assert tracemalloc.get_traced_memory()[0] < 3_000_000
+    finally:
+        tracemalloc.stop()
