@@ -6,6 +6,7 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
+from typing import Any
 
 from snr_sim.core.lookout import Lookout
 from snr_sim.prelude.errors import SnrError
@@ -37,9 +38,10 @@ class Door:
         """Whether the node's thread waits here now."""
         return self._asleep
 
-    def watch(self, descriptor: int, serve: Callable[[], None]) -> None:
-        """Has `serve` called on the node's thread when there is something to read, while it waits at the door.
+    def watch(self, descriptor: int, serve: Callable[[list[Any]], None], what: Any) -> None:
+        """Have `serve` called on the node's thread when there is something to read, while it waits at the door.
 
+        One call gets `what` of all descriptors with this `serve` that can be read: it decides whose turn it is.
         What comes for a node that has nothing else to do costs no change of threads then. A node that has much to do
         does not come to its door, so who watches needs another way to read in the long run.
         """
@@ -47,7 +49,7 @@ class Door:
             if self._lookout is None:
                 self._lookout = Lookout()
                 self._wake.put(None)  # whoever waits already waits for this
-        self._lookout.watch(descriptor, serve)
+        self._lookout.watch(descriptor, serve, what)
 
     def unwatch(self, descriptor: int) -> None:
         """Ends watching; from any thread."""
@@ -80,7 +82,7 @@ class Door:
         timeout_s = LOOK_UP_S if timeout_s is None else min(timeout_s, LOOK_UP_S)
         self.visits += 1
         lookout = self._lookout
-        seen: list[Callable[[], None]] = []
+        seen: dict[Callable[[list[Any]], None], list[Any]] = {}
         self._asleep = True  # before the last look, so that what comes after the look wakes us
         try:
             if not self.waiting:
@@ -92,5 +94,5 @@ class Door:
             pass
         finally:
             self._asleep = False
-        for serve in seen:
-            serve()
+        for serve, what in seen.items():
+            serve(what)

@@ -6,6 +6,7 @@ import selectors
 import socket
 from collections.abc import Callable
 from contextlib import suppress
+from typing import Any
 
 
 class Lookout:
@@ -16,11 +17,11 @@ class Lookout:
         self._near, self._far = socket.socketpair()
         self._near.setblocking(False)
         self._far.setblocking(False)
-        self._selector.register(self._far, selectors.EVENT_READ, self._woken)
+        self._selector.register(self._far, selectors.EVENT_READ, (self._woken, None))
 
-    def watch(self, descriptor: int, serve: Callable[[], None]) -> None:
-        """Has `wait` return `serve` when the descriptor can be read."""
-        self._selector.register(descriptor, selectors.EVENT_READ, serve)
+    def watch(self, descriptor: int, serve: Callable[[list[Any]], None], what: Any) -> None:
+        """Have `wait` return `serve` and `what` when the descriptor can be read."""
+        self._selector.register(descriptor, selectors.EVENT_READ, (serve, what))
 
     def unwatch(self, descriptor: int) -> None:
         """Ends that; before the descriptor is closed."""
@@ -32,9 +33,13 @@ class Lookout:
         with suppress(OSError):  # full is as good as written, and closed is over
             self._near.send(b"\0")
 
-    def wait(self, timeout_s: float) -> list[Callable[[], None]]:
-        """Waits until something can be read, somebody wakes it or time is over; returns whom to call."""
-        return [key.data for key, _ in self._selector.select(timeout_s)]
+    def wait(self, timeout_s: float) -> dict[Callable[[list[Any]], None], list[Any]]:
+        """Wait for something to read, a wake-up call or the timeout; return what to call, each with all that is its."""
+        calls: dict[Callable[[list[Any]], None], list[Any]] = {}
+        for key, _ in self._selector.select(timeout_s):
+            serve, what = key.data
+            calls.setdefault(serve, []).append(what)
+        return calls
 
     def close(self) -> None:
         """Lets go of the descriptors."""
@@ -42,6 +47,6 @@ class Lookout:
         self._near.close()
         self._far.close()
 
-    def _woken(self) -> None:
+    def _woken(self, what: list[Any]) -> None:
         with suppress(OSError):
             self._far.recv(4096)

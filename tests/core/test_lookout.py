@@ -14,12 +14,12 @@ def test_what_can_be_read_is_served_on_the_thread_that_waits() -> None:
     door, (near, far) = Door(), socket.socketpair()
     served: list[tuple[bytes, int]] = []
 
-    def serve() -> None:
+    def serve(what: list[None]) -> None:
         served.append((far.recv(10), threading.get_ident()))
         door.put(tasks.event("came"), "wire")
 
     with near, far:
-        door.watch(far.fileno(), serve)
+        door.watch(far.fileno(), serve, None)
         near.send(b"x")
         while not door.waiting:
             door.wait(LIMIT_S)
@@ -33,7 +33,7 @@ def test_a_task_from_another_thread_ends_the_wait_also_while_descriptors_are_wat
     door, (near, far) = Door(), socket.socketpair()
     received = []
     with near, far:
-        door.watch(far.fileno(), lambda: None)
+        door.watch(far.fileno(), lambda what: None, None)
         thread = threading.Thread(target=lambda: [door.put(tasks.event(str(i)), "t") for i in range(10_000)])
         thread.start()
         while len(received) < 10_000:
@@ -59,11 +59,11 @@ def test_whoever_waits_already_when_watching_begins_waits_for_that_too() -> None
         thread = threading.Thread(target=wait)
         thread.start()
 
-        def serve() -> None:
+        def serve(what: list[None]) -> None:
             far.recv(10)
             served.set()
 
-        door.watch(far.fileno(), serve)
+        door.watch(far.fileno(), serve, None)
         thread.join(LIMIT_S)
         assert not thread.is_alive()
         door.close()
@@ -74,7 +74,7 @@ def test_two_who_begin_watching_at_one_moment_are_both_served(monkeypatch: pytes
     """Two links that come up together, each on its thread: the second comes while the first one is at it."""
     door, (near, far), (other_near, other_far) = Door(), socket.socketpair(), socket.socketpair()
     served: set[str] = set()
-    second = threading.Thread(target=lambda: door.watch(other_far.fileno(), lambda: served.add("second")))
+    second = threading.Thread(target=lambda: door.watch(other_far.fileno(), served.update, "second"))
 
     class Slow(Lookout):
         def __init__(self) -> None:
@@ -87,7 +87,7 @@ def test_two_who_begin_watching_at_one_moment_are_both_served(monkeypatch: pytes
     with near, far, other_near, other_far:
         near.send(b"x")
         other_near.send(b"x")
-        door.watch(far.fileno(), lambda: served.add("first"))
+        door.watch(far.fileno(), served.update, "first")
         second.join(LIMIT_S)
         door.wait(LIMIT_S)
         door.close()
@@ -98,11 +98,11 @@ def test_what_is_no_longer_watched_is_not_served() -> None:
     lookout, (near, far) = Lookout(), socket.socketpair()
     with near, far:
         near.send(b"x")
-        lookout.watch(far.fileno(), lambda: None)
+        lookout.watch(far.fileno(), lambda what: None, None)
         assert len(lookout.wait(LIMIT_S)) == 1
         lookout.unwatch(far.fileno())
         lookout.unwatch(far.fileno())  # twice is as good as once
-        assert lookout.wait(0.0) == []
+        assert lookout.wait(0.0) == {}
     lookout.wake()
     assert len(lookout.wait(LIMIT_S)) == 1
     lookout.close()
@@ -113,7 +113,7 @@ def test_a_node_that_ends_lets_go_of_what_it_watched_with() -> None:
     node = Node("test", Config(Mode.TEST, {"test": []}))
     near, far = socket.socketpair()
     with near, far:
-        node.door.watch(far.fileno(), lambda: node.enter(tasks.terminate(far.recv(10).decode()), "wire"))
+        node.door.watch(far.fileno(), lambda what: node.enter(tasks.terminate(far.recv(10).decode()), "wire"), None)
         near.send(b"enough")
         node.loop()
     assert node.exit_reason == "enough"

@@ -82,6 +82,11 @@ class FrameReader:
         rest += data[start:]
         return frames
 
+    @property
+    def missing_bytes(self) -> int:
+        """How many bytes of the frame that has begun are still to come, as far as its length is known."""
+        return self._wanted() - len(self._rest) if self._rest else 0
+
     def _wanted(self) -> int:
         """How many bytes there must be before looking is worth while."""
         if len(self._rest) < HEADER_BYTES:

@@ -85,6 +85,7 @@ class Link(Loop):
         self.unwanted = 0  # pages that came and were not let in
         self._brought: dict[int, tuple[Page, object]] = {}  # came by this link, not stored yet: page and who brought it
         self._relayed: dict[bytes | int, None] = {}
+        self._has_dropped_foreign = False
         self._largest_bytes = 1  # of the pages that came lately
         self.is_deaf = False  # whether nothing more is read, because the node has too much to do
         self._accepted: set[DataKey] = set()  # those of `accept` that came
@@ -142,9 +143,20 @@ class Link(Loop):
             raw = encode_page(page)
             frame = encode_frame(raw, self.options.max_frame_bytes)
         except SnrError as error:
-            raise unsendable(page, error, self.parent, f"'{self.name}'") from error
+            failure = unsendable(page, error, self.parent, f"'{self.name}'")
+            if page.origin == self.parent.name:
+                raise failure from error
+            self._drop_foreign(failure)
+            return
         if page.origin == self.parent.name or not self._has_relayed(raw):
             self._carry(page, raw, frame, by)
+
+    def _drop_foreign(self, failure: SnrError) -> None:
+        """Count a page of another node that cannot be passed on: its sender must not end this node with it."""
+        self.dropped += 1
+        if not self._has_dropped_foreign:
+            self._has_dropped_foreign = True
+            self.log.warning("%s Dropped, as will be all such pages.", failure)
 
     def _has_relayed(self, raw: bytes) -> bool:
         """Whether this very page of another node has been passed on before: then it has come round."""
@@ -191,9 +203,9 @@ class Link(Loop):
         if page_bytes > self._largest_bytes:
             self._largest_bytes = page_bytes
 
-    def _must_wait(self, coming: int = 0) -> bool:
-        """Whether the node has so much to do, with what is coming just now, that nothing more may be let in."""
-        tasks = self.parent.machine.queued + coming
+    def _must_wait(self) -> bool:
+        """Whether the node has so much to do that nothing more may be let in."""
+        tasks = self.parent.machine.queued
         if self.is_deaf:
             tasks *= 2
         self.is_deaf = tasks > MAX_TASKS_WAITING or tasks * (self._largest_bytes + HEADER_BYTES) > MAX_BYTES_WAITING

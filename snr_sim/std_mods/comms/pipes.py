@@ -51,6 +51,10 @@ class PipePort:
         """Returns what has come; see Port."""
         return os.read(self._conn.fileno(), most)
 
+    def has_more(self) -> bool:
+        """Return False: `select` shows all that has come; see Port."""
+        return False
+
     def write(self, data: bytes | memoryview) -> int:
         """Sends what fits; see Port."""
         return os.write(self._conn.fileno(), data)

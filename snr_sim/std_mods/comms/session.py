@@ -164,6 +164,11 @@ class Session:
         """Whether there is something to send, or it is over."""
         return bool(self._outbox) or self.state is _CLOSED
 
+    @property
+    def missing_bytes(self) -> int:
+        """How many bytes of the frame that has begun are still to come."""
+        return self._reader.missing_bytes
+
     def take_output(self) -> list[bytes]:
         """Returns the frames that are to be sent, in order and not sealed yet, and forgets them."""
         frames, self._outbox, self._outbox_bytes = self._outbox, [], 0

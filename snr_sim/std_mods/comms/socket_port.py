@@ -68,9 +68,8 @@ class SocketPort:
             return self._sock.recv(most)
         chunks: list[bytes] = []
         try:
-            # Until it says that nothing is left: what TLS has taken in already, `select` does not see.
-            while sum(map(len, chunks)) < most or self._sock.pending():  # type: ignore[attr-defined]
-                chunks.append(self._sock.recv(1 << 16))
+            while (left := most - sum(map(len, chunks))) > 0:  # a record has at most 16 KiB, a frame may have more
+                chunks.append(self._sock.recv(left))
                 if not chunks[-1]:
                     break
         except self._blocked:
@@ -79,6 +78,10 @@ class SocketPort:
         except self._broken as error:
             raise OSError(tls_words(error)) from None
         return b"".join(chunks)
+
+    def has_more(self) -> bool:
+        """Whether TLS has taken in bytes that have not been read; see Port."""
+        return not self.is_shareable and self._sock.pending() > 0  # type: ignore[attr-defined]
 
     def write(self, data: bytes | memoryview) -> int:
         """Sends what fits; see Port."""

@@ -6,6 +6,7 @@ that takes what fits and returns), because that is quickest; otherwise the page 
 
 from __future__ import annotations
 
+import errno
 import heapq
 import threading
 from contextlib import suppress
@@ -15,7 +16,7 @@ from snr_sim.std_mods.comms.faults import Way
 from snr_sim.std_mods.comms.options import LinkOptions
 from snr_sim.std_mods.comms.peers import Peer
 from snr_sim.std_mods.comms.restarting import error_text
-from snr_sim.std_mods.comms.session import Session
+from snr_sim.std_mods.comms.session import MAX_WAITING_BYTES, Session
 
 WRITE_BYTES = 1 << 17  # in one system call, at least if so much waits
 # With more tasks than this waiting, more pages are likely to follow: then one send for many is cheaper than one each.
@@ -33,6 +34,10 @@ class Port(Protocol):
 
     def read(self, most: int) -> bytes:
         """Returns what has come, b"" at the end; raises BlockingIOError if nothing has, OSError if it broke."""
+        ...
+
+    def has_more(self) -> bool:
+        """Whether bytes can be read that `select` does not show."""
         ...
 
     def write(self, data: bytes | memoryview) -> int:
@@ -66,6 +71,12 @@ class Owner(Protocol):
         ...
 
 
+class Account:
+    """How much time reading from a far end, or from several, has taken lately; see `StreamLink._in_turn`."""
+
+    used_s = 0.0
+
+
 class StreamPeer(Peer):
     """A far end at a port.
 
@@ -74,11 +85,15 @@ class StreamPeer(Peer):
         session, way: as of Peer.
         link: whose it is.
         where: its address, in words.
+        account: what it uses is added to.
     """
 
-    def __init__(self, port: Port, session: Session, link: Owner, way: Way | None, where: str) -> None:
+    def __init__(
+        self, port: Port, session: Session, link: Owner, way: Way | None, where: str, account: Account
+    ) -> None:
         super().__init__(session, link.options, way)
         self.where = where
+        self.account = account
         self.port = port
         self.descriptor = port.fileno()  # kept: a port that is closed has none, and `select` forgets none by itself
         self.failure = ""  # what happened to the port, if something did
@@ -136,6 +151,8 @@ class StreamPeer(Peer):
         output = self.session.take_output()
         if self.way is None:
             self._control += output
+            if output and sum(map(len, self._control)) > MAX_WAITING_BYTES:
+                self.fail(OSError(errno.ENOBUFS, "the other end does not read its answers."))
         else:
             for frame in output:
                 self._put_on_the_way(self.way, frame, is_page=False)

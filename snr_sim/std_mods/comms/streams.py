@@ -11,7 +11,7 @@ import logging
 import selectors
 import socket
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack, suppress
 from functools import partial
 from typing import Any
@@ -22,9 +22,16 @@ from snr_sim.std_mods.comms.options import LinkOptions
 from snr_sim.std_mods.comms.peers import PeerLink
 from snr_sim.std_mods.comms.restarting import RestartingLoop
 from snr_sim.std_mods.comms.session import Session, Terms
-from snr_sim.std_mods.comms.stream_peer import FEW_TASKS, Port, StreamPeer
+from snr_sim.std_mods.comms.stream_peer import FEW_TASKS, Account, Port, StreamPeer
 
-READ_BYTES = 1 << 17
+READ_BYTES = 1 << 17  # in one system call, of a frame that has begun
+# Of the frames that begin, all peers together are read so much in a round, each an equal share: a page that comes next
+# waits for few tasks, whatever others send. 8 KiB are a hundred small pages.
+ROUND_BYTES = 1 << 13
+MIN_SHARE_BYTES = 1 << 8
+ROUND_S = 0.02  # how long one round may take; who is left then comes in the next one
+# How often pages are read for a node that still has tasks of the last ones to do.
+STAND_IN_S = 0.1
 TEND_EVERY_S = 0.05  # time-outs, keep-alives, reports
 LOOK_EVERY_S = 0.002  # how often a busy node is looked after: does it come to its door, has it caught up?
 # How long the end of a link may take to send what waits and to hear that it has come. Less than a loop is waited for.
@@ -33,6 +40,10 @@ LINGER_S = 0.3
 
 class StreamLink(RestartingLoop, PeerLink):
     """Waits for all its streams at once, and shares them with the node's thread: whoever holds the lock may touch them.
+
+    Streams are read in rounds. In a round each is read once and gets its share, those first that have used least time
+    lately (`_in_turn`); the next round begins when the node has done what the last one brought. So nothing that some
+    far ends send, accepted or not, keeps another waiting for longer than a round.
 
     What fails over one stream closes that stream (`_for`). What fails beyond them restarts the link.
 
@@ -54,6 +65,9 @@ class StreamLink(RestartingLoop, PeerLink):
         self._visits = -1  # of the node at its door, when last seen
         self._is_node_busy = True
         self.forged = 0  # streams that something between the two ends has changed
+        self._read_s = float("-inf")  # when pages came last
+        self._half_read: dict[StreamPeer, None] = {}  # streams with bytes that `select` does not show
+        self._greeting = Account()  # of all streams together that are not up
 
     def _open_ports(self, ports: ExitStack) -> None:
         self._selector: selectors.BaseSelector = selectors.DefaultSelector()
@@ -110,16 +124,38 @@ class StreamLink(RestartingLoop, PeerLink):
             until_s = self._until_s(now_s)
             events = select(max(0.0, until_s - now_s))
             with self._lock:
-                for key, mask in events:
-                    act: Callable[[int], None] = key.data
-                    act(mask)
-            if not events or self.is_deaf or now_s >= until_s:
+                self._act_on(events)
+            if not events or now_s >= until_s or not self.has_few_tasks():
                 break
         with self._lock:
-            self._stand_in()
+            self._stand_in(now())
             self._tend(now())
 
+    def _act_on(self, events: list[tuple[selectors.SelectorKey, int]]) -> None:
+        ready: dict[StreamPeer, int] = {}
+        for key, mask in events:
+            if isinstance(key.data, StreamPeer):
+                ready[key.data] = mask
+            else:
+                key.data(mask)
+        for stream in self._half_read:
+            ready[stream] = ready.get(stream, 0) | selectors.EVENT_READ
+        self._in_turn(ready, lambda stream: self._for(stream, self._serve, ready[stream]))
+
+    def _in_turn(self, streams: Iterable[StreamPeer], act: Callable[[StreamPeer], object]) -> None:
+        """Act on each stream once, those first that have used least time lately, until the time of a round is over."""
+        begun_s = now_s = self.get_time_s()
+        for stream in sorted(streams, key=lambda stream: stream.account.used_s):
+            account = stream.account
+            act(stream)
+            last_s, now_s = now_s, self.get_time_s()
+            account.used_s += now_s - last_s
+            if now_s - begun_s > ROUND_S:
+                return
+
     def _until_s(self, now_s: float) -> float:
+        if self._half_read and not self.is_deaf:
+            return now_s
         if self.is_deaf or self._is_node_busy:
             return now_s + LOOK_EVERY_S
         return min([self._tend_s, *(stream.due_s for stream in self.streams)]) if self._is_slow else self._tend_s
@@ -150,7 +186,7 @@ class StreamLink(RestartingLoop, PeerLink):
     def _add_stream(self, port: Port, where: str) -> StreamPeer:
         session = Session(self.terms, self.get_time_s())
         way = None if self.options.faults is None else self._new_way()
-        stream = StreamPeer(port, session, self, way, where)
+        stream = StreamPeer(port, session, self, way, where, self._greeting)
         self.streams.append(stream)
         self._for(stream, self._pump)
         return stream
@@ -172,58 +208,64 @@ class StreamLink(RestartingLoop, PeerLink):
             self._read(stream)
         self._pump(stream)
 
-    def _serve_at_door(self, stream: StreamPeer) -> None:
-        """Reads what has come, on the node's thread, which has nothing else to do."""
+    def _serve_at_door(self, ready: list[StreamPeer]) -> None:
+        """Read a round of what has come, on the node's thread, which has nothing else to do."""
         with self._lock:
-            if not stream.is_at_door or self.is_deaf:
-                return
-            try:
-                self._read(stream)
-            except Exception as error:  # the link's thread closes the stream
-                stream.fail(error)
-            if not (stream.failure or stream.session.wants_attention or self.is_deaf):
+            self._in_turn([stream for stream in ready if stream.is_at_door], self._read_at_door)
+            if not any(stream.failure or stream.session.wants_attention for stream in ready):
                 return
         self.wake()
 
-    def _stand_in(self) -> None:
-        """Reads what has come for a node that has not been at its door since the last look."""
+    def _read_at_door(self, stream: StreamPeer) -> None:
+        try:
+            self._read(stream)
+        except Exception as error:  # the link's thread closes the stream
+            stream.fail(error)
+
+    def _stand_in(self, now_s: float) -> None:
+        """Read a round of what has come for a node that has not been at its door since the last look."""
         door = self.parent.door
         is_absent = not door.is_waited_at and door.visits == self._visits
         self._is_node_busy, self._visits = not door.is_waited_at, door.visits
-        for stream in list(self.streams) if is_absent else ():
-            self._for(stream, self._read_all)
+        was_deaf, is_early = self.is_deaf, now_s < self._read_s + STAND_IN_S and not self.has_few_tasks()
+        self.is_deaf = self._must_wait() or is_early
+        if self.is_deaf != was_deaf:
+            for stream in list(self.streams):
+                self._for(stream, self._watch)
+        if is_absent and not self.is_deaf:
+            at_door = [stream for stream in self.streams if stream.is_at_door]
+            self._in_turn(at_door, lambda stream: self._for(stream, self._read))
 
-    def _read_all(self, stream: StreamPeer) -> None:
-        while stream.is_at_door and not self.is_deaf and self._read(stream):
-            pass
-
-    def _read(self, stream: StreamPeer) -> bool:
-        """Lets in what has come; returns whether there was something."""
+    def _read(self, stream: StreamPeer) -> None:
+        """Let in what has come: of frames that begin no more than the stream's share."""
         session = stream.session
+        share_bytes = max(MIN_SHARE_BYTES, ROUND_BYTES // max(1, len(self.peers)))
         try:
-            data = stream.port.read(READ_BYTES)
+            data = stream.port.read(max(share_bytes, min(READ_BYTES, session.missing_bytes)))
         except BlockingIOError:
-            return False
+            return
         except OSError as error:
             stream.fail(error)
-            return False
+            return
         if not data:
             session.lost("the connection was closed.")
             stream.failure = session.reason
-            return False
+            return
+        self._half_read.pop(stream, None)
+        if stream.port.has_more():
+            self._half_read[stream] = None
         stream.unread_bytes += len(data)
         pages = session.receive(data, self.get_time_s())
         if not stream.is_admitted and session.is_up:
-            stream.is_admitted = True
+            stream.is_admitted, stream.account = True, Account()
             stream.pump(self.get_time_s())  # what the session says stands before the first page
             self._admit(stream)
             self._tend_s = 0.0  # tell it now
         if pages:
             self._note_size(stream.unread_bytes // len(pages))
             stream.unread_bytes = 0
-            self._must_wait(len(pages))
+            self._read_s = self.get_time_s()
             self._bring(pages, stream)
-        return True
 
     def _part_from(self, stream: StreamPeer) -> None:
         """The session is over. The far end is given a moment to read why: closing at once could take that back."""
@@ -257,6 +299,7 @@ class StreamLink(RestartingLoop, PeerLink):
             # One traceback is enough: a far end must not fill the log with more of them.
             self.log.error("%s: %s", stream.where, stream.failure, exc_info=stream.bug if self.failures == 1 else None)
         self.streams.remove(stream)
+        self._half_read.pop(stream, None)
         self._try(partial(self._note_end, stream))
         self._try(partial(self._watch, stream))
         self._try(stream.port.close)
@@ -275,8 +318,8 @@ class StreamLink(RestartingLoop, PeerLink):
         wanted = 0
         if stream in self.streams:
             is_leaving = stream.leaves_s is not None
-            is_read = not self.is_deaf or is_leaving
-            if is_read and stream.is_admitted and stream.port.is_shareable and not is_leaving:
+            is_read = is_leaving or not (stream.is_admitted and self.is_deaf)
+            if stream.is_admitted and stream.port.is_shareable and not is_leaving:
                 self._bring_to_door(stream)
                 is_read = False
             else:
@@ -289,14 +332,14 @@ class StreamLink(RestartingLoop, PeerLink):
         if not wanted:
             self._selector.unregister(stream.descriptor)
         elif not stream.watched:
-            self._selector.register(stream.descriptor, wanted, partial(self._for, stream, self._serve))
+            self._selector.register(stream.descriptor, wanted, stream)
         else:
-            self._selector.modify(stream.descriptor, wanted, partial(self._for, stream, self._serve))
+            self._selector.modify(stream.descriptor, wanted, stream)
         stream.watched = wanted
 
     def _bring_to_door(self, stream: StreamPeer) -> None:
         if not stream.is_at_door:
-            self.parent.door.watch(stream.descriptor, partial(self._serve_at_door, stream))
+            self.parent.door.watch(stream.descriptor, self._serve_at_door, stream)
             stream.is_at_door = True
 
     def _leave_door(self, stream: StreamPeer) -> None:
@@ -307,17 +350,17 @@ class StreamLink(RestartingLoop, PeerLink):
     def _tend(self, now_s: float) -> None:
         """Does what time asks for."""
         self._pump_all()
-        if self.is_deaf and not self._must_wait():
-            for stream in list(self.streams):
-                stream.session.forgive_silence(now_s)
-                self._for(stream, self._watch)
         if now_s < self._tend_s:
             return
         self._tend_s = now_s + TEND_EVERY_S
         if self._is_woken:  # perhaps while the link restarted, and then nothing has come of it
             self._is_woken = False
             self._look_around()
-        for stream in list(self.streams) if not self.is_deaf else ():
+        self._greeting.used_s /= 2
+        for stream in list(self.streams):
+            stream.account.used_s /= 2
+            if self.is_deaf:
+                stream.session.forgive_silence(now_s)
             self._for(stream, lambda stream: stream.session.tick(now_s))
         self._pump_all()
         self._report(now_s)

@@ -14,6 +14,7 @@ from snr_sim.core.loop import LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.std_mods.comms.back_off import BackOff
 from snr_sim.std_mods.comms.options import LinkOptions
+from snr_sim.std_mods.comms.restarting import error_text
 from snr_sim.std_mods.comms.session import Terms
 from snr_sim.std_mods.comms.socket_port import Address, SocketPort
 from snr_sim.std_mods.comms.stream_peer import StreamPeer
@@ -77,7 +78,7 @@ class ClientLink(StreamLink):
     def _connected(self, sock: socket.socket) -> None:
         try:
             port = SocketPort(sock, self._context, self._server_name)
-        except OSError as error:
+        except (OSError, ValueError) as error:  # of TLS: a name that no certificate can have is a ValueError
             sock.close()
             self._call_again(f"waits for {self._address}: {error}.")
             return
@@ -114,8 +115,8 @@ class Calls:
     def _connect(self, host: str, port: int) -> None:
         try:
             answer: socket.socket | str = connect(host, port)
-        except (OSError, UnicodeError) as error:  # a host of more than 63 characters without a dot is a UnicodeError
-            answer = getattr(error, "strerror", None) or str(error)
+        except Exception as error:  # whatever it is: without an answer the link would never call again
+            answer = error_text(error)
         self.answers.put(answer)
         if self._has_given_up:
             self.give_up()
@@ -139,9 +140,12 @@ def connect(host: str, port: int) -> socket.socket:
         OSError: there is none, or no such host.
     """
     sock = socket.create_connection((host, port), CONNECT_TIMEOUT_S)
-    if sock.getsockname() == sock.getpeername():
-        # On one machine, where the system takes our own port from the same range, a call to a port that nobody
-        # listens at can reach itself; and then hold the port against the server that comes.
+    try:
+        if sock.getsockname() == sock.getpeername():
+            # On one machine, where the system takes our own port from the same range, a call to a port that nobody
+            # listens at can reach itself; and then hold the port against the server that comes.
+            raise ConnectionRefusedError(errno.ECONNREFUSED, "nobody listens")
+    except OSError:  # also of a server that has hung up already
         sock.close()
-        raise ConnectionRefusedError(errno.ECONNREFUSED, "nobody listens")
+        raise
     return sock

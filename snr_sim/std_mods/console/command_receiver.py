@@ -12,18 +12,20 @@ from snr_sim.core.backing import ThreadBacking
 from snr_sim.core.loop import LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.prelude.errors import ConfigError
+from snr_sim.std_mods.comms.allowance import Allowance
 from snr_sim.std_mods.comms.listener import Listener
+from snr_sim.std_mods.comms.newcomers import Newcomers, crowd, source_of
 from snr_sim.std_mods.comms.restarting import RestartingLoop
 from snr_sim.std_mods.comms.security import as_secret, is_loopback
 from snr_sim.std_mods.comms.session import Terms
 from snr_sim.std_mods.comms.socket_port import Address, Claim
 from snr_sim.std_mods.console.command_processor import CommandProcessor
-from snr_sim.std_mods.console.conversation import Allowance, Conversation
+from snr_sim.std_mods.console.conversation import LINES_AT_ONCE, LINES_PER_S, Conversation
 from snr_sim.std_mods.console.line import Line
 from snr_sim.std_mods.console.wire import DEFAULT_PORT, LINE_FRAME_MAX_BYTES, PURPOSE, SECRET_IS
 
 CONSOLES_MAX = 8
-STRANGERS_MAX = 16  # connections that have not shown yet whether they are consoles; of more, the oldest goes
+STRANGERS_MAX = 16  # connections that have not shown yet whether they are consoles
 TEND_EVERY_S = 0.1  # time-outs, keep-alives
 WATCH_EVERY_S = 0.05
 BUSY_EVERY_S = 0.01
@@ -112,7 +114,8 @@ class CommandReceiver(RestartingLoop):
             secret_is=SECRET_IS,
         )
         self._processor = CommandProcessor(parent, name)
-        self._allowance = Allowance()
+        self._allowance = Allowance(LINES_PER_S, LINES_AT_ONCE)
+        self._newcomers = Newcomers()
         self._lines: list[Line] = []
         self.forged = 0  # lines that something between node and console has changed
 
@@ -180,11 +183,15 @@ class CommandReceiver(RestartingLoop):
         come = self._listener.accept(time.monotonic())
         if come is None:
             return
+        sock, (host, *_) = come
+        if not self._newcomers.may_greet(host, time.monotonic()):
+            sock.close()
+            return
         strangers = [line for line in self._lines if not line.is_known]
         if len(strangers) >= STRANGERS_MAX:
-            self._drop(strangers[0])
+            self._drop(crowd(strangers, lambda line: source_of(line.host))[0])
         conversation = Conversation(self._terms, self._processor.session(), time.monotonic(), self._allowance)
-        self._lines.append(Line(come[0], conversation))
+        self._lines.append(Line(sock, conversation, host))
 
     def _read(self, line: Line) -> None:
         was_known = line.is_known
@@ -193,6 +200,7 @@ class CommandReceiver(RestartingLoop):
             if sum(other.is_known for other in self._lines) > CONSOLES_MAX:
                 line.conversation.refuse(f"{CONSOLES_MAX} consoles are connected to this node, which is the most.")
             else:
+                self._newcomers.know(line.host)
                 self.log.info("a console has connected")
 
     def _tend(self, line: Line) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 
+from snr_sim.std_mods.comms.allowance import Allowance
 from snr_sim.std_mods.comms.session import Session as WireSession
 from snr_sim.std_mods.comms.session import Terms
 from snr_sim.std_mods.console.command_processor import Session
@@ -16,25 +17,6 @@ from snr_sim.std_mods.console.wire import Command, Complete, completed, decode_a
 OUTPUT_MAX_BYTES = 1 << 17  # from which on no more lines are answered, nor bytes read, until the console has read
 LINES_PER_S = 500.0  # of all consoles together: so much of the node's computer they get
 LINES_AT_ONCE = 100.0
-
-
-class Allowance:
-    """How many lines may still be answered: filled up evenly, and up to a limit."""
-
-    def __init__(self, rate_hz: float = LINES_PER_S, most: float = LINES_AT_ONCE) -> None:
-        self._rate_hz = rate_hz
-        self._most = most
-        self._left = most
-        self._filled_s = float("-inf")
-
-    def take(self, now_s: float) -> bool:
-        """Takes one, if there is one."""
-        self._left = min(self._most, self._left + (now_s - self._filled_s) * self._rate_hz)
-        self._filled_s = now_s
-        if self._left < 1.0:
-            return False
-        self._left -= 1.0
-        return True
 
 
 class Conversation:

@@ -23,13 +23,15 @@ class Line:
     Args:
         sock: connected.
         conversation: what is said on it.
+        host: the far end's address.
     """
 
-    def __init__(self, sock: socket.socket, conversation: Conversation) -> None:
+    def __init__(self, sock: socket.socket, conversation: Conversation, host: str) -> None:
         sock.setblocking(False)
         with suppress(OSError):  # not every family of sockets has it
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self.sock = sock
+        self.host = host
         self.conversation = conversation
         self.is_broken = False
         self.watched = 0  # what `select` waits for on its behalf

@@ -38,6 +38,7 @@ class Network:
         self.open: dict[int, Any] = {}  # sockets by descriptor
         self.listeners: dict[int, SimListener] = {}  # by port
         self.is_full = False  # no descriptor is left for `accept`
+        self.patience_s = float("inf")  # how long a wait may be before whoever waits looks again
 
     def install(self, patch: pytest.MonkeyPatch) -> None:
         """Give links this network in place of the computer's."""
@@ -48,6 +49,10 @@ class Network:
         patch.setattr(Calls, "begin", Calls._connect)  # at once, without a thread
         patch.setattr("snr_sim.std_mods.comms.back_off.Random", lambda: self.rng)
         patch.setattr("snr_sim.core.loop.ThreadBacking", StepBacking)
+
+    def pass_time(self, time_s: float) -> None:
+        """Let time pass; what happens in the network of itself happens in it."""
+        self.now_s += time_s
 
     def pair(self) -> tuple[SimSocket, SimSocket]:
         one, other = SimSocket(self), SimSocket(self)
@@ -238,7 +243,8 @@ class SimSelector(selectors.SelectSelector):
         ]
         ready = [(key, events) for key, events in found if events]
         self.network.rng.shuffle(ready)
-        self.network.now_s += SELECT_S if ready else max(SELECT_S, timeout or 0.0)
+        idle_s = min(timeout or 0.0, self.network.patience_s)
+        self.network.pass_time(SELECT_S if ready else max(SELECT_S, idle_s))
         return ready
 
 

@@ -17,7 +17,7 @@ from snr_sim.std_mods.comms.frames import encode_frame
 from snr_sim.std_mods.comms.messages import Auth, Bye, Hello, Ping, encode_message
 from snr_sim.std_mods.comms.restarting import RestartingLoop
 from snr_sim.std_mods.comms.streams import StreamLink
-from snr_sim.std_mods.comms.tcp_server import MAX_STREAMS
+from snr_sim.std_mods.comms.tcp_server import MAX_NEWCOMERS
 
 from .simulated_network import HERE, Network, SimSocket, SimTime
 
@@ -111,7 +111,7 @@ class History:
             self.strangers.append(self.network.connect(HERE, self.pair.port, "192.0.2.1"))
 
     def crowd(self) -> None:
-        for _ in range(self.rng.randrange(MAX_STREAMS + 10)):
+        for _ in range(self.rng.randrange(MAX_NEWCOMERS + 10)):
             self.connect()
 
     def say(self) -> None:

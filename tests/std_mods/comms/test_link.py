@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import re
 import time
@@ -151,6 +152,29 @@ def test_a_page_that_cannot_be_sent_is_blamed_on_the_line_that_stored_it(size: i
     assert "'link_tether' cannot send page 'photo': " in second
     assert "take() of component 'camera'" in str(raised.value)
     assert said in str(raised.value)
+
+
+def test_foreign_page_beyond_the_next_links_frame_is_dropped_told_once_and_ends_no_node(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    wide = SocketsPair((HERE, 1), name="wide")
+    narrow = SocketsPair((HERE, 2), name="narrow", max_frame_bytes=1000)
+    photos = TickerFactory(lambda loop: loop.store_data("photo", "x" * 2000), rate_hz=10.0, name="camera")
+    depths = TickerFactory(lambda loop: loop.store_data("depth", 1.0), rate_hz=10.0, name="gauge")
+    factories: dict[str, list[AnyFactory]] = {
+        "robot": [photos, depths, wide.client(["photo", "depth"])],
+        "relay": [wide.server(), narrow.server(["photo", "depth"])],
+        "topside": [narrow.client()],
+    }
+    runner = SimRunner(Config(factories=factories), until_s=2.05)
+    with caplog.at_level(logging.WARNING):
+        runner.run()
+    assert runner.nodes["topside"].get_data("depth") == 1.0
+    link = runner.nodes["relay"].components["link_narrow"]
+    assert link.sent == runner.nodes["topside"].components["link_narrow"].received > 10  # type: ignore[attr-defined]
+    assert link.dropped > 10  # type: ignore[attr-defined]
+    (told,) = [message for message in caplog.messages if "cannot send page 'photo'" in message]
+    assert "by node 'robot_node'" in told
 
 
 def test_a_page_that_cannot_cross_memory_is_blamed_on_the_line_that_stored_it() -> None:

@@ -12,7 +12,8 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, SimRunner, SocketsPair, TaskType, tasks
-from snr_sim.std_mods.comms.tcp_client import connect
+from snr_sim.std_mods.comms.restarting import error_text
+from snr_sim.std_mods.comms.tcp_client import Calls, connect
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 HERE = "127.0.0.1"
@@ -92,6 +93,33 @@ def test_a_handler_that_takes_long_does_not_cost_the_link(start: Callable[..., A
     client.until(lambda: len(client.stored["link_wire"]) >= reports + 3, "three reports, one a second")
     done.set()
     assert all(report["up"] for report in client.stored["link_wire"][reports:])
+
+
+@pytest.mark.parametrize("error", [OSError(1, "broken"), UnicodeError("a name"), RuntimeError("a bug"), MemoryError()])
+def test_call_that_fails_in_any_way_gets_an_answer(monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
+    def fail(host: str, port: int) -> socket.socket:
+        raise error
+
+    told: list[None] = []
+    calls = Calls(lambda: told.append(None))
+    monkeypatch.setattr("snr_sim.std_mods.comms.tcp_client.connect", fail)
+    calls._connect(HERE, 1)
+    assert calls.answers.get_nowait() == error_text(error)
+    assert told
+
+
+@pytest.mark.slow
+def test_name_that_no_certificate_has_leaves_the_client_calling(
+    start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*args: object) -> None:
+        "".join(["x" * 70]).encode("idna")
+
+    monkeypatch.setattr("snr_sim.std_mods.comms.tcp_client.SocketPort", refuse)
+    with socket.create_server((HERE, 0)) as server:
+        client = start("client", [SocketsPair(server.getsockname(), name="t").client("depth")])
+        client.until(lambda: any("label" in report["reason"] for report in client.stored["link_t"]))
+        assert client.stored["link_t"][-1]["failures"] == 0
 
 
 @pytest.mark.slow

@@ -25,13 +25,14 @@ import msgspec
 from snr_sim import CommandReceiverFactory, Config, ConsoleClient, Node, SimClock, Task, TaskType, tasks
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.values import encode_value
+from snr_sim.std_mods.comms.allowance import Allowance
 from snr_sim.std_mods.comms.frames import HEADER_BYTES, MAX_FRAME_BYTES, encode_frame
 from snr_sim.std_mods.comms.security import as_secret
 from snr_sim.std_mods.comms.session import Session as WireSession
 from snr_sim.std_mods.comms.session import Terms
 from snr_sim.std_mods.console.command_processor import NEW_NAMES_MAX, CommandProcessor
 from snr_sim.std_mods.console.commands import TABLE
-from snr_sim.std_mods.console.conversation import OUTPUT_MAX_BYTES, Allowance, Conversation
+from snr_sim.std_mods.console.conversation import LINES_AT_ONCE, LINES_PER_S, OUTPUT_MAX_BYTES, Conversation
 from snr_sim.std_mods.console.readable import TEXT_MAX_CHARS
 from snr_sim.std_mods.console.table import Answer
 from snr_sim.std_mods.console.wire import PURPOSE, Command, Complete, asked, decode_answered
@@ -193,7 +194,7 @@ def fuzz_bytes(rng: random.Random, count: int) -> None:
     """Bytes at a node's end of a line: nonsense, damaged greetings, and damaged commands after a good greeting."""
     subject = Subject()
     now_s, has_token, conversation = 0.0, False, None
-    allowance = Allowance()
+    allowance = Allowance(LINES_PER_S, LINES_AT_ONCE)
     for _ in range(count):
         if conversation is None or conversation.is_over:
             has_token = rng.random() < 0.5

@@ -4,20 +4,25 @@ from typing import Any
 
 import pytest
 
+from snr_sim.std_mods.comms.allowance import Allowance
 from snr_sim.std_mods.comms.frames import encode_frame
 from snr_sim.std_mods.comms.session import Session as WireSession
 from snr_sim.std_mods.comms.session import Terms
-from snr_sim.std_mods.console.conversation import LINES_AT_ONCE, OUTPUT_MAX_BYTES, Allowance, Conversation
+from snr_sim.std_mods.console.conversation import LINES_AT_ONCE, LINES_PER_S, OUTPUT_MAX_BYTES, Conversation
 from snr_sim.std_mods.console.wire import PURPOSE, Command, Complete, Reply, Words, asked, decode_answered
 
 from .conftest import Talk
+
+
+def allowance() -> Allowance:
+    return Allowance(LINES_PER_S, LINES_AT_ONCE)
 
 
 class Ends:
     """Both ends of a line."""
 
     def __init__(self, talk: Talk) -> None:
-        self.near = Conversation(Terms("urov_node", True, purpose=PURPOSE), talk.session, 0.0, Allowance())
+        self.near = Conversation(Terms("urov_node", True, purpose=PURPOSE), talk.session, 0.0, allowance())
         self.far = WireSession(Terms("console", False, purpose=PURPOSE), 0.0, decode_answered)
         self.hear(0.0)
         self.say(b"", 0.0)
@@ -69,7 +74,7 @@ def test_whoever_does_not_read_gets_no_more_answers_and_is_left(talk: Talk, ends
 
 
 def test_whoever_says_nothing_is_left(talk: Talk, ends: Ends) -> None:
-    stranger = Conversation(Terms("urov_node", True, purpose=PURPOSE), talk.session, 0.0, Allowance())
+    stranger = Conversation(Terms("urov_node", True, purpose=PURPOSE), talk.session, 0.0, allowance())
     for conversation in (ends.near, stranger):
         conversation.work(2.9)
         assert not conversation.is_over
@@ -78,7 +83,7 @@ def test_whoever_says_nothing_is_left(talk: Talk, ends: Ends) -> None:
 
 
 def test_a_link_that_calls_a_console_is_told(talk: Talk) -> None:
-    near = Conversation(Terms("urov_node", True, purpose=PURPOSE), talk.session, 0.0, Allowance())
+    near = Conversation(Terms("urov_node", True, purpose=PURPOSE), talk.session, 0.0, allowance())
     link = WireSession(Terms("topside_node", False), 0.0)
     near.receive(b"".join(link.take_output()), 0.0)
     assert "console" in near.wire.reason

@@ -1,0 +1,35 @@
+"""An honest pilot, as a program: `python pilot.py PORT`. It sends a number at 50 Hz until its input ends."""
+
+from __future__ import annotations
+
+import itertools
+import sys
+import threading
+
+import attackers
+
+from snr_sim import Config, Node, SocketsPair, tasks
+from snr_sim.testing.parts import TickerFactory
+
+RATE_HZ = 50.0
+
+
+def main() -> None:
+    """Send; in the end print how many pages were stored, sent and dropped."""
+    numbers = itertools.count(1)
+    pair = SocketsPair(("127.0.0.1", int(sys.argv[1])), name="t", secret=attackers.SECRET)
+    ticker = TickerFactory(lambda loop: loop.store_data("stick", next(numbers)), rate_hz=RATE_HZ)
+    node = Node("pilot", Config(factories={"pilot": [pair.client("stick"), ticker]}))
+
+    def wait() -> None:
+        sys.stdin.read()
+        node.enter(tasks.terminate("the test is over"), "test")
+
+    threading.Thread(target=wait, daemon=True).start()
+    node.loop()
+    link = node.components["link_t"]
+    print(next(numbers) - 1, link.sent, link.dropped, len(link._unsent))
+
+
+if __name__ == "__main__":
+    main()
