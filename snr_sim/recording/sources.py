@@ -50,6 +50,9 @@ class TableLine(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     mark: str
 
 
+_decode_line = msgspec.json.Decoder(TableLine).decode
+
+
 @dataclass(frozen=True)
 class KeptFile:
     """A file that a run was recorded with.
@@ -243,7 +246,7 @@ def _read_table(run: Path, folder: int) -> list[KeptFile]:
         raise _unusable(run, f"{TABLE} names {len(lines)} files, of at most {MAX_FILES}")
     for number, text in enumerate(lines, 1):
         try:
-            line = msgspec.json.decode(text, type=TableLine)
+            line = _decode_line(text)
         except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
             if number == len(lines) and not text.endswith(b"}"):
                 break  # cut with the run
