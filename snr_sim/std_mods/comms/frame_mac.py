@@ -6,9 +6,9 @@ order, so both ends count.
 
 from __future__ import annotations
 
-import hmac
 import struct
 from hashlib import blake2b
+from hmac import compare_digest
 
 from snr_sim.std_mods.comms.frames import HEADER_BYTES, MAC_BYTES
 
@@ -29,21 +29,25 @@ class FrameMac:
     (b'hi', None)
     """
 
+    __slots__ = ("_keyed", "_number")
+
     def __init__(self, key: bytes) -> None:
         self._keyed = blake2b(key=key, digest_size=MAC_BYTES)  # a copy of it costs a third of a new one
         self._number = 0
 
     def seal(self, frame: bytes) -> bytes:
         """Returns a frame with its MAC. Each frame once, in the order in which they are sent."""
+        number = self._number
+        self._number = number + 1
         mac = self._keyed.copy()
-        mac.update(_NUMBER(self._number) + frame)
-        self._number += 1
+        mac.update(_NUMBER(number) + frame)
         return _LENGTH(len(frame) - HEADER_BYTES + MAC_BYTES) + frame[HEADER_BYTES:] + mac.digest()
 
     def open(self, payload: bytes) -> bytes | None:
         """Returns the message in a payload; None if this is not the one that was sent as the next."""
+        number = self._number
+        self._number = number + 1
         message = payload[:-MAC_BYTES]
         mac = self._keyed.copy()
-        mac.update(_NUMBER_AND_LENGTH(self._number, len(message)) + message)
-        self._number += 1
-        return message if hmac.compare_digest(mac.digest(), payload[-MAC_BYTES:]) else None
+        mac.update(_NUMBER_AND_LENGTH(number, len(message)) + message)
+        return message if compare_digest(mac.digest(), payload[-MAC_BYTES:]) else None

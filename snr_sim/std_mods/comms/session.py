@@ -130,7 +130,7 @@ class Session:
         self._offsets_s: deque[float] = deque(maxlen=OFFSETS_REMEMBERED)
         self._outbox: list[bytes] = []
         self._outbox_bytes = 0
-        self._sealed = 0  # frames that went through `seal`, up to FRAMES_WITHOUT_MAC
+        self._sealed = 0  # frames that went through `seal` and got no MAC
         self._mac_out: FrameMac | None = None  # both once the other end has greeted, if there is a secret
         self._mac_in: FrameMac | None = None
         self._proofs = ("", "")  # of this end, and what the other end's must be
@@ -180,13 +180,11 @@ class Session:
         Every frame of the session, those of `take_output` and all others, once and in the order in which they cross.
         So not before it is certain that a frame is sent, and which is next; and by one thread at a time.
         """
-        if self.terms.secret is None:
-            return frame
-        if self._sealed < FRAMES_WITHOUT_MAC:
-            self._sealed += 1
-            return frame
-        assert self._mac_out is not None  # more than a hello and a last word is only said to who has greeted
-        return self._mac_out.seal(frame)
+        mac = self._mac_out
+        if mac is not None and self._sealed >= FRAMES_WITHOUT_MAC:
+            return mac.seal(frame)
+        self._sealed += 1  # before it has greeted, the other end gets no more than a hello and a last word
+        return frame
 
     def receive(self, data: bytes, now_s: float) -> list[Any]:
         """Takes bytes as they come; returns the messages in them that are none of the session's own: pages.

@@ -14,12 +14,12 @@ from snr_sim.prelude.page import KINDS, Page
 
 MAX_DEPTH = 100  # of objects and lists inside each other, the message included
 MIN_INT, MAX_INT = -(2**63), 2**64 - 1
-_DIGITS_AS_ZERO = bytes.maketrans(b"123456789", b"000000000")
+_SHAPE = bytes.maketrans(b"123456789{}", b"000000000[]")  # digits and brackets of any kind as those of one kind
 _LONG_RUN = b"0" * len(str(-MIN_INT))  # fewer digits are always within the bounds
 _TEXT = re.compile(rb'"(?:[^"\\]++|\\.)*+"')
 _LONG_INT = re.compile(rb"(?<![0-9.eE+-])-?[0-9]{%d,}(?![0-9.eE])" % len(_LONG_RUN))
-_BRACES_AS_BRACKETS = bytes.maketrans(b"{}", b"[]")
 _NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
+_MARK = b'{"$":'  # the first of a page is its own
 _OWN_INT_MARK = b'"$":"int"'
 _OWN_OBJECT_MARK = b'"$":"object"'
 
@@ -40,7 +40,7 @@ def encode_page(page: Page) -> bytes:
     """
     raw = page.serialize()
     check_bounds(raw)
-    if _OWN_OBJECT_MARK in raw or _OWN_INT_MARK in raw:
+    if raw.find(_MARK, len(_MARK)) >= 0 and (_OWN_OBJECT_MARK in raw or _OWN_INT_MARK in raw):
         Page.deserialize(raw, WIRE_KINDS)  # names the class
     return raw
 
@@ -65,15 +65,16 @@ def check_bounds(raw: bytes) -> None:
     >>> check_bounds(b'{"count":18446744073709551615}')
     >>> check_bounds(b"[" * 100 + b"]" * 100)
     """
-    # Both first conditions are cheap and hold for next to no page.
-    if raw.count(b"[") + raw.count(b"{") > MAX_DEPTH and _is_too_deep(raw):
-        raise ValueEncodingError(f"A value is nested more than {MAX_DEPTH} deep.", fix="a flatter value.")
-    if _LONG_RUN in raw.translate(_DIGITS_AS_ZERO) and _has_long_int(raw):
+    # What is asked first is cheap, and true of next to no page: 0.5 us for 200 bytes, where a walk would take 5.
+    shape = raw.translate(_SHAPE)
+    if shape.find(_LONG_RUN) >= 0 and _has_long_int(raw):
         raise _too_long()
+    if len(raw) > 2 * MAX_DEPTH and shape.count(b"[") > MAX_DEPTH and _is_too_deep(raw):
+        raise ValueEncodingError(f"A value is nested more than {MAX_DEPTH} deep.", fix="a flatter value.")
 
 
 def _is_too_deep(raw: bytes) -> bool:
-    brackets = _TEXT.sub(b"", raw).translate(_BRACES_AS_BRACKETS, _NO_BRACKETS)
+    brackets = _TEXT.sub(b"", raw).translate(_SHAPE, _NO_BRACKETS)
     for _ in range(MAX_DEPTH):
         if not brackets:
             return False
