@@ -101,7 +101,10 @@ def fly(
         if record and student.record_to is not None:
             folder = student.record_to / f"flight-{student.flights + 1}"
             folder.mkdir(parents=True)
-            flown = _flown(flight_of, remote, folder, is_kept=True)
+            # What ran on this computer without a wall may be replayed here without a question.
+            files = flight_of[0].files().values() if student.isolation == "none" else ()
+            with library.keeping(folder, files):
+                flown = _flown(flight_of, remote, folder, is_kept=True)
             student.run_folder = folder
         else:
             with tempfile.TemporaryDirectory(prefix="snr-grading-") as name:

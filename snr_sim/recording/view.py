@@ -23,6 +23,7 @@ from __future__ import annotations
 import contextlib
 import gc
 import importlib
+import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -34,6 +35,10 @@ from snr_sim.recording.records import Header, Record
 from snr_sim.recording.view_blueprint import Layout
 from snr_sim.recording.view_file import ViewFile
 from snr_sim.recording.view_writer import Divergences, Writer, title_of
+
+# A view is as long as its trace to half as long again, more for a short run: see `_claim_room`.
+MAX_VIEW_SHARE = 3
+MIN_VIEW_BYTES = 1_000_000
 
 
 def write_view(header: Header, records: Iterable[Record], path: str | Path) -> None:
@@ -67,6 +72,7 @@ def view_of(run: Path) -> Path:
         trace = read_trace(path)
         part = rrd.with_name(f"part-{VIEW_NAME}")  # so that nobody who interrupts this leaves half a view
         try:
+            _claim_room(part, MAX_VIEW_SHARE * path.stat().st_size + MIN_VIEW_BYTES)
             write_view(trace.header, trace.records, part)
             part.replace(rrd)
         except OSError as error:
@@ -74,6 +80,22 @@ def view_of(run: Path) -> Path:
         finally:
             part.unlink(missing_ok=True)
     return rrd
+
+
+def _claim_room(path: Path, size_bytes: int) -> None:
+    """Make sure that a file of this size can be written: rerun (0.41) never returns from a disk that is full.
+
+    Raises:
+        OSError: it cannot.
+    """
+    if not hasattr(os, "posix_fallocate"):
+        return
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+    try:
+        os.posix_fallocate(descriptor, 0, size_bytes)
+        os.ftruncate(descriptor, 0)
+    finally:
+        os.close(descriptor)
 
 
 def write_comparison(

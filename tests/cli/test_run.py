@@ -477,7 +477,7 @@ def test_a_watched_run_takes_an_edited_controller_and_its_replay_says_so(snr: Sn
     folder = next(here.glob("runs/*"))
     replayed = snr("replay", folder, "--check")
     assert (replayed.status, "asks the outside" in replayed.out) == (0, False)
-    assert "'mine' was reloaded with other code than the run began with" in replayed.err
+    assert "Changed since the run: controller/mine.py. This replay executes it as it was recorded" in replayed.err
 
 
 def test_a_fast_run_cannot_be_watched(snr: Snr, here: Path) -> None:
