@@ -285,4 +285,4 @@ def test_no_descriptor_and_no_thread_is_left_behind() -> None:
         with suppress(ComponentFailed):
             run(loops.StepsFactory(crash))
     assert len(os.listdir("/proc/self/fd")) == before
-    assert threading.active_count() == threads
+    assert threading.active_count() <= threads
