@@ -131,9 +131,10 @@ def pages(trace: Trace, key: str) -> list[tuple[float, Any]]:
 
 @pytest.mark.wall_clock
 def test_a_vehicle_whose_disk_is_full_goes_on_and_the_surface_is_told(here: Path, start: Start) -> None:
-    topside, urov = start("topside"), start("urov", room=120_000)  # full before it is armed
-    wait_for_page(here / "topside", "recording", "File too large", topside)
+    topside, urov = start("topside"), start("urov", room=300_000)  # with less it is not armed
     wait_for_page(here / "topside", "vehicle", '"is_armed":true', topside)
+    wait_for_page(here / "topside", "recording", "File too large", topside)
+    time.sleep(1.0)  # the display has its own rate
     urov.terminate()
     out, complaints = urov.communicate(timeout=PATIENCE_S)
     fields = json.loads(out)
