@@ -93,6 +93,7 @@ def memory_bytes() -> int:
     return pages * os.sysconf("SC_PAGE_SIZE")
 
 
+@pytest.mark.nightly
 @pytest.mark.wall_clock
 @pytest.mark.parametrize("kind", KINDS)
 def test_pilot_over_real_sockets_under_attack_waits_a_quarter_second_at_most(kind: str) -> None:
