@@ -1,0 +1,70 @@
+"""Pilots of a vehicle that are killed, one after the other: `python storm_pilots.py PORT COUNT SEED`.
+
+Each is a copy of this process with a node of its own, sends numbered controls and is killed at a random moment. The
+last one is left in order. Prints a JSON object: of each name what it stored, and of the last one what became of it.
+"""
+
+from __future__ import annotations
+
+import json
+import mmap
+import os
+import random
+import signal
+import struct
+import sys
+import threading
+import time
+
+from snr_sim import Config, Loop, Node, SocketsPair, tasks
+from snr_sim.testing.parts import TickerFactory
+
+SECRET = b"a secret of 16 bytes or more"  # that of attackers.py
+RATE_HZ = 100.0
+LONGEST_S = 1.0  # that a pilot lives
+LAST_S = 3.0
+_COUNT = struct.Struct("q")
+
+
+def fly(name: str, port: int, stored: mmap.mmap, lives_s: float | None = None) -> dict[str, int]:
+    """Send controls that ask for nothing; return what became of them, if it lives that long."""
+
+    def push(loop: Loop) -> None:
+        (number,) = _COUNT.unpack_from(stored)
+        _COUNT.pack_into(stored, 0, number + 1)
+        loop.store_data("controls", {"number": number + 1})
+
+    pair = SocketsPair(("127.0.0.1", port), name="tether", secret=SECRET)
+    link = pair.client("controls", accept=["vehicle"])
+    node = Node(name, Config(factories={name: [link, TickerFactory(push, rate_hz=RATE_HZ)]}))
+    if lives_s is not None:
+        threading.Timer(lives_s, lambda: node.enter(tasks.terminate("the storm is over"), "storm")).start()
+    node.loop()
+    tether = node.components["link_tether"]
+    return {"sent": tether.sent, "dropped": tether.dropped, "unsent": len(tether._unsent)}
+
+
+def main() -> None:
+    """Let them fly and fall."""
+    port, count, chance = int(sys.argv[1]), int(sys.argv[2]), random.Random(int(sys.argv[3]))
+    stored: dict[str, int] = {}
+    for i in range(count):
+        name, shared = f"pilot_{i}", mmap.mmap(-1, _COUNT.size)
+        pid = os.fork()
+        if pid == 0:
+            try:
+                fly(name, port, shared)
+            finally:
+                os._exit(1)
+        time.sleep(chance.uniform(0.0, LONGEST_S))
+        os.kill(pid, signal.SIGKILL)
+        assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == -signal.SIGKILL
+        (stored[name],) = _COUNT.unpack_from(shared)
+    shared = mmap.mmap(-1, _COUNT.size)
+    last = fly("last", port, shared, LAST_S)
+    (stored["last"],) = _COUNT.unpack_from(shared)
+    print(json.dumps({"stored": stored, "last": last}))
+
+
+if __name__ == "__main__":
+    main()

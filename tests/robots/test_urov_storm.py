@@ -1,0 +1,165 @@
+"""A vehicle in a storm: strangers flood its port, a proxy delays and spoils, a hundred pilots are killed.
+
+The vehicle's program must live, and every page must be accounted for.
+"""
+
+import json
+import random
+import select
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections import defaultdict
+from contextlib import ExitStack, suppress
+from itertools import cycle, pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim.recording.reader import read_trace
+from snr_sim.recording.records import PageRecord
+from snr_sim.recording.trace import FILE_NAME
+
+HERE = "127.0.0.1"
+PATIENCE_S = 60.0
+COMMS = Path(__file__).parents[1] / "std_mods" / "comms"
+KILLS = 100
+SPOILED = 0.3  # of the connections
+MAX_DELAY_S = 0.03
+# Kinds of attackers.py, each for so long.
+FLOODS = ("storm of connections", "random bytes", "half-open connections", "wrong secrets", "replayed greetings")
+FLOOD_S = 3.0
+
+
+class Proxy:
+    """Passes bytes on, in pieces and late; in some connections it changes, adds, repeats or leaves out some.
+
+    Spoiled connections are those of `spoiled`, by the number of the connection.
+    """
+
+    def __init__(self, port: int, seed: int) -> None:
+        self._to, self._chance = port, random.Random(seed)
+        self._door = socket.create_server((HERE, 0))
+        self.port: int = self._door.getsockname()[1]
+        self.spoiled = 0
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self) -> None:
+        with suppress(OSError):
+            while True:
+                near, _ = self._door.accept()
+                is_spoiled = self._chance.random() < SPOILED
+                # Behind the greeting, so that each spoils a session that is up.
+                at = self._chance.randrange(600, 6000) if is_spoiled else None
+                chance = random.Random(self._chance.random())
+                threading.Thread(target=self._carry, args=(near, at, chance), daemon=True).start()
+
+    def _carry(self, near: socket.socket, at: int | None, chance: random.Random) -> None:
+        passed = 0
+        with suppress(OSError), near, socket.create_connection((HERE, self._to), PATIENCE_S) as far:
+            while True:
+                readable, _, _ = select.select([near, far], [], [], PATIENCE_S)
+                for sock in readable:
+                    data = sock.recv(chance.randrange(1, 2000))
+                    if not data:
+                        return
+                    time.sleep(chance.uniform(0.0, MAX_DELAY_S))
+                    if sock is near:
+                        passed += len(data)
+                        if at is not None and passed >= at:
+                            data, at = self._spoil(data, chance), None
+                            self.spoiled += 1
+                    (far if sock is near else near).sendall(data)
+
+    def _spoil(self, data: bytes, chance: random.Random) -> bytes:
+        place = chance.randrange(len(data))
+        bit = bytes([data[place] ^ 1 << chance.randrange(8)])
+        return chance.choice(
+            [
+                data[:place] + bit + data[place + 1 :],
+                data[:place] + chance.randbytes(chance.randrange(1, 500)) + data[place:],
+                data + data,
+                data[:place] + data[place + 1 :],
+            ]
+        )
+
+    def close(self) -> None:
+        self._door.shutdown(socket.SHUT_RDWR)
+        self._door.close()
+
+
+def start(*words: object, **more: Any) -> subprocess.Popen[str]:
+    return subprocess.Popen([sys.executable, *map(str, words)], stdout=subprocess.PIPE, text=True, **more)
+
+
+@pytest.fixture
+def port() -> int:
+    with socket.socket() as free:
+        free.bind((HERE, 0))
+        number: int = free.getsockname()[1]
+        return number
+
+
+def flood(port: int, is_over: threading.Event) -> None:
+    for kind in cycle(FLOODS):
+        attacker = start(COMMS / "attackers.py", kind, port)
+        is_over.wait(FLOOD_S)
+        assert attacker.poll() is None, f"{kind}: the attacker has given up"
+        attacker.kill()
+        attacker.communicate()
+        if is_over.is_set():
+            return
+
+
+@pytest.mark.nightly(minutes=1)
+def test_vehicle_outlives_a_storm_and_every_page_is_accounted_for(tmp_path: Path, port: int) -> None:
+    secret = tmp_path / "secret"
+    secret.write_text("a secret of 16 bytes or more")
+    options = [f"--option=port={port}", f"--option=secret={secret}"]
+    vehicle = start(
+        "-m", "snr_sim", "run", "urov_teleop", "--role", "urov", "--json", "--no-rrd", "--out", tmp_path / "urov",
+        *options, stderr=subprocess.PIPE, cwd=tmp_path,
+    )  # fmt: skip
+    is_over = threading.Event()
+    with ExitStack() as stack:
+        stack.callback(vehicle.kill)
+        proxy = Proxy(port, 1)
+        stack.callback(proxy.close)
+        flooding = threading.Thread(target=flood, args=(port, is_over))
+        stack.callback(flooding.join)
+        stack.callback(is_over.set)
+        flooding.start()
+        pilots = start(Path(__file__).with_name("storm_pilots.py"), proxy.port, KILLS, 7)
+        stack.callback(pilots.kill)
+        said = json.loads(pilots.communicate(timeout=240.0)[0])
+        is_over.set()
+        assert vehicle.poll() is None, vehicle.communicate()
+        vehicle.send_signal(signal.SIGINT)
+        out, complaints = vehicle.communicate(timeout=PATIENCE_S)
+    assert (json.loads(out)["outcome"], vehicle.returncode) == ("interrupted", 1), complaints
+    assert "Traceback" not in complaints
+
+    (path,) = (tmp_path / "urov").glob(f"*/{FILE_NAME}")
+    pages = [json.loads(bytes(record.values))[0] for record in read_trace(path).records if type(record) is PageRecord]
+    came: dict[str, list[int]] = defaultdict(list)
+    for page in pages:
+        if page["key"] == "controls":
+            came[page["origin"].removesuffix("_node")].append(page["data"]["number"])
+    states = [page["data"] for page in pages if page["key"] == "link_tether"]
+    print(f"{len(came)} pilots, {sum(map(len, came.values()))} pages, {proxy.spoiled} spoiled: {states[-1]}")
+    assert states[-1]["received"] == sum(map(len, came.values()))
+    assert states[-1]["failures"] == 0
+    assert len(came) > KILLS // 2
+    for name, numbers in came.items():
+        assert all(earlier < later for earlier, later in pairwise(numbers)), name  # each once and in order
+        assert numbers[-1] <= said["stored"][name]
+    torn = [name for name, numbers in came.items() if len(numbers) <= numbers[-1] - numbers[0]]
+    assert len(torn) <= proxy.spoiled  # what went with a connection that was closed; of all others none is missing
+    assert proxy.spoiled > KILLS // 20
+    last = said["last"]
+    assert last["sent"] + last["dropped"] + last["unsent"] == said["stored"]["last"]
+    assert last["dropped"] + last["sent"] >= len(came["last"]) > 0
