@@ -172,10 +172,10 @@ class Link(Loop):
 
     def _bring(self, pages: Sequence[Page], by: object) -> None:
         """Lets pages in that a far end sent."""
-        accept, mine, enter, name = self.options.accept, self.parent.name, self.parent.door.put, self.name
+        is_wanted, enter, name = self._is_wanted, self.parent.door.put, self.name
         for page in pages:
             key = page.key
-            if page.origin == mine or not self._is_wanted(key, accept):
+            if not is_wanted(key, page.origin):
                 self.unwanted += 1
                 continue
             if key in self.options.keys:
@@ -183,7 +183,11 @@ class Link(Loop):
             enter(Task(_STORE_PAGE, key, [page]), name)
         self.received += len(pages)
 
-    def _is_wanted(self, key: DataKey, accept: frozenset[DataKey] | None) -> bool:
+    def _is_wanted(self, key: DataKey, origin: str) -> bool:
+        """Whether a page of this key and origin may come in, whatever its data."""
+        if origin == self.parent.name:
+            return False
+        accept = self.options.accept
         if accept is not None:
             return self._is_accepted(key, accept)
         is_own_state = key in OUTCOMES or (key.startswith(LINK_PREFIX) and key in self.parent.components)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import threading
 from collections.abc import Iterable
+from functools import partial
 from typing import Any
 
 from snr_sim.core.loop import LoopFactory
@@ -13,6 +14,7 @@ from snr_sim.prelude.page import DataKey, Page
 from snr_sim.std_mods.comms.faults import Faults, Way
 from snr_sim.std_mods.comms.frames import HEADER_BYTES
 from snr_sim.std_mods.comms.link import Link, by_name
+from snr_sim.std_mods.comms.messages import decode_message
 from snr_sim.std_mods.comms.options import LinkOptions
 from snr_sim.std_mods.comms.send_queue import SendQueue
 from snr_sim.std_mods.comms.session import Session, Terms
@@ -70,6 +72,7 @@ class PeerLink(Link):
     def __init__(self, factory: LoopFactory, parent: Node, options: LinkOptions, terms: Terms) -> None:
         super().__init__(factory, parent, options)
         self.terms = terms
+        self._decode = partial(decode_message, is_wanted=self._is_wanted)
         self.peers: tuple[Peer, ...] = ()  # those that are up; never changed in place, so any thread may read it
         self.reason = "nobody has connected yet."
         self._was_left = False  # whether the last who went said goodbye

@@ -184,7 +184,7 @@ class StreamLink(RestartingLoop, PeerLink):
                 self._drop(stream)
 
     def _add_stream(self, port: Port, where: str) -> StreamPeer:
-        session = Session(self.terms, self.get_time_s())
+        session = Session(self.terms, self.get_time_s(), self._decode)
         way = None if self.options.faults is None else self._new_way()
         stream = StreamPeer(port, session, self, way, where, self._greeting)
         self.streams.append(stream)
