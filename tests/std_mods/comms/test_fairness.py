@@ -15,6 +15,7 @@ import pytest
 
 from snr_sim import Config, Node, Page, SocketsPair, Task, TaskType
 from snr_sim.std_mods.comms import messages
+from snr_sim.std_mods.comms.frames import encode_frame
 from snr_sim.std_mods.comms.messages import Auth, Ping, encode_message
 from snr_sim.std_mods.comms.session import Session, Terms
 from snr_sim.std_mods.comms.streams import LOOK_EVERY_S
@@ -84,9 +85,8 @@ class Far:
         self.session.tick(self.arena.network.now_s)
         if not self.rest and self.session.is_up and not self.is_over:
             for payload in self._say():
-                self.session._outbox_bytes = -(1 << 40)
-                self.session.send(payload)
-                self.rest += b"".join(map(self.session.seal, self.session.take_output()))
+                frames = [*self.session.take_output(), encode_frame(payload)]
+                self.rest += b"".join(map(self.session.seal, frames))
                 self._ends.append(len(self.rest))
         self.rest += b"".join(map(self.session.seal, self.session.take_output()))
         with suppress(BlockingIOError):
