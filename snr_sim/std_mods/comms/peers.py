@@ -80,7 +80,7 @@ class PeerLink(Link):
         self._unsent: dict[DataKey, tuple[Page, bytes]] = {}  # stored while nobody was there
         self._numbers = itertools.count(1)
         self._warned: set[str] = set()  # of names that mean two nodes
-        self._meeting = threading.Lock()  # held for a few steps when a page finds nobody and when a peer comes or goes
+        self._meeting = threading.Lock()  # held while a page is put for all peers, and when one comes or goes
 
     def terminate(self) -> None:
         """Tells at the end of the run also which names meant two nodes."""
@@ -89,15 +89,13 @@ class PeerLink(Link):
             self.parent.note(f"'{self.name}': {words}")
 
     def _carry(self, page: Page, raw: bytes, frame: bytes, by: object) -> None:
-        peers = self.peers
-        if not peers and by is None:
-            with self._meeting:
-                peers = self.peers
-                if not peers:
-                    self._keep(page, frame)
-        for peer in peers:
-            if peer is not by and self._is_for(peer, page, peers) and peer.takes(frame):
-                peer.put(frame)
+        with self._meeting:  # so that nothing is put for a peer whose pages have been counted for the last time
+            peers = self.peers
+            if not peers and by is None:
+                self._keep(page, frame)
+            for peer in peers:
+                if peer is not by and self._is_for(peer, page, peers) and peer.takes(frame):
+                    peer.put(frame)
 
     def _is_for(self, peer: Peer, page: Page, peers: Iterable[Peer]) -> bool:
         """Whether a far end has not made this page itself, as far as names tell; told apart if two have one name."""
