@@ -51,6 +51,35 @@ def unsendable(page: Page, error: SnrError, node: Node, link: str) -> SnrError:
     return type(error)(f"{lines}{what}\n  It was stored {when} by {who}.", fix=error.fix)
 
 
+class Misfits:
+    """Pages that a link cannot carry: one of its own node is a mistake there, those of other nodes are dropped.
+
+    Args:
+        node: sends them.
+        link: in words.
+        log: where the first of other nodes is told.
+    """
+
+    def __init__(self, node: Node, link: str, log: logging.Logger) -> None:
+        self._node = node
+        self._link = link
+        self._log = log
+        self._is_told = False
+
+    def drop(self, page: Page, error: SnrError) -> None:
+        """Drop a page of another node, whose sender must not end this one with it.
+
+        Raises:
+            SnrError: it is this node's own; of the kind of `error`.
+        """
+        failure = unsendable(page, error, self._node, self._link)
+        if page.origin == self._node.name:
+            raise failure from error
+        if not self._is_told:
+            self._is_told = True
+            self._log.warning("%s Dropped, as will be all such pages.", failure)
+
+
 def by_name(peers: Iterable[tuple[str, dict[str, Any]]]) -> dict[str, Any]:
     """Returns what there is to say of each peer, by its name; of several with one name, all but the first get a number.
 
@@ -85,7 +114,7 @@ class Link(Loop):
         self.unwanted = 0  # pages that came and were not let in
         self._brought: dict[int, tuple[Page, object]] = {}  # came by this link, not stored yet: page and who brought it
         self._relayed: dict[bytes | int, None] = {}
-        self._has_dropped_foreign = False
+        self._misfits = Misfits(parent, f"'{self.name}'", self.log)
         self._largest_bytes = 1  # of the pages that came lately
         self.is_deaf = False  # whether nothing more is read, because the node has too much to do
         self._accepted: set[DataKey] = set()  # those of `accept` that came
@@ -143,20 +172,11 @@ class Link(Loop):
             raw = encode_page(page)
             frame = encode_frame(raw, self.options.max_frame_bytes)
         except SnrError as error:
-            failure = unsendable(page, error, self.parent, f"'{self.name}'")
-            if page.origin == self.parent.name:
-                raise failure from error
-            self._drop_foreign(failure)
+            self._misfits.drop(page, error)
+            self.dropped += 1
             return
         if page.origin == self.parent.name or not self._has_relayed(raw):
             self._carry(page, raw, frame, by)
-
-    def _drop_foreign(self, failure: SnrError) -> None:
-        """Count a page of another node that cannot be passed on: its sender must not end this node with it."""
-        self.dropped += 1
-        if not self._has_dropped_foreign:
-            self._has_dropped_foreign = True
-            self.log.warning("%s Dropped, as will be all such pages.", failure)
 
     def _has_relayed(self, raw: bytes) -> bool:
         """Whether this very page of another node has been passed on before: then it has come round."""
@@ -172,10 +192,10 @@ class Link(Loop):
 
     def _bring(self, pages: Sequence[Page], by: object) -> None:
         """Lets pages in that a far end sent."""
-        accept, mine, enter, name = self.options.accept, self.parent.name, self.parent.door.put, self.name
+        is_wanted, enter, name = self._is_wanted, self.parent.door.put, self.name
         for page in pages:
             key = page.key
-            if page.origin == mine or not self._is_wanted(key, accept):
+            if not is_wanted(key, page.origin):
                 self.unwanted += 1
                 continue
             if key in self.options.keys:
@@ -183,7 +203,11 @@ class Link(Loop):
             enter(Task(_STORE_PAGE, key, [page]), name)
         self.received += len(pages)
 
-    def _is_wanted(self, key: DataKey, accept: frozenset[DataKey] | None) -> bool:
+    def _is_wanted(self, key: DataKey, origin: str) -> bool:
+        """Whether a page of this key and origin may come in, whatever its data."""
+        if origin == self.parent.name:
+            return False
+        accept = self.options.accept
         if accept is not None:
             return self._is_accepted(key, accept)
         is_own_state = key in OUTCOMES or (key.startswith(LINK_PREFIX) and key in self.parent.components)

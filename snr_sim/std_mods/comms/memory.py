@@ -6,6 +6,7 @@ At the far end a page enters through the door, as any input, from the source `li
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from functools import partial
 
@@ -16,7 +17,7 @@ from snr_sim.prelude.errors import ConfigError, SnrError, UnknownName, nearest
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.task import Task
 from snr_sim.std_mods.comms.faults import Faults, Way
-from snr_sim.std_mods.comms.link import BEFORE_LOOPS, unsendable
+from snr_sim.std_mods.comms.link import BEFORE_LOOPS, Misfits
 from snr_sim.std_mods.comms.wire_bounds import encode_page
 
 
@@ -103,8 +104,11 @@ class OneWay:
         self.back: OneWay | None = None
         self.sent = 0
         self.delivered = 0
+        self.dropped = 0  # of other nodes, that cannot cross
         self._clock = clock
         self._way = Way(faults, sender.seed, f"link:{sender.role}->{receiver.role}")
+        logger = logging.getLogger(f"snr.{sender.name}.link_{receiver.role}")
+        self._misfits = Misfits(sender, f"The link from '{sender.role}' to '{receiver.role}'", logger)
         self._brought: dict[int, Page] = {}  # pages that came by this way and have not been stored yet, by identity
 
     @property
@@ -116,12 +120,13 @@ class OneWay:
         """Sends a page on its way, unless it came from there."""
         if page.origin == self.receiver.name or (self.back is not None and self.back.has_brought(page)):
             return
-        self.sent += 1
         try:
             raw = encode_page(page)
         except SnrError as error:
-            link = f"The link from '{self.sender.role}' to '{self.receiver.role}'"
-            raise unsendable(page, error, self.sender, link) from error
+            self._misfits.drop(page, error)
+            self.dropped += 1
+            return
+        self.sent += 1
         for arrival_s in self._way.arrivals_s(len(raw), self._clock.now_s()):
             self._clock.call_at(arrival_s, partial(self._deliver, raw), BEFORE_LOOPS)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import threading
 from collections.abc import Iterable
+from functools import partial
 from typing import Any
 
 from snr_sim.core.loop import LoopFactory
@@ -13,6 +14,7 @@ from snr_sim.prelude.page import DataKey, Page
 from snr_sim.std_mods.comms.faults import Faults, Way
 from snr_sim.std_mods.comms.frames import HEADER_BYTES
 from snr_sim.std_mods.comms.link import Link, by_name
+from snr_sim.std_mods.comms.messages import decode_message
 from snr_sim.std_mods.comms.options import LinkOptions
 from snr_sim.std_mods.comms.send_queue import SendQueue
 from snr_sim.std_mods.comms.session import Session, Terms
@@ -70,6 +72,7 @@ class PeerLink(Link):
     def __init__(self, factory: LoopFactory, parent: Node, options: LinkOptions, terms: Terms) -> None:
         super().__init__(factory, parent, options)
         self.terms = terms
+        self._decode = partial(decode_message, is_wanted=self._is_wanted)
         self.peers: tuple[Peer, ...] = ()  # those that are up; never changed in place, so any thread may read it
         self.reason = "nobody has connected yet."
         self._was_left = False  # whether the last who went said goodbye
@@ -77,7 +80,7 @@ class PeerLink(Link):
         self._unsent: dict[DataKey, tuple[Page, bytes]] = {}  # stored while nobody was there
         self._numbers = itertools.count(1)
         self._warned: set[str] = set()  # of names that mean two nodes
-        self._meeting = threading.Lock()  # held for a few steps when a page finds nobody and when a peer comes or goes
+        self._meeting = threading.Lock()  # held while a page is put for all peers, and when one comes or goes
 
     def terminate(self) -> None:
         """Tells at the end of the run also which names meant two nodes."""
@@ -86,15 +89,13 @@ class PeerLink(Link):
             self.parent.note(f"'{self.name}': {words}")
 
     def _carry(self, page: Page, raw: bytes, frame: bytes, by: object) -> None:
-        peers = self.peers
-        if not peers and by is None:
-            with self._meeting:
-                peers = self.peers
-                if not peers:
-                    self._keep(page, frame)
-        for peer in peers:
-            if peer is not by and self._is_for(peer, page, peers) and peer.takes(frame):
-                peer.put(frame)
+        with self._meeting:  # so that nothing is put for a peer whose pages have been counted for the last time
+            peers = self.peers
+            if not peers and by is None:
+                self._keep(page, frame)
+            for peer in peers:
+                if peer is not by and self._is_for(peer, page, peers) and peer.takes(frame):
+                    peer.put(frame)
 
     def _is_for(self, peer: Peer, page: Page, peers: Iterable[Peer]) -> bool:
         """Whether a far end has not made this page itself, as far as names tell; told apart if two have one name."""

@@ -251,10 +251,6 @@ class Session:
         self._ping_s = now_s
         self._say(Ping(now_s))
 
-    def send(self, payload: bytes) -> None:
-        """Puts a payload of another kind than a page among what is to be sent."""
-        self._put(encode_frame(payload, self.terms.max_frame_bytes))
-
     def bye(self, reason: str) -> None:
         """Ends the session in good order."""
         if self.state is not State.closed:

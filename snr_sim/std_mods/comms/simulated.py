@@ -133,7 +133,7 @@ class SimulatedLink(PeerLink):
     def _meet(self, far_role: str) -> SimulatedPeer:
         # The same in every run; a secret that nobody listens to needs no better one.
         nonce = hashlib.blake2b(f"{self.parent.role} {far_role}".encode(), digest_size=NONCE_BYTES).digest()
-        session = Session(self.terms, self.clock.now_s(), nonce=nonce)
+        session = Session(self.terms, self.clock.now_s(), self._decode, nonce)
         peer = SimulatedPeer(session, self, self._new_way())
         self._far_ends.append(peer)
         return peer

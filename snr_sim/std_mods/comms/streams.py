@@ -42,8 +42,9 @@ class StreamLink(RestartingLoop, PeerLink):
     """Waits for all its streams at once, and shares them with the node's thread: whoever holds the lock may touch them.
 
     Streams are read in rounds. In a round each is read once and gets its share, those first that have used least time
-    lately (`_in_turn`); the next round begins when the node has done what the last one brought. So nothing that some
-    far ends send, accepted or not, keeps another waiting for longer than a round.
+    lately (`_in_turn`); the next round begins when the node has done what the last one brought, or has at least had
+    as long as that took. So nothing that some far ends send, accepted or not, keeps another waiting for longer than a
+    round.
 
     What fails over one stream closes that stream (`_for`). What fails beyond them restarts the link.
 
@@ -66,6 +67,7 @@ class StreamLink(RestartingLoop, PeerLink):
         self._is_node_busy = True
         self.forged = 0  # streams that something between the two ends has changed
         self._read_s = float("-inf")  # when pages came last
+        self._rest_s = float("-inf")  # until then no round for a busy node: it has as long as the last one took
         self._half_read: dict[StreamPeer, None] = {}  # streams with bytes that `select` does not show
         self._greeting = Account()  # of all streams together that are not up
 
@@ -151,7 +153,9 @@ class StreamLink(RestartingLoop, PeerLink):
             last_s, now_s = now_s, self.get_time_s()
             account.used_s += now_s - last_s
             if now_s - begun_s > ROUND_S:
-                return
+                break
+        if now_s - begun_s > LOOK_EVERY_S:
+            self._rest_s = now_s + (now_s - begun_s)
 
     def _until_s(self, now_s: float) -> float:
         if self._half_read and not self.is_deaf:
@@ -184,7 +188,7 @@ class StreamLink(RestartingLoop, PeerLink):
                 self._drop(stream)
 
     def _add_stream(self, port: Port, where: str) -> StreamPeer:
-        session = Session(self.terms, self.get_time_s())
+        session = Session(self.terms, self.get_time_s(), self._decode)
         way = None if self.options.faults is None else self._new_way()
         stream = StreamPeer(port, session, self, way, where, self._greeting)
         self.streams.append(stream)
@@ -227,8 +231,8 @@ class StreamLink(RestartingLoop, PeerLink):
         door = self.parent.door
         is_absent = not door.is_waited_at and door.visits == self._visits
         self._is_node_busy, self._visits = not door.is_waited_at, door.visits
-        was_deaf, is_early = self.is_deaf, now_s < self._read_s + STAND_IN_S and not self.has_few_tasks()
-        self.is_deaf = self._must_wait() or is_early
+        is_early = now_s < self._rest_s or (now_s < self._read_s + STAND_IN_S and not self.has_few_tasks())
+        was_deaf, self.is_deaf = self.is_deaf, self._must_wait() or is_early
         if self.is_deaf != was_deaf:
             for stream in list(self.streams):
                 self._for(stream, self._watch)

@@ -76,10 +76,7 @@ class Far:
 
     def say(self, payloads: Iterable[bytes]) -> None:
         """Have payloads sent, each in a frame."""
-        for payload in payloads:
-            self.session._outbox_bytes = -(1 << 40)  # no honest session would have so much wait
-            self.session.send(payload)
-            self.rest += b"".join(map(self.session.seal, self.session.take_output()))
+        self.rest += b"".join(map(self.session.seal, [*self.session.take_output(), *map(encode_frame, payloads)]))
 
     def push(self) -> bool:
         """Send what fits; return whether anything did."""

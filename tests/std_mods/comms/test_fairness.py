@@ -14,6 +14,8 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, Node, Page, SocketsPair, Task, TaskType
+from snr_sim.std_mods.comms import messages
+from snr_sim.std_mods.comms.frames import encode_frame
 from snr_sim.std_mods.comms.messages import Auth, Ping, encode_message
 from snr_sim.std_mods.comms.session import Session, Terms
 from snr_sim.std_mods.comms.streams import LOOK_EVERY_S
@@ -27,6 +29,7 @@ PERIOD_S = 0.02  # of the pilot
 WORST_GAP_S = 0.25
 ATTACK_S = 0.6
 READ_S, BYTE_S, PAGE_S, HANDLER_S = 20e-6, 20e-9, 20e-6, 200e-6  # what a read, a byte, a page and a handler take
+DECODE_S = 50e-9  # what a byte of a page's data takes besides, if it holds many small values
 STEER_TIMES = 25  # a page of the pilot takes so many times as long
 MOVE_S = 0.0005  # how often far ends send
 LARGE_BYTES = 200_000
@@ -82,9 +85,8 @@ class Far:
         self.session.tick(self.arena.network.now_s)
         if not self.rest and self.session.is_up and not self.is_over:
             for payload in self._say():
-                self.session._outbox_bytes = -(1 << 40)
-                self.session.send(payload)
-                self.rest += b"".join(map(self.session.seal, self.session.take_output()))
+                frames = [*self.session.take_output(), encode_frame(payload)]
+                self.rest += b"".join(map(self.session.seal, frames))
                 self._ends.append(len(self.rest))
         self.rest += b"".join(map(self.session.seal, self.session.take_output()))
         with suppress(BlockingIOError):
@@ -125,7 +127,7 @@ class Arena:
             pages = receive(session, data, now_s)
             if session.terms.is_server:
                 size = sum(len(one.data) if isinstance(one.data, str) else 0 for one in pages)
-                self.pass_time(READ_S + (len(data) + size) * BYTE_S + len(pages) * PAGE_S)
+                self.pass_time(READ_S + len(data) * BYTE_S + size * DECODE_S + len(pages) * PAGE_S)
             return pages
 
         patch.setattr(Session, "receive", receive_slowly)
@@ -290,3 +292,17 @@ def test_pilot_under_attack_waits_no_longer_than_a_quarter_second(arena: Arena, 
         pages = sum(far.sent for far in attackers) if "ping" not in kind else 0
         assert arena.link.received == arena.pilot.sent + pages
         assert arena.link.received == len(numbers) + arena.handled + arena.link.unwanted
+
+
+def test_long_page_of_a_key_that_is_not_accepted_is_never_decoded(
+    arena: Arena, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    decoded: list[bytes] = []
+    decode = messages._decode
+    monkeypatch.setattr(messages, "_decode", lambda raw: decoded.append(raw) or decode(raw))  # type: ignore[func-returns-value]
+    large = page("nothing", "x" * LARGE_BYTES)
+    arena.fars.append(Far(arena, itertools.chain([[large]], itertools.repeat([])).__next__))
+    arena.run_for(0.2)
+    assert arena.link.unwanted == 1
+    assert decoded
+    assert large not in decoded

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Config, Faults, MemoryLink, Node, SimRunner, SocketsPair
+from snr_sim import Config, Faults, MemoryLink, Node, Page, SimRunner, SocketsPair, Task
 from snr_sim.core.clocks import WallClock
 from snr_sim.core.config import AnyFactory
 from snr_sim.prelude.errors import ComponentFailed, ConfigError, ParameterError
@@ -181,6 +181,25 @@ def test_a_page_that_cannot_cross_memory_is_blamed_on_the_line_that_stored_it() 
     config = Config(factories={"robot": [store_photo(0)], "topside": []})
     with pytest.raises(ComponentFailed, match=r"(?s)test_link\.py, line .*link from 'robot' to 'topside' cannot send"):
         SimRunner(config, links=[MemoryLink(["photo"], "robot", "topside")], until_s=1.0).run()
+
+
+def test_foreign_page_that_cannot_cross_memory_is_dropped_told_once_and_ends_no_node(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    def pass_on(loop: Any) -> None:
+        loop.parent.enter(Task.store_page(Page("count", 2**70, "other_node", 0.0)), "elsewhere")
+        loop.store_data("depth", 1.0)
+
+    relay = MemoryLink(["count", "depth"], "relay", "topside")
+    runner = SimRunner(
+        Config(factories={"relay": [TickerFactory(pass_on, rate_hz=10.0)], "topside": []}), links=[relay], until_s=1.05
+    )
+    with caplog.at_level(logging.WARNING):
+        runner.run()
+    (way,) = relay.ways
+    assert way.sent == way.delivered == way.dropped > 5
+    (told,) = [message for message in caplog.messages if "cannot send page 'count'" in message]
+    assert "by node 'other_node'" in told
 
 
 @pytest.mark.slow

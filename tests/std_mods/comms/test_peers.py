@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -97,3 +99,26 @@ def test_a_page_that_another_node_passed_on_is_not_sent_to_the_node_that_made_it
     assert stored == ["a_node"]
     link = runner.nodes["robot"].components["link_ar"]
     assert (link.sent, link._state(3.0)["dropped"]) == (0, 0)  # type: ignore[attr-defined]
+
+
+@pytest.mark.slow
+def test_page_that_is_stored_while_its_far_end_goes_is_counted(start: Start, pair: SocketsPair) -> None:
+    robot = start("robot", [pair.server("depth")])
+    robot.until_link("t", up=False)
+    start("pad", [pair.client()]).until_link("t")
+    robot.until_link("t")
+    link: Any = robot.node.components["link_t"]
+    (peer,) = link.peers
+    going = threading.Thread(target=lambda: peer.session.lost("it went.") or link.wake())  # type: ignore[func-returns-value]
+    takes = peer.takes
+
+    def take_slowly(frame: bytes) -> bool:
+        going.start()
+        time.sleep(0.3)  # in which the link's thread finds the session over
+        return takes(frame)
+
+    peer.takes = take_slowly
+    robot.store("depth", 1)
+    robot.until(lambda: not link.peers or link.peers != (peer,), "gone")
+    robot.end()
+    assert link.sent + link.dropped + len(link._unsent) == 1

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from snr_sim import Page
 from snr_sim.std_mods.comms.frames import encode_frame
-from snr_sim.std_mods.comms.messages import Bye, Hello, Ping, Pong, Refused, decode_message, encode_message
+from snr_sim.std_mods.comms.messages import LONG_BYTES, Bye, Hello, Ping, Pong, Refused, decode_message, encode_message
 from snr_sim.std_mods.comms.session import MAX_GREETING_BYTES, MAX_WAITING_BYTES, Session, State, Terms
 
 SECRET = b"sixteen or more bytes"
@@ -152,6 +152,19 @@ def test_pages_cross_once_both_are_up_and_keep_what_json_would_lose() -> None:
     pages = [Page("x", (1.0, float("inf")), "a_node", 0.5), Page("y", [1, 2], "a_node", 0.6, process=False)]
     assert say(server, *(page.serialize() for page in pages)) == pages
     assert server.received == 2
+
+
+def test_a_long_page_that_is_not_wanted_comes_without_its_data_and_must_still_be_one() -> None:
+    wanted, other = (Page(key, list(range(LONG_BYTES)), "a", 0.0, False) for key in ("wanted", "other"))
+
+    def is_wanted(key: str, origin: str) -> bool:
+        return (key, origin) == ("wanted", "a")
+
+    assert decode_message(wanted.serialize(), is_wanted) == wanted
+    assert decode_message(other.serialize(), is_wanted) == Page("other", None, "a", 0.0, False)
+    for damaged in (other.serialize()[:-2], other.serialize().replace(b"3,4", b"3;4", 1)):
+        with pytest.raises(msgspec.DecodeError):
+            decode_message(damaged, is_wanted)
 
 
 def test_a_page_before_the_greeting_is_refused() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from typing import Any
 
 import msgspec
@@ -13,7 +15,7 @@ from snr_sim import Page
 from snr_sim.prelude.errors import ValueEncodingError
 from snr_sim.prelude.page import KINDS
 from snr_sim.prelude.values import decode_value
-from snr_sim.std_mods.comms.frames import encode_frame
+from snr_sim.std_mods.comms.frames import MAX_FRAME_BYTES, encode_frame
 from snr_sim.std_mods.comms.messages import decode_message
 from snr_sim.std_mods.comms.session import Session, Terms
 from snr_sim.std_mods.comms.wire_bounds import MAX_DEPTH, check_bounds, decode_page, encode_page
@@ -113,6 +115,20 @@ def test_bounds_are_what_a_walk_over_the_value_finds(value: Any, wraps: int) -> 
         assert not is_within(decode_value(raw, KINDS))
     else:
         assert is_within(decode_value(raw, KINDS))
+
+
+@pytest.mark.slow
+def test_depth_of_the_longest_frame_is_found_in_half_the_time_of_its_decoding() -> None:
+    item = b"[" * 90 + b"]" * 90
+    raw = b"[" + b",".join([item] * (MAX_FRAME_BYTES // (len(item) + 1))) + b"]"
+    decode = msgspec.json.Decoder().decode
+    assert 2 * min(cpu_s(check_bounds, raw) for _ in range(5)) < min(cpu_s(decode, raw) for _ in range(5))
+
+
+def cpu_s(act: Callable[[bytes], object], raw: bytes) -> float:
+    begun_s = time.thread_time()
+    act(raw)
+    return time.thread_time() - begun_s
 
 
 @pytest.mark.parametrize("number", [b"-1", b"9223372036854775808", b"9" * 4000])
