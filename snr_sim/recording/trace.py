@@ -49,6 +49,7 @@ REPORT_PERIOD_S = 1.0  # of the page that says what is lost
 # What a disk may be behind: minutes of a dive. A run in lock step then waits for it; any other gives up its recording.
 MAX_UNWRITTEN_BYTES = 64_000_000
 ARROW_DIGITS = 4  # behind the point of arrows [m, N]: they are there to be drawn, and would be half of the truth
+_PER_UNIT = 10.0**ARROW_DIGITS
 CLOSE_PATIENCE_S = 5.0  # with a disk that takes nothing, when a robot ends that would not wait for it before
 _SOURCE = "recorder"
 
@@ -142,7 +143,7 @@ class TraceWriter:
     def truth(self, now_s: float, truth: dict[str, Any]) -> None:
         """Takes down the plant's true state, see `Plant.truth`."""
         self.seq += 1
-        arrows = {name: [round(number, ARROW_DIGITS) for number in arrow] for name, arrow in truth["arrows"].items()}
+        arrows = {name: _rounded(arrow) for name, arrow in truth["arrows"].items()}
         self.put(now_s, _encode(TruthRecord(self.seq, now_s, truth["poses"], arrows, truth["values"])))
 
     def place_of(self, task: Returned, seq: int, nth: int) -> tuple[int, int] | None:
@@ -329,3 +330,14 @@ class TraceWriter:
                     self._failure = error
                 self._lose(self._unsynced_since_s, self._unsynced_lines)
             self._unsynced_lines = 0
+
+
+def _rounded(arrow: Sequence[float]) -> list[float]:
+    """Returns the numbers of an arrow as they are written: to ARROW_DIGITS, a zero with the sign it came from.
+
+    Python's `round` to a digit goes by way of a text and takes three times as long.
+    """
+    try:
+        return [round(number * _PER_UNIT) / _PER_UNIT or 0.0 * number for number in arrow]
+    except (ValueError, OverflowError):  # one is not finite, or soon would not be
+        return [round(number, ARROW_DIGITS) for number in arrow]
