@@ -39,6 +39,7 @@ from snr_sim.recording.view_writer import Divergences, Writer, title_of
 # A view is as long as its trace to half as long again, more for a short run: see `_whole_file`.
 MAX_VIEW_SHARE = 3
 MIN_VIEW_BYTES = 1_000_000
+LIVE_PATIENCE_S = 5.0  # with a live view that takes nothing; rerun's own is for ever
 
 
 def write_view(header: Header, records: Iterable[Record], path: Path, trace_bytes: int) -> None:
@@ -141,18 +142,19 @@ class LiveView:
         self._writer.batch.extend((record,))
 
     def flush(self) -> None:
-        """Sends what has been added. Ten times a second is plenty."""
+        """Sends what has been added. Ten times a second is plenty; raises if nothing takes it in time."""
         self._writer.flush()
         shown = len(self._writer.layout.lines) + len(self._writer.layout.logs)
         if shown != self._shown:  # something that the layout does not know yet
             self._shown = shown
             self._stream.send_blueprint(self._writer.blueprint(follow_time=True))
-        self._stream.flush()
+        self._stream.flush(timeout_sec=LIVE_PATIENCE_S)
 
     def close(self) -> None:
         """Sends the rest and ends the server; safe to call twice."""
         if self._shown >= 0:
-            self.flush()
+            with contextlib.suppress(Exception):  # what fails here has failed before, and was said
+                self.flush()
             self._shown = -1
             self._stream.disconnect()
 
