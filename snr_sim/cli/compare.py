@@ -104,7 +104,9 @@ def _write_rrd(traces: list[Trace], rrd: str, shift_s: float) -> None:
 
     first, second = traces
     moved = [replace(record, t=record.t - shift_s) for record in second.records] if shift_s else second.records
-    write_comparison(first.header, first.records, moved, [], rrd, ("first", "second"), second.header)
+    trace_bytes = sum(trace.path.stat().st_size for trace in traces)
+    roots = ("first", "second")
+    write_comparison(first.header, first.records, moved, [], Path(rrd), trace_bytes, roots, second.header)
 
 
 def _fields(comparison: Comparison) -> dict[str, Any]:

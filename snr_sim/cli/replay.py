@@ -163,7 +163,7 @@ def _write_comparison(trace: Trace, replays: list[NodeReplay], folder: Path) -> 
         from snr_sim.recording.view import write_comparison
 
         path = folder / "replayed.rrd"
-        write_comparison(trace.header, trace.records, records, marks, path)
+        write_comparison(trace.header, trace.records, records, marks, path, 2 * trace.path.stat().st_size)
     except MissingExtra as error:
         return [f"Both runs side by side: {error.message} {error.fix}"]
     except (OSError, SnrError) as error:

@@ -19,24 +19,23 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from snr_sim.prelude.errors import TraceError
 from snr_sim.prelude.recorder import RECORDING_KEY
 from snr_sim.prelude.task import Task, TaskType
+from snr_sim.recording.follower import Follower, FollowerThread
 from snr_sim.recording.node_trace import NodeTrace
 from snr_sim.recording.records import (
     Header,
     Opening,
-    Record,
     Returned,
     TruthRecord,
-    decode_line,
     digest_of,
 )
-from snr_sim.recording.references import REPEAT_WITHIN, References
+from snr_sim.recording.references import REPEAT_WITHIN
 from snr_sim.recording.trace_file import TraceFile
 
 if TYPE_CHECKING:
@@ -49,22 +48,11 @@ REPORT_PERIOD_S = 1.0  # of the page that says what is lost
 # What a disk may be behind: minutes of a dive. A run in lock step then waits for it; any other gives up its recording.
 MAX_UNWRITTEN_BYTES = 64_000_000
 ARROW_DIGITS = 4  # behind the point of arrows [m, N]: they are there to be drawn, and would be half of the truth
+_PER_UNIT = 10.0**ARROW_DIGITS
 CLOSE_PATIENCE_S = 5.0  # with a disk that takes nothing, when a robot ends that would not wait for it before
 _SOURCE = "recorder"
 
 _encode = msgspec.json.Encoder().encode
-
-
-class Follower(Protocol):
-    """Is shown a run while it is recorded, as a live view is."""
-
-    def add(self, record: Record) -> None:
-        """Takes a record."""
-        ...
-
-    def flush(self) -> None:
-        """Is told that this was all for the moment."""
-        ...
 
 
 class TraceWriter:
@@ -95,8 +83,7 @@ class TraceWriter:
         self._taken_bytes = 0  # counted by who takes; what lies between them waits
         self._digest = digest_of()
         self._places: dict[tuple[str, str, bytes], tuple[int, int]] | None = {} if len(header.nodes) > 1 else None
-        self._follower: Follower | None = None
-        self._references = References()  # of what the follower is shown
+        self._follower: FollowerThread | None = None
         self._whole_bytes = 0  # length of the file up to its last whole line
         self._unsynced_since_s = 0.0
         self._unsynced_lines = 0
@@ -142,7 +129,7 @@ class TraceWriter:
     def truth(self, now_s: float, truth: dict[str, Any]) -> None:
         """Takes down the plant's true state, see `Plant.truth`."""
         self.seq += 1
-        arrows = {name: [round(number, ARROW_DIGITS) for number in arrow] for name, arrow in truth["arrows"].items()}
+        arrows = {name: _rounded(arrow) for name, arrow in truth["arrows"].items()}
         self.put(now_s, _encode(TruthRecord(self.seq, now_s, truth["poses"], arrows, truth["values"])))
 
     def place_of(self, task: Returned, seq: int, nth: int) -> tuple[int, int] | None:
@@ -185,17 +172,19 @@ class TraceWriter:
         self._closing.set()
         self._flusher.join(CLOSE_PATIENCE_S if self._survivors else None)
         if self._flusher.is_alive():
-            self._give_up()
-            return  # the disk still has the file, and may never give it back
-        self._flush()
-        self._sync()
-        self._file.close()
+            self._give_up()  # the disk still has the file, and may never give it back
+        else:
+            self._flush()
+            self._sync()
+            self._file.close()
+        if self._follower is not None:
+            self._follower.close()
         if not self._survivors:
             self._check()
 
     def follow(self, follower: Follower) -> None:
-        """Has every record given to a follower, too, on the thread that writes the file; before the first one."""
-        self._follower = follower
+        """Has every record given to a follower, too, on a thread of its own; before the first one."""
+        self._follower = FollowerThread(follower)
 
     def put(self, now_s: float, line: bytes) -> None:
         """Adds a line to the trace.
@@ -286,18 +275,8 @@ class TraceWriter:
                 self._unsynced_lines += whole
                 if whole < len(ready):
                     self._lose(ready[whole][0], len(ready) - whole)
-            self._show(ready)
-
-    def _show(self, lines: Sequence[tuple[float, bytes]]) -> None:
-        if self._follower is None:
-            return
-        try:
-            for _, line in lines:
-                self._follower.add(self._references.whole(decode_line(line)))
-            self._follower.flush()
-        except Exception as error:  # a view that fails must not cost the recording
-            self._follower = None
-            print(f"The live view has stopped: {error}. The run goes on and is recorded.", file=sys.stderr)
+            if self._follower is not None:
+                self._follower.give([line for _, line in ready])
 
     def _write(self, data: bytes) -> bytes:
         """Writes all of it, or cuts the file back to its last whole line and remembers the failure.
@@ -329,3 +308,14 @@ class TraceWriter:
                     self._failure = error
                 self._lose(self._unsynced_since_s, self._unsynced_lines)
             self._unsynced_lines = 0
+
+
+def _rounded(arrow: Sequence[float]) -> list[float]:
+    """Returns the numbers of an arrow as they are written: to ARROW_DIGITS, a zero with the sign it came from.
+
+    Python's `round` to a digit goes by way of a text and takes three times as long.
+    """
+    try:
+        return [round(number * _PER_UNIT) / _PER_UNIT or 0.0 * number for number in arrow]
+    except (ValueError, OverflowError):  # one is not finite, or soon would not be
+        return [round(number, ARROW_DIGITS) for number in arrow]

@@ -36,20 +36,27 @@ from snr_sim.recording.view_blueprint import Layout
 from snr_sim.recording.view_file import ViewFile
 from snr_sim.recording.view_writer import Divergences, Writer, title_of
 
-# A view is as long as its trace to half as long again, more for a short run: see `_claim_room`.
+# A view is as long as its trace to half as long again, more for a short run: see `_whole_file`.
 MAX_VIEW_SHARE = 3
 MIN_VIEW_BYTES = 1_000_000
+LIVE_PATIENCE_S = 5.0  # with a live view that takes nothing; rerun's own is for ever
 
 
-def write_view(header: Header, records: Iterable[Record], path: str | Path) -> None:
+def write_view(header: Header, records: Iterable[Record], path: Path, trace_bytes: int) -> None:
     """Writes the view of one run, with a layout that opens tidy.
+
+    Args:
+        header: of the run.
+        records: of the run.
+        path: of the file to write.
+        trace_bytes: length of the trace that the records are from; the disk must have room for its view.
 
     Raises:
         MissingExtra: rerun is not installed.
         TraceError: the file cannot be written.
     """
-    with _stream("run", title_of(header)) as (rr, stream):
-        writer, file = Writer(rr, stream, header), ViewFile(stream, path)
+    with _whole_file(path, trace_bytes) as part, _stream("run", title_of(header)) as (rr, stream):
+        writer, file = Writer(rr, stream, header), ViewFile(stream, part)
         file.send(writer, records)
         file.end(writer)
 
@@ -70,32 +77,8 @@ def view_of(run: Path) -> Path:
     rrd = path.parent / VIEW_NAME
     if not rrd.is_file() or rrd.stat().st_mtime_ns < path.stat().st_mtime_ns:
         trace = read_trace(path)
-        part = rrd.with_name(f"part-{VIEW_NAME}")  # so that nobody who interrupts this leaves half a view
-        try:
-            _claim_room(part, MAX_VIEW_SHARE * path.stat().st_size + MIN_VIEW_BYTES)
-            write_view(trace.header, trace.records, part)
-            part.replace(rrd)
-        except OSError as error:
-            raise TraceError(f"The view {rrd} cannot be written: {error.strerror}.") from error
-        finally:
-            part.unlink(missing_ok=True)
+        write_view(trace.header, trace.records, rrd, path.stat().st_size)
     return rrd
-
-
-def _claim_room(path: Path, size_bytes: int) -> None:
-    """Make sure that a file of this size can be written: rerun (0.41) never returns from a disk that is full.
-
-    Raises:
-        OSError: it cannot.
-    """
-    if not hasattr(os, "posix_fallocate"):
-        return
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
-    try:
-        os.posix_fallocate(descriptor, 0, size_bytes)
-        os.ftruncate(descriptor, 0)
-    finally:
-        os.close(descriptor)
 
 
 def write_comparison(
@@ -103,7 +86,8 @@ def write_comparison(
     recorded_records: Iterable[Record],
     replayed_records: Iterable[Record],
     divergences: Divergences,
-    path: str | Path,
+    path: Path,
+    trace_bytes: int,
     roots: tuple[str, str] = ("recorded", "replayed"),
     other_header: Header | None = None,
 ) -> None:
@@ -115,6 +99,7 @@ def write_comparison(
         replayed_records: records of the run with other code.
         divergences: seq, time [s] and a sentence for each difference.
         path: of the file to write.
+        trace_bytes: length of both traces together; the disk must have room for the view.
         roots: what each run lies under.
         other_header: of the replayed run, if its nodes and its scene are not the same.
 
@@ -122,8 +107,8 @@ def write_comparison(
         MissingExtra: rerun is not installed.
         TraceError: the file cannot be written.
     """
-    with _stream("comparison", title_of(recorded_header)) as (rr, stream):
-        file, layout = ViewFile(stream, path), Layout(title_of(recorded_header), roots=[f"/{root}" for root in roots])
+    with _whole_file(path, trace_bytes) as part, _stream("comparison", title_of(recorded_header)) as (rr, stream):
+        file, layout = ViewFile(stream, part), Layout(title_of(recorded_header), roots=[f"/{root}" for root in roots])
         recorded = Writer(rr, stream, recorded_header, roots[:1], layout)
         file.send(recorded, recorded_records)
         replayed = Writer(rr, stream, other_header or recorded_header, roots[1:], layout)
@@ -157,20 +142,57 @@ class LiveView:
         self._writer.batch.extend((record,))
 
     def flush(self) -> None:
-        """Sends what has been added. Ten times a second is plenty."""
+        """Sends what has been added. Ten times a second is plenty; raises if nothing takes it in time."""
         self._writer.flush()
         shown = len(self._writer.layout.lines) + len(self._writer.layout.logs)
         if shown != self._shown:  # something that the layout does not know yet
             self._shown = shown
             self._stream.send_blueprint(self._writer.blueprint(follow_time=True))
-        self._stream.flush()
+        self._stream.flush(timeout_sec=LIVE_PATIENCE_S)
 
     def close(self) -> None:
         """Sends the rest and ends the server; safe to call twice."""
         if self._shown >= 0:
-            self.flush()
+            with contextlib.suppress(Exception):  # what fails here has failed before, and was said
+                self.flush()
             self._shown = -1
             self._stream.disconnect()
+
+
+@contextlib.contextmanager
+def _whole_file(path: Path, trace_bytes: int) -> Iterator[Path]:
+    """Gives the name of a file that takes its place when it is whole: nobody who interrupts this leaves half a view.
+
+    Raises:
+        TraceError: the disk has no room for it, or it cannot be written.
+    """
+    part = path.with_name(f"part-{path.name}")
+    try:
+        _claim_room(part, MAX_VIEW_SHARE * trace_bytes + MIN_VIEW_BYTES)
+        yield part
+        part.replace(path)
+    except OSError as error:
+        raise TraceError(
+            f"The view {path} cannot be written: {error.strerror}.", fix="make room on the disk, or use another folder."
+        ) from error
+    finally:
+        with contextlib.suppress(OSError):  # it may be the folder that cannot be used
+            part.unlink()
+
+
+def _claim_room(path: Path, size_bytes: int) -> None:
+    """Make sure that a file of this size can be written: rerun (0.41) never returns from a disk that is full.
+
+    Raises:
+        OSError: it cannot.
+    """
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+    try:
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(descriptor, 0, size_bytes)
+            os.ftruncate(descriptor, 0)
+    finally:
+        os.close(descriptor)
 
 
 @contextlib.contextmanager

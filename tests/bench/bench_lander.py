@@ -161,7 +161,7 @@ def write_view_of(path: Path) -> None:
 
     trace = read_trace(path)
     view = path.parent / "view.rrd"
-    write_view(trace.header, trace.records, view)
+    write_view(trace.header, trace.records, view, path.stat().st_size)
     view.unlink()
 
 

@@ -238,6 +238,20 @@ def test_a_disk_without_room_for_the_view_costs_only_the_view(here: Path) -> Non
     assert {path.name for path in folder.iterdir()} <= {FILE_NAME, RESULT_NAME, "view.rrd"}
 
 
+@pytest.mark.slow
+def test_a_disk_without_room_for_two_runs_side_by_side_ends_compare_with_a_sentence(here: Path) -> None:
+    pytest.importorskip("rerun")
+    run_limited(10**9, "run", "lander_vertical", "--json")
+    (run,) = (here / "runs").iterdir()
+    done = run_limited(10_000, "compare", str(run), str(run), "--rrd", "both.rrd")  # rerun would never return
+    assert done.returncode == 2, done.stderr
+    assert "The view both.rrd cannot be written: File too large." in done.stderr
+    assert {path.name for path in here.iterdir()} == {"runs"}
+    replayed = run_limited(10_000, "replay", str(run), "--with", "coast")
+    assert "side by side could not be written: " in replayed.stdout + replayed.stderr, replayed
+    assert not list(run.glob("*.rrd"))
+
+
 SWALLOW = """open("stuck", "w").close()
 while True:
     try:

@@ -19,10 +19,11 @@ from snr_sim.core.clocks import SimClock as VirtualClock
 from snr_sim.prelude.errors import TraceError
 from snr_sim.program import program_header, record_program
 from snr_sim.recording import folder as run_folder
+from snr_sim.recording import follower
 from snr_sim.recording import trace as trace_module
 from snr_sim.recording.folder import new_run_folder
 from snr_sim.recording.reader import read_trace
-from snr_sim.recording.records import InputRecord
+from snr_sim.recording.records import InputRecord, Record
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.recording.trace_file import TraceFile
 from snr_sim.testing.parts import TickerFactory
@@ -104,11 +105,13 @@ class Robots(NamedTuple):
 
     tmp_path: Path
 
-    def on(self, disk: Disk, rate_hz: float = 100.0, data: Any = 1.5) -> Robot:
+    def on(self, disk: Disk, rate_hz: float = 100.0, data: Any = 1.5, viewer: follower.Follower | None = None) -> Robot:
         config = Config(factories={"r": [TickerFactory(lambda loop: loop.store_data("x", data), "x", rate_hz)]})
         clock = SimClock()
         header = program_header(["r"], config, __file__, clock)
         writer = TraceWriter(self.tmp_path / FILE_NAME, header, open_file=disk.open)
+        if viewer is not None:
+            writer.follow(viewer)
         node = Node("r", config, clock=clock, recorder=writer)
         writer.fail_softly([node])
         node.begin()
@@ -255,6 +258,64 @@ def test_in_lock_step_a_full_disk_ends_the_run(tmp_path: Path) -> None:
     with pytest.raises(TraceError, match="No space left"):
         writer.close()
     assert not read_trace(writer.path).is_cut
+
+
+# Who watches
+
+
+class Viewer:
+    """A follower that hangs from some record on, until it is let go."""
+
+    def __init__(self, hangs_from: int) -> None:
+        self.hangs_from = hangs_from
+        self.shown: list[int] = []
+        self.answers = threading.Event()
+
+    def add(self, record: Record) -> None:
+        self.shown.append(record.seq)
+
+    def flush(self) -> None:
+        if self.shown[-1] >= self.hangs_from:
+            self.answers.wait()
+
+
+def test_a_viewer_that_hangs_delays_no_sync_and_no_end_of_a_run(
+    robots: Robots, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(follower, "CLOSE_PATIENCE_S", 0.05)
+    disk, viewer = Disk(), Viewer(hangs_from=100)
+    robot = robots.on(disk, viewer=viewer)
+    run_until(robot, lambda: viewer.shown[-1:] > [100])
+    syncs = len(disk.syncs)
+    run_until(robot, lambda: len(disk.syncs) > syncs + 2)
+    end(robot)
+    viewer.answers.set()
+    assert len(read_trace(robot.writer.path).records) == robot.writer.seq
+    assert robot.writer.path.read_bytes() == disk.synced
+    assert viewer.shown == list(range(1, len(viewer.shown) + 1))
+    assert "The live view has stopped: it does not answer. The run goes on" in capsys.readouterr().err
+
+
+def test_a_viewer_that_does_not_keep_up_is_shown_no_more(
+    robots: Robots, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(follower, "MAX_UNSHOWN_BYTES", 30_000)
+    viewer, said = Viewer(hangs_from=1), [""]
+    robot = robots.on(Disk(), viewer=viewer)
+    run_until(robot, lambda: bool(viewer.shown))
+    run_until(robot, lambda: said.append(capsys.readouterr().err) or "does not keep up. The run goes on" in said[-1])
+    viewer.answers.set()
+    end(robot)
+    assert len(read_trace(robot.writer.path).records) == robot.writer.seq > len(viewer.shown)
+    assert capsys.readouterr().err == ""
+
+
+def test_a_viewer_is_shown_all_of_a_run_before_its_end(robots: Robots) -> None:
+    viewer = Viewer(hangs_from=10**9)
+    robot = robots.on(Disk(), viewer=viewer)
+    robot.run(3.0)
+    end(robot)
+    assert viewer.shown == list(range(1, robot.writer.seq + 1))
 
 
 # Before the start

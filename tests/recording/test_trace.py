@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import random
 import re
 import signal
 import subprocess
@@ -305,6 +306,20 @@ def test_a_recording_is_never_overwritten(fly: Callable[..., Trace]) -> None:
     with pytest.raises(TraceError, match="File exists"):
         TraceWriter(fly().path, fly().header)
     assert fly().path.read_bytes() == before
+
+
+def test_arrows_are_rounded_and_numbers_that_are_not_finite_do_not_end_a_run(
+    fly: Callable[..., Trace], tmp_path: Path
+) -> None:
+    writer = TraceWriter(tmp_path / FILE_NAME, fly().header)
+    chance = random.Random(0)
+    fine = [0.123456, -2.00004, 1e-9, -1e-9, 0.0, -0.0, *(chance.uniform(-1e3, 1e3) for _ in range(1000))]
+    arrows = {"fine": fine, "odd": [math.nan, math.inf, 1e306, 0.123456, 0.0, 1.0]}
+    writer.truth(0.0, {"poses": {}, "arrows": arrows, "values": {}})
+    writer.close()
+    line = writer.path.read_bytes().splitlines()[2]
+    assert msgspec.json.encode([round(number, 4) for number in fine]) in line
+    assert b'"odd":[null,null,1e306,0.1235,0.0,1.0]' in line
 
 
 # The disk

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import signal
 import subprocess
@@ -10,7 +11,7 @@ import sys
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -141,7 +142,7 @@ def entities(path: Path) -> set[str]:
 
 def written(tmp_path: Path, records: list[Record], **changes: Any) -> Path:
     path = tmp_path / "view.rrd"
-    view.write_view(header(**changes), records, path)
+    view.write_view(header(**changes), records, path, 1000)
     return path
 
 
@@ -225,7 +226,7 @@ def test_a_file_begins_with_its_layout_so_that_the_view_is_tidy_before_all_is_re
 
 
 def test_a_comparison_begins_with_its_layout_too(tmp_path: Path) -> None:
-    view.write_comparison(header(), fall(10), fall(10), [], tmp_path / "compare.rrd")
+    view.write_comparison(header(), fall(10), fall(10), [], tmp_path / "compare.rrd", 1000)
     layouts, runs = beginnings(tmp_path / "compare.rrd")
     assert len(layouts) == len(runs) == 1
     assert layouts < runs
@@ -250,7 +251,7 @@ def test_several_nodes_have_roots_of_their_own(tmp_path: Path) -> None:
 def test_the_same_trace_makes_a_view_with_the_same_rows(tmp_path: Path) -> None:
     first, second = tmp_path / "first.rrd", tmp_path / "second.rrd"
     for path in (first, second):
-        view.write_view(header(), fall(30), path)
+        view.write_view(header(), fall(30), path, 1000)
     assert numbers(first) == numbers(second)
     assert read_rows(first, "TextLog:text") == read_rows(second, "TextLog:text")
     assert entities(first) == entities(second)
@@ -314,14 +315,14 @@ def test_a_run_of_any_length_is_taken_a_batch_at_a_time(tmp_path: Path, monkeypa
     assert max(held) == 7
     monkeypatch.undo()
     whole = tmp_path / "whole.rrd"
-    view.write_view(header(), fall(30), whole)
+    view.write_view(header(), fall(30), whole, 1000)
     assert numbers(split) == numbers(whole)
     assert read_rows(split, "TextLog:text") == read_rows(whole, "TextLog:text")
 
 
 def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     with pytest.raises(TraceError, match="no such folder"):
-        view.write_view(header(), [], tmp_path / "no such folder" / "view.rrd")
+        view.write_view(header(), [], tmp_path / "no such folder" / "view.rrd", 1000)
 
 
 def test_a_run_without_its_view_gets_one_from_its_trace_and_keeps_it(tmp_path: Path) -> None:
@@ -344,21 +345,48 @@ def test_a_view_that_was_made_while_the_run_went_on_is_made_anew(tmp_path: Path)
 
 
 def test_a_view_that_is_interrupted_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(*given: Any) -> None:
-        given[2].write_bytes(b"half")
+    def interrupted(self: Any, *given: Any) -> None:
+        self._path.write_bytes(b"half")
         raise KeyboardInterrupt
 
     TraceWriter(tmp_path / "trace.jsonl", header()).close()
-    monkeypatch.setattr(view, "write_view", interrupted)
+    monkeypatch.setattr(view_file.ViewFile, "send", interrupted)
     with pytest.raises(KeyboardInterrupt):
         view.view_of(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["trace.jsonl"]
 
 
+@pytest.mark.parametrize(
+    "write",
+    [
+        lambda path: view.write_view(header(), fall(3), path, 5_000_000),
+        lambda path: view.write_comparison(header(), fall(3), fall(3), [], path, 5_000_000),
+    ],
+    ids=["of a run", "of two runs"],
+)
+def test_a_view_that_the_disk_has_no_room_for_is_not_begun(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, write: Callable[[Path], None]
+) -> None:
+    asked: list[int] = []
+
+    def full(descriptor: int, offset: int, length: int) -> None:
+        asked.append(length)
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    path = tmp_path / "view.rrd"
+    path.write_bytes(b"of before")
+    monkeypatch.setattr(os, "posix_fallocate", full)
+    with pytest.raises(TraceError, match=r"view\.rrd cannot be written: No space left on device"):
+        write(path)
+    assert asked == [view.MAX_VIEW_SHARE * 5_000_000 + view.MIN_VIEW_BYTES]
+    assert path.read_bytes() == b"of before"
+    assert list(tmp_path.iterdir()) == [path]
+
+
 def test_without_rerun_the_message_says_how_to_get_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "rerun", None)
     with pytest.raises(MissingExtra, match=r"snr_sim\[view\]"):
-        view.write_view(header(), [], tmp_path / "view.rrd")
+        view.write_view(header(), [], tmp_path / "view.rrd", 1000)
 
 
 # -- two runs side by side
@@ -367,7 +395,7 @@ def test_without_rerun_the_message_says_how_to_get_it(tmp_path: Path, monkeypatc
 def test_a_comparison_has_both_runs_and_marks_where_they_differ(tmp_path: Path) -> None:
     path = tmp_path / "compare.rrd"
     divergences = [(7, 0.7, "engine.throttle: 0.1 recorded, 0.2 replayed"), (9, 0.9, "another")]
-    view.write_comparison(header(), fall(10), fall(10)[:-4], divergences, path)
+    view.write_comparison(header(), fall(10), fall(10)[:-4], divergences, path, 1000)
     found = numbers(path)
     assert found["/recorded/truth/altitude_m"] == found["/replayed/truth/altitude_m"]
     assert [seq for seq, _, _ in found["/divergences/marks"]] == [7, 9]
@@ -378,7 +406,7 @@ def test_a_comparison_has_both_runs_and_marks_where_they_differ(tmp_path: Path) 
 def test_two_runs_may_have_roots_and_scenes_of_their_own(tmp_path: Path) -> None:
     path = tmp_path / "compare.rrd"
     bare = msgspec.structs.replace(header(), scene={})
-    view.write_comparison(header(), fall(3), fall(3), [], path, ("first", "second"), bare)
+    view.write_comparison(header(), fall(3), fall(3), [], path, 1000, ("first", "second"), bare)
     found = entities(path)
     assert {"/first/world/ground", "/second/truth/altitude_m"} <= found
     assert "/second/world/ground" not in found
@@ -386,7 +414,7 @@ def test_two_runs_may_have_roots_and_scenes_of_their_own(tmp_path: Path) -> None
 
 def test_two_runs_that_agree_have_no_marks(tmp_path: Path) -> None:
     path = tmp_path / "compare.rrd"
-    view.write_comparison(header(), fall(3), fall(3), [], path)
+    view.write_comparison(header(), fall(3), fall(3), [], path, 1000)
     assert not any(entity.startswith("/divergences") for entity in entities(path))
 
 

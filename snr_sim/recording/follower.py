@@ -1,0 +1,77 @@
+"""Shows a run to somebody while it is recorded, on a thread that neither disk nor robot waits for."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from queue import SimpleQueue
+from threading import Thread
+from typing import Protocol
+
+from snr_sim.recording.records import Record, decode_line
+from snr_sim.recording.references import References
+
+MAX_UNSHOWN_BYTES = 64_000_000  # what a follower may be behind: minutes of a dive
+CLOSE_PATIENCE_S = 5.0  # with one that takes nothing, when the run ends
+
+
+class Follower(Protocol):
+    """Is shown a run while it is recorded, as a live view is; on one thread of its own."""
+
+    def add(self, record: Record) -> None:
+        """Takes a record."""
+        ...
+
+    def flush(self) -> None:
+        """Is told that this was all for the moment."""
+        ...
+
+
+class FollowerThread:
+    """Gives a follower whole records, made of the trace's lines. One that fails or hangs gets no more; that is said.
+
+    Args:
+        follower: of a run, from its first record on.
+    """
+
+    def __init__(self, follower: Follower) -> None:
+        self._follower = follower
+        self._references = References()
+        self._batches: SimpleQueue[Sequence[bytes]] = SimpleQueue()
+        self._given_bytes = 0  # counted by who gives
+        self._shown_bytes = 0  # counted by the thread; what lies between them waits
+        self._is_stopped = False
+        self._thread = Thread(target=self._show_until_closed, name="trace-follower", daemon=True)
+        self._thread.start()
+
+    def give(self, lines: Sequence[bytes]) -> None:
+        """Adds lines of the trace to what is to be shown; returns at once."""
+        if self._is_stopped or not lines:
+            return
+        self._given_bytes += sum(map(len, lines))
+        if self._given_bytes - self._shown_bytes > MAX_UNSHOWN_BYTES:
+            self._stop("it does not keep up")
+            return
+        self._batches.put(lines)
+
+    def close(self) -> None:
+        """Waits for a while until all is shown, and ends the thread; safe to call twice."""
+        self._batches.put(())  # the end
+        self._thread.join(CLOSE_PATIENCE_S)
+        if self._thread.is_alive():
+            self._stop("it does not answer")
+
+    def _show_until_closed(self) -> None:
+        try:
+            while (lines := self._batches.get()) and not self._is_stopped:
+                for line in lines:
+                    self._follower.add(self._references.whole(decode_line(line)))
+                self._follower.flush()
+                self._shown_bytes += sum(map(len, lines))
+        except Exception as error:  # a view that fails must not cost the recording
+            self._stop(str(error))
+
+    def _stop(self, reason: str) -> None:
+        if not self._is_stopped:
+            self._is_stopped = True
+            print(f"The live view has stopped: {reason}. The run goes on and is recorded.", file=sys.stderr)
