@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 AnyFactory: TypeAlias = "EndpointFactory | LoopFactory"
 ComponentsByRole: TypeAlias = Mapping[RoleName, Sequence["AnyFactory"]]
 
+MAX_TASKS_PER_MOMENT = 100_000
+
 
 class Mode(StrEnum):
     """DEBUG profiles, DEPLOYED is for robots, TEST for tests."""
@@ -32,12 +34,20 @@ class Config:
     Args:
         mode: DEBUG switches the profiler on.
         factories: for each role the factories of its components, in the order they begin and handle tasks.
+        max_tasks_per_moment: how many tasks a node may execute while virtual time stands still; with more the run
+            ends and says which tasks ask for each other. On the wall clock there is no such bound.
 
     Raises:
-        ConfigError: there is no role, or a role is no list.
+        ConfigError: there is no role, a role is no list, or the bound is no number of tasks.
     """
 
-    def __init__(self, mode: Mode = Mode.DEPLOYED, factories: ComponentsByRole | None = None) -> None:
+    def __init__(
+        self,
+        mode: Mode = Mode.DEPLOYED,
+        factories: ComponentsByRole | None = None,
+        *,
+        max_tasks_per_moment: int = MAX_TASKS_PER_MOMENT,
+    ) -> None:
         if not factories:
             raise ConfigError(
                 "This Config has no roles.", fix="Config(factories={'my_robot': [MyEndpointFactory(), ...]})."
@@ -49,7 +59,13 @@ class Config:
                     f"The role '{role}' has {components!r} where its factories belong.",
                     fix=f"a list: Config(factories={{'{role}': [MyFactory()]}}).",
                 )
+        if type(max_tasks_per_moment) is not int or max_tasks_per_moment < 1:
+            raise ConfigError(
+                f"A Config with max_tasks_per_moment={max_tasks_per_moment!r}.",
+                fix=f"a whole number, such as {MAX_TASKS_PER_MOMENT}.",
+            )
         self.mode = mode
+        self.max_tasks_per_moment = max_tasks_per_moment
         self.factories = {role: list(components) for role, components in factories.items()}
 
     def get(self, role: RoleName) -> list[AnyFactory]:

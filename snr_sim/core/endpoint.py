@@ -69,11 +69,15 @@ class Endpoint(NodeComponent):
             )
         check_handlers(self.name, handlers)
         self._handlers = HandlerMap(handlers, self._handlers_changed)
-        self.parent.handlers_changed()
+        self._tell_node()
 
     def _handlers_changed(self) -> None:
         check_handlers(self.name, self._handlers)
-        self.parent.handlers_changed()
+        self._tell_node()
+
+    def _tell_node(self) -> None:
+        if self.parent.components.get(self.name) is self:  # else it is being made, and the node looks when it comes
+            self.parent.handlers_changed()
 
     def begin(self) -> None:
         """Called once before the first task."""

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable, Mapping
+from types import FunctionType
 from typing import Any, TypeAlias
+from weakref import WeakSet
 
 from snr_sim.core.profiler import Profiler
 from snr_sim.prelude import tasks
@@ -14,6 +16,9 @@ from snr_sim.prelude.task import Task, TaskHandler, TaskId, TaskName, TaskType
 
 # One handler to call: whose it is, the function, the id it was registered for, and the names of both for the trace.
 Entry: TypeAlias = tuple[Component, TaskHandler, TaskId, tuple[str, str]]
+
+# Functions that have passed: each is looked at once, however many components are made.
+_checked: WeakSet[FunctionType] = WeakSet()
 
 _MUTATORS = ("__setitem__", "__delitem__", "__ior__", "clear", "pop", "popitem", "setdefault", "update")
 
@@ -61,6 +66,16 @@ class Lookup:
         self.seen()  # what the cache knew of the run so far
         for by_name in self.cache.values():
             by_name.clear()
+
+    def added(self, component: Component) -> None:
+        """Looks again only at the tasks of a component that has come, behind all others."""
+        for task_id in component.task_handlers:
+            kind, *name = task_id if isinstance(task_id, tuple) else (task_id,)
+            by_name, seen = self.cache[kind], self._seen[kind]
+            for one in name or list(by_name):
+                entries = by_name.pop(one, ())
+                if entries:
+                    seen[one] = entries
 
     def seen(self) -> dict[TaskType, dict[TaskName, tuple[Entry, ...]]]:
         """Returns every task id that came by in this run, with who handled it, if anybody ever did."""
@@ -142,6 +157,9 @@ def check_id(owner: str, task_id: Any) -> None:
 
 
 def _check_handler(owner: str, task_id: TaskId, handler: Any) -> None:
+    function = getattr(handler, "__func__", None)  # of a method: bound, so what is left to give are task and id
+    if isinstance(function, FunctionType) and function in _checked:
+        return
     shown = handler_name(handler)
     if not callable(handler):
         raise ConfigError(
@@ -160,6 +178,8 @@ def _check_handler(owner: str, task_id: TaskId, handler: Any) -> None:
             f"Handler '{owner}.{shown}' for {describe(task_id)} takes {signature}, but is called with (task, task_id).",
             fix=f"def {shown}(self, task, task_id).",
         ) from None
+    if isinstance(function, FunctionType):
+        _checked.add(function)
 
 
 def check_returns(what: str, function: Any) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.node import Node
+from snr_sim.core.runaway import Moments
 from snr_sim.prelude.errors import ComponentFailed
 
 NOTHING_LEFT = "nothing left to do"
@@ -52,6 +53,7 @@ class LockStep:
         self._pace = pace
         self._until_s = float("inf") if until_s is None else until_s
         self._wall_start_s = 0.0
+        self._moments = Moments(self._nodes, clock)
 
     def run(self) -> None:
         """Runs until every node has ended, nothing is due any more, or the time limit has come.
@@ -70,9 +72,14 @@ class LockStep:
         _end_all(self._nodes, reason)
 
     def _run(self) -> str:
+        if not self._nodes:
+            return NOTHING_LEFT
         clock, only = self._clock, self._nodes[0] if len(self._nodes) == 1 else None
+        moments, moment_s = self._moments, clock.now_s()
+        moments.begin()
         self._settle()
         running = [node.machine for node in self._nodes]
+        alone, at_most = running[0], self._nodes[0].config.max_tasks_per_moment
         while running:
             if running[0].is_ended:
                 del running[0]
@@ -85,12 +92,20 @@ class LockStep:
             if self._pace is not None and not self._wait_for(next_s):
                 self._settle()  # somebody knocked while we waited
                 continue
+            if next_s > moment_s:
+                moment_s = next_s
+                if only is None:
+                    moments.begin()
+                else:
+                    alone.most_executed = alone.executed + at_most
             clock.run_next()
             if only is None:
                 self._settle()
             elif only.door.waiting:  # whatever there is to do has come in through the door
-                only.machine.now_s = next_s
+                alone.now_s = next_s
                 only.run_ready()
+                if alone.executed >= alone.most_executed:
+                    moments.check()
         return ""
 
     def _settle(self) -> None:
@@ -105,6 +120,7 @@ class LockStep:
                     node.machine.now_s = self._clock.now_s()
                     node.run_ready()
                     busy = True
+            self._moments.check()
 
     def _wait_for(self, time_s: float) -> bool:
         """Waits until the wall clock has come as far; returns whether it has, or a node has work before."""

@@ -6,6 +6,7 @@ latched; all handlers of the task run, in component order; what they returned is
 
 from __future__ import annotations
 
+import sys
 from collections import deque
 from collections.abc import Callable, Sequence
 from types import AsyncGeneratorType, CoroutineType, GeneratorType
@@ -47,6 +48,7 @@ class EventMachine:
         self.door = door
         self.now_s = 0.0
         self.executed = 0
+        self.most_executed = sys.maxsize  # `run_ready` goes no further: see core/runaway.py
         self.longest_queue = 0  # right after inputs were let in: where it grows when they come too fast
         self.running: Component | None = None  # whose code runs now
         self.is_ended = False
@@ -64,8 +66,14 @@ class EventMachine:
         """How many tasks wait that have been let in."""
         return len(self._queue) + len(self._urgent)
 
+    @property
+    def next_task(self) -> Task | None:
+        """The task that `execute_next` will take."""
+        waiting = self._urgent or self._queue
+        return waiting[0] if waiting else None
+
     def run_ready(self) -> None:
-        """Executes tasks until none is left or the machine has ended.
+        """Executes tasks until none is left, the machine has ended, or it has executed `most_executed` tasks.
 
         Raises:
             HandlerFailed: a handler raised, or returned something that is not tasks.
@@ -74,10 +82,10 @@ class EventMachine:
         # The loop everything stands on: local names, and no calls but the handlers'.
         queue, urgent, waiting = self._queue, self._urgent, self.door.waiting
         take, put, cache, latch, terminate = queue.popleft, queue.append, self.lookup.cache, self._latch, _TERMINATE
-        executed = 0
+        executed, most = 0, self.most_executed - self.executed
         task: Task | None = None
         try:
-            while True:
+            while executed < most:
                 if waiting:
                     self.let_in()
                 if urgent:

@@ -176,13 +176,17 @@ class Node:
 
     def exchange(self, old: Component | None, new: Component | None) -> None:
         """Puts a component in the place of another one of its name; None: last, or nothing."""
-        items = [(name, new if one is old else one) for name, one in self.components.items()]
+        lookup = self.machine.lookup
         if old is None and new is not None:
-            items.append((new.name, new))
+            self.components = {**self.components, new.name: new}
             self.give_place(new.name)
+            lookup.components = self.components
+            lookup.added(new)
+            return
+        items = [(name, new if one is old else one) for name, one in self.components.items()]
         self.components = {name: one for name, one in items if one is not None}
-        self.machine.lookup.components = self.components
-        self.machine.lookup.forget()
+        lookup.components = self.components
+        lookup.forget()
 
     # Life: begin, run until ended, end. `loop` does all three.
 
@@ -239,7 +243,8 @@ class Node:
                 if failure is not None:
                     raise failure
         finally:
-            self._begun.sort(key=lambda one: self._places[one.name])
+            if any(self._places[one.name] > self._places[component.name] for one in self._begun[-2:-1]):
+                self._begun.sort(key=lambda one: self._places[one.name])
             self.machine.running = running
 
     def end_early(self, component: Component) -> list[ComponentFailed]:
@@ -371,7 +376,11 @@ class Node:
         return self.machine.is_ended
 
     def set_terminate_flag(self, reason: str) -> None:
-        """Ends the node after the current task."""
+        """Ends the node after the current task, as a terminate task does; from any thread, and before it begins."""
+        self.schedule(Task(TaskType.terminate, reason), "set_terminate_flag")
+
+    def note_terminated(self, reason: str) -> None:
+        """Keeps the reason of the first terminate task, which has been executed, and ends the machine."""
         if self.exit_reason is None:
             self.exit_reason = reason
         self.machine.is_ended = True

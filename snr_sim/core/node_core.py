@@ -65,7 +65,7 @@ class NodeCore(Endpoint):
 
     def end_node(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Ends the node; the task's name is the reason."""
-        self.parent.set_terminate_flag(task.name)
+        self.parent.note_terminated(task.name)
         return None
 
     def finish(self, task: Task, task_id: TaskId) -> SomeTasks:

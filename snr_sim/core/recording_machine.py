@@ -40,9 +40,9 @@ class RecordingMachine(EventMachine):
         return len(self._tickets) + len(self._urgent_tickets) + len(self.door.waiting)
 
     def run_ready(self) -> None:
-        """Executes tasks until none is left or the machine has ended; raises as `EventMachine.run_ready`."""
+        """Executes tasks as `EventMachine.run_ready` does, and raises what that raises."""
         tickets, urgent, waiting = self._tickets, self._urgent_tickets, self.door.waiting
-        while True:
+        while self.executed < self.most_executed:
             if waiting:
                 self.let_in()
             if not (tickets or urgent):
@@ -104,6 +104,12 @@ class RecordingMachine(EventMachine):
         """The ticket that `execute_next` will take."""
         waiting = self._urgent_tickets or self._tickets
         return waiting[0] if waiting else None
+
+    @property
+    def next_task(self) -> Task | None:
+        """The task that `execute_next` will take."""
+        ticket = self.next_ticket
+        return None if ticket is None else ticket[0]
 
     def forget_queued(self) -> None:
         """Drops what waits, at the door or inside: a replay does not finish what the recorded run left."""

@@ -79,7 +79,7 @@ class Changes:
         try:
             component = node.make(factory)
             asked = component.name
-            other = self.all().get(asked) or node.components.get(asked)
+            other = node.components.get(asked) or self._absent_ones().get(asked)
             if other is not None:
                 raise ConfigError(
                     f"A component '{asked}' is to be added, but there is one: a {type(other).__name__}. It stays.",

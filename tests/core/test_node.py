@@ -1,5 +1,6 @@
 """A node's life: made, begun, run, ended; and what it says when one of its components does not play along."""
 
+import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -53,6 +54,48 @@ def test_a_node_runs_once() -> None:
     node.loop()
     with pytest.raises(ConfigError, match="'r_node' has already run"):
         node.loop()
+
+
+def busy(at: int, then: Callable[[Part], object]) -> PartFactory:
+    """A part that asks for its next event in each one, and does something in one of them."""
+    count = itertools.count()
+
+    def spin(task: Task, task_id: Any) -> SomeTasks:
+        if next(count) == at:
+            then(part_of[0])
+        return tasks.event("spin")
+
+    part_of: list[Part] = []
+
+    def begin(part: Part) -> None:
+        part_of.append(part)
+        part.schedule(tasks.event("spin"))
+
+    return PartFactory({(TaskType.event, "spin"): spin}, "busy", begin=begin)
+
+
+def test_the_terminate_flag_ends_a_node_whose_queue_is_never_empty() -> None:
+    node = node_of(busy(100, lambda part: part.parent.set_terminate_flag("enough")))
+    node.loop()
+    assert node.exit_reason == "enough"
+    assert node.machine.executed < 150
+
+
+def test_of_two_terminate_flags_the_first_names_the_reason() -> None:
+    def end(part: Part) -> None:
+        part.parent.set_terminate_flag("first")
+        part.parent.set_terminate_flag("second")
+
+    node = node_of(busy(3, end))
+    node.loop()
+    assert node.exit_reason == "first"
+
+
+def test_a_terminate_flag_that_is_set_before_the_start_ends_the_node_at_once() -> None:
+    node = node_of(busy(10_000, lambda part: part.parent.set_terminate_flag("too late")))
+    node.set_terminate_flag("before")
+    node.loop()
+    assert node.exit_reason == "before"
 
 
 def test_a_node_with_nothing_to_do_ends_in_virtual_time_instead_of_waiting_for_ever() -> None:

@@ -473,6 +473,45 @@ def test_an_added_component_begins_handles_and_ends_like_the_others() -> None:
     assert node.get_data("add_component")["made"] == ["late"]
 
 
+def test_an_added_component_shares_tasks_that_others_have_handled_before() -> None:
+    log: list[str] = []
+
+    def part(name: str, task_id: Any) -> PartFactory:
+        return PartFactory({task_id: lambda task, task_id: log.append(f"{name} {task.name}")}, name)
+
+    one, every = (TaskType.event, "fly"), TaskType.event
+    parts = [part("a", one), part("b", every)]
+    steps = [fly, lambda: tasks.add_component(part("c", one)), fly, lambda: tasks.add_component(part("d", every)), fly]
+    run(parts, steps)
+    flown = [entry for entry in log if entry.endswith(" fly")]
+    assert flown == ["a fly", "b fly", "a fly", "b fly", "c fly", "a fly", "b fly", "c fly", "d fly"]
+
+
+def test_to_add_a_component_to_a_thousand_takes_about_as_long_as_to_add_one_to_ten() -> None:
+    """Counted in calls of Python's functions, which do not depend on the computer."""
+
+    def calls(count: int) -> int:
+        handlers = {(TaskType.event, "fly"): lambda task, task_id: None}
+        parts = [PartFactory(handlers, f"part{i}") for i in range(count)]
+        node = Node("r", Config(factories={"r": parts}), clock=SimClock())
+        node.begin()
+        counted = 0
+
+        def count_call(frame: Any, event: str, argument: Any) -> None:
+            nonlocal counted
+            counted += 1
+
+        for i in range(2):  # first what is looked at once
+            node.schedule(tasks.add_component(PartFactory(handlers, f"late{i}")))
+            sys.setprofile(count_call if i else None)
+            node.run_ready()
+        sys.setprofile(None)
+        assert node.get_data("add_component")["ok"]
+        return counted
+
+    assert calls(1000) == calls(10)
+
+
 def test_an_added_component_that_is_not_to_be_started_handles_tasks_only() -> None:
     log: list[str] = []
     handlers = {(TaskType.event, "fly"): lambda task, task_id: log.append("flew")}

@@ -39,6 +39,19 @@ def test_each_task_has_a_list_of_its_own() -> None:
     assert task.val_list == [1]
 
 
+@pytest.mark.parametrize("values", ["hello", 5, {"a": 1}, None, b"x", {1}])
+def test_an_event_with_a_value_where_a_list_belongs_says_what_to_write(values: Any) -> None:
+    with pytest.raises(TaskError) as caught:
+        tasks.event("say", values)
+    assert f"event 'say' carries {values!r}" in str(caught.value)
+    assert f"tasks.event('say', [{values!r}])" in str(caught.value)
+
+
+def test_an_event_takes_a_list_or_a_tuple_also_an_empty_one() -> None:
+    assert tasks.event("say", ("hello", 5)).val_list == tasks.event("say", ["hello", 5]).val_list == ["hello", 5]
+    assert tasks.event("say", []).val_list == tasks.event("say", ()).val_list == []
+
+
 @pytest.mark.parametrize("field", ["type", "name", "val_list"])
 def test_a_task_cannot_be_changed_after_it_was_made(field: str) -> None:
     with pytest.raises(AttributeError):

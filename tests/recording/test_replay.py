@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from snr_sim import Config, SimClock, SimRunner, TaskType, tasks
+from snr_sim import Config, SimClock, SimRunner, Task, TaskType, tasks
 from snr_sim.devices.loops import ActuatorLoopFactory
 from snr_sim.prelude.errors import ComponentFailed
 from snr_sim.program import program_header
@@ -19,7 +19,7 @@ from snr_sim.recording.records import EndRecord, ErrorRecord, TaskRecord, encode
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.simulation import prepare, request_of
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.parts import Part, PartFactory, TickerFactory
 
 AT = 7  # the tick at which the mutants of this file begin to differ
 
@@ -117,6 +117,33 @@ def seq_of(trace: Trace, name: str, nth: int = AT) -> int:
 
 
 # The same code does the same
+
+
+class Counting:
+    """A robot that asks for its next event in each one, and sets the terminate flag in the hundredth."""
+
+    def factories(self) -> list[Any]:
+        def count(task: Task, task_id: Any) -> Task:
+            (number,) = task.val_list
+            if number == 100:
+                parts[0].parent.set_terminate_flag("enough")
+            return tasks.event("count", [number + 1])
+
+        def begin(part: Part) -> None:
+            parts.append(part)
+            part.schedule(tasks.event("count", [1]))
+
+        parts: list[Part] = []
+        return [PartFactory({(TaskType.event, "count"): count}, "counting", begin=begin)]
+
+
+def test_a_run_that_the_terminate_flag_has_ended_replays(tmp_path: Path) -> None:
+    robot: Any = Counting()
+    trace = record(robot, tmp_path)
+    replayed = replay(trace, robot)
+    assert replayed.is_identical, replayed.divergences
+    assert [one.reason for one in trace.records if isinstance(one, EndRecord)] == ["enough"]
+    assert replayed.executed < 150
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,158 @@
+"""Tasks that ask for each other for ever at one moment end the run with a message that names them."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim import Config, MemoryLink, Node, SimClock, SimRunner, Task, TaskType, TestRunner, tasks
+from snr_sim.core.config import MAX_TASKS_PER_MOMENT
+from snr_sim.core.runaway import cycle_of
+from snr_sim.prelude.errors import ComponentFailed, ConfigError
+from snr_sim.program import program_header
+from snr_sim.recording.reader import read_trace
+from snr_sim.recording.records import ErrorRecord
+from snr_sim.recording.replay import replay_node
+from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.testing.parts import Part, PartFactory, TickerFactory
+
+BOUND = 1000
+
+
+def echo(key: str, answer: str, name: str) -> PartFactory:
+    """A part that answers each page of a key with one of another."""
+    parts: list[Part] = []
+
+    def reply(task: Task, task_id: Any) -> Task:
+        return parts[0].store_data_task(answer, 1)
+
+    return PartFactory({(TaskType.process_data, key): reply}, name, begin=parts.append)
+
+
+def once(key: str) -> TickerFactory:
+    return TickerFactory(lambda loop: loop.store_data(key, 0), "starter", 0.001)
+
+
+def config(roles: dict[str, list[Any]], at_most: int = BOUND) -> Config:
+    return Config(factories=roles, max_tasks_per_moment=at_most)
+
+
+def failure_of(run: Any) -> str:
+    with pytest.raises(ComponentFailed) as caught:
+        run()
+    return str(caught.value)
+
+
+def test_a_controller_that_answers_its_own_page_is_named_with_its_tasks() -> None:
+    said = failure_of(TestRunner(config({"test": [once("thrust"), echo("thrust", "thrust", "pilot")]})).run)
+    assert f"'test_node' has executed {BOUND} tasks at t = 0.000 s" in said
+    assert "[test_node] process_data 'thrust' -> pilot.reply" in said
+    assert "[test_node] store_page 'thrust'" in said
+    assert said.count("[test_node]") == 2
+
+
+def test_two_nodes_that_answer_each_other_over_a_link_without_latency_are_both_named() -> None:
+    roles = {"a": [once("ping"), echo("pong", "ping", "a_part")], "b": [echo("ping", "pong", "b_part")]}
+    links = [MemoryLink(["ping"], "a", "b"), MemoryLink(["pong"], "b", "a")]
+    said = failure_of(SimRunner(config(roles), links=links).run)
+    assert "[a_node] process_data 'pong' -> a_part.reply" in said
+    assert "[b_node] process_data 'ping' -> b_part.reply" in said
+
+
+@pytest.mark.parametrize("runner", ["node", "test", "sim"])
+def test_every_runner_in_lock_step_has_the_bound(runner: str) -> None:
+    factories = [once("x"), echo("x", "x", "echo")]
+    runs: dict[str, Any] = {
+        "node": lambda: Node("test", config({"test": factories}), clock=SimClock()).loop(),
+        "test": lambda: TestRunner(config({"test": factories})).run(),
+        "sim": lambda: SimRunner(config({"test": factories})).run(),
+    }
+    assert "tasks ask for each other for ever" in failure_of(runs[runner])
+
+
+def test_everybody_is_halted_and_tasks_that_multiply_are_cut_off() -> None:
+    log: list[str] = []
+
+    def double(task: Task, task_id: Any) -> list[Task]:
+        return [tasks.event("split"), tasks.event("split")]
+
+    part = PartFactory(
+        {(TaskType.event, "split"): double},
+        "amoeba",
+        begin=lambda part: part.schedule(tasks.event("split")),
+        halt=lambda part: log.append("halted"),
+    )
+    said = failure_of(TestRunner(config({"test": [part]})).run)
+    assert "event 'split' -> amoeba.double" in said
+    assert log == ["halted"]
+
+
+def count_to(most: int, seen: list[int]) -> PartFactory:
+    def count(task: Task, task_id: Any) -> Task | None:
+        (number,) = task.val_list
+        seen.append(number)
+        return tasks.event("count", [number + 1]) if number < most else None
+
+    def begin(part: Part) -> None:
+        part.schedule(tasks.event("count", [1]))
+
+    return PartFactory({(TaskType.event, "count"): count}, "counter", begin=begin)
+
+
+def test_as_many_tasks_as_the_bound_are_no_runaway() -> None:
+    seen: list[int] = []
+    TestRunner(config({"test": [count_to(BOUND, seen)]})).run()
+    assert seen[-1] == BOUND
+    assert "tasks ask" in failure_of(TestRunner(config({"test": [count_to(BOUND + 1, seen)]})).run)
+
+
+def test_each_moment_has_the_whole_bound_and_each_node_its_own() -> None:
+    seen: list[float] = []
+
+    def burst(loop: Any) -> None:
+        loop.schedule([tasks.event("work")] * (BOUND - 1))
+
+    worker = PartFactory({(TaskType.event, "work"): lambda task, task_id: seen.append(0.0)}, "worker")
+    roles: dict[str, list[Any]] = {role: [TickerFactory(burst, "loop", 10.0), worker] for role in ("a", "b")}
+    SimRunner(config(roles), until_s=0.5).run()
+    assert len(seen) == 2 * 6 * (BOUND - 1)
+
+
+def test_on_the_wall_clock_there_is_no_bound() -> None:
+    seen: list[int] = []
+    node = Node("r", config({"r": [count_to(3 * BOUND, seen), ender()]}))
+    node.loop()
+    assert len(seen) == 3 * BOUND
+
+
+def ender() -> PartFactory:
+    def end(task: Task, task_id: Any) -> Task | None:
+        return tasks.terminate("done") if task.val_list == [3 * BOUND] else None
+
+    return PartFactory({(TaskType.event, "count"): end}, "ender")
+
+
+def test_its_trace_is_whole_and_small_and_replays(tmp_path: Path) -> None:
+    roles: dict[str, list[Any]] = {"test": [echo("thrust", "thrust", "pilot"), once("thrust")]}
+    whole = config(roles, MAX_TASKS_PER_MOMENT)
+    writer = TraceWriter(tmp_path / FILE_NAME, program_header(["test"], whole, __file__, SimClock()))
+    said = failure_of(SimRunner(whole, recorder=writer).run)
+    writer.close()
+    assert (tmp_path / FILE_NAME).stat().st_size < 25e6
+    trace = read_trace(tmp_path / FILE_NAME)
+    assert [one.message for one in trace.records if isinstance(one, ErrorRecord)] == [said]
+    replayed = replay_node(trace, "test", whole)
+    assert replayed.is_identical, replayed.divergences[0]
+    assert replayed.executed > MAX_TASKS_PER_MOMENT
+
+
+@pytest.mark.parametrize("at_most", [0, -1, 1.5, True, "many", None])
+def test_a_bound_that_is_none_is_refused(at_most: Any) -> None:
+    with pytest.raises(ConfigError, match="max_tasks_per_moment"):
+        config({"test": []}, at_most)
+
+
+def test_the_cycle_is_the_shortest_that_comes_twice() -> None:
+    steps: list[Any] = list("xyabcabcabc")
+    assert cycle_of(steps) == list("abc")
+    assert cycle_of(list("abcdefghijklmnopq"))[-1] == "q"  # type: ignore[arg-type]
