@@ -86,6 +86,7 @@ def test_a_command_that_nobody_renews_ends_though_somebody_goes_on_sending_it(be
         applied = out.write_us(AHEAD, computed_s)
         bench.advance(TICK_S)
     assert bench.pins_us() == pytest.approx(STILL, abs=0.5)
+    bench.advance(0.06)  # the board tells by itself every 50 ms, if no command in time has it answer
     applied = out.write_us(AHEAD, computed_s)
     assert TOO_OLD in applied.why
     assert out.health().state == "inactive"

@@ -54,7 +54,9 @@ static struct output {
     uint8_t still_ms; /* how long it has been in the dead band */
 } outputs[CHANNELS];
 
-static uint16_t adc[2]; /* counts at A0 and A1 */
+/* Counts at A0 and A1, and of the internal reference. All are parts of the supply, whatever that is, so the pins are
+   reckoned by the reference: a supply that sags would make a battery look full. Until it was read, the supply is 5 V. */
+static uint16_t adc[] = {0, 0, BANDGAP_MV * 1024ul / 5000};
 static uint8_t nth;     /* frames sent */
 
 /* Before main: why it starts, and the watchdog off, which else goes on after a reset by it. */
@@ -135,7 +137,7 @@ static void send_telemetry(void) {
     add16(has_command ? age_ms : UINT16_MAX);
     add16(crc_errors);
     for (uint8_t i = 0; i < 2; i++)
-        add16(((uint32_t)adc[i] * 5000 + 512) / 1024);
+        add16((uint32_t)adc[i] * BANDGAP_MV / adc[2]);
     for (uint8_t i = 0; i < CHANNELS; i++)
         add16(outputs[i].width);
     frame_end();
@@ -285,12 +287,12 @@ ISR(TIMER2_COMPA_vect) {
     clock_ms++;
 }
 
-static void read_adc(void) { /* fetches what was measured, and begins with the other pin */
-    static uint8_t pin;
-    adc[pin] = ADC;
-    pin ^= 1;
-    ADMUX = _BV(REFS0) | pin; /* of the supply, 5 V */
-    ADCSRA |= _BV(ADSC);
+static void read_adc(void) { /* fetches what was measured, and turns to the next input, which has 4 ms to settle */
+    static const uint8_t inputs[] = {0, 1, BANDGAP_INPUT};
+    static uint8_t nth_input;
+    adc[nth_input] = ADC;
+    nth_input = (nth_input + 1) % sizeof inputs;
+    ADMUX = _BV(REFS0) | inputs[nth_input]; /* as a part of the supply */
 }
 
 static void feed_watchdog(void) { /* as long as pulses are made */
@@ -316,6 +318,8 @@ static void every_millisecond(void) {
     for (uint8_t i = 0; i < CHANNELS; i++)
         follow(i);
     if ((now_ms & 7) == 0)
+        ADCSRA |= _BV(ADSC);
+    if ((now_ms & 7) == 4)
         read_adc();
     quiet_ms = is_in_force ? 0 : quiet_ms + 1;
     if (quiet_ms == HEARTBEAT_MS) {

@@ -21,7 +21,6 @@
 #define SLOT (1000 * TICKS_PER_US)
 #define LEAD (10 * TICKS_PER_US) /* longer than the other interrupts together take */
 
-static uint16_t rose_at[CHANNELS]; /* ticks */
 static uint8_t slot;               /* the millisecond of the period */
 static uint16_t slot_start;        /* ticks */
 static uint16_t due;               /* when the next edge is */
@@ -31,9 +30,9 @@ static const uint8_t masks[CHANNELS] = {_BV(PD2), _BV(PD3), _BV(PD4), _BV(PD5), 
 
 static void next_edge(void) {
     is_fall = !is_fall;
-    if (is_fall) { /* after the rise of a channel the fall of the one before it */
+    if (is_fall) { /* after the rise of a channel the fall of the one before it, which rose a slot earlier */
         channel = (slot ? slot : PERIOD_MS) - 1;
-        due = channel < CHANNELS ? rose_at[channel] + widths[channel] : slot_start + SLOT / 2;
+        due = channel < CHANNELS ? slot_start - SLOT + widths[channel] : slot_start + SLOT / 2;
     } else {
         slot_start += SLOT;
         if (++slot == PERIOD_MS) {
@@ -42,8 +41,6 @@ static void next_edge(void) {
         }
         channel = slot;
         due = slot_start;
-        if (channel < CHANNELS)
-            rose_at[channel] = due;
     }
     OCR1A = due - LEAD;
 }

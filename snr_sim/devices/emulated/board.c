@@ -265,6 +265,11 @@ void board_millivolts(board_t *board, uint32_t adc, uint32_t millivolts)
     avr_raise_irq(avr_io_getirq(board->avr, AVR_IOCTL_ADC_GETIRQ, ADC_IRQ_ADC0 + adc), millivolts);
 }
 
+void board_supply(board_t *board, uint32_t millivolts)
+{
+    board->avr->vcc = board->avr->avcc = millivolts;
+}
+
 /* Pulls the reset pin low for a moment. */
 void board_reset(board_t *board)
 {

@@ -80,6 +80,7 @@ def _library(path: Path) -> Any:
     library.board_millivolts.argtypes = (pointer, number, number)
     for name in ("board_get", "board_pulses"):
         getattr(library, name).argtypes = (pointer, pointer, number)
+    library.board_supply.argtypes = (pointer, number)
     library.board_pins.argtypes = (pointer, pointer)
     for name in ("board_close", "board_reset", "board_resets", "board_waiting"):
         getattr(library, name).argtypes = (pointer,)
@@ -183,6 +184,10 @@ class Board:
     def set_millivolts(self, pin: int, millivolts: float) -> None:
         """Puts a voltage, 0 to 5000, at an analogue pin: 0 is A0."""
         self._library.board_millivolts(self._board, pin, max(0, round(millivolts)))
+
+    def set_supply_millivolts(self, millivolts: float) -> None:
+        """Sets the supply, 5000 at power on, against which the converter measures; brown-out is not emulated."""
+        self._library.board_supply(self._board, round(millivolts))
 
     def reset(self) -> None:
         """Pulls the reset pin, as whoever opens the port of an Arduino does."""

@@ -126,6 +126,23 @@ def test_each_command_is_answered_with_its_number(bench: Bench) -> None:
     assert (bench.frames.crc_errors, bench.frames.gaps) == (0, 0)
 
 
+@pytest.mark.parametrize("supply_mv", [5000, 4750, 4200, 3300])
+def test_sagging_supply_does_not_make_the_battery_look_full(bench: Bench, supply_mv: int) -> None:
+    bench.board.set_millivolts(0, 1345)
+    bench.board.set_millivolts(1, 600)
+    bench.board.set_supply_millivolts(supply_mv)
+    bench.run(100)
+    assert bench.told.battery_pin_mv == pytest.approx(1345, abs=10)
+    assert bench.told.current_pin_mv == pytest.approx(600, abs=10)
+
+
+def test_reference_measured_on_a_chip_corrects_its_voltages(make_bench: Callable[..., Bench], mcu: str) -> None:
+    bench = make_bench(mcu, BANDGAP_MV=1045)  # a chip whose reference is 5 % lower; simavr's has 1100 mV
+    bench.board.set_millivolts(0, 2000)
+    bench.run(100)
+    assert bench.told.battery_pin_mv == pytest.approx(1900, abs=10)
+
+
 @pytest.mark.parametrize("millivolts", [0, 330, 1450, 2500, 4995])
 def test_voltages_at_the_pins_are_told_to_two_steps_of_the_converter(bench: Bench, millivolts: int) -> None:
     bench.board.set_millivolts(0, millivolts)

@@ -1,0 +1,73 @@
+"""The vehicle's role over an hour: what it keeps does not grow with time, but for the course that is judged."""
+
+import gc
+import sys
+from pathlib import Path
+
+import pytest
+
+from snr_sim.flight import Flight
+from snr_sim.simulation import Request, prepare
+
+HOUR_S = 3600.0
+WARM_UP_S = 300.0  # until the thrusters' curves have been looked up at nearly all pulses
+MOST_KIB = 4096  # 3244 were measured; 2.1 MB of that are the course: eight numbers, ten times a second
+
+SCENARIO = f"""
+from snr_sim.plants.dive import Dive
+from snr_sim.plants.pool import Pool
+from snr_sim.plants.propulsion import Propulsion
+from snr_sim.plants.tether import Tether
+from snr_sim_robot_urov.judging import WatchedUrov
+from snr_sim_robot_urov.parameters import UrovParameters, vehicle
+from snr_sim_robot_urov.pilot import Cue
+
+ROBOT = "urov"
+ENGINES = ("mujoco",)
+CONTROLLER = "holds"
+TIME_LIMIT_S = {HOUR_S}
+
+
+def plant(seed, engine):
+    start = Dive(tether=Tether((0.0, 0.0, 0.0)))
+    return WatchedUrov(vehicle(), Pool(25.0, 12.5, 4.0), lambda seed: start, Propulsion(8), seed)
+
+
+def parameters(seed):
+    legs = [Cue(10.0 + 20.0 * i, surge=0.3 * (-1) ** i, depth_m=1.0 + i % 2) for i in range(int({HOUR_S} / 20.0))]
+    return UrovParameters(vehicle(), (Cue(2.0, is_armed=True, mode="heading_hold", depth_m=1.5), *legs))
+
+
+def verdict(plant):
+    return None
+
+
+def metrics(plant, seed):
+    return {{"way_m": sum(abs(b.position_m[0] - a.position_m[0]) for a, b in zip(plant.course, plant.course[1:]))}}
+"""
+
+
+def resident_kib() -> int:
+    """Return the memory that this process has."""
+    gc.collect()
+    return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * 4
+
+
+@pytest.mark.nightly(minutes=2)
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_memory_of_an_hour_of_diving_stays_flat(tmp_path: Path) -> None:
+    (tmp_path / "hour.py").write_text(SCENARIO, encoding="utf-8")
+    simulation = prepare(Request(str(tmp_path / "hour.py")))
+    plant = simulation.plant()
+    seen_kib: dict[float, int] = {}
+
+    def look(now_s: float) -> None:
+        for due_s in (WARM_UP_S, HOUR_S - 1.0):
+            if now_s >= due_s and due_s not in seen_kib:
+                seen_kib[due_s] = resident_kib()
+
+    result = Flight(simulation, plant, simulation.config(plant), on_advance=look).run()
+    assert (result.error, result.sim_time_s) == ("", pytest.approx(HOUR_S))
+    assert result.metrics["way_m"] > 100.0  # it did dive
+    first_kib, last_kib = seen_kib.values()
+    assert last_kib - first_kib < MOST_KIB, f"{first_kib} KiB, and {last_kib} KiB after an hour"
