@@ -19,7 +19,7 @@ from snr_sim.recording.trace import FILE_NAME
 
 Snr = Callable[..., Any]
 Mine = Callable[..., Path]
-WIRED = '        return self.store_data_task("engine", {"throttle": 0.3})'
+WIRED = '        return self.store_data_task("engine", {"throttle": 0.2})'
 EVIL = "from pathlib import Path\nPath(__file__)\nopen({marker!r}, 'w').close()\ndef factories(robot): return []\n"
 
 
@@ -41,13 +41,13 @@ def here(here: Path, one_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture
 def run(snr: Snr, here: Path, one_folder: Path, mine: Mine) -> Path:
     """A run of mine.py, which imports a neighbour at once and another one in a handler; flown once, then copied."""
-    (here / "gains.py").write_text("THROTTLE = 0.3\n")
+    (here / "gains.py").write_text("THROTTLE = 0.2\n")
     (here / "late.py").write_text("OFFSET = 0.0\n")
     path = mine(
         ("from snr_sim import", "import json\nimport gains\nfrom snr_sim import"),
         (
             WIRED,
-            "        import late\n" + WIRED.replace("0.3", "gains.THROTTLE + late.OFFSET + len(json.dumps('')) - 2"),
+            "        import late\n" + WIRED.replace("0.2", "gains.THROTTLE + late.OFFSET + len(json.dumps('')) - 2"),
         ),
     )
     kept = one_folder / "kept"
@@ -119,7 +119,7 @@ def test_own_run_replays_what_was_recorded_and_today_s_with_with(snr: Snr, run: 
     (here / "late.py").write_text("OFFSET = 0.1\n")
     assert snr("replay", run).status == 0
     answer = snr("replay", run, "--with", here / "mine.py", "--json")
-    assert answer.json["first_divergence"]["replayed"] == pytest.approx(0.4)
+    assert answer.json["first_divergence"]["replayed"] == pytest.approx(0.3)
 
 
 def test_failure_in_a_replay_shows_the_recorded_line_under_its_own_name(snr: Snr, here: Path, mine: Mine) -> None:
