@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
-from typing import Annotated, NoReturn
+from collections.abc import Callable
+from functools import cache
+from typing import Annotated, Any, NoReturn
 
 import typer
 
@@ -67,6 +69,12 @@ app.command("bench")(bench.bench)
 app.command("console", context_settings={"ignore_unknown_options": True})(console.console)  # `store x -1`
 
 
+@cache
+def _command() -> Callable[..., Any]:
+    """Return the command with all verbs; to read their signatures takes 14 ms."""
+    return typer.main.get_command(app)
+
+
 _TYPER_STOPPED = 130  # what typer returns when it has caught a KeyboardInterrupt before us
 
 
@@ -75,7 +83,7 @@ def main() -> None:
     stopping.interrupt_at_signals()  # every verb puts in order what it has begun
     try:
         try:
-            status = app(prog_name="snr", standalone_mode=False)
+            status = _command()(prog_name="snr", standalone_mode=False)
         finally:
             sys.stdout.flush()  # here, where we can answer if nobody listens any more
     except KeyboardInterrupt:

@@ -10,6 +10,7 @@ import msgspec
 
 from snr_sim.prelude.errors import TraceError
 from snr_sim.prelude.values import NO_JSON
+from snr_sim.recording.garbage import no_garbage_collection
 from snr_sim.recording.records import (
     SCHEMA,
     BeginRecord,
@@ -58,6 +59,7 @@ class Trace:
         return {record.node for record in self.records if isinstance(record, EndRecord)} >= set(self.header.nodes)
 
 
+@no_garbage_collection()
 def read_trace(path: Path) -> Trace:
     """Reads a trace, up to its last whole record.
 

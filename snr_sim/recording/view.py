@@ -21,7 +21,6 @@ This is the one file that imports rerun. rerun changes with most releases, so wh
 from __future__ import annotations
 
 import contextlib
-import gc
 import importlib
 import os
 from collections.abc import Iterable, Iterator
@@ -30,6 +29,7 @@ from typing import Any
 
 from snr_sim.prelude.errors import MissingExtra, TraceError
 from snr_sim.recording.folder import VIEW_NAME, trace_path
+from snr_sim.recording.garbage import no_garbage_collection
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.records import Header, Record
 from snr_sim.recording.view_blueprint import Layout
@@ -200,25 +200,11 @@ def _stream(kind: str, title: str) -> Iterator[tuple[Any, Any]]:
     rr = _rerun()
     stream = rr.RecordingStream(f"snr_sim_{kind}", send_properties=False)
     try:
-        with _no_garbage_collection():
+        with no_garbage_collection():
             stream.send_recording_name(title)
             yield rr, stream
     finally:
         stream.disconnect()
-
-
-@contextlib.contextmanager
-def _no_garbage_collection() -> Iterator[None]:
-    """Columns are made of a hundred thousand small objects that refer to nothing: looking for circles among them, and
-    among all the records of the run, costs a tenth of the time and finds none.
-    """
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
 
 
 def _rerun() -> Any:

@@ -30,7 +30,7 @@ class Mine(Endpoint):
     def on_radar(self, task, task_id):
         self.ticks += 1
         now_s = self.get_time_s()
-        return self.store_data_task("engine", {"throttle": 0.3})
+        return self.store_data_task("engine", {"throttle": 0.2})
 """
 
 

@@ -19,7 +19,7 @@ from snr_sim.recording.trace import FILE_NAME
 Snr = Callable[..., Any]
 Mine = Callable[..., Path]
 
-WIRED = '        return self.store_data_task("engine", {"throttle": 0.3})'
+WIRED = '        return self.store_data_task("engine", {"throttle": 0.2})'
 RUN = ("run", "lander_vertical", "--no-rrd")
 
 
@@ -372,7 +372,7 @@ COMMANDS = [
 def test_a_command_that_is_none_stops_the_run_with_the_value_found(
     snr: Snr, mine: Mine, value: str, found: str
 ) -> None:
-    answer = snr(*RUN, "--controller", mine(("0.3", value)), "--json")
+    answer = snr(*RUN, "--controller", mine(("0.2", value)), "--json")
     assert (answer.status, answer.json["outcome"]) == (1, "error")
     assert found in answer.json["error"]
     assert "Try: " in answer.json["error"]
@@ -388,7 +388,7 @@ def test_a_command_with_an_unknown_field_is_told_the_nearest_one(snr: Snr, mine:
 
 def test_a_command_out_of_range_is_clamped_and_said_once(snr: Snr, mine: Mine) -> None:
     for value in ("1.5", "-3"):
-        fields = snr(*RUN, "--controller", mine(("0.3", value)), "--json").json
+        fields = snr(*RUN, "--controller", mine(("0.2", value)), "--json").json
         assert len([note for note in fields["notes"] if "clamped" in note]) == 1
         assert fields["outcome"] != "error"
 
@@ -471,7 +471,7 @@ EDITS_ITSELF = """
 
 @pytest.mark.slow
 def test_a_watched_run_takes_an_edited_controller_and_its_replay_says_so(snr: Snr, here: Path, mine: Mine) -> None:
-    mine((WIRED, EDITS_ITSELF + WIRED))
+    mine((WIRED, EDITS_ITSELF + WIRED.replace("0.2", "0.3")))  # rises, and flies until its time is over
     answer = snr("run", "lander_low_gate", "--controller", "./mine.py", "--speed", "100", "--watch", "--no-rrd")
     assert "INFO snr.lander_node.node_core: Made anew: mine." in answer.err
     folder = next(here.glob("runs/*"))

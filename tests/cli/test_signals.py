@@ -19,7 +19,7 @@ from snr_sim.recording.records import EndRecord, ErrorRecord
 from snr_sim.recording.trace import FILE_NAME
 
 Mine = Callable[..., Path]
-WIRED = '        return self.store_data_task("engine", {"throttle": 0.3})'
+WIRED = '        return self.store_data_task("engine", {"throttle": 0.2})'
 
 LIMITED = """
 import resource, sys

@@ -19,24 +19,42 @@ from snr_sim.recording.trace import FILE_NAME
 
 Snr = Callable[..., Any]
 Mine = Callable[..., Path]
-WIRED = '        return self.store_data_task("engine", {"throttle": 0.3})'
+WIRED = '        return self.store_data_task("engine", {"throttle": 0.2})'
 EVIL = "from pathlib import Path\nPath(__file__)\nopen({marker!r}, 'w').close()\ndef factories(robot): return []\n"
 
 
+@pytest.fixture(scope="session")
+def one_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of all tests here, for a run keeps the paths of its files: what is in it, and the kept run."""
+    return tmp_path_factory.mktemp("trust")
+
+
 @pytest.fixture
-def run(snr: Snr, here: Path, mine: Mine) -> Path:
-    """A run of mine.py, which imports a neighbour at once and another one in a handler."""
-    (here / "gains.py").write_text("THROTTLE = 0.3\n")
+def here(here: Path, one_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The same empty folder for each test, which is the current one, and the same user."""
+    shutil.rmtree(one_folder / "here", ignore_errors=True)
+    (one_folder / "here").mkdir()
+    monkeypatch.chdir(one_folder / "here")
+    return one_folder / "here"
+
+
+@pytest.fixture
+def run(snr: Snr, here: Path, one_folder: Path, mine: Mine) -> Path:
+    """A run of mine.py, which imports a neighbour at once and another one in a handler; flown once, then copied."""
+    (here / "gains.py").write_text("THROTTLE = 0.2\n")
     (here / "late.py").write_text("OFFSET = 0.0\n")
     path = mine(
         ("from snr_sim import", "import json\nimport gains\nfrom snr_sim import"),
         (
             WIRED,
-            "        import late\n" + WIRED.replace("0.3", "gains.THROTTLE + late.OFFSET + len(json.dumps('')) - 2"),
+            "        import late\n" + WIRED.replace("0.2", "gains.THROTTLE + late.OFFSET + len(json.dumps('')) - 2"),
         ),
     )
-    fields = snr("run", "lander_vertical", "--no-rrd", "--json", "--controller", path).json
-    return here / str(fields["run_dir"])
+    kept = one_folder / "kept"
+    if not kept.exists():
+        fields = snr("run", "lander_low_gate", "--no-rrd", "--json", "--controller", path).json
+        shutil.move(here / str(fields["run_dir"]), kept)
+    return Path(shutil.copytree(kept, here / "runs" / "kept"))
 
 
 @pytest.fixture
@@ -82,11 +100,13 @@ def edit(run: Path, opening: dict[str, Any] | None = None, **header: Any) -> Non
 # One's own runs
 
 
-def test_own_run_replays_from_its_folder_after_its_files_have_gone(snr: Snr, run: Path, tmp_path: Path) -> None:
+def test_own_run_replays_from_its_folder_after_its_files_have_gone(
+    snr: Snr, run: Path, here: Path, tmp_path: Path
+) -> None:
     names = [Path(line["path"]).name for line in table(run)]
     assert sorted(names) == ["gains.py", "late.py", "mine.py"]
     for name in names:
-        (tmp_path / name).unlink()
+        (here / name).unlink()
     moved = shutil.move(run, tmp_path / "moved")
     answer = snr("replay", moved)
     assert answer.status == 0, answer.err
@@ -99,12 +119,12 @@ def test_own_run_replays_what_was_recorded_and_today_s_with_with(snr: Snr, run: 
     (here / "late.py").write_text("OFFSET = 0.1\n")
     assert snr("replay", run).status == 0
     answer = snr("replay", run, "--with", here / "mine.py", "--json")
-    assert answer.json["first_divergence"]["replayed"] == pytest.approx(0.4)
+    assert answer.json["first_divergence"]["replayed"] == pytest.approx(0.3)
 
 
 def test_failure_in_a_replay_shows_the_recorded_line_under_its_own_name(snr: Snr, here: Path, mine: Mine) -> None:
     path = mine((WIRED, "        return 1 / (now_s < 1.0)  # as it was"))
-    run = snr("run", "lander_vertical", "--no-rrd", "--json", "--controller", path).json["run_dir"]
+    run = snr("run", "lander_low_gate", "--no-rrd", "--json", "--controller", path).json["run_dir"]
     path.write_text("\n" * 40)
     answer = snr("replay", run)
     assert answer.status == 0, answer.out + answer.err  # the message of the failure is compared, too
@@ -112,7 +132,7 @@ def test_failure_in_a_replay_shows_the_recorded_line_under_its_own_name(snr: Snr
 
 def test_robot_and_scenario_of_a_users_own_replay_from_the_run_folder(snr: Snr, here: Path) -> None:
     assert snr("new", "robot", "moth", "--from", "lander").status == 0
-    assert snr("new", "scenario", "fall", "--from", "lander_vertical", "--robot", "moth").status == 0
+    assert snr("new", "scenario", "fall", "--from", "lander_low_gate", "--robot", "moth").status == 0
     run = snr("run", "fall", "--no-rrd", "--json").json["run_dir"]
     shutil.rmtree(here / "robots")
     shutil.rmtree(here / "scenarios")
@@ -131,7 +151,7 @@ def test_file_too_large_to_keep_is_told_and_asked_for(
     snr: Snr, here: Path, mine: Mine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sources, "MAX_FILE_BYTES", 100)
-    fields = snr("run", "lander_vertical", "--no-rrd", "--json", "--controller", mine()).json
+    fields = snr("run", "lander_low_gate", "--no-rrd", "--json", "--controller", mine()).json
     assert "mine.py was not kept for a replay: it is too large, or there are too many." in fields["notes"]
     answer = snr("replay", fields["run_dir"])
     assert answer.status == 2

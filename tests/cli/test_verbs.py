@@ -23,7 +23,7 @@ from snr_sim.simulation import Request
 
 Snr = Callable[..., Any]
 Mine = Callable[..., Path]
-WIRED = '        return self.store_data_task("engine", {"throttle": 0.3})'
+WIRED = '        return self.store_data_task("engine", {"throttle": 0.2})'
 VERTICAL = "snr_sim/LanderVertical-v0"
 VERBS = ("run", "replay", "resim", "trace", "view", "list", "new", "check", "doctor", "bench")
 
@@ -123,7 +123,7 @@ def test_a_replay_with_another_policy_file_says_that_it_is_the_file_and_not_the_
 
 
 def test_a_replay_after_one_constant_was_changed_names_the_record(snr: Snr, flown_mine: Path, mine: Mine) -> None:
-    path = mine((WIRED, '        return self.store_data_task("engine", {"throttle": 0.3 if now_s < 20.0 else 0.35})'))
+    path = mine((WIRED, '        return self.store_data_task("engine", {"throttle": 0.2 if now_s < 20.0 else 0.23})'))
     as_recorded = snr("replay", flown_mine, "--check")
     assert as_recorded.status == 0
     assert "Changed since the run: controller/mine.py. This replay executes it as it was recorded" in as_recorded.err
@@ -136,7 +136,7 @@ def test_a_replay_after_one_constant_was_changed_names_the_record(snr: Snr, flow
     for part in (
         f"seq {seq}, t = 20.000 s, node lander_node, while handling process_data 'radar'",
         "component mine, handler on_radar (value)",
-        "engine.throttle: recorded 0.3, replayed 0.35",
+        "engine.throttle: recorded 0.2, replayed 0.23",
         "radar_sensor brought store_page 'radar'",
         f"commands to actuators differ from seq {seq}, t = 20.000 s: after this the recorded sensors no longer answer",
         "snr resim",
@@ -150,9 +150,9 @@ def test_a_replay_after_one_constant_was_changed_names_the_record(snr: Snr, flow
         "on_radar",
         "engine.throttle",
     )
-    assert (first["recorded"], first["replayed"], first["kind"]) == (0.3, 0.35, "value")
+    assert (first["recorded"], first["replayed"], first["kind"]) == (0.2, 0.23, "value")
     assert fields["commands_differ_from_seq"] == seq
-    assert snr(*today, "--tolerance", "engine.throttle=0.06").status == 0
+    assert snr(*today, "--tolerance", "engine.throttle=0.04").status == 0
     assert snr(*today, "--tolerance", "engine.throttle=20%").status == 0
     assert snr(*today, "--tolerance", "engine.*=1e-3").status == 1
 
@@ -169,7 +169,7 @@ def elsewhere(run: Path) -> None:
 def test_replay_under_another_python_names_it_before_the_handler(snr: Snr, flown_mine: Path, mine: Mine) -> None:
     elsewhere(flown_mine)
     assert "Recorded with something else" not in snr("replay", flown_mine).err, "the same tasks all the same"
-    path = mine((WIRED, '        return self.store_data_task("engine", {"throttle": 0.3 if now_s < 20.0 else 0.35})'))
+    path = mine((WIRED, '        return self.store_data_task("engine", {"throttle": 0.2 if now_s < 20.0 else 0.23})'))
     answer = snr("replay", flown_mine, "--with", path)
     assert answer.status == 1
     said = f"Recorded with something else: Python 3.10.0 then, {platform.python_version()} now; numpy 1.0 then, "
@@ -179,11 +179,11 @@ def test_replay_under_another_python_names_it_before_the_handler(snr: Snr, flown
 
 
 def test_a_replay_with_another_file_warns_where_the_loop_opens(snr: Snr, flown_mine: Path, mine: Mine) -> None:
-    other = mine(("0.3", "0.5"), name="other.py")
+    other = mine(("0.2", "0.5"), name="other.py")
     answer = snr("replay", flown_mine, "--with", other, "--json")
     assert answer.status == 1
     assert "no longer answer your code" in answer.json["warning"]
-    nan = mine(("0.3", "float('nan')"), name="nan.py")
+    nan = mine(("0.2", "float('nan')"), name="nan.py")
     assert snr("replay", flown_mine, "--with", nan, "--json").json["first_divergence"]["replayed"] == "nan"
     for wrong, said in (("no.py", "There is no file 'no.py'"), ("optiml", "There is no controller 'optiml'")):
         answer = snr("replay", flown_mine, "--with", wrong, "--json")

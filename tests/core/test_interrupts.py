@@ -196,7 +196,7 @@ def test_a_halt_has_its_own_time_however_long_others_took(monkeypatch: pytest.Mo
     assert halted == ["a", "b", "c"]
 
 
-@pytest.mark.slow
+@pytest.mark.wall_clock
 def test_a_halt_that_never_returns_does_not_keep_others_from_being_halted() -> None:
     halted: list[str] = []
 

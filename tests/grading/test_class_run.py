@@ -30,6 +30,7 @@ from snr_sim.prelude.errors import SnrError
 pytestmark = pytest.mark.slow
 
 HandedIn = Callable[..., list[Path]]
+GradeBy = Callable[..., dict[str, Graded]]
 SECRET = "correct horse battery staple"
 
 
@@ -349,11 +350,24 @@ class Class:
         self.folder.close()
 
 
-def test_a_worker_that_dies_costs_no_mark_and_stops_nobody(
-    double_lab: Path, handed_in: HandedIn, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    dying = tmp_path / "dying.py"
-    dying.write_text(
+@pytest.fixture
+def grade_by(double_lab: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> GradeBy:
+    """Return a function that grades a class by workers that run `serve` of a program; it returns all by name."""
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def grade_by(program: str, given: list[Path], jobs: int = 1, **limits: float) -> dict[str, Graded]:
+        (tmp_path / "workers_program.py").write_text(program)
+        with Class(double_lab, given, tmp_path / "out") as group:
+            grade_here(group.run, jobs=jobs, target="workers_program:serve", **limits)
+        found = {graded.submission: graded for graded in group.results}
+        assert len(found) == len(group.results)
+        return found
+
+    return grade_by
+
+
+def test_a_worker_that_dies_costs_no_mark_and_stops_nobody(grade_by: GradeBy, handed_in: HandedIn) -> None:
+    program = (
         "import os\n"
         "from snr_sim.grading import worker\n"
         "grade = worker.grade\n"
@@ -363,19 +377,15 @@ def test_a_worker_that_dies_costs_no_mark_and_stops_nobody(
         "    worker.grade = fails\n"
         "    return worker.serve(line)\n"
     )
-    monkeypatch.syspath_prepend(tmp_path)
-    given = handed_in(ada="right", bob="right", eve="right")
-    with Class(double_lab, given, tmp_path / "out") as group:
-        grade_here(group.run, jobs=1, target="dying:serve")
-    found = {graded.submission: graded for graded in group.results}
+    found = grade_by(program, handed_in(ada="right", bob="right", eve="right"))
     assert {name: graded.status for name, graded in found.items()} == {"ada": "graded", "bob": "fault", "eve": "graded"}
     assert "ended by SIGKILL" in found["bob"].error
 
 
 def test_worker_held_by_one_submission_is_ended_once_and_the_others_are_graded(
-    double_lab: Path, handed_in: HandedIn, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    grade_by: GradeBy, handed_in: HandedIn, tmp_path: Path
 ) -> None:
-    (tmp_path / "held.py").write_text(
+    program = (
         "from pathlib import Path\n"
         "from snr_sim.grading import worker\n"
         "grade_submission = worker.grade_submission\n"
@@ -391,32 +401,24 @@ def test_worker_held_by_one_submission_is_ended_once_and_the_others_are_graded(
         "    worker.grade_submission, worker.JOB_CPU_S = hold, 1\n"
         "    return worker.serve(line)\n"
     )
-    monkeypatch.syspath_prepend(tmp_path)
-    given = handed_in(ada="right", bob="right", eve="right", fay="right")
-    with Class(double_lab, given, tmp_path / "out") as group:
-        grade_here(group.run, jobs=1, limit_s=60.0, target="held:serve")
-    found = {graded.submission: graded for graded in group.results}
+    found = grade_by(program, handed_in(ada="right", bob="right", eve="right", fay="right"), limit_s=60.0)
     assert [found[name].status for name in ("ada", "bob", "eve", "fay")] == ["graded", "fault", "fault", "graded"]
     assert "The grader worked on it for more than" in found["bob"].error
     assert "MemoryError" in found["eve"].error
     assert (tmp_path / "tries").read_text() == "ada bob eve fay "
 
 
-def test_a_worker_that_does_not_end_is_ended(
-    double_lab: Path, handed_in: HandedIn, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "hanging.py").write_text("import time\ndef serve(line):\n    line.recv_bytes()\n    time.sleep(1e6)\n")
-    monkeypatch.syspath_prepend(tmp_path)
-    with Class(double_lab, handed_in(ada="right"), tmp_path / "out") as group:
-        grade_here(group.run, jobs=1, limit_s=0.0, target="hanging:serve")
-    assert [(graded.status, "took too long" in graded.error) for graded in group.results] == [("fault", True)]
+def test_a_worker_that_does_not_end_is_ended(grade_by: GradeBy, handed_in: HandedIn) -> None:
+    program = "import time\ndef serve(line):\n    line.recv_bytes()\n    time.sleep(1e6)\n"
+    found = grade_by(program, handed_in(ada="right"), limit_s=0.0)
+    assert [(graded.status, "took too long" in graded.error) for graded in found.values()] == [("fault", True)]
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="this system does not tell on which cores one runs")
 def test_where_every_core_has_a_worker_each_stays_on_its_own(
-    double_lab: Path, handed_in: HandedIn, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    grade_by: GradeBy, handed_in: HandedIn, tmp_path: Path
 ) -> None:
-    (tmp_path / "telling.py").write_text(
+    program = (
         "import os\n"
         "from pathlib import Path\n"
         "from snr_sim.grading import worker\n"
@@ -426,12 +428,9 @@ def test_where_every_core_has_a_worker_each_stays_on_its_own(
         "    worker.grade = lambda *job: told.write_text(str(*os.sched_getaffinity(0))) and grade(*job)\n"
         "    return worker.serve(line)\n"
     )
-    monkeypatch.syspath_prepend(tmp_path)
     cores = sorted(os.sched_getaffinity(0))
     given = handed_in(**{f"s{i}": "right" for i in range(2 * len(cores))})
-    with Class(double_lab, given, tmp_path / "out") as group:
-        grade_here(group.run, jobs=len(cores), target="telling:serve")
-    assert {graded.status for graded in group.results} == {"graded"}
+    assert {graded.status for graded in grade_by(program, given, len(cores)).values()} == {"graded"}
     assert sorted(int(file.read_text()) for file in tmp_path.glob("on_*")) == cores
     assert sorted(os.sched_getaffinity(0)) == cores
 

@@ -36,6 +36,7 @@ def test_no_message_ends_in_a_colon_before_what_to_try() -> None:
     unended = [
         f"{path.name}, line {call.lineno}"
         for path in sorted(KIT.rglob("*.py"))
+        if b"fix" in path.read_bytes()  # others need not be parsed
         for call in ast.walk(ast.parse(path.read_bytes()))
         if isinstance(call, ast.Call)
         and call.args

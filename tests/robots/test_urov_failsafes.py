@@ -36,7 +36,8 @@ robot = library.load_robot(library.find("robots", "urov"))
 from snr_sim_robot_urov.failsafes import ACTIONS, CAUSES, LASTING, OUTPUTS  # noqa: E402
 
 ARM_S, FROM_S, TO_S, GAP_S = 1.8, 2.6, 4.8, 0.22
-DISARM_S, ARM_AGAIN_S, END_S = 6.0, 6.2, 7.0
+END_S = 6.0
+DISARM_S, ARM_AGAIN_S, PERSON_END_S = 6.0, 6.2, 7.0  # if a person arms it again
 GREETS_S = 2.0  # a link that was cut needs so long to greet again
 REARM, WITHIN_S = "rearm", 5.0
 LIMITS = {"lost_s": 0.5, "hold_s": 0.8, "low_s": 0.4}
@@ -148,6 +149,7 @@ class Dive:
 
         failsafes = Failsafes(**{name: Rearm(WITHIN_S) if one == REARM else one for name, one in actions.items()})
         later_s = GREETS_S if cause == "link_lost" else 0.0
+        end_s = PERSON_END_S if person else END_S
         script = [Cue(ARM_S, is_armed=True, mode="heading_hold", surge=0.3)]
         if person:
             script += [Cue(DISARM_S + later_s, is_armed=False), Cue(ARM_AGAIN_S + later_s, is_armed=True)]
@@ -171,7 +173,7 @@ class Dive:
             parts["urov"].append(TickerFactory(lambda loop: self._sample(bare), "sampler", 50.0))
             parts["urov"].append(PartFactory({(TaskType.store_page, "vehicle"): self._keep}))
             clock.follow(Stepper(plant).advance_to)
-            runner = SimRunner(Config(factories=parts), clock=clock, until_s=END_S + later_s, tells_notes=False)
+            runner = SimRunner(Config(factories=parts), clock=clock, until_s=end_s + later_s, tells_notes=False)
             runner.run()
         self.notes = runner.nodes["urov"].notes
         if isinstance(plant, PlantOnBoard):

@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from snr_sim import SimRunner, library
@@ -205,21 +205,9 @@ def pages(draw: Any) -> tuple[str, Any]:
     return key, lambda data: {name: value for name, value in {**data, **spoilt}.items() if name not in gone}
 
 
-def check(page: tuple[str, Any]) -> None:
+@given(pages())
+def test_no_junk_page_ends_the_node(page: tuple[str, Any]) -> None:
     """The vehicle lives, each pulse is one, and after the junk the pilot is obeyed, unless the battery is low."""
     dive = Dive(*page, until_s=4.6)
     assert all(1100.0 <= pulse <= 1900.0 for _, pulses in dive.pulses for pulse in pulses)
     assert dive.during(4.5, 4.6) == ({"surface"} if dive.autopilot.guard.is_wet else {"pilot"})
-
-
-@settings(max_examples=15, deadline=None, derandomize=True, database=None)
-@given(pages())
-def test_no_junk_page_ends_the_node(page: tuple[str, Any]) -> None:
-    check(page)
-
-
-@pytest.mark.slow
-@settings(max_examples=400, deadline=None)
-@given(pages())
-def test_no_junk_page_ends_the_node_of_many(page: tuple[str, Any]) -> None:
-    check(page)
