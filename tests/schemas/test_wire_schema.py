@@ -51,7 +51,9 @@ def conversations() -> Iterator[tuple[str, list[str], list[dict[str, Any]]]]:
         one, other = session(secret=secret), session(True, secret=secret)
         said = talk(one, other)
         one.tick(0.2)
-        one.send(Page("k", {"tuple": (1, 2)}, "client_node", 0.5).serialize())
+        page = Page("k", {"tuple": (1, 2)}, "client_node", 0.5).serialize()
+        other.receive(one.seal(encode_frame(page)), now_s=0.2)
+        said.append(json.loads(page))
         other.bye("done.")
         said += talk(one, other)
         yield name, ["hello", "bye", "page", "ping", *(["auth"] if secret else [])], said
