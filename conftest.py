@@ -8,6 +8,7 @@ A plain `pytest` runs `fast` (pyproject.toml); `pytest -m slow` and so on run th
 from __future__ import annotations
 
 import gc
+import signal
 import sys
 import time
 from collections.abc import Generator
@@ -107,8 +108,9 @@ class FastLaneGuard:
     ALLOWED_PROCESSES = ("uname", "lscpu")
     SOCKETS = ("socket.bind", "socket.connect")
     THREADS = ("_thread.start_new_thread", "_thread.start_joinable_thread")  # audited from Python 3.12 on
-    # Of the recorder, of the handling of signals, and of prompt_toolkit; loops have threads on the wall clock only.
-    ALLOWED_THREADS = ("trace-flusher", "wake_up", "patch-stdout-flush-thread")
+    # Of the recorder and who follows it, of the handling of signals, and of prompt_toolkit; loops have threads on the
+    # wall clock only.
+    ALLOWED_THREADS = ("trace-flusher", "trace-follower", "wake_up", "patch-stdout-flush-thread")
 
     def __init__(self) -> None:
         self.is_active = False
@@ -145,7 +147,23 @@ def blocked_s() -> float:
     return time.monotonic() - (on_core_ns + in_queue_ns) * 1e-9 - DISK_WAIT_S * waits
 
 
+def signal_handlers() -> dict[str, object]:
+    """Return what this process does at signals that end it: a handler that one test leaves can end a later one."""
+    numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGALRM", "SIGPROF") if hasattr(signal, name)]
+    handlers: dict[str, object] = {number.name: signal.getsignal(number) for number in numbers}
+    for timer in ("ITIMER_REAL", "ITIMER_PROF"):
+        if hasattr(signal, timer):
+            handlers[timer] = signal.getitimer(getattr(signal, timer)) != (0.0, 0.0)
+    return handlers
+
+
 GUARD = FastLaneGuard()
+HANDLERS: dict[str, object] = {}  # as they were before the first test
+
+
+def pytest_collection_finish() -> None:
+    """Remember what happens at signals."""
+    HANDLERS.update(signal_handlers())
 
 
 @pytest.hookimpl(wrapper=True)
@@ -168,4 +186,15 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, object, object]:
             "Mark it with @pytest.mark.slow.",
             pytrace=False,
         )
+    return result
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown(item: pytest.Item) -> Generator[None, object, object]:
+    """Fail a test of the project that leaves a handler or a timer of a signal behind."""
+    result = yield
+    left = [name for name, handler in signal_handlers().items() if handler != HANDLERS[name]]
+    if left and item.path.is_relative_to(ROOT / "tests"):
+        HANDLERS.update(signal_handlers())  # it is this test's fault, and no other's
+        pytest.fail(f"The test left a handler or a timer behind: {', '.join(left)}.", pytrace=False)
     return result

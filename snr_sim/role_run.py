@@ -24,6 +24,7 @@ from snr_sim.prelude.component import PortFactory
 from snr_sim.prelude.errors import ConfigError, LinkError, SnrError
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.promises import keeps
 from snr_sim.prelude.scenario import Verdict
 from snr_sim.recording.trace import TraceWriter
 from snr_sim.simulation import Simulation
@@ -68,7 +69,7 @@ class World:
             )
         own = factories[self.role]
         self.sensor_keys = [factory.key for factory in own if isinstance(factory, SensorLoopFactory)]
-        self._ports = [factory for factory in own if isinstance(factory, PortFactory)]
+        self._ports = [factory for factory in own if keeps(factory, PortFactory)]
         self.plant: Plant | None = plant if self.role in with_devices else None
 
     def claim(self) -> None:

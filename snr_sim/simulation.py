@@ -24,6 +24,7 @@ from snr_sim.options import check_options
 from snr_sim.prelude.errors import ConfigError, MissingExtra, TraceError, UnknownName, nearest
 from snr_sim.prelude.io import BENCH, ON_SERIAL_PORTS, parse_io
 from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.promises import keeps
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import Rig, Robot
 from snr_sim.recording.folder import trace_path
@@ -233,7 +234,7 @@ class Simulation:
             self._recorded = self._recorded_run(Path(io.where))
             return self._recorded
         plant = call_student(self.scenario.plant, "plant(seed, engine)", self.request.seed, self.request.engine)
-        if not isinstance(plant, Plant):
+        if not keeps(plant, Plant):
             raise ConfigError(
                 f"{short_path(str(self.scenario.__file__))}: plant(seed, engine) returned {plant!r}, "
                 "which is not a plant.",
@@ -256,7 +257,7 @@ class Simulation:
         if dress is None:
             return plant
         dressed = call_student(dress, "dressed(rig)", self.rig(plant))
-        if not isinstance(dressed, Plant):
+        if not keeps(dressed, Plant):
             place = short_path(str(self.robot_file.__file__))
             raise ConfigError(
                 f"{place}: dressed(rig) returned {dressed!r}, which is not a plant.",

@@ -57,7 +57,7 @@ def test_every_marker_of_a_lane_is_documented() -> None:
 
 
 LANES = """
-import select, socket, subprocess, sys, time
+import select, signal, socket, subprocess, sys, time
 import pytest
 
 def test_plain(): pass
@@ -68,6 +68,10 @@ def test_naps():
     for _ in range(60): time.sleep(0.02)
 def test_writes_often(tmp_path):
     for _ in range(2000): (tmp_path / "file").write_bytes(b"x")
+def test_leaves_a_handler(): signal.signal(signal.SIGTERM, lambda number, frame: None)
+def test_leaves_a_timer():
+    signal.signal(signal.SIGALRM, signal.SIG_IGN)
+    signal.setitimer(signal.ITIMER_REAL, 1000.0)
 @pytest.mark.slow
 def test_slow(): subprocess.run([sys.executable, "-c", ""])
 @pytest.mark.slow
@@ -77,12 +81,18 @@ def test_in_two_lanes(count): pass
 def test_times(): pass
 """
 
+LEAVES = {"leaves_a_handler", "leaves_a_timer"}
+
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "passed", "failed"),
     [
-        ([], {"plain", "writes_often"}, {"starts_a_process", "opens_a_port", "waits", "naps"}),
+        (
+            [],
+            {"plain", "writes_often", *LEAVES},
+            {"starts_a_process", "opens_a_port", "waits", "naps"},
+        ),
         (["-m", "slow"], {"slow", "in_two_lanes[1]"}, set()),
         (["-m", "wall_clock"], {"times"}, set()),
         (["-m", "nightly"], {"in_two_lanes[2]"}, set()),
@@ -100,7 +110,8 @@ def test_lane_runs_its_tests_and_no_others(
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     found = {
         state: set(re.findall(rf"^{state} tests/test_lanes.py::test_(\S+)", done.stdout, re.MULTILINE))
-        for state in ("PASSED", "FAILED")
+        for state in ("PASSED", "FAILED", "ERROR")
     }
+    assert found["ERROR"] == LEAVES & passed
     assert (found["PASSED"], found["FAILED"]) == (passed, failed), done.stdout + done.stderr
     assert ("The rest:" in done.stdout) is (words == [])

@@ -23,6 +23,7 @@ from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.device import Device, Health, PwmOut, Stale
 from snr_sim.prelude.errors import ConfigError, DeviceError, SnrError, UnknownName
 from snr_sim.prelude.io import parse_io
+from snr_sim.prelude.promises import keeps
 from snr_sim.prelude.signals import LOST, AppliedPulses
 from snr_sim.simulation import Request, Simulation, prepare
 
@@ -66,7 +67,7 @@ class Opened:
     @property
     def channels(self) -> list[str]:
         """Names of the channels of outputs: 'pwm0', ..."""
-        return [f"{self.key}{i}" for i in range(self.device.channels)] if isinstance(self.device, PwmOut) else []
+        return [f"{self.key}{i}" for i in range(self.device.channels)] if keeps(self.device, PwmOut) else []
 
 
 class Bench:
@@ -118,7 +119,7 @@ class Bench:
         for one in self.sensors:
             _read(one)
         for one in self.outputs:
-            if isinstance(one.device, PwmOut):
+            if keeps(one.device, PwmOut):
                 one.pulses_us = self._wanted(one, one.device)
                 one.reading = one.device.write_us(one.pulses_us, self.now_s())
         self._watch()
@@ -252,7 +253,7 @@ def _of(
 def _open(one: Opened, opener: Callable[[], Any], is_sensor: bool) -> None:
     try:
         device = opener()
-        if not isinstance(device, Device):
+        if not keeps(device, Device):
             raise DeviceError(f"What was opened as '{one.key}' is {device!r}, which is no device.")
         one.device = device
         device.configure()
@@ -280,7 +281,7 @@ def fields_of(one: Opened, now_s: float) -> dict[str, Any]:
     """Returns what is known of a device, as JSON can say it."""
     health = one.health
     fields: dict[str, Any] = {"key": one.key, "state": health.state, "why": health.why, "counts": health.counts}
-    if isinstance(one.device, PwmOut):
+    if keeps(one.device, PwmOut):
         out: PwmOut = one.device
         applied: AppliedPulses | None = one.reading
         return {

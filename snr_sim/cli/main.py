@@ -79,8 +79,10 @@ _TYPER_STOPPED = 130  # what typer returns when it has caught a KeyboardInterrup
 
 
 def main() -> None:
-    """Runs the command line; an error of ours is a sentence, not a traceback."""
-    stopping.interrupt_at_signals()  # every verb puts in order what it has begun
+    """Runs the command line; an error of ours is a sentence, not a traceback.
+
+    Signals interrupt it, if `entry.py` has said so: then every verb puts in order what it has begun.
+    """
     try:
         try:
             status = _command()(prog_name="snr", standalone_mode=False)

@@ -18,6 +18,7 @@ from snr_sim.devices.commands import command_of, in_words
 from snr_sim.prelude.device import Actuator, Device, Sensor, Stale
 from snr_sim.prelude.errors import CommandError, DeviceError
 from snr_sim.prelude.page import Page
+from snr_sim.prelude.promises import keeps
 
 STALE_NOTES = 5  # a loose plug is not told of for ever
 
@@ -28,7 +29,7 @@ def configured(device: Any, what: str) -> Any:
     Raises:
         DeviceError: it is none; or what its `configure` says.
     """
-    if not isinstance(device, Device):
+    if not keeps(device, Device):
         raise DeviceError(
             f"What was opened as {what} is {device!r}, which lacks one of configure, activate, deactivate, health "
             "and close.",

@@ -25,6 +25,7 @@ from snr_sim.core.packing import pack
 from snr_sim.core.spawn import Spawned, how_it_ended, print_line
 from snr_sim.prelude.component import PortFactory, RoleName
 from snr_sim.prelude.errors import ComponentFailed, ConfigError
+from snr_sim.prelude.promises import keeps
 from snr_sim.prelude.values import decode_value, encode_value
 from snr_sim.supervision.role_process import RoleRun, run_role
 
@@ -96,7 +97,7 @@ class MultiProcRunner:
         if self._has_run:
             raise ConfigError("This MultiProcRunner has already run.", fix="make a new one for a new run.")
         self._has_run = True
-        ports = [one for role in self.roles for one in self._config.get(role) if isinstance(one, PortFactory)]
+        ports = [one for role in self.roles for one in self._config.get(role) if keeps(one, PortFactory)]
         with _signals_as(self._news):
             try:
                 self._start(ports)

@@ -14,6 +14,7 @@ import msgspec
 from snr_sim.prelude.device import Actuator, Device, Sensor, Stale
 from snr_sim.prelude.errors import CommandError, SensorLost, SnrError
 from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.promises import keeps
 from snr_sim.prelude.values import decode_value, encode_value
 
 STEPS = 25
@@ -34,7 +35,7 @@ def check_sensor(open_sensor: Callable[[], Sensor[Any]]) -> None:
     """
     for _ in range(2):
         sensor = open_sensor()
-        _promise(isinstance(sensor, Sensor), f"{sensor!r} lacks read() or a step of the life cycle: see LifeCycle")
+        _promise(keeps(sensor, Sensor), f"{sensor!r} lacks read() or a step of the life cycle: see LifeCycle")
         _start(sensor)
         before_s = -math.inf
         for _ in range(3):
@@ -59,7 +60,7 @@ def check_actuator(open_actuator: Callable[[], Actuator[Any]], a_command: Any) -
     """
     actuator = open_actuator()
     _promise(
-        isinstance(actuator, Actuator),
+        keeps(actuator, Actuator),
         f"{actuator!r} lacks one of command_type, limits, write, neutral, or a step of the life cycle: see LifeCycle",
     )
     _check_struct(a_command, "a command")
@@ -92,7 +93,7 @@ def check_plant(make_plant: Callable[[], Plant], commands: Mapping[str, Any] | N
         commands: a valid command for each of its inputs, so that it is also checked under way.
     """
     plant = make_plant()
-    _promise(isinstance(plant, Plant), f"{type(plant).__name__} lacks a member of Plant")
+    _promise(keeps(plant, Plant), f"{type(plant).__name__} lacks a member of Plant")
     _promise(bool(plant.engine), "engine names the physics")
     _promise(plant.step_s is None or plant.step_s > 0, f"step_s is {plant.step_s}")
     for name, names in (("inputs", plant.inputs), ("outputs", plant.outputs)):

@@ -15,6 +15,7 @@ from typing import Any, Protocol
 
 from snr_sim.prelude.device import LEASE_S, PwmOut
 from snr_sim.prelude.errors import DeviceError
+from snr_sim.prelude.promises import keeps
 from snr_sim.prelude.signals import CLAMPED, LOST, NO_PULSE, NOT_ACTIVE, STOPPED, TOO_OLD, WRONG_COUNT, AppliedPulses
 from snr_sim.testing.pwm_telemetry import Told, check_answer, check_health, check_stamp, check_told, promise
 
@@ -123,7 +124,7 @@ class _Pilot:
 
 def _life(bench: PwmBench, out: PwmOut) -> None:
     low, high = out.limits_us
-    promise(isinstance(out, PwmOut), f"{out!r} lacks a member of PwmOut")
+    promise(keeps(out, PwmOut), f"{out!r} lacks a member of PwmOut")
     promise(out.channels >= 1 and low < STOP_US < high and 0.0 <= out.resolution_us < 20.0, "channels, limits, steps")
     promise(out.health().state == "unconfigured", f"before configure() it is '{out.health().state}'")
     try:
