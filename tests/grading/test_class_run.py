@@ -171,7 +171,7 @@ def test_signal_while_the_private_place_is_made_or_removed_leaves_nothing(
     program = (
         "import signal, sys\n"
         "from unittest.mock import patch\n"
-        "from snr_sim.cli.main import main\n"
+        "from snr_sim.cli.entry import main\n"
         "from snr_sim.grading import class_folder\n"
         f"raced = class_folder.{raced}\n"
         "def raced_by_a_signal(*args, **named):\n"
