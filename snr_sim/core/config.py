@@ -38,7 +38,7 @@ class Config:
             ends and says which tasks ask for each other. On the wall clock there is no such bound.
 
     Raises:
-        ConfigError: there is no role, a role is no list, or the bound is no number of tasks.
+        ConfigError: there is no such mode, there is no role, a role is no list, or the bound is no number of tasks.
     """
 
     def __init__(
@@ -48,6 +48,19 @@ class Config:
         *,
         max_tasks_per_moment: int = MAX_TASKS_PER_MOMENT,
     ) -> None:
+        if isinstance(mode, Mapping):
+            raise ConfigError(
+                "The first argument of this Config is a dict, where its mode belongs.", fix="Config(factories={...})."
+            )
+        if mode not in list(Mode):
+            raise ConfigError(
+                f"A Config with the mode {mode!r}.", fix=nearest(str(mode), [*Mode], "Mode.DEBUG, DEPLOYED or TEST")
+            )
+        if factories is not None and not isinstance(factories, Mapping):
+            raise ConfigError(
+                f"A Config whose factories are a {type(factories).__name__}.",
+                fix="a dict with a list of factories for each role: Config(factories={'my_robot': [MyFactory()]}).",
+            )
         if not factories:
             raise ConfigError(
                 "This Config has no roles.", fix="Config(factories={'my_robot': [MyEndpointFactory(), ...]})."
@@ -64,7 +77,7 @@ class Config:
                 f"A Config with max_tasks_per_moment={max_tasks_per_moment!r}.",
                 fix=f"a whole number, such as {MAX_TASKS_PER_MOMENT}.",
             )
-        self.mode = mode
+        self.mode = Mode(mode)
         self.max_tasks_per_moment = max_tasks_per_moment
         self.factories = {role: list(components) for role, components in factories.items()}
 
@@ -74,6 +87,8 @@ class Config:
         Raises:
             UnknownName: there is no such role.
         """
+        if not isinstance(role, str):
+            raise UnknownName(f"{role!r} is no name of a role.", fix=f"one of {', '.join(self.factories)}.")
         if role not in self.factories:
             raise UnknownName(f"This Config has no role '{role}'.", fix=nearest(role, self.factories))
         return self.factories[role]

@@ -149,6 +149,8 @@ def _end_all(nodes: Sequence[Node], why: str | BaseException) -> None:
                 node.record_failure(why)
             node.end(reason, error)
         except Exception as another:
+            if failure is not None or not isinstance(why, str):  # another one is raised
+                node.notes.append(str(another))
             failure = failure or another
     if failure is not None and isinstance(why, str):
         raise failure

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from snr_sim.core.component import CORE_NAME
-from snr_sim.core.datastore import Datastore
+from snr_sim.core.datastore import PREVIOUS, Datastore
 from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.handlers import Entry, describe
 from snr_sim.prelude.component import Component
@@ -32,6 +32,7 @@ def loose_ends(components: Mapping[str, Component], seen: Seen, datastore: Datas
         *_never_called(of_the_robot, seen, datastore),
         *_without_handlers(of_the_robot, seen),
         *_never_stored(datastore),
+        *_named_as_previous(datastore),
     ]
 
 
@@ -83,6 +84,15 @@ def _never_stored(datastore: Datastore) -> Iterator[str]:
         if key not in datastore.pages and key != RECORDING_KEY:  # which is only there when something is wrong
             near = nearest(str(key), datastore.pages, "stored were")
             yield f"Page '{key}' was asked for, but nobody stored it; {near}"
+
+
+def _named_as_previous(datastore: Datastore) -> Iterator[str]:
+    for key in datastore.pages:
+        if key.endswith(PREVIOUS) and (newest := key.removesuffix(PREVIOUS)) in datastore.pages:
+            yield (
+                f"Page '{key}' was stored, which is also the name of the page before the newest '{newest}': "
+                f"self.get_data({key!r}) gave the stored one. Give it another name."
+            )
 
 
 def _ids(components: Mapping[str, Component]) -> Iterator[object]:

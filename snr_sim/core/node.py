@@ -37,6 +37,7 @@ INTERRUPTED = "interrupted"  # so begins the message of an error record that is 
 
 # From this many waiting tasks on a run is told that it cannot keep up. A burst of a few hundred is nothing unusual.
 OVERLOAD_TASKS = 1000
+MAX_NOTES = 100  # while it runs: nobody reads more, and what fails in ever other words must not fill the memory
 
 _STEPS = ("begin", "setup", "loop", "halt", "terminate")  # what a component's author may write, beside handlers
 
@@ -72,6 +73,11 @@ class Node:
             raise ConfigError(
                 f"{being_read.get()} makes a node while it is read again for a reload.",
                 fix="put what starts the robot under: if __name__ == '__main__':",
+            )
+        if not isinstance(config, Config):
+            raise ConfigError(
+                f"Node({role!r}, ...) got a {type(config).__name__} where its Config belongs.",
+                fix=f"Node({role!r}, Config(factories={{{role!r}: [MyFactory()]}})).",
             )
         self.role = role
         self.config = config
@@ -255,7 +261,7 @@ class Node:
         running, failures = self.machine.running, list[ComponentFailed]()
         if isinstance(component, Loop):
             component.is_taken_out = True
-        self._call_last(component, "join", component.join, failures)
+        self._call_last(component, "halt", component.join, failures)
         self._call_last(component, "terminate", component.terminate, failures)
         self.machine.running = running
         return failures
@@ -289,7 +295,8 @@ class Node:
             error: that ended it, if one has, here or in another node.
 
         Raises:
-            ComponentFailed: a component could not be halted or terminated; all others have been.
+            ComponentFailed: a component could not be halted or terminated; all others have been. If several could
+                not, the others stand in the notes.
         """
         if self._is_over:
             return
@@ -305,7 +312,7 @@ class Node:
                 component.stop()
         self._is_halting = True
         for component in self._begun:
-            self._call_last(component, "join", component.join, failures)
+            self._call_last(component, "halt", component.join, failures)
             self._call_last(component, "terminate", component.terminate, failures)
         self.door.close()
         if isinstance(self.door.failure, ComponentFailed):  # a loop's thread failed, perhaps only now, in its halt
@@ -315,6 +322,7 @@ class Node:
             self.notes.extend(loose_ends(self.components, self.machine.lookup.seen(), self.datastore))
         for failure in failures:
             self.record_failure(failure)
+        self.notes.extend(failure.message for failure in failures[1:])  # the first is raised
         if self._recorder is not None:
             self._recorder.end(self.machine.now_s, self.exit_reason or "", self.summary())
         if failures:
@@ -329,7 +337,7 @@ class Node:
 
     def _note_overload(self) -> None:
         if self.machine.longest_queue >= OVERLOAD_TASKS:
-            self.note(
+            self.notes.append(
                 f"Up to {self.machine.longest_queue} tasks waited at a time: they come faster than their handlers "
                 "work, so handlers see old data. Lower a loop's max_tick_rate_hz, or do less in a handler."
             )
@@ -574,5 +582,6 @@ class Node:
     def note(self, text: str) -> None:
         """Keeps a remark for the end of the run, once: what fails again and again must not fill the memory."""
         remark = without_addresses(text)
-        if remark not in self.notes:
-            self.notes.append(remark)
+        if remark in self.notes or len(self.notes) >= MAX_NOTES:
+            return
+        self.notes.append(remark if len(self.notes) < MAX_NOTES - 1 else "There was more to note, which is left out.")

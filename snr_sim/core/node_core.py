@@ -17,7 +17,6 @@ from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 if TYPE_CHECKING:
     from snr_sim.core.node import Node
 
-MAX_NOTES = 100  # so many failed changes are told at the end of a run: whoever asks for nonsense fills no memory
 _PROCESS_DATA = TaskType.process_data  # looked up once: in Python 3.11 a member of an Enum takes 0.1 us to find
 
 
@@ -37,7 +36,6 @@ class NodeCore(Endpoint):
         # Ways out of the node, by key: links send these pages on. Not part of the machine, so not of a replay.
         self.taps: dict[DataKey, list[Callable[[Page], None]]] = {}
         self._changes = Changes(parent)
-        self._failed = 0  # changes so far
         self.task_handlers = {
             TaskType.store_page: self.store,
             TaskType.terminate: self.end_node,
@@ -96,7 +94,5 @@ class NodeCore(Endpoint):
             self.log.info("%s", outcome.message)
         else:
             self.log.warning("%s", outcome.message)
-            self._failed += 1
-            if self._failed <= MAX_NOTES:
-                self.parent.note(outcome.message)
+            self.parent.note(outcome.message)
         return self.store_data_task(key, asdict(outcome))

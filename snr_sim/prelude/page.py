@@ -9,7 +9,7 @@ import msgspec
 
 from snr_sim.prelude.errors import ValueEncodingError
 from snr_sim.prelude.structs import learned
-from snr_sim.prelude.values import MARK, NO_JSON, decode_value, encode_with_marks, may_have_marks
+from snr_sim.prelude.values import MARK, NO_JSON, decode_value, encode_with_marks, json_bytes, may_have_marks
 
 DataKey: TypeAlias = str
 
@@ -60,7 +60,7 @@ class Page(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MA
         Raises:
             ValueEncodingError: it is no page.
         """
-        data = raw.encode() if isinstance(raw, str) else raw
+        data = json_bytes(raw)
         try:
             # As we write it, and with no mark beside its own: then C can do it all.
             is_plain = data.startswith(_OWN_MARK) and not may_have_marks(data, len(_OWN_MARK))

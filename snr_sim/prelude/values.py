@@ -103,12 +103,25 @@ def decode_value(raw: bytes | str, kinds: Mapping[str, Callable[..., Any]] | Non
     >>> decode_value(b'{"$":"tuple","v":[1,2.5]}')
     (1, 2.5)
     """
-    data = raw.encode() if isinstance(raw, str) else raw
+    data = json_bytes(raw)
     try:
         value = _decode(data)
     except NO_JSON as error:
         raise ValueEncodingError(f"This is not JSON ({error}): {data[:80]!r}") from error
     return _unmarked(value, kinds or {}) if may_have_marks(data) else value
+
+
+def json_bytes(raw: bytes | str) -> bytes:
+    """Returns JSON as bytes.
+
+    Raises:
+        ValueEncodingError: it is neither text nor bytes.
+    """
+    if isinstance(raw, str):
+        return raw.encode(errors="surrogatepass")
+    if isinstance(raw, (bytes, bytearray, memoryview)):
+        return bytes(raw)
+    raise ValueEncodingError(f"This is not JSON but of type {type(raw).__name__}: {raw!r:.80}", fix="text or bytes.")
 
 
 def may_have_marks(raw: bytes, start: int = 0) -> bool:

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Config, Mode
+from snr_sim import Config, Mode, Node
 from snr_sim.prelude.errors import ConfigError, UnknownName
 from snr_sim.testing.parts import PartFactory
 
@@ -18,6 +18,31 @@ def test_a_config_without_roles_is_refused(factories: Any) -> None:
 def test_factories_given_where_the_mode_belongs_are_noticed() -> None:
     with pytest.raises(ConfigError, match="factories="):
         Config({"robot": [PartFactory()]})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("mode", ["nonsense", None, 3, ["debug"]])
+def test_a_mode_that_does_not_exist_is_refused(mode: Any) -> None:
+    with pytest.raises(ConfigError, match=r"with the mode(.|\n)*debug, deployed, test"):
+        Config(mode, {"robot": []})
+
+
+def test_a_mode_may_be_given_as_its_word() -> None:
+    assert Config("debug", {"robot": []}).mode is Mode.DEBUG  # type: ignore[arg-type]
+
+
+def test_factories_that_are_no_dict_are_refused() -> None:
+    with pytest.raises(ConfigError, match=r"factories are a list(.|\n)*a dict"):
+        Config(Mode.TEST, [PartFactory()])  # type: ignore[arg-type]
+
+
+def test_a_role_that_is_no_text_is_refused() -> None:
+    with pytest.raises(UnknownName, match=r"None is no name of a role(.|\n)*robot"):
+        Node(None, Config(factories={"robot": []}))  # type: ignore[arg-type]
+
+
+def test_a_node_without_its_config_says_where_it_belongs() -> None:
+    with pytest.raises(ConfigError, match=r"Node\('robot', ...\) got a dict(.|\n)*Config\(factories="):
+        Node("robot", {"robot": []})  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("components", [PartFactory(), "abc", None])

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, Endpoint, EndpointFactory, LoopFactory, Node, SimClock, SomeTasks, Task, TaskType, tasks
-from snr_sim.core.node import OVERLOAD_TASKS
+from snr_sim.core.node import MAX_NOTES, OVERLOAD_TASKS
 from snr_sim.prelude.errors import ComponentFailed, ConfigError, TaskError, UnknownName
 from snr_sim.prelude.rng import chance_of, rng_for
 from snr_sim.testing.parts import Part, PartFactory, TickerFactory
@@ -96,6 +96,59 @@ def test_a_terminate_flag_that_is_set_before_the_start_ends_the_node_at_once() -
     node.set_terminate_flag("before")
     node.loop()
     assert node.exit_reason == "before"
+
+
+def test_a_halt_that_fails_is_called_halt_and_the_failures_of_others_are_noted() -> None:
+    def fail(what: str) -> Callable[[Part], None]:
+        def raises(part: Part) -> None:
+            raise ValueError(f"{part.name}: {what}")
+
+        return raises
+
+    parts = [PartFactory({}, name, halt=fail("stuck"), terminate=fail("lost")) for name in ("a", "b")]
+    node = node_of(*parts, ender())
+    with pytest.raises(ComponentFailed, match=r"a: stuck(.|\n)*in halt\(\) of component 'a'") as caught:
+        node.loop()
+    assert caught.value.step == "halt"
+    told = "\n".join(node.notes)
+    for words in ("a: lost", "in terminate() of component 'a'", "b: stuck", "in halt() of component 'b'", "b: lost"):
+        assert words in told
+
+
+def test_what_fails_at_the_end_after_another_failure_is_noted() -> None:
+    def fail(part: Part) -> None:
+        raise ValueError("stuck valve")
+
+    def crash(task: Task, task_id: Any) -> SomeTasks:
+        raise KeyError("depth")
+
+    handlers = {(TaskType.event, "go"): crash}
+    part = PartFactory(handlers, "part", begin=lambda part: part.schedule(tasks.event("go")), halt=fail)
+    node = node_of(part)
+    with pytest.raises(ComponentFailed, match="KeyError: 'depth'"):
+        node.loop()
+    assert "stuck valve" in "".join(node.notes)
+
+
+def test_notes_have_an_end() -> None:
+    node = node_of()
+    for i in range(3 * MAX_NOTES):
+        node.note(f"number {i}")
+    assert len(node.notes) == MAX_NOTES
+    assert node.notes[-2:] == [f"number {MAX_NOTES - 2}", "There was more to note, which is left out."]
+
+
+def test_a_page_that_is_named_as_the_one_before_another_is_noted() -> None:
+    def store(part: Part) -> None:
+        part.store_data("x", 1)
+        part.store_data("x_prev", "mine")
+        part.store_data("y_prev", 0)  # of which there is no newest one
+
+    node = node_of(PartFactory({}, begin=store))
+    node.loop()
+    said = [note for note in node.notes if "is also the name" in note]
+    assert len(said) == 1
+    assert "Page 'x_prev' was stored, which is also the name of the page before the newest 'x'" in said[0]
 
 
 def test_a_node_with_nothing_to_do_ends_in_virtual_time_instead_of_waiting_for_ever() -> None:

@@ -52,6 +52,14 @@ def test_an_event_takes_a_list_or_a_tuple_also_an_empty_one() -> None:
     assert tasks.event("say", []).val_list == tasks.event("say", ()).val_list == []
 
 
+@pytest.mark.parametrize("nothing", [None, 5, [b"x"], {}])
+def test_what_is_neither_text_nor_bytes_is_no_task_and_no_page(nothing: Any) -> None:
+    with pytest.raises(TaskError, match="no task"):
+        Task.deserialize(nothing)
+    with pytest.raises(ValueEncodingError, match=f"of type {type(nothing).__name__}"):
+        Page.deserialize(nothing)
+
+
 @pytest.mark.parametrize("field", ["type", "name", "val_list"])
 def test_a_task_cannot_be_changed_after_it_was_made(field: str) -> None:
     with pytest.raises(AttributeError):
