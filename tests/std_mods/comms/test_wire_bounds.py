@@ -117,7 +117,7 @@ def test_bounds_are_what_a_walk_over_the_value_finds(value: Any, wraps: int) -> 
         assert is_within(decode_value(raw, KINDS))
 
 
-@pytest.mark.slow
+@pytest.mark.wall_clock
 def test_depth_of_the_longest_frame_is_found_in_half_the_time_of_its_decoding() -> None:
     item = b"[" * 90 + b"]" * 90
     raw = b"[" + b",".join([item] * (MAX_FRAME_BYTES // (len(item) + 1))) + b"]"
