@@ -16,7 +16,7 @@ from contextlib import suppress
 
 from snr_sim import Page
 from snr_sim.std_mods.comms.frames import MAX_FRAME_BYTES, encode_frame
-from snr_sim.std_mods.comms.messages import Auth, Hello, Ping, encode_message
+from snr_sim.std_mods.comms.messages import PROTOCOL, VERSION, Auth, Hello, Ping, encode_message
 from snr_sim.std_mods.comms.session import Session, Terms
 
 HERE = "127.0.0.1"
@@ -185,13 +185,13 @@ def newcomers(act: Callable[[socket.socket], None], kept: int = 0, pause_s: floa
 
 
 def half_open() -> None:
-    hello = encode_frame(encode_message(Hello("snr", 1, "x", "0" * 32, "pages", True, 1 << 20)))
+    hello = encode_frame(encode_message(Hello(PROTOCOL, VERSION, "x", "0" * 32, "pages", True, 1 << 20)))
     newcomers(lambda sock: sock.sendall(RNG.choice((b"", hello[:20], hello))), kept=300, pause_s=0.001)
 
 
 def drip() -> None:
     """Send greetings byte by byte over many connections."""
-    hello = encode_frame(encode_message(Hello("snr", 1, "x", "0" * 32, "pages", True, 1 << 20)))
+    hello = encode_frame(encode_message(Hello(PROTOCOL, VERSION, "x", "0" * 32, "pages", True, 1 << 20)))
     held: list[list] = []
     while True:
         while len(held) < 100:
