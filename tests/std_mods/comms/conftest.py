@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import struct
 import threading
+import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -51,9 +52,12 @@ class Running:
         self._tell()
 
     def until(self, is_so: Callable[[], Any], what: str = "") -> None:
-        """Waits until something has become true."""
+        """Waits until something has become true, also what no page tells."""
+        end_s = time.monotonic() + LIMIT_S
         with self.news:
-            assert self.news.wait_for(lambda: is_so() or self.failure, LIMIT_S), (what, dict(self.stored))
+            while not (is_so() or self.failure):
+                assert time.monotonic() < end_s, (what, dict(self.stored))
+                self.news.wait(0.1)
         assert self.failure is None or is_so()
 
     def until_link(self, name: str, up: bool = True, **wanted: Any) -> dict[str, Any]:
