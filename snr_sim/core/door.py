@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from snr_sim.core.lookout import Lookout
+from snr_sim.core.lookout import Call, Lookout
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.task import Task, TaskType
 
@@ -82,7 +82,7 @@ class Door:
         timeout_s = LOOK_UP_S if timeout_s is None else min(timeout_s, LOOK_UP_S)
         self.visits += 1
         lookout = self._lookout
-        seen: dict[Callable[[list[Any]], None], list[Any]] = {}
+        seen: Sequence[Call] = ()
         self._asleep = True  # before the last look, so that what comes after the look wakes us
         try:
             if not self.waiting:
@@ -94,5 +94,5 @@ class Door:
             pass
         finally:
             self._asleep = False
-        for serve, what in seen.items():
+        for serve, what in seen:
             serve(what)

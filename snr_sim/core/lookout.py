@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import selectors
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import Any
+from typing import Any, TypeAlias
+
+Call: TypeAlias = tuple[Callable[[list[Any]], None], list[Any]]  # what to call, and with what
 
 
 class Lookout:
@@ -33,13 +35,17 @@ class Lookout:
         with suppress(OSError):  # full is as good as written, and closed is over
             self._near.send(b"\0")
 
-    def wait(self, timeout_s: float) -> dict[Callable[[list[Any]], None], list[Any]]:
+    def wait(self, timeout_s: float) -> Sequence[Call]:
         """Wait for something to read, a wake-up call or the timeout; return what to call, each with all that is its."""
+        events = self._selector.select(timeout_s)
+        if len(events) == 1:  # as nearly always
+            serve, what = events[0][0].data
+            return [(serve, [what])]
         calls: dict[Callable[[list[Any]], None], list[Any]] = {}
-        for key, _ in self._selector.select(timeout_s):
+        for key, _ in events:
             serve, what = key.data
             calls.setdefault(serve, []).append(what)
-        return calls
+        return list(calls.items())
 
     def close(self) -> None:
         """Lets go of the descriptors."""

@@ -26,7 +26,8 @@ FEW_TASKS = 32
 class Port(Protocol):
     """A stream of bytes that never makes anybody wait."""
 
-    is_shareable: bool  # whether one thread may write while another reads
+    # Whether one thread may write while another reads, and `select` shows all that has come: not where TLS is between.
+    is_shareable: bool
 
     def fileno(self) -> int:
         """Returns what `select` waits for."""

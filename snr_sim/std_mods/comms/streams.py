@@ -11,9 +11,10 @@ import logging
 import selectors
 import socket
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from functools import partial
+from operator import attrgetter
 from typing import Any
 
 from snr_sim.core.loop import LoopFactory
@@ -36,6 +37,7 @@ TEND_EVERY_S = 0.05  # time-outs, keep-alives, reports
 LOOK_EVERY_S = 0.002  # how often a busy node is looked after: does it come to its door, has it caught up?
 # How long the end of a link may take to send what waits and to hear that it has come. Less than a loop is waited for.
 LINGER_S = 0.3
+_USED_S = attrgetter("account.used_s")
 
 
 class StreamLink(RestartingLoop, PeerLink):
@@ -58,6 +60,7 @@ class StreamLink(RestartingLoop, PeerLink):
     def __init__(self, factory: LoopFactory, parent: Node, options: LinkOptions, terms: Terms) -> None:
         super().__init__(factory, parent, options, terms)
         self.streams: list[StreamPeer] = []  # all, also those that are not up
+        self._now_s = parent.clock.now_s
         self._tend_s = 0.0
         self._is_woken = False
         self._is_round_over = False
@@ -142,15 +145,17 @@ class StreamLink(RestartingLoop, PeerLink):
                 key.data(mask)
         for stream in self._half_read:
             ready[stream] = ready.get(stream, 0) | selectors.EVENT_READ
-        self._in_turn(ready, lambda stream: self._for(stream, self._serve, ready[stream]))
+        self._in_turn(list(ready), lambda stream: self._for(stream, self._serve, ready[stream]))
 
-    def _in_turn(self, streams: Iterable[StreamPeer], act: Callable[[StreamPeer], object]) -> None:
+    def _in_turn(self, streams: list[StreamPeer], act: Callable[[StreamPeer], object]) -> None:
         """Act on each stream once, those first that have used least time lately, until the time of a round is over."""
-        begun_s = now_s = self.get_time_s()
-        for stream in sorted(streams, key=lambda stream: stream.account.used_s):
+        begun_s = now_s = self._now_s()
+        if len(streams) > 1:
+            streams = sorted(streams, key=_USED_S)
+        for stream in streams:
             account = stream.account
             act(stream)
-            last_s, now_s = now_s, self.get_time_s()
+            last_s, now_s = now_s, self._now_s()
             account.used_s += now_s - last_s
             if now_s - begun_s > ROUND_S:
                 break
@@ -215,14 +220,18 @@ class StreamLink(RestartingLoop, PeerLink):
     def _serve_at_door(self, ready: list[StreamPeer]) -> None:
         """Read a round of what has come, on the node's thread, which has nothing else to do."""
         with self._lock:
-            self._in_turn([stream for stream in ready if stream.is_at_door], self._read_at_door)
-            if not any(stream.failure or stream.session.wants_attention for stream in ready):
+            self._in_turn(ready, self._read_at_door)
+            for stream in ready:
+                if stream.failure or stream.session.wants_attention:
+                    break
+            else:
                 return
         self.wake()
 
     def _read_at_door(self, stream: StreamPeer) -> None:
         try:
-            self._read(stream)
+            if stream.is_at_door:
+                self._read(stream)
         except Exception as error:  # the link's thread closes the stream
             stream.fail(error)
 
@@ -243,9 +252,11 @@ class StreamLink(RestartingLoop, PeerLink):
     def _read(self, stream: StreamPeer) -> None:
         """Let in what has come: of frames that begin no more than the stream's share."""
         session = stream.session
-        share_bytes = max(MIN_SHARE_BYTES, ROUND_BYTES // max(1, len(self.peers)))
+        size_bytes = max(MIN_SHARE_BYTES, ROUND_BYTES // (len(self.peers) or 1))
+        if stream.unread_bytes and session.missing_bytes > size_bytes:
+            size_bytes = min(READ_BYTES, session.missing_bytes)
         try:
-            data = stream.port.read(max(share_bytes, min(READ_BYTES, session.missing_bytes)))
+            data = stream.port.read(size_bytes)
         except BlockingIOError:
             return
         except OSError as error:
@@ -255,11 +266,13 @@ class StreamLink(RestartingLoop, PeerLink):
             session.lost("the connection was closed.")
             stream.failure = session.reason
             return
-        self._half_read.pop(stream, None)
-        if stream.port.has_more():
-            self._half_read[stream] = None
+        if not stream.port.is_shareable:
+            self._half_read.pop(stream, None)
+            if stream.port.has_more():
+                self._half_read[stream] = None
         stream.unread_bytes += len(data)
-        pages = session.receive(data, self.get_time_s())
+        now_s = self._now_s()
+        pages = session.receive(data, now_s)
         if not stream.is_admitted and session.is_up:
             stream.is_admitted, stream.account = True, Account()
             stream.pump(self.get_time_s())  # what the session says stands before the first page
@@ -268,7 +281,7 @@ class StreamLink(RestartingLoop, PeerLink):
         if pages:
             self._note_size(stream.unread_bytes // len(pages))
             stream.unread_bytes = 0
-            self._read_s = self.get_time_s()
+            self._read_s = now_s
             self._bring(pages, stream)
 
     def _part_from(self, stream: StreamPeer) -> None:
