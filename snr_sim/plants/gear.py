@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import TypedDict
 
+from snr_sim.plants.plausible import check_fields
+
 
 class Touchdown(TypedDict):
     """How a module met the ground, at the first contact.
@@ -30,6 +32,9 @@ class GearLimits:
         attitude_rad: largest tilt.
         rate_radps: largest rate of tilting.
 
+    Raises:
+        ParameterError: a number cannot be.
+
     Source of the defaults: design limits of the lunar module's gear (10 ft/s; 7 ft/s with 4 ft/s; 6 deg; 2 deg/s),
     as given for NASA TN D-6850.
     """
@@ -39,6 +44,10 @@ class GearLimits:
     lateral_mps: float = 1.22
     attitude_rad: float = math.radians(6.0)
     rate_radps: float = math.radians(2.0)
+
+    def __post_init__(self) -> None:
+        speeds = dict.fromkeys(("vertical_mps", "vertical_sliding_mps", "lateral_mps"), "gear_mps")
+        check_fields(self, "The gear's ", {**speeds, "attitude_rad": "gear_rad", "rate_radps": "gear_radps"}, {})
 
     def vertical_limit(self, lateral_mps: float) -> float:
         """Returns the largest vertical speed at a lateral one [m/s]; 0 beyond what the gear takes sideways.
