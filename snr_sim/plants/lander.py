@@ -46,8 +46,8 @@ class Lander(ABC):
 
     Attributes:
         touchdown: the first contact, once there was one.
-        outcome: 'landed', 'crashed', 'out_of_fuel' (crashed with a dry tank) or 'lost' (left the region), once
-            over. From then on it stands still.
+        outcome: 'landed', 'crashed', 'out_of_fuel' (crashed with a dry tank), 'tilted' (stands, and not upright enough)
+            or 'lost' (left the region), once over. From then on it stands still.
     """
 
     inputs = ("engine",)
@@ -122,6 +122,10 @@ class Lander(ABC):
         """Returns whether feet touch: [left, right]."""
 
     @abstractmethod
+    def _tilt_rad(self) -> float:
+        """Returns the angle between the module's upward axis and the vertical, 0 to pi."""
+
+    @abstractmethod
     def _has_hull_touched(self) -> bool:
         """Returns whether the hull has met the ground."""
 
@@ -181,14 +185,15 @@ class Lander(ABC):
             attitude_deg=math.degrees(pose.attitude_rad),
             rate_degps=math.degrees(pose.rate_radps),
         )
-        if not self.module.gear.holds(self.touchdown):
-            self._end("crashed" if self.fuel_kg > 0.0 else "out_of_fuel")
+        outcome = self.module.gear.outcome(self.touchdown, self.fuel_kg)
+        if outcome != "landed":
+            self._end(outcome)
 
     def _settle(self, is_still: bool) -> None:
         """Counts the time in which it stands, and ends the flight when it has stood for long enough."""
         self._still_steps = self._still_steps + 1 if is_still else 0
-        if self.outcome is None and self._still_steps * self.step_s >= SETTLE_S:
-            self._end("landed")
+        if self.outcome is None and self.touchdown is not None and self._still_steps * self.step_s >= SETTLE_S:
+            self._end(self.module.gear.outcome(self.touchdown, self.fuel_kg, self._tilt_rad()))
 
     def _end(self, outcome: str) -> None:
         """Stops everything where it is."""
@@ -201,7 +206,8 @@ class Lander(ABC):
         """What ended it badly, in words; empty if nothing did."""
         if self.outcome == "lost":
             return "it left the region that is simulated"
-        passed = self.module.gear.passed(self.touchdown) if self.touchdown is not None else []
+        rest_rad = self._tilt_rad() if self.outcome == "tilted" else 0.0
+        passed = self.module.gear.passed(self.touchdown, rest_rad) if self.touchdown is not None else []
         if self.outcome == "crashed" and not passed:  # the gear took the first contact, but not what followed
             passed = ["the hull met the ground" if self._has_hull_touched() else "it tipped over on its legs"]
         return "; ".join(passed)

@@ -197,10 +197,7 @@ class Lander1D:
 
     def _touch(self) -> None:
         self.touchdown = Touchdown(vertical_mps=-self.velocity_mps, lateral_mps=0.0, attitude_deg=0.0, rate_degps=0.0)
-        if self.gear.holds(self.touchdown):
-            self.outcome = "landed"
-        else:
-            self.outcome = "crashed" if self.fuel_kg > 0.0 else "out_of_fuel"
+        self.outcome = self.gear.outcome(self.touchdown, self.fuel_kg)  # it cannot tilt
         self.height_m = self.velocity_mps = self.throttle = 0.0
 
     @property

@@ -208,6 +208,10 @@ class Lander2D(Lander):
         """Returns whether feet touch: [left, right]."""
         return [grip is not None for grip in self._legs.grips_m]
 
+    def _tilt_rad(self) -> float:
+        """Returns the angle between the module's upward axis and the vertical."""
+        return abs(math.remainder(self._hull.pose().attitude_rad, 2.0 * math.pi))
+
     def _has_hull_touched(self) -> bool:
         """Returns whether the hull has met the ground."""
         return self._hull.has_touched

@@ -221,6 +221,10 @@ class Lander3D(Lander):
         """Returns whether feet touch: [left, right]."""
         return [bool(side & self._hull.contacts) for side in (LEFT, RIGHT)]
 
+    def _tilt_rad(self) -> float:
+        """Returns the angle between the module's upward axis and the vertical."""
+        return math.acos(min(1.0, max(-1.0, self._hull.axes[8])))
+
     def _has_hull_touched(self) -> bool:
         """Returns whether the hull has met the ground."""
         return HULL in self._hull.contacts

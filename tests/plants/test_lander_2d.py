@@ -183,7 +183,6 @@ def test_what_the_gear_cannot_take_is_a_crash(apollo: LunarModule, how: dict[str
     run(plant, 8.0)
     assert plant.outcome == "crashed"
     assert plant.touchdown is not None
-    assert not apollo.gear.holds(plant.touchdown)
     assert plant.why == "; ".join(apollo.gear.passed(plant.touchdown)) != ""
 
 
