@@ -1,11 +1,16 @@
-"""How a landing is judged, the same in every scenario: by the gear, and by propellant beside the least possible."""
+"""How a landing is judged, the same in every scenario: by the gear, and by propellant beside the least possible.
+
+The least possible (`fuel_optimum_kg`) is that of a touchdown as fast as the gear takes, 3.05 m/s: so the last kilograms
+are saved by letting the module fall on its legs. To come to rest at the ground instead takes 7 % more from 1000 m, 18 %
+more from low gate: `fuel_optimum_to_rest_kg`.
+"""
 
 from __future__ import annotations
 
 from typing import Any, Protocol
 
 from snr_sim.plants.descent import Engine, Motion, cheapest_descent
-from snr_sim.plants.gear import Touchdown
+from snr_sim.plants.gear import GearLimits, Touchdown
 from snr_sim.plants.lander import Lander
 from snr_sim.plants.lander_1d import Lander1D, VerticalStart
 from snr_sim.plants.module import PlaneStart
@@ -33,9 +38,9 @@ def judge(plant: Landing) -> Verdict | None:
 
 
 def vertical_metrics(plant: Lander1D, start: VerticalStart, engine: Engine) -> dict[str, Any]:
-    """Returns touchdown and propellant of a vertical descent. The optimum is exact: nothing can do with less."""
-    optimum = cheapest_descent(Motion(start.height_m, start.velocity_mps, start.mass_kg), engine).fuel_kg
-    return _metrics(plant, start.fuel_kg - plant.fuel_kg, optimum)
+    """Returns touchdown and propellant of a vertical descent. The optimum is exact: nothing that lands needs less."""
+    motion = Motion(start.height_m, start.velocity_mps, start.mass_kg)
+    return _metrics(plant, start.fuel_kg - plant.fuel_kg, motion, engine, plant.gear)
 
 
 def plane_metrics(plant: Lander, start: PlaneStart, ground: Terrain) -> dict[str, Any]:
@@ -47,15 +52,16 @@ def plane_metrics(plant: Lander, start: PlaneStart, ground: Terrain) -> dict[str
     module = plant.module
     height = start.position_m[1] - PADS_BELOW_M - ground.ground(start.position_m[0])[0]
     motion = Motion(height, start.velocity_mps[1], start.mass_kg)
-    optimum = cheapest_descent(motion, Engine(module.thrust_n, module.exhaust_mps, module.gravity_mps2)).fuel_kg
-    return _metrics(plant, start.fuel_kg - plant.fuel_kg, optimum)
+    engine = Engine(module.thrust_n, module.exhaust_mps, module.gravity_mps2)
+    return _metrics(plant, start.fuel_kg - plant.fuel_kg, motion, engine, module.gear)
 
 
-def _metrics(plant: Landing, fuel_kg: float, optimum_kg: float) -> dict[str, Any]:
-    touchdown = plant.touchdown
+def _metrics(plant: Landing, fuel_kg: float, start: Motion, engine: Engine, gear: GearLimits) -> dict[str, Any]:
+    optimum_kg = cheapest_descent(start, engine, touchdown_mps=gear.vertical_mps).fuel_kg
     return {
-        "touchdown": touchdown and dict(touchdown),
+        "touchdown": plant.touchdown and dict(plant.touchdown),
         "fuel_kg": fuel_kg,
         "fuel_optimum_kg": optimum_kg,
+        "fuel_optimum_to_rest_kg": cheapest_descent(start, engine).fuel_kg,
         "fuel_ratio": fuel_kg / optimum_kg,
     }

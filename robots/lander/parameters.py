@@ -48,7 +48,7 @@ class SensorLevel:
 # A landing radar of the time was good to 1.5 % or 5 ft in height, and to 1.5 ft/s in rate [M], before its numbers were
 # smoothed in the computer; after that about what stands here [O]. One period of delay is what computing takes.
 VERTICAL_RADAR = SensorLevel(
-    rate_hz=5.0,  # enough to land within 2 % of the optimum; at twice the rate a run takes twice as long [O]
+    rate_hz=5.0,  # enough to land within 2 % of the optimum to rest; at twice the rate a run takes twice as long [O]
     errors=SensorErrors(
         noise={"altitude_m": 0.15, "velocity_mps": 0.03},
         resolution={"altitude_m": 0.05, "velocity_mps": 0.01},

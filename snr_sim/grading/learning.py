@@ -202,7 +202,7 @@ def train(student: Asked, seed: int, budget: Budget | None = None, evidence: Evi
         over = np.flatnonzero(touches | (after.height_m > CEILING_M) | (flown > MOST_STEPS))
         for lander in over.tolist():
             is_down, speed = bool(touches[lander]), round(float(speeds[lander]), 2)
-            is_landed = is_down and bool(speeds[lander] <= APOLLO_GEAR.vertical_mps)
+            is_landed = is_down and bool(APOLLO_GEAR.kept(speeds[lander])[0])
             ended.append(is_landed)
             last = [0.0, -speed] if is_down else landers[:2, lander].tolist()
             ends.append([lander, *last, (LANDED if is_landed else CRASHED) if is_down else TIMEOUT])
@@ -243,7 +243,7 @@ def fly(flier: Flier, seed: int, count: int, world: World | None = None) -> Flig
         if not len(who):
             break
     is_down = np.isfinite(speed_mps)
-    landed = is_down & (np.nan_to_num(speed_mps, nan=1e9) <= APOLLO_GEAR.vertical_mps)
+    landed = is_down & APOLLO_GEAR.kept(speed_mps)[0]
     outcomes = {LANDED: landed, CRASHED: is_down & ~landed, TIMEOUT: ~is_down}
     return Flights(
         landed.tolist(),

@@ -223,7 +223,7 @@ def train_vertical(
         actions[explores] = rng.integers(0, count, int(explores.sum()))
         before = Landers(*landers)
         after, touches, speeds = step(before, throttles[actions], course.engine, STEP_S)
-        rewards = course.rewards(before, after, touches, touches & (speeds <= APOLLO_GEAR.vertical_mps))
+        rewards = course.rewards(before, after, touches, touches & APOLLO_GEAR.kept(speeds)[0])
         next_cells = cells_of(course.told(before.height_m, before.velocity_mps, rng))  # the radar tells it a step late
         targets = rewards + np.where(touches, 0.0, table.values[next_cells].max(axis=1))
         check_learned(float(targets.sum()), f"step {i + 1}")
@@ -257,7 +257,7 @@ def try_table(table: QTable, course: Course, count: int, seed: int | Sequence[in
         before = Landers(*landers)
         after, touches, speeds = step(before, throttles[greedy[cells_of(told)]], course.engine, STEP_S)
         told = course.told(before.height_m, before.velocity_mps, rng)
-        landed += int((touches & (speeds <= APOLLO_GEAR.vertical_mps)).sum())
+        landed += int((touches & APOLLO_GEAR.kept(speeds)[0]).sum())
         burned_kg += float((before.fuel_kg - after.fuel_kg).sum())
         flies = ~touches
         if not flies.any():

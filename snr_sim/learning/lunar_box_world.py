@@ -7,6 +7,7 @@ are a unit of length); the engine is Chipmunk, not Box2D. What they do different
   taken off what is observed until something touches: in free flight both move alike.
 - A leg weighs 1.5 % of the hull that stands on it, for which Box2D's solver goes round 180 times. Here some of the
   hull's mass is in the legs: as a whole, with legs out, the lander has the same mass, centre and moment of inertia.
+- Chipmunk moves first and has the joints share a push afterwards, so what pushes the lander pushes hull and legs.
 - Box2D's joint drives legs against a limit. Here the motor stops when they are out, or the two would never be still.
 - Box2D multiplies frictions and takes the root, Chipmunk multiplies them.
 - Box2D puts to sleep what has been still for half a second (slower than 0.01 and 2 degrees a second); here it is
@@ -36,7 +37,7 @@ START = WIDTH / 2, HEIGHT
 HULL = [(x / PIXELS, y / PIXELS) for x, y in ((-14, 17), (-17, 0), (-17, -10), (17, -10), (17, 0), (14, 17))]
 MASS, CENTRE_Y, MOMENT = 4.9589, 0.0889, 0.9122  # of hull (density 5) and legs (1), out; about that centre
 WIND_ARM = 0.0125  # the original's forces act at the middle of its hull, so far above the centre of it all
-START_ARM = 0.0210  # at the start the original's legs still hang straight down
+START_ARM = 0.0206  # measured: the original's legs hang straight down at the start, and turn out within two steps
 HULL_FRICTION, LEG_FRICTION = 0.1, math.sqrt(0.2 * 0.1)  # on ground of 1: the roots of Box2D's products
 LEG_AWAY, LEG_DOWN = 20 / PIXELS, 18 / PIXELS
 LEG_HALF = 2 / PIXELS, 8 / PIXELS
@@ -86,6 +87,10 @@ class LunarBoxWorld:
         self.hull.center_of_gravity = 0.0, self._centre_y
         legs = [self._body(LEG, LEG_MASS, LEG_MOMENT, LEG_FRICTION, ON_LEG + i) for i in range(2)]
         self.legs = [leg for leg, _ in legs]
+        self._parts = [self._part(self.hull, 0.0, (0.0, self._centre_y))]
+        self._parts += [
+            self._part(leg, -side * LEG_OUT_RAD, _leg_place(side)) for leg, side in zip(self.legs, SIDES, strict=True)
+        ]
         self._outlines = [outline, *(outline for _, outline in legs)]
         self._space = self._empty_space()
         self._space.add(self.hull, *self.legs, *self._outlines)
@@ -96,6 +101,14 @@ class LunarBoxWorld:
         outline.filter = self._pymunk.ShapeFilter(group=1)  # parts of one lander do not collide
         outline.friction, outline.collision_type = friction, kind
         return body, outline
+
+    @staticmethod
+    def _part(body: Any, angle_rad: float, centre: Point) -> tuple[Any, ...]:
+        """Returns what `_push` needs of a body: its angle and its centre are those in the hull's frame."""
+        x, y = centre
+        turn = math.cos(angle_rad), math.sin(angle_rad)
+        push = body.apply_impulse_at_local_point
+        return push, body.mass, body.moment, x, y - CENTRE_Y, *turn, body.center_of_gravity[1]
 
     def begin(self, heights: Sequence[float]) -> None:
         """Begins an episode, to the last bit as it would begin in a new world.
@@ -168,7 +181,7 @@ class LunarBoxWorld:
         return self.steps_still >= STILL_S * STEPS_HZ
 
     def kick(self, force: Point, torque: float = 0.0, arm: float = WIND_ARM) -> None:
-        """Has a force and a torque act for one step, on the lander as a whole.
+        """Has a force and a torque act for one step.
 
         Args:
             force: in the world's frame.
@@ -176,14 +189,8 @@ class LunarBoxWorld:
             arm: how far above the lander's centre of mass the force acts.
         """
         sin, cos = math.sin(self.angle_rad), math.cos(self.angle_rad)
-        turn = (torque - arm * (cos * force[0] + sin * force[1])) * STEP_S / MOMENT
-        x, y = self.hull.local_to_world((0.0, CENTRE_Y))
-        centres = self.hull.local_to_world((0.0, self._centre_y)), *(leg.position for leg in self.legs)
-        for body, (at_x, at_y) in zip((self.hull, *self.legs), centres, strict=True):
-            vx, vy = body.velocity
-            vx += force[0] * STEP_S / MASS - turn * (at_y - y)
-            body.velocity = vx, vy + force[1] * STEP_S / MASS + turn * (at_x - x)
-            body.angular_velocity += turn
+        side, up = cos * force[0] + sin * force[1], cos * force[1] - sin * force[0]
+        self._push(side * STEP_S, up * STEP_S, (torque - arm * side) * STEP_S / MOMENT)
 
     def fire_main(self, power: float, spread: Point) -> None:
         """Fires the main engine for one step.
@@ -192,11 +199,8 @@ class LunarBoxWorld:
             power: 0.5 to 1.
             spread: where it pushes, along and across, -1 to 1.
         """
-        cos, sin = math.cos(self.angle_rad), math.sin(self.angle_rad)
         along, across = MAIN_DOWN + 2.0 * SPREAD * spread[0], SPREAD * spread[1]
-        out_x, out_y = sin * along - cos * across, -cos * along - sin * across
-        impulse = -out_x * MAIN_POWER * power, -out_y * MAIN_POWER * power
-        self.hull.apply_impulse_at_world_point(impulse, (self.x + out_x, self.y + out_y))
+        self._fire(MAIN_POWER * power, along, across, 0.0, 0.0)
 
     def fire_side(self, power: float, side: float, spread: Point) -> None:
         """Fires the orientation engine of a side for one step.
@@ -206,13 +210,34 @@ class LunarBoxWorld:
             side: -1 the left engine, 1 the right one.
             spread: where it pushes, along and across, -1 to 1.
         """
-        cos, sin = math.cos(self.angle_rad), math.sin(self.angle_rad)
         along, across = SPREAD * spread[0], 3.0 * SPREAD * spread[1] + side * SIDE_AWAY
-        out_x, out_y = sin * along - cos * across, -cos * along - sin * across
-        impulse = -out_x * SIDE_POWER * power, -out_y * SIDE_POWER * power
         # That the arm sideways is not as long as the one upwards is so in the original: it turns with the tilt.
-        point = self.x + out_x - sin * SIDE_ARM, self.y + out_y + cos * SIDE_UP
-        self.hull.apply_impulse_at_world_point(impulse, point)
+        sin, cos = math.sin(self.angle_rad), math.cos(self.angle_rad)
+        away, up = sin * cos * (SIDE_UP - SIDE_ARM), sin * sin * SIDE_ARM + cos * cos * SIDE_UP
+        self._fire(SIDE_POWER * power, along, across, away, up)
+
+    def _fire(self, power: float, along: float, across: float, at_x: float, at_y: float) -> None:
+        """Has an engine blow out along and across, and so push the other way at a place; all in the hull's frame."""
+        side, up = across * power, along * power
+        self._push(side, up, ((at_x - across) * up - (at_y - along - CENTRE_Y) * side) / MOMENT)
+
+    def _push(self, side: float, up: float, turn_radps: float) -> None:
+        """Pushes hull and legs as one body, as if the legs were out.
+
+        By a push on the hull alone it turned too far by a factor of eight: by itself it has a tenth of the lander's
+        moment of inertia, and joints share a push only in the step after it.
+
+        Args:
+            side, up: impulse at the centre of mass, in the hull's frame.
+            turn_radps: what it turns faster.
+        """
+        add_x, add_y = side / MASS, up / MASS
+        for push, mass, moment, x, y, cos, sin, centre_y in self._parts:
+            away_x, away_y = mass * (add_x - turn_radps * y), mass * (add_y + turn_radps * x)
+            own_x, own_y = cos * away_x + sin * away_y, cos * away_y - sin * away_x
+            # An impulse beside the centre is the same one through it, and a twist: one call for both.
+            beside = moment * turn_radps / (own_x * own_x + own_y * own_y or 1.0)  # no wind is no push
+            push((own_x, own_y), (beside * own_y, centre_y - beside * own_x))
 
     def step(self) -> None:
         """Moves on by a fiftieth of a second, and looks where the hull is then."""

@@ -244,31 +244,23 @@ class Sky:
         truth += self.rng.normal(size=truth.shape) * self._noise
         return truth[:, :2], truth[:, 2:]
 
-    def is_slow(self, landers: PlaneLanders, share: float = 1.0) -> Bools:
-        """Returns whether the gear would take the vertical speed of each, or a share of it."""
-        gear = self.module.gear
-        slides = np.minimum(1.0, np.abs(landers.vx_mps) / gear.lateral_mps)
-        takes: Bools = -landers.vz_mps <= share * (
-            gear.vertical_mps - slides * (gear.vertical_mps - gear.vertical_sliding_mps)
-        )
-        return takes
+    def kept(self, landers: PlaneLanders, share: float = 1.0) -> tuple[Bools, Bools]:
+        """Returns whether the gear would take the vertical speed of each, and whether the rest of its motion.
 
-    def is_straight(self, landers: PlaneLanders, share: float = 1.0) -> Bools:
-        """Returns whether the gear would take the rest of each one's motion, or a share of it."""
-        gear = self.module.gear
-        takes: Bools = (
-            (np.abs(landers.vx_mps) <= share * gear.lateral_mps)
-            & (np.abs(landers.attitude_rad) <= share * gear.attitude_rad)
-            & (np.abs(landers.rate_radps) <= share * gear.rate_radps)
-        )
-        return takes
+        Args:
+            landers: at their first contact, with level ground: so there they also stand upright.
+            share: of each limit.
+        """
+        motion = -landers.vz_mps, landers.vx_mps, landers.attitude_rad, landers.rate_radps
+        slow, lateral, attitude, rate, _ = self.module.gear.kept(*motion, share=share)
+        return slow, lateral & attitude & rate
 
     def burn_rewards(self, before: PlaneLanders, after: PlaneLanders, down: Bools) -> Floats:
         """Returns what a step was worth to who burns."""
         tank_kg = 600.0  # about what they start with
         was = -SPEED_WEIGHT * np.abs(before.vz_mps - self.suitable(before.height_m))
         then = -SPEED_WEIGHT * np.abs(after.vz_mps - self.suitable(after.height_m))
-        ends = np.where(self.is_slow(after, MARGIN), LANDED, NOT_LANDED)
+        ends = np.where(self.kept(after, MARGIN)[0], LANDED, NOT_LANDED)
         burned: Floats = (before.fuel_kg - after.fuel_kg) / tank_kg
         worth: Floats = np.where(down, ends, FORESIGHT_BURN * then) - was - FUEL_WEIGHT * burned
         return worth
@@ -277,7 +269,7 @@ class Sky:
         """Returns what a step was worth to who leans."""
         motion = (after.vx_mps, after.attitude_rad, after.rate_radps)
         cost = sum(weight * np.abs(one) for weight, one in zip(LEAN_COST, motion, strict=True))
-        ends = np.where(self.is_straight(after, MARGIN), STRAIGHT, -STRAIGHT)
+        ends = np.where(self.kept(after, MARGIN)[1], STRAIGHT, -STRAIGHT)
         worth: Floats = np.where(down, ends, 0.0) - cost
         return worth
 
@@ -354,7 +346,7 @@ def try_pad(policy: PadPolicy, env: LanderPad, count: int, seed: int) -> Trial:
         told = sky.told(landers)
         landers = step(landers, *actions, sky.module, STEP_S)
         down = touches(landers)
-        slow, straight = down & sky.is_slow(landers), down & sky.is_straight(landers)
+        slow, straight = (down & one for one in sky.kept(landers))
         found += slow.sum(), straight.sum(), (slow & straight).sum()
         flies = ~(down | _is_lost(landers))
         if not flies.any():

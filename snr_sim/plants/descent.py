@@ -10,7 +10,8 @@ With m = m0 - mu t, mu = thrust / exhaust speed:
     h(t) = h0 + v0 t - g t^2 / 2 + c (t - (m / mu) ln(m0 / m))
 
 Source: Tsiolkovsky's equation with constant gravity, integrated once more. That falling first and then burning at
-full thrust is the cheapest way down follows from Pontryagin's principle: one switch, and never back.
+full thrust is the cheapest way down follows from Pontryagin's principle: one switch, and never back. It holds for any
+speed at the ground; the faster a touchdown may be, the less it costs.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ class Descent(NamedTuple):
         coast_s: how long to fall.
         ignite_height_m: where the burn begins.
         ignite_speed_mps: how fast it then falls, positive down.
-        burn_s: how long it burns until it stands on the ground, still.
+        burn_s: how long it burns until it touches the ground.
         fuel_kg: what all of it costs.
     """
 
@@ -106,13 +107,18 @@ def tsiolkovsky(mass_kg: float, dry_mass_kg: float, exhaust_mps: float) -> float
     return exhaust_mps * math.log(mass_kg / dry_mass_kg)
 
 
-def time_to_stop(start: Motion, engine: Engine) -> float:
-    """Returns how long full thrust needs to end a fall [s]; 0 when it is not falling.
+def time_to_stop(start: Motion, engine: Engine, final_mps: float = 0.0) -> float:
+    """Returns how long full thrust needs to end a fall [s], or to slow it to a speed; 0 when it falls no faster.
+
+    Args:
+        start: of the burn.
+        engine: at full thrust.
+        final_mps: the speed at its end, positive down.
 
     Raises:
         ParameterError: the thrust cannot lift the mass, so the search has no safe side.
     """
-    _, velocity, mass = start
+    velocity, mass = start.velocity_mps + final_mps, start.mass_kg  # what is to be taken away
     if velocity >= 0.0:
         return 0.0
     thrust, exhaust, gravity = engine
@@ -133,23 +139,30 @@ def time_to_stop(start: Motion, engine: Engine) -> float:
     return time
 
 
-def stop_height(start: Motion, engine: Engine) -> float:
-    """Returns the height at which full thrust from now on would end the fall [m]; below 0 it is too late."""
-    return after(start, *engine, time_to_stop(start, engine)).height_m
+def stop_height(start: Motion, engine: Engine, final_mps: float = 0.0) -> float:
+    """Returns the height at which full thrust from now on would end the fall [m]; below 0 it is too late.
+
+    Args:
+        start: of the burn.
+        engine: at full thrust.
+        final_mps: the speed that counts as its end, positive down.
+    """
+    return after(start, *engine, time_to_stop(start, engine, final_mps)).height_m
 
 
-def cheapest_descent(start: Motion, engine: Engine, idle_thrust_n: float = 0.0) -> Descent:
-    """Returns the way down that uses least propellant and ends at height 0 with speed 0.
+def cheapest_descent(start: Motion, engine: Engine, idle_thrust_n: float = 0.0, touchdown_mps: float = 0.0) -> Descent:
+    """Returns the way down that uses least propellant and is at height 0 no faster than a speed.
 
     Args:
         start: as it is now.
-        engine: at full thrust it must be able to stop in time.
+        engine: at full thrust it must be able to brake in time.
         idle_thrust_n: what the engine gives while 'falling', if it cannot be shut off.
+        touchdown_mps: that speed, positive down: 0 to come to rest, or what the gear takes.
 
     Raises:
         ParameterError: even full thrust from now on is too late, or idling already lifts it.
     """
-    if stop_height(start, engine) < 0.0:
+    if stop_height(start, engine, touchdown_mps) < 0.0:
         raise ParameterError(
             f"From {start.height_m:g} m at {start.velocity_mps:g} m/s even full thrust is too late.",
             fix="start higher or slower.",
@@ -159,7 +172,7 @@ def cheapest_descent(start: Motion, engine: Engine, idle_thrust_n: float = 0.0) 
         raise ParameterError(f"Idling at {idle_thrust_n:g} N already lifts {start.mass_kg:g} kg.")
 
     def miss(coast_s: float) -> float:
-        return stop_height(after(start, idle_thrust_n, exhaust, gravity, coast_s), engine)
+        return stop_height(after(start, idle_thrust_n, exhaust, gravity, coast_s), engine, touchdown_mps)
 
     # A fall that has reached the ground is too late. One that idles takes longer, as it grows lighter: look further.
     late = free_fall(start.height_m, start.velocity_mps, gravity - idle_thrust_n / start.mass_kg)[0]
@@ -167,7 +180,7 @@ def cheapest_descent(start: Motion, engine: Engine, idle_thrust_n: float = 0.0) 
         late *= 1.1
     coast = find_root(miss, 0.0, late)
     ignition = after(start, idle_thrust_n, exhaust, gravity, coast)
-    burn = time_to_stop(ignition, engine)
+    burn = time_to_stop(ignition, engine, touchdown_mps)
     fuel = start.mass_kg - ignition.mass_kg + thrust / exhaust * burn
     return Descent(coast, ignition.height_m, -ignition.velocity_mps, burn, fuel)
 

@@ -15,9 +15,10 @@ from collections.abc import Callable
 from typing import Any
 
 from snr_sim.plants.gear import Touchdown
-from snr_sim.plants.legs import Pose
+from snr_sim.plants.legs import FEET_M, Pose
 from snr_sim.plants.module import LunarModule, PlaneStart
-from snr_sim.plants.module_shapes import PADS_BELOW_M
+from snr_sim.plants.module_shapes import HULL_M, PADS_BELOW_M
+from snr_sim.plants.plausible import LIMITS, check_number, shown
 from snr_sim.plants.terrain import HALF_WIDTH_M, ROOF_REACH_M, Terrain
 from snr_sim.prelude.errors import ParameterError, PlantError, UnknownName, nearest
 from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
@@ -27,6 +28,7 @@ from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
 # sideways, has 25 steps in each radian. Shorter steps only cost time.
 STEP_S = 0.005
 STILL_MPS, STILL_RADPS, SETTLE_S = 0.05, 0.01, 0.5  # slower than this for so long, on both sides' feet: it stands
+GIVES_M = 0.01  # so deep a run may begin in the ground: legs give way
 CEILING_M = 20_000.0
 EDGE_M = HALF_WIDTH_M - ROOF_REACH_M
 
@@ -39,10 +41,13 @@ class Lander(ABC):
         start_of: gives the start and the ground that belong to a seed.
         step_s: of integration; see `STEP_S`.
 
+    Raises:
+        ParameterError: a number cannot be, or a start is under ground.
+
     Attributes:
         touchdown: the first contact, once there was one.
-        outcome: 'landed', 'crashed', 'out_of_fuel' (crashed with a dry tank) or 'lost' (left the region), once
-            over. From then on it stands still.
+        outcome: 'landed', 'crashed', 'out_of_fuel' (crashed with a dry tank), 'tilted' (stands, and not upright enough)
+            or 'lost' (left the region), once over. From then on it stands still.
     """
 
     inputs = ("engine",)
@@ -65,12 +70,37 @@ class Lander(ABC):
     def __init__(
         self, module: LunarModule, start_of: Callable[[int], tuple[PlaneStart, Terrain]], step_s: float
     ) -> None:
+        check_number("The lander's step_s", step_s, LIMITS["flight_step_s"])
         self.module = module
         self.start_of = start_of
         self.step_s: float = step_s
         self._lag_gain = -math.expm1(-step_s / module.throttle_lag_s) if module.throttle_lag_s > 0.0 else 1.0
         self._gimbal_step = module.gimbal_rate_radps * step_s
         self._flow_step = module.thrust_n / module.exhaust_mps * step_s  # propellant of one step at full throttle
+
+    def _start(self, seed: int) -> tuple[PlaneStart, Terrain]:
+        """Returns the start and the ground that belong to a seed.
+
+        Raises:
+            ParameterError: they are none, or a part of the module is in the ground.
+        """
+        given = self.start_of(seed)
+        if not (isinstance(given, tuple) and tuple(map(type, given)) == (PlaneStart, Terrain)):
+            raise ParameterError(
+                f"The start of seed {seed} is {shown(given)}.", fix="return a PlaneStart and a Terrain."
+            )
+        start, terrain = given
+        (x, z), cos, sin = start.position_m, math.cos(start.attitude_rad), math.sin(start.attitude_rad)
+        corners = [(x + cos * a - sin * b, z + sin * a + cos * b) for a, b in (*FEET_M, *HULL_M)]
+        deep_m = max(terrain.ground(at_x)[0] - at_z for at_x, at_z in corners)
+        if deep_m > GIVES_M:
+            raise ParameterError(
+                f"The start of seed {seed} is at {start.position_m} m, and there the module is {deep_m:.3g} m under "
+                "ground.",
+                fix=f"begin higher: the ground is at {terrain.ground(x)[0]:.3g} m, the pads {PADS_BELOW_M} m below the "
+                "centre of mass.",
+            )
+        return start, terrain
 
     @property
     def time_s(self) -> float:
@@ -90,6 +120,10 @@ class Lander(ABC):
     @abstractmethod
     def _contact(self) -> list[bool]:
         """Returns whether feet touch: [left, right]."""
+
+    @abstractmethod
+    def _tilt_rad(self) -> float:
+        """Returns the angle between the module's upward axis and the vertical, 0 to pi."""
 
     @abstractmethod
     def _has_hull_touched(self) -> bool:
@@ -115,7 +149,7 @@ class Lander(ABC):
 
     def step(self, dt_s: float) -> None:
         """Moves on by one step."""
-        if dt_s != self.step_s and abs(dt_s - self.step_s) > 1e-9:
+        if dt_s != self.step_s and not abs(dt_s - self.step_s) <= 1e-9:  # also NaN
             raise ParameterError(
                 f"This plant moves in steps of {self.step_s} s, not {dt_s} s.", fix="use plant.step_s."
             )
@@ -151,14 +185,15 @@ class Lander(ABC):
             attitude_deg=math.degrees(pose.attitude_rad),
             rate_degps=math.degrees(pose.rate_radps),
         )
-        if not self.module.gear.holds(self.touchdown):
-            self._end("crashed" if self.fuel_kg > 0.0 else "out_of_fuel")
+        outcome = self.module.gear.outcome(self.touchdown, self.fuel_kg)
+        if outcome != "landed":
+            self._end(outcome)
 
     def _settle(self, is_still: bool) -> None:
         """Counts the time in which it stands, and ends the flight when it has stood for long enough."""
         self._still_steps = self._still_steps + 1 if is_still else 0
-        if self.outcome is None and self._still_steps * self.step_s >= SETTLE_S:
-            self._end("landed")
+        if self.outcome is None and self.touchdown is not None and self._still_steps * self.step_s >= SETTLE_S:
+            self._end(self.module.gear.outcome(self.touchdown, self.fuel_kg, self._tilt_rad()))
 
     def _end(self, outcome: str) -> None:
         """Stops everything where it is."""
@@ -171,7 +206,8 @@ class Lander(ABC):
         """What ended it badly, in words; empty if nothing did."""
         if self.outcome == "lost":
             return "it left the region that is simulated"
-        passed = self.module.gear.passed(self.touchdown) if self.touchdown is not None else []
+        rest_rad = self._tilt_rad() if self.outcome == "tilted" else 0.0
+        passed = self.module.gear.passed(self.touchdown, rest_rad) if self.touchdown is not None else []
         if self.outcome == "crashed" and not passed:  # the gear took the first contact, but not what followed
             passed = ["the hull met the ground" if self._has_hull_touched() else "it tipped over on its legs"]
         return "; ".join(passed)

@@ -14,10 +14,12 @@ from typing import Any, NamedTuple
 
 from snr_sim.plants.descent import Engine, Motion, after, find_root
 from snr_sim.plants.gear import APOLLO_GEAR, GearLimits, Touchdown
+from snr_sim.plants.module import MASSES, check_tank
 from snr_sim.plants.module_shapes import NOZZLE_BELOW_M, PADS_BELOW_M, module_shapes
+from snr_sim.plants.plausible import LIMITS, check_fields, check_number, shown
 from snr_sim.plants.terrain import FLAT
 from snr_sim.plants.terrain_shapes import terrain_shapes
-from snr_sim.prelude.errors import PlantError, UnknownName, nearest
+from snr_sim.prelude.errors import ParameterError, PlantError, UnknownName, nearest
 from snr_sim.prelude.signals import EngineCommand, RadarReading
 
 
@@ -30,12 +32,19 @@ class VerticalStart:
         velocity_mps: positive up.
         mass_kg: all of it.
         fuel_kg: of the mass, what may be burned.
+
+    Raises:
+        ParameterError: a number cannot be.
     """
 
     height_m: float
     velocity_mps: float
     mass_kg: float
     fuel_kg: float
+
+    def __post_init__(self) -> None:
+        check_fields(self, "The start's ", {"height_m": "above_m", "velocity_mps": "flight_mps", **MASSES}, {})
+        check_tank(self.mass_kg, self.fuel_kg)
 
 
 class State(NamedTuple):
@@ -61,6 +70,9 @@ class Lander1D:
         least_throttle: what the engine gives at least while there is propellant, as one that cannot be shut off.
         gear: judges the touchdown.
         ceiling_m: above it the module is lost.
+
+    Raises:
+        ParameterError: a number cannot be.
     """
 
     engine = "closed_form 1"
@@ -77,6 +89,14 @@ class Lander1D:
         gear: GearLimits = APOLLO_GEAR,
         ceiling_m: float = 50_000.0,
     ) -> None:
+        for what, value, limit in (
+            ("engine's thrust_n", engine.thrust_n, "engine_n"),
+            ("engine's exhaust_mps", engine.exhaust_mps, "exhaust_mps"),
+            ("engine's gravity_mps2", engine.gravity_mps2, "pull_mps2"),
+            ("lander's least_throttle", least_throttle, "share"),
+            ("lander's ceiling_m", ceiling_m, "above_m"),
+        ):
+            check_number(f"The {what}", value, LIMITS[limit])
         self.start_of = start_of
         self.thrust_n, self.exhaust_mps, self.gravity_mps2 = engine.thrust_n, engine.exhaust_mps, engine.gravity_mps2
         self.least_throttle = least_throttle
@@ -87,6 +107,8 @@ class Lander1D:
     def reset(self, seed: int) -> None:
         """Puts the module back to the start that belongs to this seed, engine off."""
         start = self.start_of(seed)
+        if not isinstance(start, VerticalStart):
+            raise ParameterError(f"The start of seed {seed} is {shown(start)}.", fix="return a VerticalStart.")
         self.time_s = 0.0
         self.height_m, self.velocity_mps = float(start.height_m), float(start.velocity_mps)
         self.mass_kg, self.fuel_kg = start.mass_kg, start.fuel_kg
@@ -109,7 +131,13 @@ class Lander1D:
         return RadarReading(self.height_m, self.velocity_mps, self.time_s)
 
     def step(self, dt_s: float) -> None:
-        """Moves on by any time, in at most two pieces: with propellant and without."""
+        """Moves on by any time, in at most two pieces: with propellant and without.
+
+        Raises:
+            ParameterError: the time is no number, or not more than 0.
+        """
+        if not 0.0 < dt_s < math.inf:  # also NaN
+            raise ParameterError(f"This plant moves on, and not by {dt_s} s.", fix="give more than 0 s, and an end.")
         if self.outcome:
             self.time_s += dt_s
             return
@@ -169,10 +197,7 @@ class Lander1D:
 
     def _touch(self) -> None:
         self.touchdown = Touchdown(vertical_mps=-self.velocity_mps, lateral_mps=0.0, attitude_deg=0.0, rate_degps=0.0)
-        if self.gear.holds(self.touchdown):
-            self.outcome = "landed"
-        else:
-            self.outcome = "crashed" if self.fuel_kg > 0.0 else "out_of_fuel"
+        self.outcome = self.gear.outcome(self.touchdown, self.fuel_kg)  # it cannot tilt
         self.height_m = self.velocity_mps = self.throttle = 0.0
 
     @property

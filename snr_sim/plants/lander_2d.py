@@ -72,14 +72,14 @@ class Lander2D(Lander):
         super().__init__(module, start_of, step_s)
         self.engine = f"pymunk {pymunk_module().version}"
         self._legs = Legs(module.leg, module.gyration_m, step_s)
-        self._hull = Hull(module.gyration_m, module.gravity_mps2, start_of(seed)[1])
+        self._hull = Hull(module.gyration_m, module.gravity_mps2, self._start(seed)[1])
         self.reset(seed)
 
     # -- start, and being put back ------------------------------------------------------------------------------------
 
     def reset(self, seed: int) -> None:
         """Builds the world anew and puts the module at the start that belongs to this seed."""
-        start, terrain = self.start_of(seed)
+        start, terrain = self._start(seed)
         half_fall = 0.5 * self.module.gravity_mps2 * self.step_s
         (x, z), (vx, vz) = start.position_m, start.velocity_mps
         body = Pose(x, z, start.attitude_rad, vx, vz - half_fall, start.rate_radps)
@@ -207,6 +207,10 @@ class Lander2D(Lander):
     def _contact(self) -> list[bool]:
         """Returns whether feet touch: [left, right]."""
         return [grip is not None for grip in self._legs.grips_m]
+
+    def _tilt_rad(self) -> float:
+        """Returns the angle between the module's upward axis and the vertical."""
+        return abs(math.remainder(self._hull.pose().attitude_rad, 2.0 * math.pi))
 
     def _has_hull_touched(self) -> bool:
         """Returns whether the hull has met the ground."""

@@ -73,7 +73,7 @@ class Lander3D(Lander):
         step_s: float = STEP_S,
     ) -> None:
         super().__init__(module, start_of, step_s)
-        self._hull = Hull3D(module, start_of(seed)[1], step_s)
+        self._hull = Hull3D(module, self._start(seed)[1], step_s)
         self.engine = self._hull.engine
         self.reset(seed)
 
@@ -81,7 +81,7 @@ class Lander3D(Lander):
 
     def reset(self, seed: int) -> None:
         """Puts the module at the start that belongs to this seed, over its ground."""
-        start, self.terrain = self.start_of(seed)
+        start, self.terrain = self._start(seed)
         half_fall = 0.5 * self.module.gravity_mps2 * self.step_s
         (x, z), (vx, vz), half = start.position_m, start.velocity_mps, 0.5 * start.attitude_rad
         # Positive attitudes turn counter-clockwise seen from -y: about -y.
@@ -220,6 +220,10 @@ class Lander3D(Lander):
     def _contact(self) -> list[bool]:
         """Returns whether feet touch: [left, right]."""
         return [bool(side & self._hull.contacts) for side in (LEFT, RIGHT)]
+
+    def _tilt_rad(self) -> float:
+        """Returns the angle between the module's upward axis and the vertical."""
+        return math.acos(min(1.0, max(-1.0, self._hull.axes[8])))
 
     def _has_hull_touched(self) -> bool:
         """Returns whether the hull has met the ground."""

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass, field
 
 from snr_sim.plants.gear import APOLLO_GEAR, GearLimits
+from snr_sim.plants.plausible import check_fields
+from snr_sim.prelude.errors import ParameterError
 
 
 @dataclass(frozen=True)
@@ -15,10 +17,20 @@ class Throttle:
     Args:
         lowest: end of the range; below it the flame goes out.
         highest: other end; between it and full the nozzle wears away, so the engine leaves that out.
+
+    Raises:
+        ParameterError: they are no such shares.
     """
 
     lowest: float
     highest: float
+
+    def __post_init__(self) -> None:
+        check_fields(self, "The throttle's ", {"lowest": "share", "highest": "share"}, {})
+        if self.lowest > self.highest:
+            raise ParameterError(
+                f"The throttle runs from {self.lowest:g} to {self.highest:g}.", fix="give the lower end first."
+            )
 
     def snap(self, command: float) -> float:
         """Returns the nearest share that the engine can run at.
@@ -41,11 +53,18 @@ class Leg:
         spring_npm: force per metre of giving way, along the ground's normal; sideways the foot bends as stiffly.
         damper_nspm: force per speed, both ways.
         friction: largest share of the normal force that the foot holds sideways before it slides.
+
+    Raises:
+        ParameterError: a number cannot be.
     """
 
     spring_npm: float
     damper_nspm: float
     friction: float
+
+    def __post_init__(self) -> None:
+        numbers = {"spring_npm": "leg_npm", "damper_nspm": "leg_nspm", "friction": "grip"}
+        check_fields(self, "The leg's ", numbers, {})
 
 
 @dataclass(frozen=True)
@@ -64,6 +83,9 @@ class LunarModule:
         leg: each of the two.
         gear: judges the first contact.
         gravity_mps2: pulls down.
+
+    Raises:
+        ParameterError: a number cannot be.
     """
 
     thrust_n: float
@@ -78,6 +100,34 @@ class LunarModule:
     gravity_mps2: float
     gear: GearLimits = field(default=APOLLO_GEAR)
 
+    def __post_init__(self) -> None:
+        numbers = {
+            "thrust_n": "engine_n",
+            "exhaust_mps": "exhaust_mps",
+            "throttle_lag_s": "lag_s",
+            "gimbal_rad": "gimbal_rad",
+            "gimbal_rate_radps": "gimbal_radps",
+            "jets_nm": "couple_nm",
+            "gyration_m": "gyration_m",
+            "gravity_mps2": "pull_mps2",
+        }
+        check_fields(self, "The module's ", numbers, {})
+
+
+MASSES = {"mass_kg": "module_kg", "fuel_kg": "fuel_kg"}  # of a start, with their limits
+
+
+def check_tank(mass_kg: float, fuel_kg: float) -> None:
+    """Checks that a module at its start is more than its propellant.
+
+    Raises:
+        ParameterError: it is not.
+    """
+    if not fuel_kg < mass_kg:
+        raise ParameterError(
+            f"The start's fuel_kg is {fuel_kg:g}, its mass_kg {mass_kg:g}.", fix="mass_kg is all of it, the fuel too."
+        )
+
 
 @dataclass(frozen=True)
 class PlaneStart:
@@ -90,6 +140,9 @@ class PlaneStart:
         rate_radps: of attitude.
         mass_kg: all of it.
         fuel_kg: of the mass, what may be burned.
+
+    Raises:
+        ParameterError: a number cannot be.
     """
 
     position_m: tuple[float, float]
@@ -98,6 +151,12 @@ class PlaneStart:
     fuel_kg: float
     attitude_rad: float = 0.0
     rate_radps: float = 0.0
+
+    def __post_init__(self) -> None:
+        numbers = {**MASSES, "attitude_rad": "angle_rad", "rate_radps": "tumble_radps"}
+        vectors = {"position_m": "way_m", "velocity_mps": "flight_mps"}
+        check_fields(self, "The start's ", numbers, vectors, axes=("x", "z"))
+        check_tank(self.mass_kg, self.fuel_kg)
 
 
 TIPPED_RAD = math.radians(60.0)  # beyond it there is no way back to the feet

@@ -1,4 +1,4 @@
-"""What the numbers of a small vehicle in a pool can be: one table of limits, each with its reason.
+"""What the numbers of a small vehicle in a pool and of a lander can be: one table of limits, each with its reason.
 
 They are wide: what lies outside is not unusual but a slip, most often of the unit, and the message names the unit that
 would explain it. A limit tells a slip before a dive, where physics would tell it as a vehicle that behaves oddly.
@@ -117,19 +117,47 @@ LIMITS = {
     "temperature_c": Limit(-5.0, 60.0, "degrees Celsius", "it is liquid, and divers can stand it"),
     "height_m": Limit(-1e5, 100.0, "m", "under water z is negative; from higher up nothing is dropped", MILLIMETRES),
     "gate_m": Limit(0.1, 100.0, "m", "something can go through, and it fits into a basin", MILLIMETRES),
+    # a lander
+    "module_kg": Limit(1.0, 1e6, "kg", "Apollo's had 15 000 with full tanks", {"tonnes": 1e3, **GRAMS}),
+    "fuel_kg": Limit(0.0, 1e6, "kg", "Apollo's descent stage had 8200", {"tonnes": 1e3, **GRAMS}),
+    "above_m": Limit(0.0, 1e7, "m", "its pads are on the ground or over it, and nothing lands from higher up",
+                     {"kilometres": 1e3}),
+    "way_m": Limit(-1e7, 1e7, "m", "the Moon is no larger", MILLIMETRES),
+    "flight_mps": Limit(-1e4, 1e4, "m/s", "an orbit of the Moon has 1700"),
+    "tumble_radps": Limit(-10.0, 10.0, "rad/s", "nothing that can land turns faster", DEGREES),
+    "engine_n": Limit(0.0, 1e8, "N", "Apollo's descent engine had 45 040", {}, IS_ABOVE),
+    "exhaust_mps": Limit(500.0, 1e5, "m/s", "rockets that burn something have 2000 to 4500",
+                         {"a specific impulse in seconds": 9.80665, "kilometres a second": 1e3}),
+    "pull_mps2": Limit(0.0, 30.0, "m/s2", "it pulls down, and the Moon has 1.62", {}, IS_ABOVE),
+    "lag_s": Limit(0.0, 5.0, "s", "an engine follows its command within some tenths", {"milliseconds": 1e-3}),
+    "gimbal_rad": Limit(0.0, 0.5 * math.pi, "rad", "Apollo's nozzle turned by 0.105, 6 degrees", DEGREES),
+    "gimbal_radps": Limit(0.0, 20.0, "rad/s", "nozzles are heavy", DEGREES),
+    "couple_nm": Limit(0.0, 1e7, "N m", "Apollo's attitude jets had some 3000"),
+    "gyration_m": Limit(0.0, 100.0, "m", "the square of it and the mass make the inertia", MILLIMETRES, IS_ABOVE),
+    "leg_npm": Limit(0.0, 1e9, "N/m", "with none it would fall through", {}, IS_ABOVE),
+    "leg_nspm": Limit(0.0, 1e9, "N s/m", "a damper takes energy and gives none"),
+    "grip": Limit(0.0, 10.0, "", "ice has 0.02, and a dish in gravel about 0.7"),
+    "gear_mps": Limit(0.0, 1e9, "m/s", "without any it could not even stand", {}, IS_ABOVE),
+    "gear_rad": Limit(0.0, math.pi, "rad", "Apollo's gear took 0.105, 6 degrees", DEGREES, IS_ABOVE),
+    "gear_radps": Limit(0.0, 20.0, "rad/s", "Apollo's gear took 0.035, 2 degrees a second", DEGREES, IS_ABOVE),
+    "flight_step_s": Limit(0.0, 0.05, "s", "0.005 is a good step, and legs need a short one", {"milliseconds": 1e-3},
+                           IS_ABOVE),
 }
 # fmt: on
 FINITE = Limit(-math.inf, math.inf)
 
 
-def check_fields(record: Any, who: str, numbers: Mapping[str, str], vectors: Mapping[str, str]) -> None:
+def check_fields(
+    record: Any, who: str, numbers: Mapping[str, str], vectors: Mapping[str, str], axes: Sequence[str] = ("x", "y", "z")
+) -> None:
     """Checks numbers and places of a frozen record, and puts plain floats where others were given.
 
     Args:
         record: whose fields they are.
         who: it is, for the message: "The tether's ".
         numbers: name in `LIMITS` for each field that is a number.
-        vectors: the same for each that has x, y and z.
+        vectors: the same for each that has a number for each axis.
+        axes: of these.
 
     Raises:
         ParameterError: one is none; the message names it.
@@ -138,7 +166,7 @@ def check_fields(record: Any, who: str, numbers: Mapping[str, str], vectors: Map
         check_number(f"{who}{name}", getattr(record, name), LIMITS[limit])
         object.__setattr__(record, name, float(getattr(record, name)))
     for name, limit in vectors.items():
-        check_vector(f"{who}{name}", getattr(record, name), LIMITS[limit])
+        check_vector(f"{who}{name}", getattr(record, name), LIMITS[limit], axes)
         object.__setattr__(record, name, tuple(float(value) for value in getattr(record, name)))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.sums import ordered_sum
 
@@ -21,10 +22,21 @@ class Terrain:
     Args:
         heights_m: from x = -`HALF_WIDTH_M` to +`HALF_WIDTH_M`, `SPACING_M` apart; the middle one is 0.
         seed: of the hills that only the viewer sees.
+
+    Raises:
+        ParameterError: there are more or fewer heights, or one is no number.
     """
 
     heights_m: tuple[float, ...]
     seed: int = 0
+
+    def __post_init__(self) -> None:
+        count = int(2 * HALF_WIDTH_M / SPACING_M) + 1
+        if len(self.heights_m) != count:
+            raise ParameterError(f"A terrain of {len(self.heights_m)} heights.", fix=f"{count}, {SPACING_M:g} m apart.")
+        odd = next((height for height in self.heights_m if not math.isfinite(height)), None)
+        if odd is not None:
+            raise ParameterError(f"A terrain has the height {odd}.", fix="give finite numbers.")
 
     def ground(self, x_m: float) -> tuple[float, float]:
         """Returns height [m] and slope [m/m] at a place; beyond the ends the last piece goes on."""

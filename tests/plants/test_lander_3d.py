@@ -14,7 +14,7 @@ from snr_sim.prelude.errors import MissingExtra, ParameterError, PlantError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import EngineCommand, InertialReading
 
-FORGIVING = GearLimits(99.0, 99.0, 99.0, 4.0, 9.0)
+FORGIVING = GearLimits(99.0, 99.0, 99.0, math.pi, 9.0)
 HILLS = make_terrain(11, relief_m=14.0, pad_slope_rad=0.08)
 
 
@@ -148,9 +148,10 @@ def test_a_push_that_is_no_longer_finite_is_said_with_its_time_and_writes_no_log
     apollo: LunarModule, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)  # where MuJoCo would write it
-    plant = Lander3D(replace(apollo, jets_nm=math.inf), start(z=1000.0))
+    plant = Lander3D(apollo, start(z=1000.0))
+    plant.restore(plant.snapshot()._replace(command=(0.0, 0.0, math.inf)))
     with pytest.raises(PlantError, match=r"At 0\.005 s the force on the module is .* -inf"):
-        run(plant, 1.0, EngineCommand(0.0, 0.0, 1.0))
+        run(plant, 1.0)
     assert not list(tmp_path.iterdir())
 
 

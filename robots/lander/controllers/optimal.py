@@ -1,4 +1,4 @@
-"""Falls as long as possible, then burns: the cheapest way down, planned on closed forms at every reading."""
+"""Falls as long as possible, then burns: the cheapest way to rest, planned on closed forms at every reading."""
 
 from __future__ import annotations
 
