@@ -28,6 +28,7 @@ from snr_sim.prelude.promises import keeps
 from snr_sim.prelude.scenario import Verdict
 from snr_sim.recording.trace import TraceWriter
 from snr_sim.simulation import Simulation
+from snr_sim.std_mods.comms.sockets import SocketsListenerFactory, SocketsLoopFactory
 
 LOOK_PERIOD_S = 0.02  # between two looks of the referee
 TIME_LIMIT = "time limit"
@@ -71,6 +72,15 @@ class World:
         self.sensor_keys = [factory.key for factory in own if isinstance(factory, SensorLoopFactory)]
         self._ports = [factory for factory in own if keeps(factory, PortFactory)]
         self.plant: Plant | None = plant if self.role in with_devices else None
+
+    def start_lines(self) -> list[str]:
+        """Return where the role's links listen or connect, and which roles they wait for."""
+        others = [role for role in self.simulation.robot_file.ROLES if role != self.role]
+        start = f"snr run {self.simulation.request.scenario} --role"
+        waits = " and ".join(f"the role {other} ({start} {other})" for other in others)
+        own = self.config.factories[self.role]
+        links = [one for one in own if isinstance(one, (SocketsLoopFactory, SocketsListenerFactory))]
+        return [f"{self.role}: {link.where()} and waits for {waits}" for link in links]
 
     def claim(self) -> None:
         """Has the role's links listen already, so that a port that is taken is told before there is a run.

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from snr_sim import Loop, LoopFactory, Node
+from snr_sim.devices.terminal_keys import has_terminal
 from snr_sim.prelude.recorder import RECORDING_KEY
 
 # A vehicle that was not heard for so long is told to be silent; it tells of itself every 0.1 s. With the time between
@@ -36,7 +37,7 @@ class DisplayFactory(LoopFactory):
         super().__init__()
         self.rate_hz = rate_hz
         self.in_lock_step = in_lock_step
-        self.keys = (*KEYS, "pad") if has_pad else KEYS
+        self.keys = (*KEYS, "pad", "place") if has_pad else KEYS
         self.lines = tuple(lines)
 
     def get(self, parent: Node) -> Display:
@@ -53,6 +54,7 @@ class Display(Loop):
         """Takes the terminal, if standard error is one."""
         self.live: Any = None
         self.is_off = self.parent.is_in_lock_step and not self.factory.in_lock_step
+        self.has_keys = has_terminal()
         self.said: list[str] = []
         self.said_s = -math.inf
         if sys.stderr.isatty() and not self.is_off:
@@ -68,7 +70,7 @@ class Display(Loop):
             return
         # By when it came here: what the vehicle's own clock shows, another computer cannot compare with.
         heard_s = self.get_time_s() - self.parent.came_at_s("vehicle")
-        shown = rows({key: self.get_page(key) for key in self.factory.keys}, heard_s)
+        shown = rows({key: self.get_page(key) for key in self.factory.keys}, heard_s, self.has_keys)
         if self.live is None:
             self.say(shown)
         else:
@@ -103,28 +105,32 @@ class Display(Loop):
             self.live.stop()
 
 
-KEYS = ("vehicle", "depth", "altitude", "power", "leak", RECORDING_KEY)
+KEYS = ("vehicle", "depth", "altitude", "power", "leak", "link_tether", RECORDING_KEY)
+NOBODY_STEERS = (
+    "[red]nobody can steer: there is no game controller, and no terminal for keys; start it from a terminal[/red]"
+)
 # Rows that are told as soon as they change.
 NEWS = ("hands", "vehicle", "recording", "state", "outputs", "refused", "failsafe", "low", "leak")
 
 
-def rows(pages: dict[str, Any], heard_s: float) -> list[tuple[str, str]]:
+def rows(pages: dict[str, Any], heard_s: float, has_keys: bool = True) -> list[tuple[str, str]]:
     """Returns names and texts, for rich to show.
 
     Args:
-        pages: the newest of KEYS, or None; and "pad", if a person flies.
+        pages: the newest of KEYS, or None; and "pad" and "place", if a person flies.
         heard_s: how long ago the vehicle was heard.
+        has_keys: whether there is a terminal to type at.
     """
     page, pad = pages["vehicle"], pages.get("pad")
-    shown = (
-        [] if pad is None or pad.data["is_connected"] else [("hands", "[yellow]keyboard: no game controller[/yellow]")]
-    )
+    shown = []
+    if pad is not None and not pad.data["is_connected"]:
+        shown = [("hands", "[yellow]keyboard: no game controller[/yellow]" if has_keys else NOBODY_STEERS)]
     lost = pages.get(RECORDING_KEY)
     if lost is not None:
         why = f"lost at {lost.origin} since its t = {lost.data['since_s']:.1f} s: {lost.data['reason']}"
         shown.append(("recording", f"[red]{why}[/red]"))
     if page is None:
-        return [*shown, ("vehicle", "[red]not heard yet[/red]")]
+        return [*shown, ("vehicle", f"[red]not heard yet{_why_not(pages.get('link_tether'))}[/red]")]
     try:
         told = _told(page.data, pages)
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
@@ -137,12 +143,21 @@ def rows(pages: dict[str, Any], heard_s: float) -> list[tuple[str, str]]:
     return [*shown, ("vehicle", f"[red]silent for {heard_s:.1f} s[/red]"), *then]
 
 
+def _why_not(link: Any) -> str:
+    """Return what the link waits for, while it is not up."""
+    from rich.markup import escape
+
+    return "" if link is None or link.data["up"] else f": the link {escape(link.data['reason'])}"
+
+
 def _told(vehicle: dict[str, Any], pages: dict[str, Any]) -> list[tuple[str, str]]:
     """Returns names and texts of what the vehicle has told, as it was then."""
     from rich.markup import escape
 
     shown: list[tuple[str, str]] = []
     state = "[red]EMERGENCY STOP[/red]" if vehicle["is_stopped"] else "armed" if vehicle["is_armed"] else "disarmed"
+    if pages.get("pad") is not None and not vehicle["is_armed"]:
+        state += ": c (Y) clears it, then 1 (start) arms" if vehicle["is_stopped"] else ": 1 (start) arms"
     shown.append(("state", f"{state}, {vehicle['mode']}, obeys: {vehicle['rules']}"))
     if vehicle.get("let_go"):
         why = vehicle["let_go"].splitlines()[0]
@@ -155,6 +170,9 @@ def _told(vehicle: dict[str, Any], pages: dict[str, Any]) -> list[tuple[str, str
         held = vehicle["depth_m"]
         wanted = "" if held is None else f" (holds {held:.2f} m)"
         shown.append(("depth", f"{pages['depth'].data['depth_m']:.2f} m{wanted}"))
+    if pages.get("place") is not None:
+        east, north, up = pages["place"].data["position_m"]
+        shown.append(("place", f"{east:.1f} m east, {north:.1f} m north, {-up:.1f} m deep"))
     roll, pitch, yaw = (math.degrees(angle) for angle in vehicle["attitude_rad"])
     held = vehicle["heading_rad"]
     wanted = "" if held is None else f" (holds {round(math.degrees(held))})"

@@ -6,9 +6,6 @@ i k   up, down          j l   turn left, right   - +   mode down, up     c      
 
 from __future__ import annotations
 
-import os
-import select
-import sys
 import time
 from collections.abc import Callable
 from itertools import zip_longest
@@ -16,6 +13,7 @@ from typing import Any
 
 import msgspec
 
+from snr_sim.devices.terminal_keys import TerminalKeys
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import MissingExtra, SensorLost
 from snr_sim.prelude.life_cycle import LifeCycle
@@ -29,6 +27,11 @@ STICK_KEYS = {
     "w": ("surge", -1.0), "s": ("surge", 1.0), "a": ("sway", -1.0), "d": ("sway", 1.0),
     "i": ("heave", -1.0), "k": ("heave", 1.0), "j": ("yaw", -1.0), "l": ("yaw", 1.0),
 }  # fmt: skip
+LEGEND = (
+    "keys      1 arm  2 disarm  space emergency stop  c clear it  - + mode",
+    "          w s ahead, astern  a d left, right  i k up, down  j l turn",
+    "game pad  start arms  back disarms  B emergency stop  Y clears it",
+)
 URGENT = ("stop", "disarm")  # these overtake what was typed before them, and undo it
 UNDONE = ("arm", "clear")
 MOST_WAITING = 8  # presses: whoever leans on a key is not obeyed for seconds afterwards
@@ -44,7 +47,7 @@ class Keyboard(LifeCycle):
     """
 
     def __init__(self, typed: Callable[[], str] | None = None, now_s: Callable[[], float] = time.monotonic) -> None:
-        self._terminal = _Terminal() if typed is None else None
+        self._terminal = TerminalKeys() if typed is None else None
         self._typed = self._terminal.typed if self._terminal is not None else typed
         self._now_s = now_s
         self._until_s: dict[str, float] = {}  # of keys that move a stick
@@ -93,7 +96,7 @@ class Keyboard(LifeCycle):
     def on_close(self) -> None:
         """Gives the terminal back."""
         if self._terminal is not None:
-            self._terminal.give_back()
+            self._terminal.close()
 
 
 class Hands(LifeCycle):
@@ -137,37 +140,3 @@ class Hands(LifeCycle):
         if self._pad is not None:
             self._pad.close()
         self._keyboard.close()
-
-
-class _Terminal:
-    """The program's terminal, told to give each key at once; if it is none, nobody types."""
-
-    def __init__(self) -> None:
-        self._before: Any = None
-        if sys.stdin is not None and sys.stdin.isatty():
-            import termios
-            import tty
-
-            self._before = termios.tcgetattr(sys.stdin.fileno())
-            tty.setcbreak(sys.stdin.fileno())
-
-    def typed(self) -> str:
-        """Returns what was typed since the last time."""
-        if self._before is None:
-            return ""
-        descriptor = sys.stdin.fileno()
-        keys = b""
-        while select.select([descriptor], [], [], 0.0)[0]:
-            new = os.read(descriptor, 256)
-            if not new:
-                break
-            keys += new
-        return keys.decode(errors="ignore")
-
-    def give_back(self) -> None:
-        """Puts the terminal back as it was."""
-        if self._before is not None:
-            import termios
-
-            termios.tcsetattr(sys.stdin.fileno(), termios.TCSADRAIN, self._before)
-            self._before = None

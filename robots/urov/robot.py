@@ -54,7 +54,7 @@ from .autopilot import AutopilotFactory
 from .choices import check_choices, presses_of, tether_of
 from .deadman import Deadman
 from .display import DisplayFactory
-from .keyboard import Hands
+from .keyboard import LEGEND, Hands
 from .lookout import LookoutFactory
 from .pad_pilot import PadPilotFactory
 from .panel import PanelFactory
@@ -297,17 +297,19 @@ def _surface(rig: Rig, parameters: UrovParameters, lines: Sequence[str]) -> list
     key = "sticks" if crew else "controls"
     if rig.robot.options.get("pilot") == "hands":
         hands = PadLoopFactory("pad", partial(DEVICES[rig.io]["hands"], rig), rate_hz)
+        sees = not rig.role_apart and "place" in DEVICES[rig.io]  # the pilot looks into the water
+        eyes = [SensorLoopFactory("place", partial(DEVICES[rig.io]["place"], rig), 10.0)] if sees else []
         return [
+            *eyes,
             hands,
             PadPilotFactory(key),
-            DisplayFactory(has_pad=True, lines=lines),
+            DisplayFactory(has_pad=True, lines=[*LEGEND, *lines]),
             LookoutFactory("link_tether"),
             *crew,
         ]
     if parameters.route:
-        eyes = SensorLoopFactory("place", partial(DEVICES[rig.io]["place"], rig), 10.0)
         return [
-            eyes,
+            SensorLoopFactory("place", partial(DEVICES[rig.io]["place"], rig), 10.0),
             *(
                 [PanelFactory(presses_of(rig.robot.options), rate_hz), *crew]
                 if crew

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -44,6 +45,7 @@ def grade(
 
     Exit status: 0 all are graded, 1 some could not be (see class.csv), 2 the request was wrong.
     """
+    _refuse_windows(lab)
     from snr_sim.grading.cluster import connected
     from snr_sim.grading.lab import find_lab
     from snr_sim.grading.stop_signals import StopSignals
@@ -69,6 +71,16 @@ def grade(
     with connected(scheduler) if scheduler else nullcontext() as client, StopSignals() as signals:
         status = _grade_class(found, submission, out, secret, jobs, resume, demanded, client, signals, as_json)
     raise typer.Exit(status)
+
+
+def _refuse_windows(lab: str) -> None:
+    from snr_sim.prelude.errors import SnrError
+
+    if importlib.util.find_spec("fcntl") is None:
+        raise SnrError(
+            "snr grade does not run on Windows: what keeps students' programs apart is Linux's own.",
+            fix=f"grade on Linux, in WSL or a container; `snr check {lab} FOLDER` tries the visible cases here.",
+        )
 
 
 def _grade_class(

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from snr_sim.cli.io_bench import Bench, Opened
-    from snr_sim.cli.keys import Keys
+    from snr_sim.devices.terminal_keys import TerminalKeys
 
 SHOWN_EVERY_S = 0.2
 TOLD_EVERY_S = 1.0  # in a pipe
@@ -44,7 +44,7 @@ def io(
     # Also if it was begun where Ctrl-C is ignored, as by a script in the background: what moves a thruster must stop.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     from snr_sim.cli.io_bench import bench_of, devices_of
-    from snr_sim.cli.keys import Keys
+    from snr_sim.devices.terminal_keys import TerminalKeys
     from snr_sim.prelude.errors import ParameterError
 
     if as_json and not once:
@@ -62,7 +62,7 @@ def io(
             bench.settle()
             _print_once(bench, io, scenario, as_json)
         else:
-            with Keys() as keys:
+            with TerminalKeys() as keys:
                 _watch(bench, keys, move, seconds)
         is_well = all(one.is_well for one in [*bench.sensors, *bench.outputs])
     sys.exit(0 if is_well else 1)
@@ -112,7 +112,7 @@ def _print_once(bench: Bench, io: str, scenario: str, as_json: bool) -> None:
     )  # fmt: skip
 
 
-def _watch(bench: Bench, keys: Keys, move: str, seconds: float) -> None:
+def _watch(bench: Bench, keys: TerminalKeys, move: str, seconds: float) -> None:
     """Shows everything until Ctrl-C, or until what is to be moved was moved."""
     from contextlib import ExitStack
 

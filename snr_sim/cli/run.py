@@ -178,6 +178,8 @@ def record_run(
             raise
         for line in [] if is_quiet else start_lines:
             print(line, flush=True)
+        for line in [] if world is None else world.start_lines():
+            print(line, file=sys.stderr, flush=True)
         try:
             result = flight.run(signals)
         finally:

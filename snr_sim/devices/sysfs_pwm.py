@@ -15,7 +15,6 @@ by users (raspberrypi/linux#6818), 4 and 3 from their device trees.
 from __future__ import annotations
 
 import errno
-import grp
 import os
 import time
 from collections.abc import Callable
@@ -188,6 +187,6 @@ def _why_not(path: Path, text: str, error: OSError) -> DeviceError:
 
 def _group_of(path: Path) -> str:
     try:
-        return grp.getgrgid(path.stat().st_gid).gr_name
+        return path.group()
     except (OSError, KeyError):
         return "unknown"

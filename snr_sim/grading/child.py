@@ -6,7 +6,6 @@ What the student prints goes elsewhere than what it answers.
 
 from __future__ import annotations
 
-import fcntl
 import importlib
 import os
 import signal
@@ -21,15 +20,22 @@ import msgspec
 
 from snr_sim import library
 from snr_sim.core.blame import describe_error, place_of, put_place_first
-from snr_sim.grading.child_limits import TookTooLong, become, end_with_parent, heed_time, limit, refuse_company
+from snr_sim.grading.child_limits import (
+    TookTooLong,
+    become,
+    bound_time,
+    end_with_parent,
+    heed_time,
+    limit,
+    refuse_company,
+)
 from snr_sim.grading.child_values import NoValue, encode_plain, short
-from snr_sim.grading.protocol import Answer, Said, decode_ask, encode
+from snr_sim.grading.protocol import PIPES, Answer, Said, decode_ask, encode
 from snr_sim.prelude.errors import SnrError, nearest
 from snr_sim.prelude.values import decode_value
 
 _CHUNK = 1 << 16  # much more would be given to the system and taken back at each read
 _NEWLINE = 10
-_GRACE_S = 0.5  # of CPU time, to end after the time is up
 _FIRST_PRIVATE_FD = 200
 
 
@@ -63,7 +69,7 @@ class Child:
         self._modules: dict[str, ModuleType] = {}
         self._hosts: list[Any] = []
         self.verbs: dict[str, Callable[[msgspec.Raw], bytes]] = {
-            "hello": lambda raw: b"%d" % os.getuid(),
+            "hello": lambda raw: b"%d" % os.getuid() if hasattr(os, "getuid") else b"0",
             "call": self.call,
             "host": self.host,
             "ask": self.ask,
@@ -155,21 +161,20 @@ def main(
     """Answers until nobody asks any more. Does not return.
 
     Args:
-        line: the file descriptor of the conversation.
+        line: the file descriptor of the conversation, or `PIPES`.
         limits: seconds of CPU time, bytes of memory, bytes of a file, open files.
         is_alone: whether nobody else runs as its user, so that it may start nothing.
         user: whom to become, if the process is root's and in a sandbox.
         walls: of a process that confines itself.
     """
-    private = fcntl.fcntl(line, fcntl.F_DUPFD_CLOEXEC, _FIRST_PRIVATE_FD)
-    os.close(line)
+    asks, answers = _line_of_pipes() if line == PIPES else _line_of_socket(line)
     if user is not None:
         become(user)
     if walls is not None:
         from snr_sim.grading.confinement import Walls, confine  # here and below: at home nothing of it is needed
 
-        confine(Walls(*walls), private)
-    elif not is_alone:  # bubblewrap does the same for a sandbox
+        confine(Walls(*walls), answers)
+    elif line != PIPES and not is_alone:  # bubblewrap does the same for a sandbox
         end_with_parent()  # a worker that is killed cannot end its program, which may be in a loop without an end
     limit(limits, is_alone)
     if is_alone:  # the last wall, behind which no limit needs to be set any more
@@ -181,23 +186,42 @@ def main(
     heed_time()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     child = Child()
-    for asked in _lines(private):
-        _say(private, _answer(child, asked))
+    for asked in _lines(asks):
+        _say(answers, _answer(child, asked))
     os._exit(0)
+
+
+def _line_of_socket(line: int) -> tuple[int, int]:
+    """Return the descriptor to read from and to write to: a high one, which no program meets by accident."""
+    import fcntl  # not on Windows
+
+    private = fcntl.fcntl(line, fcntl.F_DUPFD_CLOEXEC, _FIRST_PRIVATE_FD)
+    os.close(line)
+    return private, private
+
+
+def _line_of_pipes() -> tuple[int, int]:
+    """Return the descriptors to read from and to write to; what is printed goes to stderr from here on."""
+    asks, answers = os.dup(0), os.dup(1)
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.close(nothing)
+    os.dup2(2, 1)
+    return asks, answers
 
 
 def _answer(child: Child, asked: bytes) -> bytes:
     ask = decode_ask(asked)
     child.step, child.component = ask.do, ""
     try:
-        signal.setitimer(signal.ITIMER_PROF, ask.cpu_s, _GRACE_S)
+        bound_time(ask.cpu_s)
         try:
             verb = child.verbs.get(ask.do)
             if verb is None:
                 verb = node_verbs(child)[ask.do]
             value = verb(ask.args)
         finally:
-            signal.setitimer(signal.ITIMER_PROF, 0.0)
+            bound_time(0.0)
     except BaseException as error:
         heed_time()
         return encode(Answer(ask.n, error=_said(child, ask.do, error)))

@@ -30,10 +30,10 @@ from snr_sim.grading.verdicts import LabFault, Misbehaved
 KEPT_BYTES = 8_000  # of what it prints
 MAX_PRINTED_BYTES = 1 << 20
 _END_S = 2.0
-_CHUNK = 1 << 16
+CHUNK = 1 << 16
 _NEWLINE = 10
 _START_CPU_S = 10.0  # of Python with the kit: about 0.2
-_LOOK_S = 0.5  # so often it is looked at whether a process that does not answer is working
+LOOK_S = 0.5  # so often it is looked at whether a process that does not answer is working
 
 
 class ChildProcess:
@@ -55,12 +55,7 @@ class ChildProcess:
         readable: Sequence[Path] = (),
         nursery: Nursery | None = None,
     ) -> None:
-        self._limits = limits
-        self._n = 0
-        self._heard = bytearray()
-        self._kept = bytearray()
-        self.printed_bytes = 0
-        self._confiner = Confiner() if isolation == "confined" else None
+        self._prepare(limits, Confiner() if isolation == "confined" else None)
         here, there = socket.socketpair()
         self._socket = here
         self._process: subprocess.Popen[bytes] | Copied
@@ -83,6 +78,14 @@ class ChildProcess:
         self._is_hearing_output = True
         self._line = here.fileno()
         self._event = select.POLLIN
+
+    def _prepare(self, limits: Limits, confiner: Confiner | None) -> None:
+        self._limits = limits
+        self._n = 0
+        self._heard = bytearray()
+        self._kept = bytearray()
+        self.printed_bytes = 0
+        self._confiner = confiner
         self._next_look_s = 0.0
 
     @property
@@ -163,13 +166,7 @@ class ChildProcess:
     def _receive(self, patience: Patience) -> bytes:
         heard = self._heard
         while True:
-            self._wait(patience, select.POLLIN)
-            try:
-                data = self._socket.recv(_CHUNK)
-            except BlockingIOError:
-                continue
-            except OSError:
-                data = b""
+            data = self._received(patience)
             if not data:
                 raise self._ended()
             heard += data
@@ -183,6 +180,17 @@ class ChildProcess:
                     f"It answered with more than {MAX_ANSWER_BYTES} bytes.", "Return what was asked for, and no more."
                 )
 
+    def _received(self, patience: Patience) -> bytes:
+        """Return what has come of an answer, as soon as something has; b"" if the process has ended."""
+        while True:
+            self._wait(patience, select.POLLIN)
+            try:
+                return self._socket.recv(CHUNK)
+            except BlockingIOError:
+                continue
+            except OSError:
+                return b""
+
     def _wait(self, patience: Patience, event: int) -> None:
         """Waits until the socket is ready, and hears what is printed meanwhile.
 
@@ -193,7 +201,7 @@ class ChildProcess:
             self._event = event
             self._poll.modify(self._socket, event)
         while True:
-            ready = self._poll.poll(_LOOK_S * 1000.0)
+            ready = self._poll.poll(LOOK_S * 1000.0)
             if len(ready) == 1 and ready[0][0] == self._line:
                 return
             for fd, events in ready:
@@ -203,23 +211,32 @@ class ChildProcess:
                     self._hear_listener(fd, events)
             if any(fd == self._line for fd, _ in ready):
                 return
-            if self._is_time_to_look() and patience.is_over():
-                self.kill()
-                if patience.is_spent:
-                    raise spent()
-                raise Misbehaved(
-                    "It has not answered, and was ended.",
-                    "Your program waits for something that does not come: an input, a lock, a line that nobody sends?",
-                    expected="an answer",
-                    actual="none",
-                )
+            self._look(patience)
+
+    def _look(self, patience: Patience) -> None:
+        """Look now and then at a process that does not answer, and end it if to wait longer is of no use.
+
+        Raises:
+            Misbehaved: it was ended.
+        """
+        if not (self._is_time_to_look() and patience.is_over()):
+            return
+        self.kill()
+        if patience.is_spent:
+            raise spent()
+        raise Misbehaved(
+            "It has not answered, and was ended.",
+            "Your program waits for something that does not come: an input, a lock, a line that nobody sends?",
+            expected="an answer",
+            actual="none",
+        )
 
     def _is_time_to_look(self) -> bool:
         """Returns whether the last look was long ago: who prints a word now and then is looked at, too."""
         now_s = time.monotonic()
         if now_s < self._next_look_s:
             return False
-        self._next_look_s = now_s + 0.9 * _LOOK_S
+        self._next_look_s = now_s + 0.9 * LOOK_S
         return True
 
     def _hear_listener(self, listener: int, events: int) -> None:
@@ -230,23 +247,32 @@ class ChildProcess:
     def _hear_output(self) -> None:
         while self._is_hearing_output:
             try:
-                data = os.read(self._output, _CHUNK)
+                data = os.read(self._output, CHUNK)
             except BlockingIOError:
                 return
             if not data:
                 self._poll.unregister(self._output)
                 self._is_hearing_output = False
                 return
-            self.printed_bytes += len(data)
-            self._kept += data[: max(0, KEPT_BYTES - len(self._kept))]
-            if self.printed_bytes > MAX_PRINTED_BYTES:
-                self._is_hearing_output = False  # it has been told
-                self.kill()
-                raise Misbehaved(
-                    "It printed more than a megabyte, and was ended.",
-                    "Take out the print in what is called again and again.",
-                    expected=f"at most {MAX_PRINTED_BYTES} bytes",
-                )
+            self._keep(data)
+
+    def _keep(self, data: bytes) -> None:
+        """Keep the first of what it prints, and count the rest.
+
+        Raises:
+            Misbehaved: that is too much, told once.
+        """
+        was_heard = self.printed_bytes <= MAX_PRINTED_BYTES
+        self.printed_bytes += len(data)
+        self._kept += data[: max(0, KEPT_BYTES - len(self._kept))]
+        if was_heard and self.printed_bytes > MAX_PRINTED_BYTES:
+            self._is_hearing_output = False
+            self.kill()
+            raise Misbehaved(
+                "It printed more than a megabyte, and was ended.",
+                "Take out the print in what is called again and again.",
+                expected=f"at most {MAX_PRINTED_BYTES} bytes",
+            )
 
     def _ended(self) -> Misbehaved:
         """Says how it ended, although it was asked something."""
@@ -303,16 +329,36 @@ def _started(
         LabFault: it cannot be started.
     """
     command, cwd = start_command(folder, isolation, line, limits, readable, confiner)
+    return start_process(command, cwd, confiner, pass_fds=(line,), start_new_session=True)
+
+
+def start_process(
+    command: list[str],
+    cwd: Path,
+    confiner: Confiner | None = None,
+    stdin: int = subprocess.DEVNULL,
+    stderr: int = subprocess.STDOUT,
+    **options: Any,
+) -> subprocess.Popen[bytes]:
+    """Start a student's process, whose stdout is a pipe.
+
+    Args:
+        command, cwd: of `start_command`.
+        confiner: of a process that is "confined".
+        stdin, stderr, options: as of `subprocess.Popen`.
+
+    Raises:
+        LabFault: it cannot be started.
+    """
     try:
         return subprocess.Popen(
             command,
             cwd=cwd,
             env=environment(confiner),
-            stdin=subprocess.DEVNULL,
+            stdin=stdin,
             stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            pass_fds=(line,),
-            start_new_session=True,
+            stderr=stderr,
+            **options,
         )
     except OSError as error:
         raise LabFault(f"A student's process could not be started: {error}.") from error

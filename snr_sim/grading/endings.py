@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 
-from snr_sim.grading.protocol import Said
+from snr_sim.grading.protocol import TIME_UP_STATUS, Said
 from snr_sim.grading.verdicts import Misbehaved
 
 
@@ -19,10 +19,11 @@ def spent() -> Misbehaved:
 def ended_badly(status: int | None) -> Misbehaved:
     """Returns what there is to say of a process that ended instead of answering."""
     number = -status if status is not None and status < 0 else (status or 0) - 128
-    if number in (signal.SIGXCPU, signal.SIGPROF, signal.SIGKILL):
+    name = signal.Signals(number).name if number in set(signal.Signals) else ""
+    if name in ("SIGXCPU", "SIGPROF", "SIGKILL") or status == TIME_UP_STATUS:
         return spent()
-    if number in (signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE):
-        return Misbehaved(f"It crashed with {signal.Signals(number).name}.", "Did it run out of memory?")
+    if name in ("SIGSEGV", "SIGABRT", "SIGBUS", "SIGFPE"):
+        return Misbehaved(f"It crashed with {name}.", "Did it run out of memory?")
     return Misbehaved(
         f"It ended with exit status {status} instead of answering.",
         "Do not end the program: no exit() and no quit(). Return from your function instead.",

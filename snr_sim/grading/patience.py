@@ -12,7 +12,7 @@ from pathlib import Path
 
 _IDLE_LOOKS = 6  # so many looks in a row with no work done
 _SLACK_S = 2.0
-_TICKS_HZ = os.sysconf("SC_CLK_TCK")
+_TICKS_HZ = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 0  # of /proc, which Windows has not
 
 
 class Patience:
@@ -50,6 +50,8 @@ class Patience:
 
 def seen_of(pid: int) -> tuple[bool, float] | None:
     """Returns whether all of a process and its children sleep, and their CPU time; None where nothing tells."""
+    if not _TICKS_HZ:
+        return None
     are_asleep, ticks = True, 0
     waiting = [pid]
     while waiting:

@@ -19,6 +19,8 @@ from snr_sim.prelude.values import NO_JSON, decode_value
 
 MAX_ANSWER_BYTES = 1 << 20
 MAX_DEPTH = 32
+PIPES = -1  # in place of a descriptor: the process is asked on its stdin and answers on its stdout
+TIME_UP_STATUS = 152  # exit status of a process whose CPU time is up, as a shell tells SIGXCPU
 
 
 class Ask(msgspec.Struct, frozen=True):

@@ -34,6 +34,7 @@ LABS = KIT / "shipped" / "assignments"  # where an installed kit has them
 SUBMISSION = Path("/submission")
 # They choose among ways to reckon that differ in the last bits; a graded flight is to be that of `snr run`.
 WAYS_TO_RECKON = ("OPENBLAS_CORETYPE", "MKL_CBWR", "NPY_DISABLE_CPU_FEATURES", "NPY_ENABLE_CPU_FEATURES")
+_NEEDED_ON_WINDOWS = "SYSTEMROOT"  # or no Python starts there
 _SCRATCH_BYTES = 16 << 20
 _SYSTEM = ("/lib", "/lib32", "/lib64", "/libx32")
 _INSTALL = "apt install bubblewrap"
@@ -66,7 +67,7 @@ class Limits:
 
 def environment(confiner: Confiner | None = None) -> dict[str, str]:
     """Returns the whole environment of a student's process: nothing of ours but how numpy is to reckon."""
-    alike = {name: os.environ[name] for name in WAYS_TO_RECKON if name in os.environ}
+    alike = {name: os.environ[name] for name in (*WAYS_TO_RECKON, _NEEDED_ON_WINDOWS) if name in os.environ}
     threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     scratch = {} if confiner is None else {"TMPDIR": str(confiner.scratch.folder)}
     return {"PYTHONHASHSEED": "0", "PYTHONDONTWRITEBYTECODE": "1", "LC_ALL": "C.UTF-8", **threads, **scratch, **alike}
@@ -135,7 +136,7 @@ def start_command(
     Args:
         folder: of the submission.
         isolation: how it is kept.
-        line: the file descriptor it answers on.
+        line: the file descriptor it answers on, or `protocol.PIPES`.
         limits: what it may use.
         readable: further folders that it may read.
         confiner: of a process that is "confined".

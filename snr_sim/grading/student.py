@@ -20,6 +20,7 @@ from snr_sim.grading.endings import misbehaved
 from snr_sim.grading.imports import check_imports
 from snr_sim.grading.nursery import Nursery
 from snr_sim.grading.parsing import MAX_PARSED_BYTES
+from snr_sim.grading.piped_process import begin_process
 from snr_sim.grading.protocol import ProtocolError, decode_as, plain_value
 from snr_sim.grading.results import Isolation
 from snr_sim.grading.sandbox import Limits
@@ -115,7 +116,7 @@ class Student:
             Misbehaved: the file is missing, too long, or has another form.
         """
         data = self.source(file, max_bytes).encode()
-        child = ChildProcess(self.folder, self.isolation, self.limits, (), self._nursery)
+        child = begin_process(self.folder, self.isolation, self.limits, (), self._nursery)
         try:
             return _parsed(child, parser, data)
         except Misbehaved as wrong:
@@ -224,7 +225,7 @@ class Student:
             Misbehaved: the file is missing, or imports what it may not.
         """
         self.source(file)
-        child = ChildProcess(self.folder, self.isolation, self.limits, readable, self._nursery)
+        child = begin_process(self.folder, self.isolation, self.limits, readable, self._nursery)
         try:
             check_imports(self.folder, file, self._may_import, self._refused, partial(_parsed, child))
         except BaseException:

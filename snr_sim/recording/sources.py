@@ -40,6 +40,8 @@ _MAX_TABLE_BYTES = MAX_FILES * (MAX_PATH_CHARS + 400)
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 _SUFFIX = re.compile(r"(\.[A-Za-z0-9]{1,8})?")
 _KEY_BYTES = 32
+# Windows opens no folder, so there names are looked up as paths.
+_HAS_FOLDERS = os.open in os.supports_dir_fd
 
 
 class TableLine(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -220,6 +222,8 @@ def read_kept_files(run: Path) -> list[KeptFile]:
     Raises:
         TraceError: a copy is not what the table says, is a link or too large, or the table is damaged.
     """
+    if not _HAS_FOLDERS:
+        return _read_table(run, None) if (run / FOLDER).is_dir() else []
     try:
         folder = os.open(run / FOLDER, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
     except FileNotFoundError:
@@ -237,7 +241,7 @@ def copy_of(run: Path, kept: KeptFile) -> Path:
     return run / FOLDER / _name_of(kept.sha256, kept.path)
 
 
-def _read_table(run: Path, folder: int) -> list[KeptFile]:
+def _read_table(run: Path, folder: int | None) -> list[KeptFile]:
     key = _own_key()
     kept: list[KeptFile] = []
     left_bytes = MAX_BYTES
@@ -264,10 +268,13 @@ def _read_table(run: Path, folder: int) -> list[KeptFile]:
     return kept
 
 
-def _read(run: Path, folder: int, name: str, most: int) -> bytes:
+def _read(run: Path, folder: int | None, name: str, most: int) -> bytes:
     """Return what is in a file of the folder, which must be a plain file of no more than `most` bytes."""
     try:
-        descriptor = os.open(name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK, dir_fd=folder)
+        if folder is None:
+            descriptor = os.open(run / FOLDER / name, os.O_RDONLY)
+        else:
+            descriptor = os.open(name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK, dir_fd=folder)
     except OSError as error:
         raise _unusable(run, f"{name} cannot be read ({error.strerror})") from error
     with open(descriptor, "rb") as file:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from snr_sim.recording.whole_files import sync_folder
 
+_AS_IT_IS = getattr(os, "O_BINARY", 0)  # Windows would write \r\n for \n
 _CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.ENOSYS)  # pipes, and some network file systems
 
 
@@ -24,7 +25,7 @@ class TraceFile:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._is_named = False  # whether its name is on the disk, too
-        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
+        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | _AS_IT_IS, 0o644)
 
     def write(self, data: memoryview) -> int:
         """Appends as much as the disk takes at once; returns how many bytes."""

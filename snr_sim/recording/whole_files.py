@@ -7,6 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 
 _PART = ".part"
+_NO_LINK = getattr(os, "O_NOFOLLOW", 0)  # Windows has none, and asks who makes a link for a right
 
 
 def write_whole(path: Path, data: bytes, mode: int = 0o644) -> None:
@@ -17,7 +18,7 @@ def write_whole(path: Path, data: bytes, mode: int = 0o644) -> None:
     """
     part = path.with_name(f".{path.name}{_PART}")
     try:
-        descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW, mode)
+        descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | _NO_LINK, mode)
         with open(descriptor, "wb") as file:
             file.write(data)
             file.flush()
@@ -32,8 +33,8 @@ def write_whole(path: Path, data: bytes, mode: int = 0o644) -> None:
 
 def sync_folder(folder: Path) -> None:
     """Brings the names in a folder to the disk, where the system can."""
-    with suppress(OSError):
-        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    with suppress(OSError):  # Windows opens no folder
+        descriptor = os.open(folder, os.O_RDONLY | getattr(os, "O_DIRECTORY", 0))
         try:
             os.fsync(descriptor)
         finally:

@@ -129,6 +129,29 @@ def pages(trace: Trace, key: str) -> list[tuple[float, Any]]:
     return [(record.t, json.loads(bytes(record.values))[0]["data"]) for record in found]
 
 
+def test_a_role_says_where_its_link_is_and_which_role_it_waits_for(here: Path) -> None:
+    (here / "dash.py").write_text(DASH)
+    said = [
+        World(prepare(Request("./dash.py", role=role, options={"port": "9555"}))).start_lines()
+        for role in ("urov", "topside")
+    ]
+    waits = f"127.0.0.1:9555 and waits for the role {{}} (snr run {here}/dash.py --role {{}})"
+    assert said[0] == ["urov: link_tether listens at " + waits.format("topside", "topside")]
+    assert said[1] == ["topside: link_tether connects to " + waits.format("urov", "urov")]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("more", [[], ["--role", "topside"]])
+def test_a_pilot_without_terminal_is_told_that_nobody_can_steer(here: Path, more: list[str]) -> None:
+    words = ["run", "urov_teleop", "--speed", "real", "--option", "pilot=hands", *more]
+    command = [sys.executable, "-m", "snr_sim", *words]
+    with subprocess.Popen(command, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        assert any("nobody can steer" in line for line in process.stderr)
+        process.terminate()
+        process.communicate(timeout=PATIENCE_S)
+
+
 @pytest.mark.wall_clock
 def test_a_vehicle_whose_disk_is_full_goes_on_and_the_surface_is_told(here: Path, start: Start) -> None:
     topside, urov = start("topside"), start("urov", room=300_000)  # with less it is not armed

@@ -23,7 +23,7 @@ library.load_robot(library.find("robots", "urov"))
 from snr_sim_robot_urov import display  # noqa: E402
 from snr_sim_robot_urov.controls import MODES, controls_of  # noqa: E402
 from snr_sim_robot_urov.display import rows  # noqa: E402
-from snr_sim_robot_urov.keyboard import KEPT_S, Hands, Keyboard  # noqa: E402
+from snr_sim_robot_urov.keyboard import BUTTON_KEYS, KEPT_S, LEGEND, STICK_KEYS, Hands, Keyboard  # noqa: E402
 from snr_sim_robot_urov.pad_pilot import AXES, BUTTONS, Held, PadPilotFactory, eased, pressed  # noqa: E402
 
 RATE_HZ = 20.0
@@ -271,6 +271,36 @@ def test_the_display_says_what_is_wrong() -> None:
     assert "not heard yet" in dict(rows(nothing, 1.0))["vehicle"]
 
 
+def test_display_of_a_pilot_says_what_to_press_and_where_the_vehicle_is() -> None:
+    pages = {
+        "vehicle": Page("vehicle", {**VEHICLE, "is_armed": False}, "urov", 10.0, True),
+        "pad": Page("pad", {"is_connected": True}, "topside", 1.0, True),
+        "place": Page("place", {"position_m": [-9.0, 0.25, -1.5]}, "topside", 1.0, True),
+        **dict.fromkeys(("depth", "altitude", "power", "leak")),
+    }
+    told = dict(rows(pages, 0.1))
+    assert told["state"] == "disarmed: 1 (start) arms, depth_hold, obeys: pilot"
+    assert told["place"] == "-9.0 m east, 0.2 m north, 1.5 m deep"
+    assert "arms" not in shown(is_armed=False)["state"]  # of a script
+
+
+def test_display_without_pad_and_terminal_says_that_nobody_can_steer() -> None:
+    pulled = Page("pad", {"is_connected": False}, "topside", 1.0, True)
+    assert "nobody can steer" in rows({"vehicle": None, "pad": pulled}, 1.0, has_keys=False)[0][1]
+
+
+def test_display_says_what_the_link_waits_for_before_the_vehicle_is_heard() -> None:
+    down = {"up": False, "reason": "waits for 127.0.0.1:9120: Connection refused."}
+    told = rows({"vehicle": None, "link_tether": Page("link_tether", down, "topside", 1.0, True)}, 1.0)
+    assert "not heard yet: the link waits for 127.0.0.1:9120: Connection refused." in dict(told)["vehicle"]
+
+
+def test_legend_of_the_display_names_every_key() -> None:
+    words = " ".join(LEGEND).split()
+    for key in [*STICK_KEYS, *BUTTON_KEYS]:
+        assert {" ": "space", "=": "+"}.get(key, key) in words
+
+
 def test_display_shows_what_has_failed_and_what_is_done_then() -> None:
     failed = {"leak": "water in the hull; surface"}
     assert shown(failsafes=failed, rules="surface")["failsafe"] == "[red]leak: water in the hull; surface[/red]"
@@ -369,7 +399,7 @@ def test_a_run_on_a_virtual_clock_that_nobody_watches_prints_no_lines(capfd: pyt
 def test_the_display_goes_by_when_the_vehicle_was_heard_and_not_by_its_clock(monkeypatch: pytest.MonkeyPatch) -> None:
     """The vehicle has been on for 500 s when the surface starts; then it is heard no more."""
     drawn: list[float] = []
-    monkeypatch.setattr(display, "rows", lambda pages, heard_s: drawn.append(round(heard_s, 6)) or [])
+    monkeypatch.setattr(display, "rows", lambda pages, heard_s, has_keys: drawn.append(round(heard_s, 6)) or [])
     screen = SimpleNamespace(update=lambda table, refresh: None, stop=lambda: None)
 
     def takes_the_screen(part: Any) -> None:

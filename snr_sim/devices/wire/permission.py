@@ -6,7 +6,6 @@ some ports to root alone: then udev has to be told. Source of the rules' words: 
 
 from __future__ import annotations
 
-import grp
 import stat
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,7 +36,7 @@ def owner_of(path: Path) -> Owner:
     about = path.stat()
     wanted = stat.S_IWGRP if path.name == "export" else stat.S_IRGRP | stat.S_IWGRP  # which nobody may read
     try:
-        name = grp.getgrgid(about.st_gid).gr_name
+        name = path.group()
     except KeyError:
         return Owner(str(about.st_gid), False)  # nobody can join what has no name
     return Owner(name, about.st_gid != 0 and about.st_mode & wanted == wanted)

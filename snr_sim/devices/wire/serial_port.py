@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import difflib
 import errno
-import grp
 import importlib
 import os
 import select
@@ -211,6 +210,6 @@ def _holder(path: str) -> str:
 
 def _group_of(path: str) -> str:
     try:
-        return f"group '{grp.getgrgid(os.stat(path).st_gid).gr_name}'"
+        return f"group '{Path(path).group()}'"
     except (OSError, KeyError):
         return "a group of its own"

@@ -192,6 +192,10 @@ class SocketsLoopFactory(LoopFactory):
         """
         return None if self.pair.tls is None else self.pair.tls.client_context()
 
+    def where(self) -> str:
+        """Return where it connects, in words."""
+        return f"link_{self.options.name} connects to {self.pair.address}"
+
     def get(self, parent: Node) -> Loop:
         """Returns the link."""
         terms = self.pair.terms_for(parent.name, is_server=False)
@@ -247,6 +251,10 @@ class SocketsListenerFactory(LoopFactory):
     def release(self) -> None:
         """Lets go of the port; see PortFactory."""
         self._claim.release()
+
+    def where(self) -> str:
+        """Return where it listens, in words."""
+        return f"link_{self.options.name} listens at {self.pair.address}"
 
     def get(self, parent: Node) -> Loop:
         """Returns the link."""

@@ -1,0 +1,89 @@
+"""Keys as they are typed at this program's terminal, each at once: Ctrl-C and Ctrl-Z stay what they are."""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+import time
+from typing import Any
+
+_READ_BYTES = 1024
+_LOOK_S = 0.02  # how often a Windows console, which cannot be waited for, is asked
+_IS_WINDOWS = sys.platform == "win32"
+
+
+class TerminalKeys:
+    """The terminal of this program. Close it, or use it in a `with`; without a terminal no key is ever typed."""
+
+    def __init__(self) -> None:
+        self.is_there = has_terminal()
+        self._before: list[Any] | None = None
+        if self.is_there and not _IS_WINDOWS:
+            import termios
+            import tty
+
+            self._before = termios.tcgetattr(sys.stdin.fileno())
+            tty.setcbreak(sys.stdin.fileno())
+
+    def __enter__(self) -> TerminalKeys:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def typed(self) -> str:
+        """Return what was typed since the last call; does not wait."""
+        typed = b""
+        while self._is_ready(0.0):
+            new = self._read()
+            if not new:
+                break  # the terminal was closed
+            typed += new
+        return typed.decode(errors="ignore")
+
+    def wait(self, seconds: float) -> bool:
+        """Wait so long, or until a key is typed; return whether one was."""
+        if not self._is_ready(seconds):
+            return False
+        self._read()
+        return True
+
+    def close(self) -> None:
+        """Put the terminal back as it was. Safe to call twice."""
+        self.is_there = False
+        if self._before is not None:
+            import termios
+
+            termios.tcsetattr(sys.stdin.fileno(), termios.TCSADRAIN, self._before)
+            self._before = None
+
+    def _is_ready(self, seconds: float) -> bool:
+        if not self.is_there:
+            time.sleep(seconds)
+            return False
+        if not _IS_WINDOWS:
+            return bool(select.select([sys.stdin], [], [], seconds)[0])
+        give_up_s = time.monotonic() + seconds
+        while not _console().kbhit():
+            if time.monotonic() >= give_up_s:
+                return False
+            time.sleep(_LOOK_S)
+        return True
+
+    def _read(self) -> bytes:
+        if not _IS_WINDOWS:
+            return os.read(sys.stdin.fileno(), _READ_BYTES)
+        key: bytes = _console().getwch().encode()
+        return key
+
+
+def has_terminal() -> bool:
+    """Return whether somebody can type keys for this program."""
+    return sys.stdin is not None and not sys.stdin.closed and sys.stdin.isatty()
+
+
+def _console() -> Any:
+    import msvcrt
+
+    return msvcrt
