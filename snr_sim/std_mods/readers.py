@@ -1,39 +1,71 @@
 """Readers: the lines of a text file, and the pages of a recording or of a trace. They own a file and no node.
 
 A recording is what `std_mods/recorder.py` writes: a page on each line, and before the pages of each run a line
-`{"$":"start","node":"urov_node"}`. A trace is the `trace.jsonl` of any recorded run.
+`{"$":"start","node":"urov_node"}`. A trace is the `trace.jsonl` of any recorded run. A recording of the 2021 library
+is read, too: its pages are plain JSON objects, in which NaN may stand.
 """
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import BinaryIO, NamedTuple, TypeAlias
+from typing import Any, BinaryIO, Generic, NamedTuple, Self, TypeAlias, TypeVar
 
 import msgspec
 
 from snr_sim.prelude.errors import RecordingError, ValueEncodingError
 from snr_sim.prelude.page import DataKey, Page
+from snr_sim.prelude.structs import learned
 from snr_sim.prelude.values import MARK, NO_JSON
 
 START = "start"
 _START_LINE = f'{{"{MARK}":"{START}"'.encode()
+_PAGE_OF_2021 = b'{"key":'
 REMARKS_MAX = 3  # of a file that is no recording at all, nobody reads the complaint about each line
 
 
-class TextReader:
+T = TypeVar("T")
+
+
+class _Reader(Generic[T]):
+    """A file that is open until all of it has been read, or until the end of a `with`."""
+
+    def __init__(self, file: str | Path) -> None:
+        self._file = _opened(file)
+
+    def read(self) -> T | None:
+        """Return what comes next, or None at the end of the file."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Close the file, which happens by itself at its end. Safe to call twice."""
+        self._file.close()
+
+    def __iter__(self) -> Iterator[T]:
+        return iter(self.read, None)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *about: object) -> None:
+        self.close()
+
+
+class TextReader(_Reader[str]):
     """The lines of a text file, one after the other, without their ends.
 
     Args:
         file: which. What is no UTF-8 in it is read as U+FFFD.
+        retired: the 2021 library took a context and a name before the file. Both are refused.
 
     Raises:
         RecordingError: it cannot be read.
     """
 
-    def __init__(self, file: str | Path) -> None:
-        self._file = _opened(Path(file))
+    def __init__(self, file: str | Path, *retired: object) -> None:
+        super().__init__(file)
 
     def read(self) -> str | None:
         """Returns the next line, or None after the last one."""
@@ -43,13 +75,6 @@ class TextReader:
         self.close()
         return None
 
-    def close(self) -> None:
-        """Closes the file, which happens by itself after the last line. Safe to call twice."""
-        self._file.close()
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.read, None)
-
 
 class Stored(NamedTuple):
     """A page, and when it was stored, on the clock of the node that stored it [s]."""
@@ -58,7 +83,7 @@ class Stored(NamedTuple):
     page: Page
 
 
-class PageReader:
+class PageReader(_Reader[Page]):
     """The pages of a recording, or of a trace, in the order in which they were stored.
 
     A line that is no page (one that a crash cut short, one that somebody edited) is left out, with a remark.
@@ -73,8 +98,8 @@ class PageReader:
     """
 
     def __init__(self, file: str | Path, keys: Sequence[DataKey] | DataKey | None = None, node: str = "") -> None:
+        super().__init__(file)
         self.path = Path(file)
-        self._file = _opened(self.path)
         self._keys = {keys} if isinstance(keys, str) else None if keys is None else set(keys)
         self._node = node
         self._times = _Times()
@@ -111,20 +136,13 @@ class PageReader:
         self.close()
         return None
 
-    def close(self) -> None:
-        """Closes the file, which happens by itself after the last page. Safe to call twice."""
-        self._file.close()
-
-    def __iter__(self) -> Iterator[Page]:
-        return iter(self.read, None)
-
     def _stored(self, line: bytes) -> Stored | None:
         if line.startswith(b'{"kind":'):
             return self._of_trace(line)
         if line.startswith(_START_LINE):
             self._times.start(_decode_start(line).node)
             return None
-        page = Page.deserialize(line)
+        page = _page_of_2021(line) if line.startswith(_PAGE_OF_2021) else Page.deserialize(line)
         return Stored(self._times.of(page), page)
 
     def _of_trace(self, line: bytes) -> Stored | None:
@@ -242,10 +260,32 @@ class _Times:
         return self._now_s
 
 
-def _opened(path: Path) -> BinaryIO:
+class _OldPage(msgspec.Struct, forbid_unknown_fields=True):
+    """A page as the 2021 library wrote it."""
+
+    key: str
+    data: Any
+    origin: str
+    created_at_s: float
+    process: bool = True
+
+
+def _page_of_2021(line: bytes) -> Page:
     try:
-        return path.open("rb")
+        old = msgspec.convert(json.loads(line), learned(_OldPage))  # Python's own reader takes NaN and Infinity
+    except (ValueError, msgspec.ValidationError) as error:
+        raise ValueEncodingError(f"This is not a page of the 2021 library ({error}): {line[:80]!r}") from error
+    return Page(old.key, old.data, old.origin, old.created_at_s, old.process)
+
+
+def _opened(file: str | Path) -> BinaryIO:
+    if not isinstance(file, (str, Path)):
+        raise RecordingError(
+            f"A reader got {file!r:.80} where its file belongs.", fix="the file first, such as TextReader('moves.txt')."
+        )
+    try:
+        return Path(file).open("rb")
     except OSError as error:
         raise RecordingError(
-            f"The file {path} cannot be read: {error.strerror}.", fix="a file that is there."
+            f"The file {file} cannot be read: {error.strerror}.", fix="a file that is there."
         ) from error

@@ -34,7 +34,7 @@ class ListReplayerFactory(LoopFactory):
     """
 
     def __init__(
-        self, values: Iterable[Any], key: DataKey, exit_when_done: bool = False, rate_hz: float = 100.0
+        self, values: Iterable[Any], key: DataKey, exit_when_done: bool = False, rate_hz: float = 1000.0
     ) -> None:
         super().__init__()
         if not isinstance(key, str):

@@ -7,15 +7,16 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from types import TracebackType
-from typing import Self, TypeAlias
+from types import GenericAlias, TracebackType
+from typing import Any, Self, TypeAlias
 from unittest import TestCase
 
 from snr_sim.core.handlers import check_id, describe
 from snr_sim.prelude.errors import ParameterError, nearest
 from snr_sim.prelude.task import Task, TaskId, TaskName, TaskType
 
-TaskExpectations: TypeAlias = Mapping[TaskId, int] | Sequence[TaskId]
+Expected: TypeAlias = TaskId | str  # a task, or a call of a test's own
+TaskExpectations: TypeAlias = Mapping[Any, int] | Sequence[Expected]
 SHOWN = 20  # of a long list; nobody reads the rest
 
 
@@ -23,20 +24,29 @@ class Expectations:
     """What both expectors share: used in a `with`, they check at its end, unless something else has gone wrong.
 
     Args:
-        expected: the ids waited for.
+        expected: the ids waited for: of tasks, of which an `ExpectorEndpointFactory` tells it, or texts of the test's
+            own, of which `call` does.
         case: the test it belongs to, whose kind of failure is raised; without one, an AssertionError.
     """
 
-    def __init__(self, expected: Iterable[TaskId], case: TestCase | None) -> None:
-        self.ids = list(dict.fromkeys(expected))
+    def __init__(self, expected: Iterable[Expected], case: TestCase | None) -> None:
+        self.ids: list[Any] = list(dict.fromkeys(expected))
         for task_id in self.ids:
-            check_id("expector", task_id)
+            if not isinstance(task_id, str):
+                check_id("expector", task_id)
         self._failure = case.failureException if case is not None else AssertionError
         self._seen: dict[TaskType, set[TaskName]] = {kind: set() for kind in TaskType}
+
+    def __class_getitem__(cls, kind: object) -> GenericAlias:  # Expector[str](...), as the thesis writes it
+        return GenericAlias(cls, kind)
 
     def hear(self, task: Task) -> None:
         """Takes note of a task."""
         raise NotImplementedError(f"{type(self).__name__} needs a method hear(self, task)")
+
+    def call(self, name: Expected) -> None:
+        """Take note of a call of the test's own, for what no task tells: `expector.call("halted")`."""
+        raise NotImplementedError(f"{type(self).__name__} needs a method call(self, name)")
 
     def is_satisfied(self) -> bool:
         """Returns whether exactly the expected tasks have come so far."""
@@ -60,11 +70,13 @@ class Expectations:
         """Takes names that came by in the node, whoever handled them: to offer the nearest for one that did not."""
         self._seen[kind].update(names)
 
-    def _instead(self, task_id: TaskId) -> str:
+    def _instead(self, task_id: Expected) -> str:
         """Says what came instead of an id that did not come at all."""
-        kind, name = task_id if isinstance(task_id, tuple) else (task_id, "")
+        if not isinstance(task_id, tuple):
+            return ""
+        kind, name = task_id
         seen = self._seen[kind]
-        return f"; {nearest(name, seen, f'every {kind.value} that came')}" if seen and name else ""
+        return f"; {nearest(name, seen, f'every {kind.value} that came')}" if seen else ""
 
     def __enter__(self) -> Self:
         return self
@@ -89,24 +101,28 @@ class Expector(Expectations):
     """
 
     def __init__(self, expected: TaskExpectations, case: TestCase | None = None) -> None:
-        counts = dict(expected) if isinstance(expected, Mapping) else dict(Counter(expected))
+        counts: dict[Expected, int] = dict(expected) if isinstance(expected, Mapping) else dict(Counter(expected))
         for task_id, count in counts.items():
             if not isinstance(count, int) or count < 0:
                 raise ParameterError(f"Expector got {count!r} as the count of {task_id!r}.", fix="0, 1, 2, ...")
         super().__init__(counts, case)
         self.expected = counts
-        self.counts: Counter[TaskId] = Counter()
+        self.counts: Counter[Expected] = Counter()
 
     def hear(self, task: Task) -> None:
         """Counts a task under its own id and under its type, where they are expected."""
-        for task_id in (task.id(), task.type):
-            if task_id in self.expected:
-                self.counts[task_id] += 1
+        self.call(task.id())
+        self.call(task.type)
+
+    def call(self, name: Expected) -> None:
+        """Count a call, if it is expected."""
+        if name in self.expected:
+            self.counts[name] += 1
 
     def complaints(self) -> list[str]:
         """Returns a line for each count that is not as expected."""
         return [
-            f"{describe(task_id)}: expected {count}, came {self.counts[task_id]}"
+            f"{_shown(task_id)}: expected {count}, came {self.counts[task_id]}"
             + ("" if self.counts[task_id] else self._instead(task_id))
             for task_id, count in self.expected.items()
             if self.counts[task_id] != count
@@ -121,15 +137,20 @@ class OrderedExpector(Expectations):
         case: the test it belongs to.
     """
 
-    def __init__(self, expected: Sequence[TaskId], case: TestCase | None = None) -> None:
+    def __init__(self, expected: Sequence[Expected], case: TestCase | None = None) -> None:
         super().__init__(expected, case)
         self.expected = list(expected)
-        self.came: list[tuple[TaskType, TaskName]] = []
+        self.came: list[Expected] = []
 
     def hear(self, task: Task) -> None:
         """Adds a task to what came, if its id or its type is expected anywhere."""
         if task.id() in self.ids or task.type in self.ids:
             self.came.append(task.id())
+
+    def call(self, name: Expected) -> None:
+        """Add a call to what came, if it is expected anywhere."""
+        if name in self.ids:
+            self.came.append(name)
 
     def complaints(self) -> list[str]:
         """Returns what is wrong at the first place where the order differs, and both orders."""
@@ -137,8 +158,8 @@ class OrderedExpector(Expectations):
         if place is None:
             return []
         wanted = self.expected[place] if place < len(self.expected) else None
-        got = describe(self.came[place]) if place < len(self.came) else "nothing more"
-        expected = describe(wanted) if wanted is not None else "nothing more"
+        got = _shown(self.came[place]) if place < len(self.came) else "nothing more"
+        expected = _shown(wanted) if wanted is not None else "nothing more"
         hint = self._instead(wanted) if wanted is not None and wanted not in self.came else ""
         return [
             f"number {place + 1}: expected {expected}, came {got}{hint}",
@@ -148,13 +169,17 @@ class OrderedExpector(Expectations):
 
     def _first_difference(self) -> int | None:
         for place, (wanted, got) in enumerate(zip(self.expected, self.came, strict=False)):
-            if wanted not in (got, got[0]):
+            if wanted != got and not (isinstance(got, tuple) and wanted == got[0]):
                 return place
         shorter = min(len(self.expected), len(self.came))
         return None if len(self.expected) == len(self.came) else shorter
 
 
-def _listed(ids: Sequence[TaskId]) -> str:
-    words = [describe(task_id) for task_id in ids[:SHOWN]]
+def _shown(task_id: Expected) -> str:
+    return describe(task_id) if isinstance(task_id, (tuple, TaskType)) else f"call '{task_id}'"
+
+
+def _listed(ids: Sequence[Expected]) -> str:
+    words = [_shown(task_id) for task_id in ids[:SHOWN]]
     more = f" and {len(ids) - SHOWN} more" if len(ids) > SHOWN else ""
     return (", ".join(words) or "nothing") + more

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
+from snr_sim.core.handlers import check_id
 from snr_sim.core.node import Node
 from snr_sim.prelude import tasks
 from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
@@ -18,10 +19,15 @@ class ExpectorEndpointFactory(EndpointFactory):
         expector: is told of tasks.
         name: of the endpoint.
         exit_when_satisfied: ends the node as soon as all that is expected has come; what comes later is not heard.
+
+    Raises:
+        ConfigError: the expector waits for something that is no task.
     """
 
     def __init__(self, expector: Expectations, name: str = "expector", exit_when_satisfied: bool = False) -> None:
         super().__init__()
+        for task_id in expector.ids:
+            check_id("expector", task_id)  # a text is no task: `call` counts it, wherever the test calls that
         self.expector = expector
         self.name = name
         self.exit_when_satisfied = exit_when_satisfied

@@ -1,5 +1,6 @@
 """Readers give what is whole in a file, in order, and say what they left out."""
 
+import math
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from snr_sim import MemoryLink, Page, PageReader, SimClock, TextReader
+from snr_sim import (
+    MemoryLink,
+    Node,
+    Page,
+    PageReader,
+    ReplayerLoopFactory,
+    SimClock,
+    StopwatchEndpointFactory,
+    TaskType,
+    TextReader,
+)
 from snr_sim.core.config import Config
 from snr_sim.core.runners import SimRunner
 from snr_sim.prelude.errors import RecordingError
@@ -35,6 +46,70 @@ def test_the_lines_of_a_text_come_in_order_without_their_ends(tmp_path: Path) ->
     assert reader.read() is None
     reader.close()
     reader.close()
+
+
+@pytest.mark.parametrize("kind", [TextReader, PageReader])
+def test_the_end_of_a_with_closes_the_file(tmp_path: Path, kind: Any) -> None:
+    (tmp_path / "x").write_bytes(page("first") + b"\n" + page("second") + b"\n")
+    with kind(tmp_path / "x") as reader:
+        assert reader.read() is not None
+    assert reader.read() is None
+
+
+@pytest.mark.parametrize("kind", [TextReader, PageReader])
+def test_the_context_and_the_name_that_2021_wanted_are_refused(kind: Any) -> None:
+    with pytest.raises(RecordingError, match=r"(?s)object.* where its file belongs.*the file first"):
+        kind(object(), "reader", "moves.txt")
+
+
+# As the recorder of the 2021 library writes: by json.dumps of a page's fields, NaN and all.
+OF_2021 = (
+    b'{"key": "raw", "data": [1, 2.5, "\\u00e9"], "origin": "test_node", "created_at_s": 0.25, "process": true}',
+    b'{"key": "depth", "data": NaN, "origin": "test_node", "created_at_s": 0.5, "process": false}',
+    b'{"key": "x", "data": {"$": "tuple", "v": [1]}, "origin": "other_node", "created_at_s": 1, "process": true}',
+)
+
+
+def test_a_recording_of_the_2021_library_is_read(tmp_path: Path) -> None:
+    file = tmp_path / "old.txt"
+    file.write_bytes(b"\n".join(OF_2021) + b"\n")
+    with PageReader(file) as reader:
+        raw, depth, marked = reader
+    assert raw == Page("raw", [1, 2.5, "é"], "test_node", 0.25)
+    assert math.isnan(depth.data)
+    assert (depth.key, depth.created_at_s, depth.process) == ("depth", 0.5, False)
+    assert marked == Page("x", {"$": "tuple", "v": [1]}, "other_node", 1.0)  # data, however they look
+    assert reader.remarks == []
+
+
+def test_a_recording_of_the_2021_library_is_replayed_at_its_times(tmp_path: Path) -> None:
+    (tmp_path / "old.txt").write_bytes(b"\n".join(OF_2021) + b"\n")
+    times_s: list[float] = []
+    replayer = ReplayerLoopFactory(str(tmp_path / "old.txt"), exit=True)
+    stopwatch = StopwatchEndpointFactory(times_s, [TaskType.store_page])
+    node = Node("r", Config(factories={"r": [replayer, stopwatch]}), clock=SimClock())
+    node.loop()
+    assert times_s == [0.25, 0.5, 1.0]
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        b'{"key": "x", "data": 1, "origin": "a_node"}',
+        b'{"key": "x", "data": 1, "origin": "a_node", "created_at_s": "soon"}',
+        b'{"key": 5, "data": 1, "origin": "a_node", "created_at_s": 0.0}',
+        b'{"key": "x", "data": 1, "origin": "a_node", "created_at_s": 0.0, "more": 1}',
+        b'{"key": "x", "data": 1, "orig',
+        b'{"key": "x", "data": ' + b"[" * 100_000,
+        b'{"key": "x", "data": ' + b"9" * 10_000 + b', "origin": "a_node", "created_at_s": 0.0}',
+    ],
+)
+def test_what_is_no_page_in_a_recording_of_2021_is_left_out_with_a_remark(tmp_path: Path, damage: bytes) -> None:
+    file = tmp_path / "old.txt"
+    file.write_bytes(b"\n".join([OF_2021[0], damage, OF_2021[0], b""]))
+    reader = PageReader(file)
+    assert [page.key for page in reader] == ["raw", "raw"]
+    assert len(reader.remarks) == 1
 
 
 @pytest.mark.parametrize("kind", [TextReader, PageReader])

@@ -66,6 +66,13 @@ def test_a_value_comes_at_each_tick_and_then_no_more() -> None:
     assert node.exit_reason == "timeout"
 
 
+def test_a_list_is_brought_at_the_rate_of_a_thread_loop_of_2021() -> None:
+    into: list[Any] = []
+    factories = [CollectorFactory(into), ListReplayerFactory("abcd", "x"), TimeoutLoopFactory(ms=15)]
+    Node("r", Config(factories={"r": factories}), clock=SimClock()).loop()
+    assert into == [(0.0, "a"), (0.001, "b"), (0.002, "c"), (0.003, "d")]
+
+
 def test_a_generator_is_read_once_and_one_factory_can_serve_two_nodes() -> None:
     factory = ListReplayerFactory((x * x for x in range(3)), "x")
     for _ in range(2):

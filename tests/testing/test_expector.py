@@ -90,10 +90,39 @@ def test_an_order_that_differs_shows_both() -> None:
     assert came == "order that came: event 'b', event 'a'"
 
 
-@pytest.mark.parametrize("expected", [{("a", TaskType.event): 1}, ["a"], {5: 1}])
+@pytest.mark.parametrize("expected", [{("a", TaskType.event): 1}, {5: 1}])
 def test_what_no_task_can_have_as_its_id_is_refused(expected: Any) -> None:
     with pytest.raises(ConfigError, match="expector"):
         Expector(expected)
+
+
+def test_a_text_is_refused_where_tasks_are_counted() -> None:
+    with pytest.raises(ConfigError, match="'a', which no task can have as its id"):
+        ExpectorEndpointFactory(Expector(["a"]))
+
+
+def test_calls_of_the_tests_own_are_counted_by_their_texts() -> None:
+    with Expector[str]({"foo": 0, "bar": 1, "bazz": 2}) as expector:
+        for name in ("bar", "bazz", "bazz", "extraneous"):
+            expector.call(name)
+    assert not Expector[str]({"foo": 1}).is_satisfied()
+    with pytest.raises(AssertionError, match="call 'foo': expected 1, came 0"):
+        Expector({"foo": 1}).assert_satisfied()
+
+
+def test_calls_are_checked_in_their_order() -> None:
+    with OrderedExpector[str](["setup", "halt"]) as expector:
+        expector.call("setup")
+        expector.call("loop")
+        expector.call("halt")
+    expector = OrderedExpector(["s", "setup"])
+    expector.call("setup")
+    assert expector.complaints()[0] == "number 1: expected call 's', came call 'setup'"
+
+
+def test_a_call_with_the_id_of_a_task_counts_as_that_task() -> None:
+    with Expector({A: 2}) as expector:
+        hears(expector, "a").call(A)
 
 
 @pytest.mark.parametrize("count", [-1, 1.5, None])

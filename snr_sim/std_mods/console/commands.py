@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 ALL = "all"
 LISTS = ("components", "pages", "links", "loops")
+ALSO_LISTED = ("commands", "endpoints")  # by the thesis' names: `help`, and the components
 DUMPS = ("profiler", "datastore", "links", "loops")
 
 
@@ -98,6 +99,8 @@ def _reload(session: Session, given: Given) -> Answer:
 
 
 def _list(session: Session, given: Given) -> Answer:
+    if given.get("WHAT") == "commands":
+        return _help(session, {})
     return Answer(*introspection.views(session.node, (given["WHAT"],) if "WHAT" in given else LISTS))
 
 
@@ -187,7 +190,7 @@ TABLE: dict[str, Command] = {
         Command("reload", (Argument("NAME", known=_reloadable),), "makes a component anew from its file", _reload),
         Command(
             "list",
-            (Argument("WHAT", is_optional=True, choices=LISTS),),
+            (Argument("WHAT", is_optional=True, choices=(*LISTS, *ALSO_LISTED)),),
             "what there is: " + ", ".join(LISTS),
             _list,
         ),

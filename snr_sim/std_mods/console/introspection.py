@@ -113,6 +113,7 @@ def _age_s(node: Node, page: Page) -> float | None:
 # What `list` and `dump` know by name.
 VIEWS: dict[str, Callable[[Node], View]] = {
     "components": components,
+    "endpoints": components,
     "loops": loops,
     "links": links,
     "pages": pages,

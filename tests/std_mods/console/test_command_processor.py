@@ -118,6 +118,11 @@ def test_list_says_what_there_is(talk: Talk) -> None:
     assert data == {"links": [{"link": "topside", "up": True, "age_s": 0.25, "dropped": 3, "rtt_s": None}]}
 
 
+def test_list_knows_the_lists_of_the_thesis(talk: Talk) -> None:
+    assert talk.say("list commands") == talk.say("help")
+    assert talk.say("list endpoints") == talk.say("list components")
+
+
 def test_loops_are_shown_with_their_ticks_and_lag(talk: Talk) -> None:
     talk.tick()
     talk.tick()
