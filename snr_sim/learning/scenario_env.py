@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from snr_sim.controller import call_student
 from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory, started
-from snr_sim.learning.gym import Env, spaces
+from snr_sim.learning.copyable import CopyableEnv
+from snr_sim.learning.gym import spaces
 from snr_sim.learning.rendering import Frame
 from snr_sim.plants.stepping import Stepper
 from snr_sim.prelude.errors import ParameterError
@@ -25,7 +26,7 @@ from snr_sim.simulation import Request, Simulation, prepare
 MOST_STARTS = 2**31 - 1
 
 
-class ScenarioEnv(Env[NDArray[np.float32], Any]):
+class ScenarioEnv(CopyableEnv):
     """What all environments over scenarios do alike. A subclass says what is observed, done and rewarded.
 
     Args:
@@ -82,6 +83,7 @@ class ScenarioEnv(Env[NDArray[np.float32], Any]):
             ParameterError: an option is not known, or no whole number.
         """
         super().reset(seed=seed)
+        self._note_reset(options)
         start = self._start_of(options or {})
         self.run = self._simulation.with_seed(start)
         self.plant.reset(start)
@@ -100,7 +102,9 @@ class ScenarioEnv(Env[NDArray[np.float32], Any]):
         """
         if self._steps < 0 or self.verdict is not None or self._is_over():
             raise ParameterError("step() outside an episode: it has not begun, or has ended.", fix="call reset().")
-        self.act(self._action(action))
+        action = self._action(action)
+        self._note_action(action)
+        self.act(action)
         self._steps += 1
         self._stepper.advance_to(self._time_s)
         observation = self._observed()
