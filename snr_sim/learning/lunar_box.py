@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.learning.gym import Env, box, spaces
+from snr_sim.learning.copyable import CopyableEnv
+from snr_sim.learning.gym import box, spaces
 from snr_sim.learning.lunar_box_picture import frame_of
 from snr_sim.learning.lunar_box_world import (
     CHUNKS,
@@ -30,7 +31,7 @@ LANDED, CRASHED = 100.0, -100.0  # in place of the last step's reward
 LIMITS = np.array([2.5, 2.5, 10.0, 10.0, 2.0 * math.pi, 10.0, 1.0, 1.0], np.float32)
 
 
-class LunarLanderBox(Env[NDArray[np.float32], Any]):
+class LunarLanderBox(CopyableEnv):
     """LunarLander-v3's definitions under pymunk: code written for it runs when its id is changed. 50 steps a second.
 
     Observation, Box(8), float32, dimensionless:
@@ -102,6 +103,7 @@ class LunarLanderBox(Env[NDArray[np.float32], Any]):
         super().reset(seed=seed)
         if options:
             raise ParameterError(f"reset() was given the options {sorted(options)}.", fix="it takes none.")
+        self._note_reset(options)
         self._draw = self.np_random.random
         draw = self.np_random.uniform
         heights = draw(0.0, HEIGHT / 2.0, size=CHUNKS + 1).tolist()
@@ -128,6 +130,7 @@ class LunarLanderBox(Env[NDArray[np.float32], Any]):
         if self._is_over or self.world is None:
             raise ParameterError("step() outside an episode: it has not begun, or has ended.", fix="call reset().")
         main, side = self._power = self._powers(action)
+        self._note_action(np.array(action))
         self._move(main, side)
         state = self._state()
         here = potential(state)

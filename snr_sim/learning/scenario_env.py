@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 
 from snr_sim.controller import call_student
 from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory, started
-from snr_sim.learning.gym import Env, spaces
+from snr_sim.learning.copyable import CopyableEnv
+from snr_sim.learning.dispersion import factors_of
+from snr_sim.learning.gym import spaces
 from snr_sim.learning.rendering import Frame
 from snr_sim.plants.stepping import Stepper
 from snr_sim.prelude.errors import ParameterError
@@ -23,9 +25,10 @@ from snr_sim.prelude.scenario import Verdict
 from snr_sim.simulation import Request, Simulation, prepare
 
 MOST_STARTS = 2**31 - 1
+OPTIONS = {"start", "factors", "dispersion"}  # of `reset`
 
 
-class ScenarioEnv(Env[NDArray[np.float32], Any]):
+class ScenarioEnv(CopyableEnv):
     """What all environments over scenarios do alike. A subclass says what is observed, done and rewarded.
 
     Args:
@@ -34,8 +37,10 @@ class ScenarioEnv(Env[NDArray[np.float32], Any]):
         render_mode: None or 'rgb_array'.
 
     `reset(seed=...)` seeds the draw of starts; each reset draws the seed of the scenario's start from it.
-    `reset(options={"start": n})` begins at the start that `snr run --seed n` has. `info` holds `start` and `time_s`;
-    at the end also `outcome`, `success` and `why`, as the scenario judges.
+    `reset(options={"start": n})` begins at the start that `snr run --seed n` has. `options={"dispersion": {"thrust_n":
+    0.05}}` draws the plant's thrust within 5 % of the nominal one, `{"factors": {"thrust_n": 0.95}}` says which it is;
+    `plant.SCALABLE` names what can be scaled. `info` holds `start` and `time_s`, and `factors` if there are any; at
+    the end also `outcome`, `success` and `why`, as the scenario judges.
 
     An episode is terminated when the scenario has its verdict, and truncated at the scenario's time limit; or, if the
     verdict is given when the time is over (`ends_by_clock`), truncated then.
@@ -61,6 +66,8 @@ class ScenarioEnv(Env[NDArray[np.float32], Any]):
         self.render_mode = render_mode
         self._simulation = prepare(Request(scenario, engine=engine))
         self.plant: Plant = self._simulation.plant()
+        self._nominal: Any = self.plant
+        self._factors: dict[str, float] = {}
         self.limit_s = float(self._simulation.scenario.TIME_LIMIT_S)
         self._frame: Frame | None = None
         self._steps = -1  # none until the first reset
@@ -76,13 +83,19 @@ class ScenarioEnv(Env[NDArray[np.float32], Any]):
 
         Args:
             seed: of the draw of starts from now on.
-            options: {"start": n} begins at the start of that seed of the scenario, and draws none.
+            options: {"start": n} begins at the start of that seed of the scenario, and draws none; "dispersion" and
+                "factors" as in `factors_of`.
 
         Raises:
-            ParameterError: an option is not known, or no whole number.
+            ParameterError: an option is not known, or makes no sense.
+            UnknownName: the plant does not have a number that is to be scaled.
         """
         super().reset(seed=seed)
-        start = self._start_of(options or {})
+        self._note_reset(options)
+        options = options or {}
+        start = self._start_of(options)
+        self._factors = factors_of(options, getattr(self._nominal, "SCALABLE", ()), self.np_random)
+        self.plant = self._nominal.scaled(self._factors) if self._factors else self._nominal
         self.run = self._simulation.with_seed(start)
         self.plant.reset(start)
         self._open()
@@ -90,7 +103,7 @@ class ScenarioEnv(Env[NDArray[np.float32], Any]):
         self._steps, self.verdict = 0, None
         self.begin()
         self._stepper.advance_to(self.begins_s)
-        return self._observed(), {"start": start, "time_s": self._time_s}
+        return self._observed(), self._info()
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Acts, lets one period go by, and observes.
@@ -100,13 +113,15 @@ class ScenarioEnv(Env[NDArray[np.float32], Any]):
         """
         if self._steps < 0 or self.verdict is not None or self._is_over():
             raise ParameterError("step() outside an episode: it has not begun, or has ended.", fix="call reset().")
-        self.act(self._action(action))
+        action = self._action(action)
+        self._note_action(action)
+        self.act(action)
         self._steps += 1
         self._stepper.advance_to(self._time_s)
         observation = self._observed()
         self.verdict = call_student(self._simulation.scenario.verdict, "verdict(plant)", self.plant)
         is_over = self._is_over() if self.verdict is None else self.ends_by_clock
-        info: dict[str, Any] = {"start": self.run.request.seed, "time_s": self._time_s}
+        info = self._info()
         if self.verdict is not None:
             info |= {"outcome": self.verdict.outcome, "success": self.verdict.success, "why": self.verdict.why}
         elif is_over:
@@ -148,10 +163,17 @@ class ScenarioEnv(Env[NDArray[np.float32], Any]):
 
     # -- inside -------------------------------------------------------------------------------------------------------
 
+    def _info(self) -> dict[str, Any]:
+        info = {"start": self.run.request.seed, "time_s": self._time_s}
+        return {**info, "factors": dict(self._factors)} if self._factors else info
+
     def _start_of(self, options: dict[str, Any]) -> int:
-        unknown = set(options) - {"start"}
+        unknown = set(options) - OPTIONS
         if unknown:
-            raise ParameterError(f"reset() was given the options {sorted(unknown)}.", fix='options={"start": 7}')
+            raise ParameterError(
+                f"reset() was given the options {sorted(unknown)}.",
+                fix=f'of {", ".join(sorted(OPTIONS))}, such as options={{"start": 7}}.',
+            )
         start = options.get("start")
         if start is None:
             return int(self.np_random.integers(1, MOST_STARTS))

@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any, Self
 
 from snr_sim.plants.gear import Touchdown
 from snr_sim.plants.legs import FEET_M, Pose
@@ -52,6 +53,12 @@ class Lander(ABC):
 
     inputs = ("engine",)
     outputs = ("radar", "inertial")
+    # For `scaled`: of the module, of its legs, and of what it weighs.
+    SCALABLE_MODULE = (
+        "thrust_n", "exhaust_mps", "throttle_lag_s", "gimbal_rate_radps", "jets_nm", "gyration_m", "gravity_mps2",
+    )  # fmt: skip
+    SCALABLE_LEG = ("spring_npm", "damper_nspm", "friction")
+    SCALABLE = (*SCALABLE_MODULE, *SCALABLE_LEG, "dry_mass_kg")
 
     engine: str
     terrain: Terrain
@@ -101,6 +108,22 @@ class Lander(ABC):
                 "centre of mass.",
             )
         return start, terrain
+
+    def scaled(self, factors: Mapping[str, float]) -> Self:
+        """Returns a module of which some numbers, those in `SCALABLE`, are multiplied; its propellant is the same."""
+
+        def times(numbers: Any, names: tuple[str, ...]) -> dict[str, Any]:
+            return {name: getattr(numbers, name) * factors[name] for name in names if name in factors}
+
+        dry = factors.get("dry_mass_kg", 1.0)
+
+        def start_of(seed: int) -> tuple[PlaneStart, Terrain]:
+            start, terrain = self.start_of(seed)
+            return replace(start, mass_kg=start.fuel_kg + dry * (start.mass_kg - start.fuel_kg)), terrain
+
+        leg = replace(self.module.leg, **times(self.module.leg, self.SCALABLE_LEG))
+        module = replace(self.module, leg=leg, **times(self.module, self.SCALABLE_MODULE))
+        return type(self)(module, start_of, step_s=self.step_s)
 
     @property
     def time_s(self) -> float:

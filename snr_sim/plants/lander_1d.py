@@ -8,8 +8,8 @@ pads touch the ground on the way.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from snr_sim.plants.descent import Engine, Motion, after, find_root
@@ -79,6 +79,7 @@ class Lander1D:
     step_s: float | None = None
     inputs = ("engine",)
     outputs = ("radar",)
+    SCALABLE = ("thrust_n", "exhaust_mps", "gravity_mps2", "dry_mass_kg")  # for `scaled`
 
     def __init__(
         self,
@@ -115,6 +116,17 @@ class Lander1D:
         self.throttle = self.least_throttle
         self.touchdown: Touchdown | None = None
         self.outcome: str | None = None
+
+    def scaled(self, factors: Mapping[str, float]) -> Lander1D:
+        """Returns a module of which some numbers, those in `SCALABLE`, are multiplied; its propellant is the same."""
+        thrust, exhaust, gravity, dry = (factors.get(name, 1.0) for name in self.SCALABLE)
+        engine = Engine(self.thrust_n * thrust, self.exhaust_mps * exhaust, self.gravity_mps2 * gravity)
+
+        def start_of(seed: int) -> VerticalStart:
+            start = self.start_of(seed)
+            return replace(start, mass_kg=start.fuel_kg + dry * (start.mass_kg - start.fuel_kg))
+
+        return Lander1D(start_of, engine, least_throttle=self.least_throttle, gear=self.gear, ceiling_m=self.ceiling_m)
 
     def write(self, name: str, command: EngineCommand) -> None:
         """Sets the throttle, clamped to what the engine can do. Gimbal and jets are not there."""

@@ -20,8 +20,11 @@ parts cost as much as five steps; in open water nothing changes.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Self
+
+import numpy as np
 
 from snr_sim.plants.attitude import rotation_of, turned
 from snr_sim.plants.dive import Dive
@@ -72,6 +75,8 @@ class Urov(UrovForces):
         dive: of this run.
     """
 
+    # For `scaled`, of the vehicle.
+    SCALABLE = ("added_mass", "linear_damping", "quadratic_damping", "net_buoyancy_n")
     _touches: bool | None  # where it is now; None: nobody has looked
 
     def __init__(
@@ -87,6 +92,7 @@ class Urov(UrovForces):
         check_parts(vehicle, pool, start_of, thrusters, step_s)
         self.vehicle = vehicle = vehicle.trimmed(pool.density_kgm3, pool.gravity_mps2)
         self.pool, self.start_of, self.thrusters = pool, start_of, thrusters
+        self._knows_room = mjcf is None
         self.step_s: float = step_s
         self.inputs: tuple[str, ...] = ("wrench",) if thrusters is None else ("pwm",)
         power = () if thrusters is None else ("power",)
@@ -107,7 +113,6 @@ class Urov(UrovForces):
 
     def _build(self, mjcf: str | None) -> Body:
         """Builds the world; what `Urov2D` does in another way."""
-        self._knows_room = mjcf is None
         if mjcf is None:
             self._mujoco = MujocoBody(
                 MujocoWorld(self.pool.mjcf(self.vehicle), self._part_s, (BODY,), "the pool"), BODY
@@ -118,6 +123,18 @@ class Urov(UrovForces):
         self._mujoco = MujocoBody(world, BODY)
         check_mass(self.vehicle, float(self._mujoco.rigid[0, 0]))
         return self._mujoco
+
+    def scaled(self, factors: Mapping[str, float]) -> Self:
+        """Returns a vehicle of which some numbers, those in `SCALABLE`, are multiplied, in the same pool.
+
+        Raises:
+            ParameterError: it is in a world of its own, or a number that is scaled cannot be.
+        """
+        if not self._knows_room:
+            raise ParameterError("A vehicle in an MJCF world cannot be scaled.", fix="scale it in the file.")
+        numbers = {name: getattr(self.vehicle, name) for name in factors}
+        scaled = {name: (np.asarray(number) * factors[name]).tolist() for name, number in numbers.items()}
+        return type(self)(replace(self.vehicle, **scaled), self.pool, self.start_of, self.thrusters, seed=0)
 
     # -- start, and being put back ------------------------------------------------------------------------------------
 

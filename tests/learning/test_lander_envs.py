@@ -275,3 +275,25 @@ def test_a_picture_shows_the_module_and_what_pushes_it() -> None:
     assert orange > ((off[..., 0] > 200) & (off[..., 2] < 80)).sum() + 20
     with pytest.raises(ParameterError, match="'rgb_array'"):
         LanderPad(render_mode="ansi")
+
+
+@every_environment
+def test_spec_states_the_scenarios_own_time_limit(name: str) -> None:
+    """`make` truncates at the step at which the environment itself does, and at no other."""
+    env: Any = gymnasium.make(name)
+    bare = env.unwrapped
+    # A scenario that judges when its time is over does so a second before its own limit.
+    spare_s = 1.0 if bare.ends_by_clock else 0.0
+    assert env.spec.max_episode_steps == round((bare.limit_s - spare_s - bare.begins_s) * bare.rate_hz)
+    assert env.spec.reward_threshold is not None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["snr_sim/UrovDepthHold-v0", "snr_sim/UrovStation-v0"])
+def test_spec_of_a_vehicle_ends_with_its_verdict(name: str) -> None:
+    env: Any = gymnasium.make(name).unwrapped
+    env.reset(seed=1)
+    steps = 1
+    while not env.step(np.zeros(env.action_space.shape, np.float32))[3]:
+        steps += 1
+    assert steps == gymnasium.spec(name).max_episode_steps

@@ -1,0 +1,88 @@
+"""Environments that can be copied and pickled in the middle of an episode, and then go on as the original does.
+
+Neither pymunk's contacts nor a loaded scenario can be written down. But an episode follows from how the environment was
+made, how it was reset and what was done, to the last bit; so that is what a copy is made from. It takes as long as the
+episode has taken so far.
+"""
+
+from __future__ import annotations
+
+import copy
+from typing import Any, NamedTuple
+
+from snr_sim.learning.gym import Env
+
+# What an environment is told from outside, beside its arguments: taken over as it is, random generators included.
+KEPT = ("spec", "action_space", "observation_space", "_np_random", "_np_random_seed")
+
+
+class Episode(NamedTuple):
+    """What an episode follows from.
+
+    Args:
+        chance: state of the random generator when it began.
+        options: of the reset.
+        actions: since then.
+    """
+
+    chance: Any
+    options: dict[str, Any] | None
+    actions: list[Any]
+
+
+class CopyableEnv(Env[Any, Any]):
+    """What `copy.deepcopy` and `pickle` need. A subclass calls `_note_reset` and `_note_action`.
+
+    Attributes that were set on it by hand are not copied.
+    """
+
+    _made_with: tuple[tuple[Any, ...], dict[str, Any]]
+    _episode: Episode | None = None
+
+    def __new__(cls, *args: Any, **kwargs: Any) -> CopyableEnv:
+        """Remembers how it is made."""
+        env = super().__new__(cls)
+        env._made_with = args, kwargs
+        return env
+
+    def __reduce__(self) -> Any:
+        """Returns how to make it again."""
+        kept = {name: self.__dict__[name] for name in KEPT if name in self.__dict__}
+        return made_again, (type(self), self._made_with, kept, self._episode)
+
+    def _note_reset(self, options: dict[str, Any] | None) -> None:
+        """Remembers how an episode begins; called when the random generator is seeded and has drawn nothing."""
+        self._episode = Episode(self.np_random.bit_generator.state, copy.deepcopy(options), [])
+
+    def _note_action(self, action: Any) -> None:
+        """Remembers what was done: something that does not change afterwards."""
+        assert self._episode is not None
+        self._episode.actions.append(action)
+
+
+def made_again(
+    env_type: type[CopyableEnv],
+    made_with: tuple[tuple[Any, ...], dict[str, Any]],
+    kept: dict[str, Any],
+    episode: Episode | None,
+) -> CopyableEnv:
+    """Returns an environment that is where another one was.
+
+    Args:
+        env_type: its class.
+        made_with: the arguments it was made with.
+        kept: those of its attributes that `KEPT` names.
+        episode: what it has flown; None before the first reset.
+    """
+    args, kwargs = made_with
+    env = env_type(*args, **kwargs)
+    env.__dict__.update(kept)
+    if episode is not None:
+        generator = env.np_random.bit_generator
+        newest = generator.state
+        generator.state = episode.chance
+        env.reset(options=episode.options)
+        for action in episode.actions:
+            env.step(action)
+        generator.state = newest
+    return env

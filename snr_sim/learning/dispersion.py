@@ -1,0 +1,62 @@
+"""Which numbers of a plant an episode is flown with: nominal, given as factors of them, or drawn about them.
+
+What a robot knows of itself stays nominal (`run.robot.parameters`), so a policy that is trained here learns to live
+with a body that is not quite as its data sheet says.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
+
+MIN_FACTOR, MAX_FACTOR = 0.5, 2.0
+MAX_DISPERSION = 0.5  # so that no factor is less than the least
+
+
+def factors_of(options: Mapping[str, Any], names: Sequence[str], rng: np.random.Generator) -> dict[str, float]:
+    """Returns what a plant's numbers are multiplied by in an episode, by name; empty if it is nominal.
+
+    Args:
+        options: of `reset`. {"factors": {"thrust_n": 0.95}} is that; {"dispersion": {"thrust_n": 0.05}} draws the
+            factor evenly from 0.95 to 1.05.
+        names: of the numbers that the plant lets scale.
+        rng: what draws; in the order of `names`, whatever order they are given in.
+
+    Raises:
+        UnknownName: the plant has no such number.
+        ParameterError: a factor is not a number from 0.5 to 2, a dispersion not one from 0 to 0.5, or a name has both.
+
+    >>> factors_of({"factors": {"thrust_n": 0.9}}, ("thrust_n", "gravity_mps2"), np.random.default_rng(1))
+    {'thrust_n': 0.9}
+    """
+    given = _checked(options, "factors", names, MIN_FACTOR, MAX_FACTOR)
+    spread = _checked(options, "dispersion", names, 0.0, MAX_DISPERSION)
+    both = sorted(given.keys() & spread.keys())
+    if both:
+        raise ParameterError(f"'{both[0]}' is in factors and in dispersion.", fix="in one of them.")
+    drawn = {name: 1.0 + spread[name] * float(rng.uniform(-1.0, 1.0)) for name in names if name in spread}
+    return {name: {**given, **drawn}[name] for name in names if name in given or name in drawn}
+
+
+def _checked(
+    options: Mapping[str, Any], option: str, names: Sequence[str], least: float, most: float
+) -> dict[str, float]:
+    """Returns an option's numbers by name."""
+    numbers = options.get(option, {})
+    example = f'options={{"{option}": {{"{names[0]}": {0.95 if option == "factors" else 0.05}}}}}' if names else "none"
+    if not isinstance(numbers, Mapping):
+        raise ParameterError(f"reset() was given {option}={numbers!r}, which is no dict.", fix=f"{example}.")
+    for name, value in numbers.items():
+        if name not in names:
+            raise UnknownName(f"This plant has no '{name}' to scale by {option}.", fix=nearest(str(name), names))
+        is_number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool) and math.isfinite(value)
+        if not (is_number and least <= value <= most):
+            raise ParameterError(
+                f"reset() was given {option} with '{name}': {value!r}.", fix=f"a number from {least:g} to {most:g}."
+            )
+    return {name: float(value) for name, value in numbers.items()}
