@@ -1,7 +1,11 @@
 """The MS5837-30BA pressure sensor (Bar30): what it resolves, how long it takes, and depth from its pressure.
 
-Facts from its data sheet; the way from pressure to depth, and the densities, as in its maker's own library. A sensor is
-off by up to a fifth of a bar when it is new, which is two metres of water: so whoever dives sets it to zero first.
+More oversampling takes longer and is less noisy. A sensor is off by up to a fifth of a bar when it is new, which is two
+metres of water: so whoever dives sets it to zero first.
+
+Source: TE Connectivity, MS5837-30BA data sheet (10/2015; C2 of 12/2019): conversion times, and "resolution RMS" of
+pressure by oversampling, which is the standard deviation here. That of 512 and 1024 is from memory, the other four were
+read again. Temperature's, 2 to 9 thousandths of a degree, is less than the step that it is told in and left out.
 """
 
 from __future__ import annotations
@@ -18,21 +22,18 @@ from snr_sim.devices.simulated import SimSensor
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import DepthReading
+from snr_sim.prelude.water import AIR_PA, FRESH_KGM3, GRAVITY_MPS2
 
 if TYPE_CHECKING:
     import numpy as np
 
-STANDARD_GRAVITY_MPS2 = 9.80665
-AIR_PA = 101_300.0  # the library's idea of the air at sea level
-FRESH_KGM3, SALT_KGM3 = 997.0, 1029.0
-OVERSAMPLING = (256, 512, 1024, 2048, 4096, 8192)
+NOISE_PA = {256: 157.0, 512: 84.0, 1024: 54.0, 2048: 38.0, 4096: 28.0, 8192: 20.0}  # by oversampling
+OVERSAMPLING = tuple(NOISE_PA)
 CONVERSION_S_PER_SAMPLE = 2.2e-6  # one conversion, at most; a measurement is two: pressure, then temperature
-RESOLUTION_PA = 20.0  # at the highest oversampling: 2 mm of water
+RESOLUTION_PA = 10.0  # a tenth of a millibar, the last digit of the data sheet's P: 1 mm of water
 RESOLUTION_C = 0.01
 LIMITS_PA = (0.0, 3_000_000.0)
-# Not on the data sheet: noise as users of the sensor report it, 0.2 to 0.5 mbar; half of the offset's usual range.
-NOISE_PA = 30.0
-OFFSET_PA = 5_000.0
+OFFSET_PA = 5_000.0  # half of the usual range: our estimate
 
 
 class Water(Protocol):
@@ -62,25 +63,34 @@ class Pressure(msgspec.Struct, frozen=True):
     stamp_s: float
 
 
-def depth_m(pressure_pa: float, surface_pa: float = AIR_PA, density_kgm3: float = FRESH_KGM3) -> float:
-    """Returns the depth at a pressure, positive down.
+def depth_m(
+    pressure_pa: float,
+    surface_pa: float = AIR_PA,
+    density_kgm3: float = FRESH_KGM3,
+    gravity_mps2: float = GRAVITY_MPS2,
+) -> float:
+    """Returns the depth at a pressure, positive down, in water that does not give way.
 
-    >>> round(depth_m(399_980.0), 3), round(depth_m(399_980.0, density_kgm3=SALT_KGM3), 3)
-    (30.549, 29.599)
+    >>> round(depth_m(399_980.0, 101_300.0, 997.0, 9.80665), 3)  # with the numbers of its maker's own library
+    30.549
     """
-    return (pressure_pa - surface_pa) / (density_kgm3 * STANDARD_GRAVITY_MPS2)
+    return (pressure_pa - surface_pa) / (density_kgm3 * gravity_mps2)
 
 
 @dataclass(frozen=True)
 class Ms5837:
     """How the sensor is used.
 
+    It reads the true depth where it is told the water that it is in. Surface, density and gravity are those of a pool
+    unless either is told otherwise: to a `Pool(density_kgm3=1026.0)` belongs an `Ms5837(density_kgm3=1026.0)`.
+
     Args:
-        oversampling: samples that make a measurement; more are slower. Noise and resolution here are those of 8192.
+        oversampling: samples that make a measurement; more are slower and less noisy.
         is_zeroed: somebody set it to zero at the surface, before the dive. If not, it has the offset it was made with.
         surface_pa: what it takes for the pressure at the surface.
         density_kgm3: what it takes for the water's density.
-        noise_pa: standard deviation of a measurement.
+        gravity_mps2: what it takes for gravity.
+        noise_pa: standard deviation of a measurement; None: the data sheet's for the oversampling.
 
     Raises:
         ParameterError: the sensor has no such oversampling.
@@ -88,9 +98,10 @@ class Ms5837:
 
     oversampling: int = 8192
     is_zeroed: bool = True
-    surface_pa: float = 101_325.0
+    surface_pa: float = AIR_PA
     density_kgm3: float = FRESH_KGM3
-    noise_pa: float = NOISE_PA
+    gravity_mps2: float = GRAVITY_MPS2
+    noise_pa: float | None = None
 
     def __post_init__(self) -> None:
         if self.oversampling not in OVERSAMPLING:
@@ -108,7 +119,7 @@ class Ms5837:
     def errors(self) -> SensorErrors:
         """How it measures. What is told was measured while the conversions ran, so it is a conversion old."""
         return SensorErrors(
-            noise={"pressure_pa": self.noise_pa},
+            noise={"pressure_pa": NOISE_PA[self.oversampling] if self.noise_pa is None else self.noise_pa},
             resolution={"pressure_pa": RESOLUTION_PA, "temperature_c": RESOLUTION_C},
             delay_s=0.5 * self.period_s,
             wander={} if self.is_zeroed else {"pressure_pa": Wander(OFFSET_PA, math.inf)},
@@ -118,10 +129,10 @@ class Ms5837:
 
     def tells(self) -> Callable[[Pressure], DepthReading]:
         """Returns what makes a reading of a measurement."""
-        surface_pa, density_kgm3 = self.surface_pa, self.density_kgm3
+        water = self.surface_pa, self.density_kgm3, self.gravity_mps2
 
         def reading(felt: Pressure) -> DepthReading:
-            depth = depth_m(felt.pressure_pa, surface_pa, density_kgm3)
+            depth = depth_m(felt.pressure_pa, *water)
             return DepthReading(depth, felt.pressure_pa, felt.temperature_c, felt.stamp_s)
 
         return reading

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import count
 
 from snr_sim.devices.ms5837 import OVERSAMPLING, Ms5837, Pressure
@@ -91,7 +92,7 @@ class Ms5837I2c(SensorLife):
         felt = self._felt(self._waited_for())
         if self._surface_pa is None and self._part.is_zeroed and AIR_PA[0] <= felt.pressure_pa <= AIR_PA[1]:
             self._surface_pa = felt.pressure_pa
-            self._tells = Ms5837(surface_pa=felt.pressure_pa, density_kgm3=self._part.density_kgm3).tells()
+            self._tells = replace(self._part, surface_pa=felt.pressure_pa).tells()
         self._newest = self._tells(felt)
         self._convert(_PRESSURE)
 

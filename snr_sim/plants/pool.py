@@ -13,6 +13,7 @@ from html import escape
 from snr_sim.plants.plausible import check_fields, check_members, shown
 from snr_sim.plants.vehicle import Vector, Vehicle
 from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.water import FRESH_KGM3, GRAVITY_MPS2
 
 WALLS_RISE_M = 0.4  # above the water
 POST_M = 0.025  # radius of a gate's posts
@@ -83,8 +84,8 @@ class Pool:
     width_m: float = 12.5
     depth_m: float = 4.0
     gates: tuple[Gate, ...] = ()
-    density_kgm3: float = 1000.0
-    gravity_mps2: float = 9.81
+    density_kgm3: float = FRESH_KGM3
+    gravity_mps2: float = GRAVITY_MPS2
     temperature_c: float = 18.0
 
     def __post_init__(self) -> None:

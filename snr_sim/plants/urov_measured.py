@@ -23,8 +23,8 @@ from snr_sim.plants.vehicle import Matrix, Six, Vector, Vehicle
 from snr_sim.prelude.angles import roll_pitch_yaw_rad
 from snr_sim.prelude.errors import PlantError, UnknownName, nearest
 from snr_sim.prelude.sums import ordered_sum
+from snr_sim.prelude.water import AIR_PA
 
-AIR_PA = 101_325.0  # standard atmosphere
 # Earth's field at about 50 degrees north, magnetic north along y: 20 uT level, 44 uT down (rounded).
 FIELD_UT = (0.0, 20.0, -44.0)
 # What the supply's wires add for each ampere, body frame: our estimate. At 100 A it turns a compass by 6 degrees.

@@ -1,18 +1,30 @@
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from snr_sim.devices.ms5837 import SALT_KGM3, Ms5837, depth_m
+from snr_sim.devices.ms5837 import Ms5837, depth_m
+from snr_sim.plants.dive import Dive
+from snr_sim.plants.pool import Pool
+from snr_sim.plants.urov import Urov
 from snr_sim.plants.urov_outputs import Depth
+from snr_sim.plants.vehicle_file import read_vehicle
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.signals import DepthReading
 from snr_sim.testing.contracts import check_sensor
 from snr_sim.testing.fakes import FakePlant
 
 AIR_PA = 101_325.0
+VEHICLE = Path(__file__).parents[2] / "robots" / "urov" / "vehicles" / "benzon2022.toml"
 
 
-def water(depth: float, density: float = 997.0) -> FakePlant:
-    pressure = AIR_PA + density * 9.80665 * max(0.0, depth)
+# Resolution RMS of the data sheet [mbar], by oversampling.
+DATA_SHEET_MBAR = {8192: 0.20, 4096: 0.28, 2048: 0.38, 1024: 0.54, 512: 0.84, 256: 1.57}
+
+
+def water(depth: float, density: float = 1000.0) -> FakePlant:
+    pressure = AIR_PA + density * 9.81 * max(0.0, depth)
     return FakePlant({"depth": Depth(depth, 0.0, pressure, 12.347, 0.0)})
 
 
@@ -27,9 +39,9 @@ def readings(part: Ms5837, plant: FakePlant, count: int, seed: int = 1, period_s
 
 def test_depth_follows_from_pressure_as_in_the_makers_library() -> None:
     """The data sheet's example of 3999.8 mbar, in fresh and in salt water."""
-    assert depth_m(399_980.0) == pytest.approx(30.549, abs=0.001)
-    assert depth_m(399_980.0, density_kgm3=SALT_KGM3) == pytest.approx(29.599, abs=0.001)
-    assert depth_m(101_300.0) == 0.0
+    for density_kgm3, depth in ((997.0, 30.549), (1029.0, 29.599)):
+        assert depth_m(399_980.0, 101_300.0, density_kgm3, 9.80665) == pytest.approx(depth, abs=0.001)
+    assert depth_m(101_325.0) == 0.0
 
 
 def test_it_keeps_the_promise_of_sensors() -> None:
@@ -39,37 +51,56 @@ def test_it_keeps_the_promise_of_sensors() -> None:
 def test_zeroed_it_tells_the_true_depth_but_for_noise_of_millimetres() -> None:
     depths = [reading.depth_m for reading in readings(Ms5837(), water(2.5), 3000)]
     assert np.mean(depths) == pytest.approx(2.5, abs=0.0005)
-    step_m = 20.0 / (997.0 * 9.80665)
-    assert step_m == pytest.approx(0.002046, abs=1e-5)  # 0.2 mbar are 2 mm of fresh water
-    noise_m = np.hypot(30.0, 20.0 / np.sqrt(12.0)) / (997.0 * 9.80665)  # with that of rounding
-    assert np.std(depths) == pytest.approx(noise_m, rel=0.05)
+    step_m = 10.0 / (1000.0 * 9.81)  # a tenth of a millibar
+    assert np.std(depths) == pytest.approx(0.00204, rel=0.05)  # 0.2 mbar are 2 mm of fresh water
     levels = np.array(depths) / step_m
     assert np.ptp(levels - levels[0] - np.round(levels - levels[0])) < 1e-6
 
 
 def test_pressure_and_temperature_come_in_the_steps_of_the_part() -> None:
     for reading in readings(Ms5837(), water(1.0), 20):
-        assert reading.pressure_pa % 20.0 == pytest.approx(0.0, abs=1e-6)
+        assert reading.pressure_pa % 10.0 == pytest.approx(0.0, abs=1e-6)
         assert reading.temperature_c == pytest.approx(12.35)
 
 
 def test_not_zeroed_it_is_off_by_as_much_as_new_ones_are_and_by_the_same_all_the_time() -> None:
     part = Ms5837(is_zeroed=False, noise_pa=0.0)
     offsets = [readings(part, water(3.0), 1, seed)[0].depth_m - 3.0 for seed in range(300)]
-    assert np.std(offsets) == pytest.approx(5000.0 / (997.0 * 9.80665), rel=0.15)
+    assert np.std(offsets) == pytest.approx(5000.0 / (1000.0 * 9.81), rel=0.15)
     run = readings(part, water(3.0), 50)
     assert len({reading.depth_m for reading in run}) == 1
 
 
 def test_who_takes_salt_water_for_fresh_reads_too_deep_by_the_ratio_of_densities() -> None:
-    depths = [reading.depth_m for reading in readings(Ms5837(), water(3.0, density=1029.0), 500)]
-    assert np.mean(depths) == pytest.approx(3.0 * 1029.0 / 997.0, abs=0.001)
+    sea = water(3.0, density=1026.0)
+    depths = [reading.depth_m for reading in readings(Ms5837(), sea, 500)]
+    assert np.mean(depths) == pytest.approx(3.0 * 1.026, abs=0.001)
+    depths = [reading.depth_m for reading in readings(Ms5837(density_kgm3=1026.0), sea, 500)]
+    assert np.mean(depths) == pytest.approx(3.0, abs=0.001)
+
+
+def test_sensor_in_a_pool_reads_the_true_depth_from_end_to_end() -> None:
+    """By the plant's own pressure: pool and sensor take the same density and gravity unless they are told otherwise."""
+    part = Ms5837(noise_pa=0.0)
+    for pool, sensor in (
+        (Pool(), part),
+        (Pool(density_kgm3=1026.0, gravity_mps2=9.78), replace(part, density_kgm3=1026.0, gravity_mps2=9.78)),
+    ):
+        plant = Urov(read_vehicle(VEHICLE), pool, lambda seed: Dive((0.0, 0.0, -3.0)))
+        reading = sensor.simulated(plant, "depth", np.random.default_rng(1)).read()
+        assert reading.depth_m == pytest.approx(3.0, abs=0.0006), "but for half a step of a tenth of a millibar"
 
 
 def test_it_measures_no_more_than_27_times_a_second_however_often_it_is_asked() -> None:
     assert 1.0 / Ms5837().period_s == pytest.approx(27.7, abs=0.1)
     stamps = {reading.stamp_s for reading in readings(Ms5837(), water(1.0), 500, period_s=0.002)}
     assert len(stamps) <= 28
+
+
+@pytest.mark.parametrize("oversampling", DATA_SHEET_MBAR)
+def test_noise_at_each_oversampling_is_that_of_the_data_sheet(oversampling: int) -> None:
+    pressures = [reading.pressure_pa for reading in readings(Ms5837(oversampling), water(2.5), 3000)]
+    assert np.std(pressures) == pytest.approx(100.0 * DATA_SHEET_MBAR[oversampling], rel=0.05)
 
 
 def test_less_oversampling_is_quicker() -> None:

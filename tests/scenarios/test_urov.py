@@ -32,6 +32,15 @@ def record(
     return simulation, result, read_trace(folder / FILE_NAME)
 
 
+def test_depth_sensor_of_every_dive_agrees_with_its_pool_about_the_water() -> None:
+    dives = [found for found in library.known("scenarios") if library.robot_of_scenario(found) == "urov"]
+    for found in dives:
+        simulation = prepare(Request(found.name))
+        pool, sensor = simulation.plant().pool, simulation.robot.parameters.sensors.depth
+        water = sensor.density_kgm3, sensor.gravity_mps2, sensor.surface_pa
+        assert water == (pool.density_kgm3, pool.gravity_mps2, 101_325.0), found.name
+
+
 def test_depth_is_held_after_a_step_in_a_current_and_when_the_payload_goes() -> None:
     result = fly("urov_depth_hold", 1)
     assert result.error == ""

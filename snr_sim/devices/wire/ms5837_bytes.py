@@ -1,12 +1,14 @@
 """What an MS5837-30BA says in bytes: its calibration with a check sum, and pressure and temperature from raw counts.
 
-Source: TE Connectivity, MS5837-30BA data sheet (commands, first and second order compensation); Measurement
-Specialties, application note AN520 (the four-bit check sum).
+Source: TE Connectivity, MS5837-30BA data sheet C2 of 12/2019 (commands; first and second order compensation);
+Measurement Specialties, application note AN520 (the four-bit check sum). Counts and each integer that must come of them
+stand in docs/ms5837.csv.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from snr_sim.prelude.errors import DeviceError
 
@@ -48,8 +50,74 @@ def calibration(words: Sequence[int]) -> tuple[int, ...]:
     return (first, *words[1:])
 
 
+class Compensation(NamedTuple):
+    """Each integer on the way from raw counts to pressure and temperature, under the data sheet's name for it.
+
+    Args:
+        d_t: dT, difference to the reference temperature, in counts.
+        temp: TEMP, of the first order [0.01 C].
+        off: OFF, offset.
+        sens: SENS, sensitivity.
+        p: P, of the first order [0.1 mbar].
+        t_i: Ti, what the second order takes off TEMP.
+        off_i: OFFi, and off OFF.
+        sens_i: SENSi, and off SENS.
+        off_2: OFF2.
+        sens_2: SENS2.
+        temp_2: TEMP2, of the second order [0.01 C].
+        p_2: P2, of the second order [0.1 mbar].
+    """
+
+    d_t: int
+    temp: int
+    off: int
+    sens: int
+    p: int
+    t_i: int
+    off_i: int
+    sens_i: int
+    off_2: int
+    sens_2: int
+    temp_2: int
+    p_2: int
+
+
+def compensation(c: Sequence[int], d1: int, d2: int) -> Compensation:
+    """Returns each step of the data sheet's integer arithmetic, to compare a port in another language with.
+
+    A division is an arithmetic shift, so it rounds down: of the data sheet's own example, TEMP is 1981 only so. In C,
+    all products take 64 bits.
+
+    Args:
+        c: C0 to C6.
+        d1: raw pressure.
+        d2: raw temperature.
+
+    >>> c = (0, 34982, 36352, 20328, 22354, 26646, 26146)  # the example of the data sheet, which prints OFF with a slip
+    >>> compensation(c, 4958179, 6815414)[:5]
+    (-5962, 1981, 2381323464, 1145816755, 39998)
+    """
+    d_t = d2 - (c[5] << 8)
+    temp = 2000 + (d_t * c[6] >> 23)
+    off = (c[2] << 16) + (c[4] * d_t >> 7)
+    sens = (c[1] << 15) + (c[3] * d_t >> 8)
+    below, far_below = temp - 2000, temp + 1500
+    if below < 0:
+        t_i, off_i, sens_i = 3 * d_t**2 >> 33, 3 * below**2 >> 1, 5 * below**2 >> 3
+        if far_below < 0:
+            off_i += 7 * far_below**2
+            sens_i += 4 * far_below**2
+    else:
+        t_i, off_i, sens_i = 2 * d_t**2 >> 37, below**2 >> 4, 0
+    off_2, sens_2 = off - off_i, sens - sens_i
+    p, p_2 = _pressure(d1, sens, off) >> 13, _pressure(d1, sens_2, off_2) >> 13
+    return Compensation(d_t, temp, off, sens, p, t_i, off_i, sens_i, off_2, sens_2, temp - t_i, p_2)
+
+
 def compensated(c: Sequence[int], d1: int, d2: int) -> tuple[float, float]:
     """Returns pressure [Pa] and temperature [C] of raw counts, with the second order.
+
+    The pressure keeps what the data sheet's last shift would cut off, so it is in steps of a count.
 
     Args:
         c: C0 to C6.
@@ -60,17 +128,10 @@ def compensated(c: Sequence[int], d1: int, d2: int) -> tuple[float, float]:
     >>> [round(value, 2) for value in compensated(c, 4958179, 6815414)]
     [399984.03, 19.81]
     """
-    d_t = d2 - c[5] * 256
-    temperature = 2000 + d_t * c[6] / 2**23  # hundredths of a degree
-    below, far_below = temperature - 2000, temperature + 1500
-    if below < 0:
-        t_i, off_i, sens_i = 3 * d_t**2 / 2**33, 3 * below**2 / 2, 5 * below**2 / 8
-        if far_below < 0:
-            off_i += 7 * far_below**2
-            sens_i += 4 * far_below**2
-    else:
-        t_i, off_i, sens_i = 2 * d_t**2 / 2**37, below**2 / 16, 0.0
-    offset = c[2] * 2**16 + c[4] * d_t / 2**7 - off_i
-    sensitivity = c[1] * 2**15 + c[3] * d_t / 2**8 - sens_i
-    pressure = (d1 * sensitivity / 2**21 - offset) / 2**13  # tenths of a millibar
-    return pressure * 10.0, (temperature - t_i) / 100.0
+    steps = compensation(c, d1, d2)
+    return _pressure(d1, steps.sens_2, steps.off_2) * 10.0 / 2**13, steps.temp_2 / 100.0
+
+
+def _pressure(d1: int, sens: int, off: int) -> int:
+    """Returns P before the last shift, [0.1 mbar / 2^13]."""
+    return (d1 * sens >> 21) - off
