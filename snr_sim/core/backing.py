@@ -7,6 +7,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Protocol
 
 from snr_sim.core.clocks import SimClock
+from snr_sim.prelude.errors import ComponentFailed
 
 if TYPE_CHECKING:
     from snr_sim.core.loop import Loop
@@ -77,7 +78,12 @@ class ClockBacking:
         if self.is_stopped:
             return
         self.ticks += 1
-        self._loop.parent.call_loop(self._loop, "loop")
+        try:
+            self._loop.parent.call_loop(self._loop, "loop")
+        except ComponentFailed as failure:
+            self.is_stopped = True
+            if not self._loop.parent.probations.has_taken(self._loop, failure):
+                raise
         if not self.is_stopped:
             self._clock.call_at(self._next_s(), self._tick, self._order)
 
@@ -142,7 +148,11 @@ class ThreadBacking:
         except BaseException as error:
             failure = node.failure_of(loop, error, "loop")
             self._is_refused = loop.trial is not None and loop.trial.report(failure)
-            if not self._is_refused:
+            if self._is_refused or node.probations.has_taken(loop, failure):
+                pass  # somebody knows, and the node goes on
+            elif loop.is_taken_out:
+                node.note(str(failure))
+            else:
                 node.door.fail(failure)
         finally:
             self._halt_once()

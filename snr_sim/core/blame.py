@@ -6,6 +6,7 @@ import linecache
 import os
 import re
 import traceback
+from inspect import unwrap
 from pathlib import Path
 from types import CodeType, FrameType, TracebackType
 from typing import NamedTuple
@@ -54,7 +55,7 @@ def _innermost(frames: traceback.StackSummary) -> Place | None:
 
 def place_of(function: object) -> Place | None:
     """Returns where a function or method begins, or None if no student wrote it."""
-    code = getattr(function, "__code__", None)
+    code = getattr(unwrap(function), "__code__", None) if callable(function) else None
     if not isinstance(code, CodeType) or not is_student_file(code.co_filename):
         return None
     source = linecache.getline(code.co_filename, code.co_firstlineno).strip()

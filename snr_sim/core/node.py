@@ -111,6 +111,7 @@ class Node:
         self._places: dict[str, int] = {}
         self._last_place = 0
         self._core = NodeCore(self)
+        self.probations = self._core.probations  # new code that may still fail
         self._add(self._core, 0)
         for self._last_place, factory in enumerate(config.get(role), 1):
             if not (is_replay and isinstance(factory, LoopFactory)):
@@ -282,10 +283,10 @@ class Node:
             cause = failed.__cause__
             assert cause is not None
             if isinstance(cause, KeyboardInterrupt):
-                interrupt = self._handler_failure(failed, cause)
+                interrupt = self._failure_of(failed, cause)
                 self.record_interrupt(interrupt.component, interrupt.message)
                 raise cause from None  # an interrupt, not a failure
-            raise self._handler_failure(failed, cause) from cause
+            raise self._failure_of(failed, cause) from cause
 
     def end(self, reason: str | None = None, error: Exception | None = None) -> None:
         """Finishes what is queued, then halts and terminates each component, whatever any of them raises.
@@ -348,9 +349,9 @@ class Node:
         except HandlerFailed as failed:
             cause = failed.__cause__
             if cause is not None and not isinstance(cause, KeyboardInterrupt):
-                failures.append(self._handler_failure(failed, cause))
+                failures.append(self._failure_of(failed, cause))
             elif cause is not None:
-                interrupt = self._handler_failure(failed, cause)
+                interrupt = self._failure_of(failed, cause)
                 self.record_interrupt(interrupt.component, interrupt.message)
         except ComponentFailed as failure:
             failures.append(failure)
@@ -552,19 +553,24 @@ class Node:
         where = f"in {step}() of component '{component.name}' at t = {self.clock.now_s():.3f} s"
         return ComponentFailed(describe_error(error, where), self.name, component.name, step)
 
-    def _handler_failure(self, failed: HandlerFailed, error: BaseException) -> ComponentFailed:
-        task = failed.task
-        what, when = f"{task.type} '{task.name}'", f"at t = {self.machine.now_s:.3f} s"
-        if failed.component is None:
-            where = f"in node '{self.name}', while it looked for handlers of {what} {when}"
-            return ComponentFailed(describe_error(error, where), self.name)
-        name = failed.component.name
+    def _failure_of(self, failed: HandlerFailed, error: BaseException) -> ComponentFailed:
+        if failed.component is not None:
+            return self.failure_in_handler(failed.component, failed.task, error)
+        where = f"in node '{self.name}', while it looked for handlers of {self._shown(failed.task)}"
+        return ComponentFailed(describe_error(error, where), self.name)
+
+    def failure_in_handler(self, component: Component, task: Task, error: BaseException) -> ComponentFailed:
+        """Returns what went wrong in a component's handler of a task, in words."""
+        name = component.name
         entries = self.machine.lookup.find(task)
-        called = [entry for entry in entries if entry[0] is failed.component]
+        called = [entry for entry in entries if entry[0] is component]
         labels = [f"{label[1]}(), " for _, _, _, label in called]
         begins = place_of(called[0][1]) if called else None  # what it returned was wrong: then no line of its raised
-        where = f"in {''.join(labels)}component '{name}', while it handled {what} {when}"
+        where = f"in {''.join(labels)}component '{name}', while it handled {self._shown(task)}"
         return ComponentFailed(describe_error(error, where, begins), self.name, name)
+
+    def _shown(self, task: Task) -> str:
+        return f"{task.type} '{task.name}' at t = {self.machine.now_s:.3f} s"
 
     def record_failure(self, failure: ComponentFailed) -> None:
         """Writes a failure of this node into the trace, once."""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from snr_sim.core.component import CORE_NAME
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.reload import Changes, Outcome
+from snr_sim.core.rollback import Probations
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import TaskError
 from snr_sim.prelude.page import DataKey, Page
@@ -36,6 +37,7 @@ class NodeCore(Endpoint):
         # Ways out of the node, by key: links send these pages on. Not part of the machine, so not of a replay.
         self.taps: dict[DataKey, list[Callable[[Page], None]]] = {}
         self._changes = Changes(parent)
+        self.probations = self._changes.probations = Probations(self._changes, self._tell_rollback)
         self.task_handlers = {
             TaskType.store_page: self.store,
             TaskType.terminate: self.end_node,
@@ -43,6 +45,7 @@ class NodeCore(Endpoint):
             (TaskType.event, tasks.ADD_COMPONENT_TASK_NAME): self.add_component,
             (TaskType.event, tasks.REMOVE_COMPONENT_TASK_NAME): self.remove_component,
             (TaskType.event, tasks.REMOVE_ENDPOINT_TASK_NAME): self.remove_component,
+            (TaskType.event, tasks.ROLL_BACK_TASK_NAME): self.roll_back,
             (TaskType.event, tasks.FINISH_TASK_NAME): self.finish,
         }
 
@@ -88,7 +91,17 @@ class NodeCore(Endpoint):
         name = task.val_list[0] if task.val_list else ""
         return self._tell(tasks.REMOVE_COMPONENT_TASK_NAME, self._changes.remove(name))
 
-    def _tell(self, key: DataKey, outcome: Outcome) -> SomeTasks:
+    def roll_back(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Rolls back the reload that has made a loop which failed."""
+        match task.val_list:
+            case [str(name), int(number), str(message)]:
+                return self.probations.roll_back(name, number, message)
+        return None
+
+    def _tell_rollback(self, name: str, message: str) -> Sequence[Task]:
+        return [self._tell(TaskType.reload.value, Outcome(name, False, message))]
+
+    def _tell(self, key: DataKey, outcome: Outcome) -> Task:
         """Says what came of a change: in the log, at the end of the run if it failed, and in a page."""
         if outcome.ok:
             self.log.info("%s", outcome.message)

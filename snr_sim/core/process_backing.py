@@ -209,7 +209,7 @@ class ProcessBacking:
             self._node.note(failure.message)
         elif self._loop.is_taken_out:
             self._late_failure = self._late_failure or failure
-        else:
+        elif not self._node.probations.has_taken(self._loop, failure):
             self._node.door.fail(failure)
 
     def _tried(self, failure: ComponentFailed | None) -> bool:

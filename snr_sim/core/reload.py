@@ -15,7 +15,8 @@ from snr_sim.core.blame import describe_error
 from snr_sim.core.component import CORE_NAME
 from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.core.sources import Reading, modules_of
+from snr_sim.core.rollback import Probations, Snapshot
+from snr_sim.core.sources import Reading, modules_of, show_source_in_use
 from snr_sim.prelude.errors import ComponentFailed, ConfigError, SnrError, UnknownName, nearest
 
 if TYPE_CHECKING:
@@ -57,6 +58,7 @@ class Changes:
 
     def __init__(self, node: Node) -> None:
         self.node = node
+        self.probations: Probations  # new code that may still fail; node_core gives it, who also tells of it
         self._absent: dict[str, AnyComponent] | None = None  # the loops of a replay, once somebody asked
 
     def reload(self, asked: str, more: Sequence[str] = ()) -> Outcome:
@@ -186,6 +188,16 @@ class Changes:
         if not self.is_absent(component):
             self.node.begin_late(component)
 
+    def begin_again(self, old: AnyComponent) -> list[str]:
+        """Begins a component that is in its old place again; if it cannot, it goes, and that is returned in words."""
+        try:
+            self.begin(old)
+        except ComponentFailed as failure:
+            self.node.end_early(old)
+            self.exchange(old, None)
+            return [f"{failure.message}\n  so '{old.name}' could not go on either, and is gone."]
+        return []
+
 
 class _Reload:
     """One reload of some components: read, make, check, and only then exchange."""
@@ -201,17 +213,26 @@ class _Reload:
         self._sources: dict[str, str] = {}
         self._remarks: list[str] = []
         self._made: list[str] = []
+        self._old: dict[str, AnyComponent] = {}  # those that have begun and were exchanged, by name
+        self._new: dict[str, AnyComponent] = {}
+        self._undo: list[Callable[[], None]] = []  # what puts their factories back
 
     def run(self) -> Outcome:
         wanted = [(old, self._try(old, self._modules, old)) for old in self._components]
         for old, modules in wanted:
             for module in modules or ():
                 self._users.setdefault(module, set()).add(old.name)
+        self._changes.probations.begin(self._old, self._new, self._roll_back)
         made = [(old, self._try(old, self._make, old, modules)) for old, modules in wanted if modules is not None]
         for old, new in made:
             if new is not None:
                 self._try(old, self._swap, old, new)
+        self._show_sources()
         return self._outcome()
+
+    def _show_sources(self) -> None:
+        for module in self._readings:
+            show_source_in_use(module)
 
     def _try(self, component: AnyComponent, step: Callable[..., T], *args: Any) -> T | None:
         """Does a step for a component; if that fails, it goes on with its old code, and that is told."""
@@ -275,25 +296,33 @@ class _Reload:
             return
         self._before[old.name] = self._before[old.name][0], {}  # what the old one leaves in its factory is for the next
         self._remarks += [failure.message for failure in changes.node.end_early(old)]
+        state = Snapshot(old.factory, [module.__name__ for module in self._readings])
         changes.exchange(old, new)
+        self._old[old.name], self._new[old.name] = old, new
+        self._undo.append(lambda: self._put_back(old, state))
         try:
             changes.begin(new)
         except (Exception, SystemExit):
+            del self._old[old.name], self._new[old.name], self._undo[-1]
             changes.node.end_early(new)
             changes.exchange(new, old)
             self._made.remove(new.name)
             self._keep(old)
-            self._begin_again(old)
+            self._remarks += changes.begin_again(old)
             raise
 
-    def _begin_again(self, old: AnyComponent) -> None:
-        changes = self._changes
-        try:
-            changes.begin(old)
-        except ComponentFailed as failure:
-            changes.node.end_early(old)
-            changes.exchange(old, None)
-            self._remarks.append(f"{failure.message}\n  so '{old.name}' could not go on either, and is gone.")
+    def _put_back(self, old: AnyComponent, state: Snapshot) -> None:
+        old.factory.__class__ = self._before[old.name][0]
+        state.restore()
+
+    def _roll_back(self) -> None:
+        """Puts back the code of all that was read, and what the factories held."""
+        for reading in self._readings.values():
+            if isinstance(reading, Reading):
+                reading.undo()
+        for undo in self._undo:
+            undo()
+        self._show_sources()
 
     def _keep(self, component: AnyComponent) -> None:
         """Undoes what was done for a component, but not what others of this reload need."""

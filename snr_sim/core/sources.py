@@ -6,8 +6,10 @@ import ast
 import hashlib
 import linecache
 import sys
+from contextlib import suppress
 from contextvars import ContextVar
 from importlib.machinery import ModuleSpec
+from importlib.util import decode_source
 from pathlib import Path
 from types import FunctionType, ModuleType
 from weakref import WeakKeyDictionary
@@ -103,7 +105,7 @@ class Reading:
             source = source_files().read(path)
         except OSError as error:
             raise ConfigError(f"The file {path} cannot be read again: {error.strerror}.") from error
-        linecache.checkcache(str(path))  # a message about the new code shows the new line
+        _show(path, source)  # a message about the new code shows the new line
         self.module = module
         self._source = source
         self._source_before = _sources.get(module)
@@ -150,6 +152,23 @@ class Reading:
         for name in [name for name in namespace if name not in self._before]:
             del namespace[name]
         namespace.update(self._before)
+
+
+def show_source_in_use(module: ModuleType) -> None:
+    """Has messages show the lines of the code that a module has, whatever stands in its file; none, if not known."""
+    _, source = _sources.get(module, (None, b""))
+    _show(Path(str(module.__file__)), source)
+
+
+def _show(path: Path, source: bytes) -> None:
+    """Has messages show the lines of this source, until the file changes; none, if it is not known."""
+    lines: list[str] = []
+    with suppress(SyntaxError, UnicodeDecodeError):  # whoever compiles it says so
+        lines = decode_source(source).splitlines(keepends=True)
+    size, time_s = len(source), None
+    with suppress(OSError):  # in a replay there need not be a file
+        size, time_s = path.stat().st_size, path.stat().st_mtime
+    linecache.cache[str(path)] = size, time_s, lines, str(path)
 
 
 class _NotMain(ast.NodeTransformer):

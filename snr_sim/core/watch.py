@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,7 +16,7 @@ from snr_sim.core.component import NodeComponent
 from snr_sim.core.config import Config
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
-from snr_sim.core.sources import file_of, modules_of
+from snr_sim.core.sources import file_of, modules_of, source_of
 from snr_sim.prelude import tasks
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ConfigError
@@ -103,8 +104,12 @@ def files_of(components: Mapping[str, Component]) -> dict[Path, list[str]]:
             modules = modules_of(component.factory, component)
         except ConfigError:
             continue  # its reload says so
-        for path in filter(None, map(file_of, modules)):
-            users.setdefault(path, []).append(name)
+        for module in modules:
+            path = file_of(module)
+            if path is not None:
+                users.setdefault(path, []).append(name)
+                with suppress(OSError):  # it has just been moved away
+                    source_of(module)  # from now on it is known, for messages about code that goes on after a reload
     return users
 
 

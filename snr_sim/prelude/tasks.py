@@ -18,7 +18,10 @@ _NO_VALUES: Sequence[Any] = ()
 ADD_COMPONENT_TASK_NAME = "add_component"
 REMOVE_COMPONENT_TASK_NAME = "remove_component"
 REMOVE_ENDPOINT_TASK_NAME = "remove_endpoint"  # the thesis' name for the same
-CHANGE_TASK_NAMES = frozenset((ADD_COMPONENT_TASK_NAME, REMOVE_COMPONENT_TASK_NAME, REMOVE_ENDPOINT_TASK_NAME))
+ROLL_BACK_TASK_NAME = "roll_back"
+CHANGE_TASK_NAMES = frozenset(
+    (ADD_COMPONENT_TASK_NAME, REMOVE_COMPONENT_TASK_NAME, REMOVE_ENDPOINT_TASK_NAME, ROLL_BACK_TASK_NAME)
+)
 FINISH_TASK_NAME = "finish_node"
 # How often a task that finishes a node goes to the end of the queue: so many generations of what follows are done.
 FINISH_GENERATIONS = 10
@@ -90,3 +93,14 @@ def add_component(factory: Factory, start_component: bool = True) -> Task:
 def remove_component(name: str) -> Task:
     """Returns a task that halts the component of that name and takes it out of the running node."""
     return Task(TaskType.event, REMOVE_COMPONENT_TASK_NAME, [name])
+
+
+def roll_back(name: str, number: int, message: str) -> Task:
+    """Returns the task that rolls back a reload of which a loop has failed.
+
+    Args:
+        name: of the loop.
+        number: of the reload among those of its node.
+        message: what went wrong, in words.
+    """
+    return Task(TaskType.event, ROLL_BACK_TASK_NAME, [name, number, message])

@@ -176,6 +176,27 @@ def test_reload_that_failed_replays_with_the_text_that_was_no_python(tmp_path: P
     assert done.stdout.startswith("identical: "), done.stdout + done.stderr
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("clock", ["sim", "wall"])
+def test_rollback_of_handler_and_of_loop_replays_identically_and_with_check(tmp_path: Path, clock: str) -> None:
+    fails = PROGRAM.replace("        self.count += 1\n", "        self.count += 1\n        self.missing()\n")
+    fails = fails.replace(
+        "        self.factory.ticks += 1\n", "        self.factory.ticks += 1\n        self.absent()\n"
+    )
+    (tmp_path / "edit.py").write_text(fails)
+    trace = record(tmp_path, clock)
+    told = pages(trace, "reload")
+    rolled_back = [page["component"] for page in told if "which was rolled back" in page["message"]]
+    assert set(rolled_back) >= ({"pilot", "ticker"} if clock == "sim" else {"pilot"})
+    counts = [count for _, count in pages(trace, "pilot thrust")]
+    assert counts == list(range(1, len(counts) + 1))
+    assert len(counts) > 10
+    replayed = snr(tmp_path, "replay", trace.path.parent, "--check")
+    assert replayed.stdout.startswith("identical: "), replayed.stdout + replayed.stderr
+    mended = snr(tmp_path, "replay", trace.path.parent, "--with", "robot.py")
+    assert mended.returncode == 1
+
+
 def snr(folder: Path, *words: object) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "snr_sim", *map(str, words)]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60, check=False)

@@ -1,0 +1,239 @@
+"""Rollback: new code that fails in its first calls leaves its place to the old code, with the state that it had."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from snr_sim import Task, TaskType, WatchLoopFactory, tasks
+from snr_sim.core.rollback import PROBATION_CALLS, PROBATION_S, Snapshot
+from snr_sim.prelude.errors import ComponentFailed
+from snr_sim.testing.parts import PartFactory
+from tests.core.test_reload import LOOP, Student, fly, outcome, reload, run, run_on_the_wall_clock, student
+
+__all__ = ["student"]
+
+PILOT = """
+    from snr_sim import Endpoint, EndpointFactory, TaskType
+
+    class Law:
+        gain = 1
+
+    class Pilot(Endpoint):
+        def __init__(self, factory, parent, name):
+            super().__init__(factory, parent, name)
+            self.count = 0
+            self.task_handlers = {(TaskType.event, "fly"): self.on_fly}
+
+        def begin(self):
+            self.factory.log.append("begun")
+
+        def on_fly(self, task, task_id):
+            self.count += 1
+            self.factory.flown += 1
+            self.factory.law.gain += 1
+            self.factory.log.append("flown")
+            return self.store_data_task("thrust", [self.count, self.factory.flown, self.factory.law.gain])
+
+        def halt(self):
+            self.factory.log.append("halted")
+
+    class PilotFactory(EndpointFactory):
+        def __init__(self, name="pilot"):
+            super().__init__()
+            self.name, self.flown, self.law, self.log = name, 0, Law(), []
+
+        def get(self, parent):
+            return Pilot(self, parent, self.name)
+"""
+ANSWER = 'return self.store_data_task("thrust"'
+FAILING = PILOT.replace(ANSWER, f"self.missing()\n            {ANSWER}")
+
+
+@pytest.mark.parametrize(
+    ("broken", "line", "what"),
+    [
+        ("self.missing()", "self.missing()", "AttributeError: 'Pilot' object has no attribute 'missing'"),
+        ("raise SystemExit", "raise SystemExit", "SystemExit: "),
+        (
+            "return 'thrust'",
+            "def on_fly(self, task, task_id):",
+            "'pilot.on_fly' returned 'thrust', which is not a task.",
+        ),
+    ],
+)
+def test_new_code_that_fails_leaves_its_task_to_the_old_code_and_its_state(
+    student: Student, broken: str, line: str, what: str
+) -> None:
+    factory = student.load(PILOT).PilotFactory()
+    law, log = factory.law, factory.log
+    change = reload(student, PILOT.replace(ANSWER, f"{broken}\n            {ANSWER}"))
+    node, thrusts = run([factory], [fly, fly, change, fly, fly])
+    assert thrusts == [[1, 1, 2], [2, 2, 3], [3, 3, 4], [4, 4, 5]]
+    assert factory.law is law
+    assert factory.log is log
+    assert log == ["begun", "flown", "flown", "halted", "begun", "flown", "flown", "halted"]
+    page = outcome(node)
+    assert (page["component"], page["ok"], page["made"]) == ("pilot", False, [])
+    first, *rest = page["message"].splitlines()
+    assert first.endswith(f": {line}")
+    assert "pilot.py, line " in first
+    assert rest[:3] == [
+        f"  {what}",
+        "  in on_fly(), component 'pilot', while it handled event 'fly' at t = 4.000 s",
+        "  1.000 s after its reload, which was rolled back: pilot as before it.",
+    ]
+    assert rest[3].startswith("  Try: ")
+    assert node.notes == [page["message"]]
+
+
+def test_file_that_was_rolled_back_can_be_mended_and_saved_again(student: Student) -> None:
+    factory = student.load(PILOT).PilotFactory()
+    mended = reload(student, PILOT.replace("+= 1", "+= 10"))
+    _, thrusts = run([factory], [fly, reload(student, FAILING), fly, mended, fly])
+    assert thrusts == [[1, 1, 2], [2, 2, 3], [10, 12, 13]]
+
+
+def test_code_of_before_two_reloads_goes_on_if_neither_of_them_has_passed(student: Student) -> None:
+    factory = student.load(PILOT).PilotFactory()
+    worse = reload(student, FAILING.replace("missing", "absent"))
+    _, thrusts = run([factory], [fly, reload(student, FAILING), worse, fly, fly])
+    assert thrusts == [[1, 1, 2], [2, 2, 3], [3, 3, 4]]
+
+
+def test_nothing_goes_back_behind_code_that_has_passed(student: Student) -> None:
+    factory = student.load(PILOT).PilotFactory()
+    faster = reload(student, PILOT.replace("self.count += 1", "self.count += 10"))
+    many = [lambda: [fly()] * PROBATION_CALLS] * 5
+    never_called = reload(student, PILOT)
+    _, thrusts = run([factory], [never_called, faster, *many, reload(student, FAILING), fly])
+    assert thrusts[-2:] == [[10 * 5 * PROBATION_CALLS, 500, 501], [10 * 5 * PROBATION_CALLS + 10, 501, 502]]
+
+
+@pytest.mark.parametrize(("seconds", "calls"), [(int(PROBATION_S) - 2, 2 * PROBATION_CALLS), (60, PROBATION_CALLS - 2)])
+def test_new_code_is_on_probation_for_three_seconds_and_a_hundred_calls(
+    student: Student, seconds: int, calls: int
+) -> None:
+    factory = student.load(PILOT).PilotFactory()
+    late = PILOT.replace(ANSWER, f"if self.count > {calls}: self.missing()\n            {ANSWER}")
+    steps: list[Callable[[], Any]] = [reload(student, late), lambda: [fly()] * calls, *[lambda: None] * (seconds - 1)]
+    node, thrusts = run([factory], [*steps, fly])
+    assert thrusts[-1] == [1, 1, 2]
+    assert not outcome(node)["ok"]
+
+
+def test_failure_after_probation_ends_the_run(student: Student) -> None:
+    factory = student.load(PILOT).PilotFactory()
+    late = PILOT.replace(ANSWER, f"if self.count > {2 * PROBATION_CALLS}: self.missing()\n            {ANSWER}")
+    many = [lambda: [fly()] * PROBATION_CALLS, *[lambda: None] * 3]
+    with pytest.raises(ComponentFailed, match="missing"):
+        run([factory], [reload(student, late), *many, *many, fly])
+
+
+def test_old_code_that_fails_too_ends_the_run_with_its_own_line(student: Student) -> None:
+    odd = PILOT.replace(ANSWER, f"if task.val_list[0] == 7: self.absent()\n            {ANSWER}")
+    factory = student.load(odd).PilotFactory()
+    with pytest.raises(ComponentFailed, match=r"pilot.py, line 20\n  AttributeError: .* 'absent'\n"):
+        run([factory], [reload(student, FAILING), lambda: fly(7)])
+
+
+@pytest.mark.parametrize("new", [FAILING, FAILING.replace("missing", "missing(")])
+def test_line_of_old_code_that_goes_on_is_shown_as_it_was_and_not_as_it_stands_in_the_file(
+    student: Student, new: str
+) -> None:
+    odd = PILOT.replace(ANSWER, f"if task.val_list[0] == 7: self.absent()\n            {ANSWER}")
+    factory = student.load(odd).PilotFactory()
+    saved = [lambda: student.save("\n" + new) and None, lambda: None, lambda: fly(7)]
+    with pytest.raises(ComponentFailed, match=r"pilot.py, line 20: if task.val_list\[0\] == 7: self.absent\(\)"):
+        run([factory, WatchLoopFactory()], saved, until_s=5.0)
+
+
+def test_all_that_a_reload_has_made_go_back_and_each_handles_the_task_once(student: Student) -> None:
+    module = student.load(PILOT)
+    one, two = module.PilotFactory("one"), module.PilotFactory("two")
+    heard: list[str] = []
+    ear = PartFactory({(TaskType.event, "fly"): lambda task, task_id: heard.append("ear")}, "ear")
+    failing = FAILING.replace("self.missing()", "if self.name == 'one': self.missing()")
+    node, thrusts = run([one, two, ear], [fly, reload(student, failing, "one", "two"), fly])
+    assert thrusts == [[1, 1, 2]] * 2 + [[2, 2, 3]] * 2
+    assert heard == ["ear", "ear"]
+    assert "rolled back: one, two as before it." in outcome(node)["message"]
+
+
+def test_component_that_was_removed_since_does_not_come_back(student: Student) -> None:
+    module = student.load(PILOT)
+    one, two = module.PilotFactory("one"), module.PilotFactory("two")
+    steps = [reload(student, FAILING, "one", "two"), lambda: tasks.remove_component("two"), fly]
+    node, thrusts = run([one, two], steps)
+    assert thrusts == [[1, 1, 2]]
+    assert list(node.components) == ["node_core", "one"]
+    assert two.log[-1] == "halted"
+
+
+FAILING_LOOP = LOOP.replace("self.factory.count += 1", "self.factory.count += 100\n            self.missing()")
+
+
+def test_loop_that_fails_in_its_first_ticks_leaves_its_place_to_the_old_one(student: Student) -> None:
+    factory = student.load(LOOP).CounterFactory()
+    node, counts = run([factory], [reload(student, FAILING_LOOP, "counter")], 0.25, until_s=0.5)
+    assert counts == [1, 2, 3, 4, 5, 6]
+    assert "rolled back: counter as before it." in outcome(node)["message"]
+    assert outcome(node)["message"].splitlines()[0].endswith(": self.missing()")
+    assert factory.log == ["setup", "halt", "terminate", "setup", "halt", "terminate"]
+
+
+def test_loop_that_fails_later_ends_the_run(student: Student) -> None:
+    factory = student.load(LOOP).CounterFactory()
+    late = LOOP.replace("+= 1", "+= 1\n            if self.get_time_s() > 4.0: self.missing()")
+    with pytest.raises(ComponentFailed, match="missing"):
+        run([factory], [reload(student, late, "counter")], 0.25, until_s=5.0)
+
+
+@pytest.mark.parametrize("values", [[], [1], ["pilot", 1, "why"], ["pilot", "1", 2], [["pilot"], 1, "why"]])
+def test_task_of_anybody_to_roll_back_what_is_not_on_probation_changes_nothing(values: list[Any]) -> None:
+    node, _ = run([PartFactory(name="pilot")], [lambda: tasks.event("roll_back", values), lambda: None])
+    assert node.get_page("reload") is None
+    assert list(node.components) == ["node_core", "pilot"]
+
+
+@pytest.mark.slow
+def test_loop_on_a_thread_that_fails_in_its_first_ticks_leaves_its_place_too(student: Student) -> None:
+    factory = student.load(LOOP).CounterFactory()
+    change = reload(student, FAILING_LOOP, "counter")
+    node = run_on_the_wall_clock(factory, change, *[lambda: tasks.event("nothing")] * 5)
+    assert node.exit_reason == "done"
+    assert factory.count < 100
+    assert "rolled back: counter as before it." in outcome(node)["message"]
+
+
+def test_snapshot_restores_in_place_what_attributes_hold() -> None:
+    import numpy as np
+
+    class Mine:
+        pass
+
+    thing, inner = Mine(), Mine()
+    inner.weights = np.zeros(3)  # type: ignore[attr-defined]
+    inner.thing = thing  # type: ignore[attr-defined]
+    lists: list[Any] = [1, {"a": {2}}, (inner, [3])]
+    lists.append(lists)
+    vars(thing).update(lists=lists, number=1)
+    snapshot = Snapshot(thing, [__name__])
+    inner.weights[:] = 7.0  # type: ignore[attr-defined]
+    lists[1]["a"].add(9)
+    lists[2][1].append(4)
+    del lists[0]
+    vars(thing).update(lists=[], number=2, more=3)
+    snapshot.restore()
+    assert vars(thing) == {"lists": lists, "number": 1}
+    assert lists[:2] == [1, {"a": {2}}]
+    assert lists[2] == (inner, [3])
+    assert list(inner.weights) == [0.0, 0.0, 0.0]  # type: ignore[attr-defined]
+
+
+def test_handler_that_answers_a_removed_component_is_not_called() -> None:
+    """The probation's own wrapper is only there after a reload: without one a lookup calls handlers directly."""
+    handlers: dict[Any, Any] = {(TaskType.event, "fly"): lambda task, task_id: None}
+    node, _ = run([PartFactory(handlers)], [fly])
+    ((_, handler, _, _),) = node.machine.lookup.find(Task(TaskType.event, "fly"))
+    assert handler is handlers[TaskType.event, "fly"]
