@@ -108,9 +108,9 @@ class FastLaneGuard:
     ALLOWED_PROCESSES = ("uname", "lscpu")
     SOCKETS = ("socket.bind", "socket.connect")
     THREADS = ("_thread.start_new_thread", "_thread.start_joinable_thread")  # audited from Python 3.12 on
-    # Of the recorder and who follows it, of the handling of signals, and of prompt_toolkit; loops have threads on the
-    # wall clock only.
-    ALLOWED_THREADS = ("trace-flusher", "trace-follower", "wake_up", "patch-stdout-flush-thread")
+    # Of the recorder and who follows it, of the handling of signals, of who watches a run, and of prompt_toolkit; loops
+    # have threads on the wall clock only.
+    ALLOWED_THREADS = ("trace-flusher", "trace-follower", "wake_up", "watchdog", "patch-stdout-flush-thread")
 
     def __init__(self) -> None:
         self.is_active = False

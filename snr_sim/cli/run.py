@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from snr_sim.simulation import Request, Simulation
     from snr_sim.std_mods.console.command_receiver import CommandReceiverFactory
 
+QUIET_STALL_LIMIT_S = 60.0  # with --json: nobody reads that it stands still
+
 
 def run(
     context: typer.Context,
@@ -47,6 +49,10 @@ def run(
         int | None, typer.Option(metavar="PORT", help="For `snr console PORT`, on this machine.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    stall_limit: Annotated[
+        float | None,
+        typer.Option(metavar="S", help="End a run that stands still for S seconds; 60 with --json, else inf."),
+    ] = None,
 ) -> None:
     """Run a scenario and record it.
 
@@ -73,6 +79,7 @@ def run(
         is_quiet=as_json,
         is_watched=watch,
         console_port=console,
+        stall_limit_s=stall_limit,
     )
     if as_json:
         from snr_sim.recording.folder import as_json as json_of
@@ -102,8 +109,12 @@ def record_run(
     is_quiet: bool,
     is_watched: bool = False,
     console_port: int | None = None,
+    stall_limit_s: float | None = None,
 ) -> tuple[dict[str, Any], int]:
     """Runs a request into a new run folder; returns what result.json holds, and the exit status.
+
+    Args:
+        stall_limit_s: ends a run that stands still for so long; if None, one that is quiet, as a program waits for it.
 
     Raises:
         SnrError: the request is wrong; nothing has been written.
@@ -140,6 +151,7 @@ def record_run(
         else:
             config = world.config
             header = simulation.header(world.plant, config, "wall")
+        config.stall_limit_s = _stall_limit_s(stall_limit_s, is_quiet)
         start_lines = simulation.start_lines()
         if is_watched:
             show_log(logging.INFO)
@@ -198,6 +210,21 @@ def record_run(
             _keep_result(folder, fields, result)
     _say(fields, result, is_quiet)
     return fields, 0 if result.success else 1
+
+
+def _stall_limit_s(asked_s: float | None, is_quiet: bool) -> float:
+    """Returns how long a run may stand still [s].
+
+    Raises:
+        ParameterError: that is no time.
+    """
+    if asked_s is None:
+        return QUIET_STALL_LIMIT_S if is_quiet else math.inf
+    if asked_s > 0:
+        return asked_s
+    from snr_sim.prelude.errors import ParameterError
+
+    raise ParameterError(f"--stall-limit {asked_s:g} is no time.", fix="seconds above 0, such as 60; or inf.")
 
 
 def _pace_with_wires(simulation: Simulation, pace: float | None) -> float | None:

@@ -36,9 +36,11 @@ class Config:
         factories: for each role the factories of its components, in the order they begin and handle tasks.
         max_tasks_per_moment: how many tasks a node may execute while virtual time stands still; with more the run
             ends and says which tasks ask for each other. On the wall clock there is no such bound.
+        stall_limit_s: how long a component may hold up a run, of wall time; then the run is ended. It is told after
+            two seconds in any case.
 
     Raises:
-        ConfigError: there is no such mode, there is no role, a role is no list, or the bound is no number of tasks.
+        ConfigError: there is no such mode, there is no role, a role is no list, or a bound is none.
     """
 
     def __init__(
@@ -47,6 +49,7 @@ class Config:
         factories: ComponentsByRole | None = None,
         *,
         max_tasks_per_moment: int = MAX_TASKS_PER_MOMENT,
+        stall_limit_s: float = float("inf"),
     ) -> None:
         if isinstance(mode, Mapping):
             raise ConfigError(
@@ -77,9 +80,17 @@ class Config:
                 f"A Config with max_tasks_per_moment={max_tasks_per_moment!r}.",
                 fix=f"a whole number, such as {MAX_TASKS_PER_MOMENT}.",
             )
+        if not (type(stall_limit_s) in (int, float) and stall_limit_s > 0):
+            raise ConfigError(f"A Config with stall_limit_s={stall_limit_s!r}.", fix="seconds, such as 60.0.")
         self.mode = Mode(mode)
         self.max_tasks_per_moment = max_tasks_per_moment
+        self.stall_limit_s = stall_limit_s
         self.factories = {role: list(components) for role, components in factories.items()}
+
+    @property
+    def bounds(self) -> dict[str, Any]:
+        """What bounds a run, by the names that `Config` takes: for another config of the same robot."""
+        return {"max_tasks_per_moment": self.max_tasks_per_moment, "stall_limit_s": self.stall_limit_s}
 
     def get(self, role: RoleName) -> list[AnyFactory]:
         """Returns the factories of a role.

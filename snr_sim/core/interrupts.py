@@ -26,6 +26,9 @@ PATIENCE_S = 0.3
 LAST_RING = 3  # so long after the signal no component runs, yet nobody looks at the door: something else hangs
 
 
+_entered: list[int] = []  # the thread of each `orderly` that is entered: only the main one, one within the other
+
+
 class Interrupted(KeyboardInterrupt):
     """Raised inside what does not return although the run is to end."""
 
@@ -70,15 +73,31 @@ def orderly(nodes: Sequence[Node]) -> Iterator[list[str]]:
         if node.machine.running is not None:
             raise Interrupted(f"component '{node.machine.running.name}' did not return")
 
+    last_resort = LastResort(nodes, threading.get_ident())
+
+    def look(number: int) -> None:
+        last_resort.look(signal.Signals(number).name, 128 + number)
+
     handlers: dict[int, Any] = {signal.SIGINT: on_signal, signal.SIGTERM: on_signal}
     if hasattr(signal, "SIGALRM"):
         handlers[signal.SIGALRM] = on_impatience
     before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
+    _entered.append(threading.get_ident())
     try:
-        with woken_by((signal.SIGINT, signal.SIGTERM), caught, LastResort(nodes, threading.get_ident()).look):
+        with woken_by((signal.SIGINT, signal.SIGTERM), caught, look):
             yield caught
     finally:
+        _entered.pop()
         if hasattr(signal, "setitimer"):
             signal.setitimer(signal.ITIMER_REAL, 0)
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def interrupt_what_runs() -> None:
+    """Has what the main thread runs interrupted, and again if that does not return, as after a signal; from any thread.
+
+    Does nothing outside of `orderly`, and where a system has no such timer.
+    """
+    if _entered and hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_REAL, 1e-6, PATIENCE_S)

@@ -1,13 +1,12 @@
-"""Ends the process of a run that does not end after a signal, because its code swallows every interrupt.
+"""Ends the process of a run that does not end although it is to, because its code swallows every interrupt.
 
-Called from the thread of `core/wake_up.py`: the node's own thread is the one that is stuck. Loops are halted first, so
-that actuators are neutral.
+Called from the thread of `core/wake_up.py` or of `core/watchdog.py`: the node's own thread is the one that is stuck.
+Loops are halted first, so that actuators are neutral.
 """
 
 from __future__ import annotations
 
 import os
-import signal
 import sys
 import threading
 import time
@@ -39,11 +38,12 @@ class LastResort:
         self._state: list[Any] | None = None
         self._since_s = 0.0
 
-    def look(self, number: int) -> None:
+    def look(self, why: str, status: int) -> None:
         """Ends the process if nothing has changed for too long.
 
         Args:
-            number: of the signal that is to end the run; the exit status is 128 + number.
+            why: the run is to end.
+            status: of the process.
         """
         running = [node.machine.running for node in self._nodes]
         state = [*map(id, running), *((node.is_over, node.machine.executed) for node in self._nodes)]
@@ -52,9 +52,9 @@ class LastResort:
             self._state, self._since_s = state, now_s
         is_with_files = all(node.is_over for node in self._nodes) and all(one is None for one in running)
         if now_s - self._since_s >= (FILES_S if is_with_files else STUCK_S):
-            self._end_process(number)
+            self._end_process(why, status)
 
-    def _end_process(self, number: int) -> None:
+    def _end_process(self, why: str, status: int) -> None:
         stuck = next((node for node in self._nodes if node.machine.running is not None), None)
         name = "" if stuck is None or stuck.machine.running is None else stuck.machine.running.name
         what = f"component '{name}'" if name else "the run"
@@ -77,10 +77,9 @@ class LastResort:
         where = "" if place is None else f"{place}\n  "
         halted = f" Halted: {', '.join(loop.name for loop in loops)}." if loops else ""
         say(
-            f"{where}{signal.Signals(number).name}: {because}. After {STUCK_S:g} s the process was ended.{halted}\n"
-            f"  Try: {LET_INTERRUPTS_PASS}"
+            f"{where}{why}: {because}. After {STUCK_S:g} s the process was ended.{halted}\n  Try: {LET_INTERRUPTS_PASS}"
         )
-        os._exit(128 + number)
+        os._exit(status)
 
 
 def at_once(steps: Sequence[Callable[[], object]], timeout_s: float) -> None:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.node import Node
 from snr_sim.core.runaway import Moments
+from snr_sim.core.watchdog import Watchdog
 from snr_sim.prelude.errors import ComponentFailed
 
 NOTHING_LEFT = "nothing left to do"
@@ -23,16 +24,16 @@ def run_alone(node: Node) -> None:
     if isinstance(node.clock, SimClock):
         LockStep([node], node.clock).run()
         return
-    try:
+
+    def run() -> str:
         node.begin()
         while not node.is_terminated:
             node.run_ready()
             if not node.is_terminated:
                 node.door.wait()
-    except BaseException as error:
-        _end_all([node], error)
-        raise
-    _end_all([node], "")
+        return ""
+
+    _run_watched([node], run)
 
 
 class LockStep:
@@ -61,17 +62,12 @@ class LockStep:
         Raises:
             ComponentFailed: a handler or a loop raised; every node has been halted.
         """
-        try:
-            for node in self._nodes:
-                node.begin()
-            self._wall_start_s = time.monotonic()
-            reason = self._run()
-        except BaseException as error:
-            _end_all(self._nodes, error)
-            raise
-        _end_all(self._nodes, reason)
+        _run_watched(self._nodes, self._run)
 
     def _run(self) -> str:
+        for node in self._nodes:
+            node.begin()
+        self._wall_start_s = time.monotonic()
         if not self._nodes:
             return NOTHING_LEFT
         clock, only = self._clock, self._nodes[0] if len(self._nodes) == 1 else None
@@ -133,6 +129,20 @@ class LockStep:
             door.wait(min(spare_s, 0.05 if len(self._nodes) > 1 else spare_s))
             if any(node.machine.queued or node.door.failure is not None for node in self._nodes):
                 return False
+
+
+def _run_watched(nodes: Sequence[Node], run: Callable[[], str]) -> None:
+    """Runs nodes by `run`, which returns why it ended, and ends them, under the eyes of a watchdog."""
+    with Watchdog(nodes) as watchdog:
+        try:
+            reason = run()
+        except BaseException as error:
+            failure = watchdog.failure or error  # what it has interrupted is no interrupt to the user
+            _end_all(nodes, failure)
+            if failure is error:
+                raise
+            raise failure from error
+        _end_all(nodes, reason)
 
 
 def _end_all(nodes: Sequence[Node], why: str | BaseException) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 from collections import deque
 from collections.abc import Callable, Sequence
+from itertools import islice
 from types import AsyncGeneratorType, CoroutineType, GeneratorType
 from typing import Any
 
@@ -71,6 +72,10 @@ class EventMachine:
         """The task that `execute_next` will take."""
         waiting = self._urgent or self._queue
         return waiting[0] if waiting else None
+
+    def waiting_tasks(self, at_most: int) -> list[Task]:
+        """Returns the oldest tasks that have been let in, also for another thread: a copy is made in one step."""
+        return list(islice(self._queue, at_most))
 
     def run_ready(self) -> None:
         """Executes tasks until none is left, the machine has ended, or it has executed `most_executed` tasks.

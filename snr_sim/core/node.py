@@ -316,8 +316,9 @@ class Node:
             self._call_last(component, "halt", component.join, failures)
             self._call_last(component, "terminate", component.terminate, failures)
         self.door.close()
-        if isinstance(self.door.failure, ComponentFailed):  # a loop's thread failed, perhaps only now, in its halt
-            failures.append(self.door.failure)
+        failure = self.door.failure
+        if isinstance(failure, ComponentFailed) and failure is not error:  # of a loop's thread, perhaps in its halt
+            failures.append(failure)
         self._note_overload()
         if not self.never_ran:
             self.notes.extend(loose_ends(self.components, self.machine.lookup.seen(), self.datastore))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from itertools import islice
 
 from snr_sim.core.door import Door
 from snr_sim.core.handlers import Lookup
@@ -38,6 +39,10 @@ class RecordingMachine(EventMachine):
     def queued(self) -> int:
         """How many tasks wait, at the door or inside."""
         return len(self._tickets) + len(self._urgent_tickets) + len(self.door.waiting)
+
+    def waiting_tasks(self, at_most: int) -> list[Task]:
+        """Returns the oldest tasks that have been let in."""
+        return [ticket[0] for ticket in list(islice(self._tickets, at_most))]
 
     def run_ready(self) -> None:
         """Executes tasks as `EventMachine.run_ready` does, and raises what that raises."""

@@ -112,7 +112,7 @@ class CliRunner:
         roles = [word for word in words if word not in ("-d", "--watch")]
         config = self._components if isinstance(self._components, Config) else Config(mode, self._components)
         if mode is Mode.DEBUG:
-            config = Config(mode, config.factories)
+            config = Config(mode, config.factories, **config.bounds)
         if mode is Mode.DEBUG or is_watched:
             show_log(logging.DEBUG if mode is Mode.DEBUG else logging.INFO)
         if len(roles) != 1 or roles[0] not in config.factories:

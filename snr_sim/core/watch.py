@@ -116,4 +116,4 @@ def files_of(components: Mapping[str, Component]) -> dict[Path, list[str]]:
 def watched(config: Config) -> Config:
     """Returns the same config with a watch in each role."""
     factories = {role: [*given, WatchLoopFactory()] for role, given in config.factories.items()}
-    return Config(config.mode, factories)
+    return Config(config.mode, factories, **config.bounds)

@@ -16,6 +16,7 @@ from snr_sim.core.config import Config
 from snr_sim.core.machine import HandlerFailed
 from snr_sim.core.node import Node
 from snr_sim.core.recording_machine import RecordingMachine
+from snr_sim.core.watchdog import Watchdog
 from snr_sim.prelude.errors import ComponentFailed, TraceError, ValueEncodingError
 from snr_sim.prelude.page import KINDS
 from snr_sim.prelude.task import Task, TaskType
@@ -70,7 +71,8 @@ def replay_node(
     clock = ReplayClock()
     node = Node(role, config, clock=clock, recorder=checker, seed=trace.header.seed, is_replay=True)
     node.is_in_lock_step = trace.header.clock == "sim"
-    _Driver(node, clock, checker, before_task).run(records)
+    with Watchdog([node]):
+        _Driver(node, clock, checker, before_task).run(records)
     checker.result.executed = node.machine.executed
     return checker.result
 

@@ -125,7 +125,14 @@ class MultiProcRunner:
         for factory in factories:  # one by one only to name the one that cannot be sent
             pack(factory, type(factory).__name__, f"Role '{role}'")
         packed = pack((factories, self._run), "what it runs", f"Role '{role}'")
-        return {"role": role, "packed": packed, "mode": self._config.mode.value, "seed": self._seed}
+        config = self._config
+        return {
+            "role": role,
+            "packed": packed,
+            "mode": config.mode.value,
+            "bounds": config.bounds,
+            "seed": self._seed,
+        }
 
     def _wait(self) -> None:
         wait_s = LOOK_UP_S if self._kill_at_s is None else min(LOOK_UP_S, self._kill_at_s - time.monotonic())

@@ -40,7 +40,8 @@ def run(line: Connection) -> int:
     spawned.hear_signals()
     try:
         factories, run_it = unpack(order["packed"])
-        run_it(order["role"], Config(Mode(order["mode"]), {order["role"]: factories}), order["seed"], ending.has)
+        config = Config(Mode(order["mode"]), {order["role"]: factories}, **order["bounds"])
+        run_it(order["role"], config, order["seed"], ending.has)
     except SnrError as error:
         failure = [str(error), error.component if isinstance(error, ComponentFailed) else ""]
     except (Exception, SystemExit) as error:

@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, Mode, Node
+from snr_sim.core.watch import watched
 from snr_sim.prelude.errors import ConfigError, UnknownName
 from snr_sim.testing.parts import PartFactory
 
@@ -72,3 +73,8 @@ def test_only_debug_mode_profiles() -> None:
 def test_a_factory_keeps_its_own_reload_targets() -> None:
     PartFactory().reload_targets.append(pytest)
     assert PartFactory().reload_targets == []
+
+
+def test_the_bounds_of_a_run_outlast_what_is_put_beside_its_components() -> None:
+    config = Config(factories={"robot": []}, max_tasks_per_moment=7, stall_limit_s=3.0)
+    assert watched(config).bounds == config.bounds == {"max_tasks_per_moment": 7, "stall_limit_s": 3.0}

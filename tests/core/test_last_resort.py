@@ -59,7 +59,7 @@ class Look(LastResort):
 
     ended_s: float | None = None
 
-    def _end_process(self, number: int) -> None:
+    def _end_process(self, why: str, status: int) -> None:
         self.ended_s = self.ended_s or last_resort.time.monotonic()
 
 
@@ -73,7 +73,7 @@ def looks(monkeypatch: pytest.MonkeyPatch) -> Callable[[Node, Callable[[float], 
             now_s = 0.1 * moment
             monkeypatch.setattr(last_resort.time, "monotonic", partial(float, now_s))
             at(now_s)
-            watch.look(15)
+            watch.look("SIGTERM", 143)
         return watch.ended_s
 
     return look

@@ -287,6 +287,7 @@ def test_a_loop_that_fails_on_its_thread_ends_the_node_with_its_error(step: str)
     assert "component 'culprit'" in str(caught.value)
     assert 'raise ValueError("the wire is loose")' in str(caught.value).split("\n")[0]
     assert log == ["halt", "end"]
+    assert not [note for note in node.notes if "the wire is loose" in note]  # it is told once
 
 
 @pytest.mark.slow

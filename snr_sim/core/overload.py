@@ -1,0 +1,87 @@
+"""Tells of a node on the wall clock that cannot keep up, while it cannot: what waits, who brings it, who is slow."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+
+from snr_sim.core.blame import Place
+from snr_sim.core.current_call import CurrentCall
+from snr_sim.core.handlers import describe
+from snr_sim.core.node import OVERLOAD_TASKS, Node
+
+TOLD_AGAIN_S = 10.0
+SAMPLES = 40  # of who brings and who works, when it is told
+SAMPLE_PERIOD_S = 0.005
+COUNTED_TASKS = 10_000  # at most, of those that wait
+SHOWN = 3
+
+
+class Overload:
+    """Looks at one node again and again, from another thread than the node's.
+
+    Args:
+        node: on the wall clock.
+        call: returns what the node's thread is doing; with True also how many tasks it has executed in this go.
+        pause: waits so many seconds.
+    """
+
+    def __init__(self, node: Node, call: Callable[[bool], CurrentCall], pause: Callable[[float], object]) -> None:
+        self._node = node
+        self._call = call
+        self._pause = pause
+        self._before: tuple[float, int] | None = None  # when it was looked at, and how many tasks had ever come
+        self._tell_at_s = float("-inf")
+
+    def look(self, now_s: float) -> str | None:
+        """Returns what is to be told, if anything is: of a queue that was long at the last look, too."""
+        machine = self._node.machine
+        waiting = machine.queued
+        if waiting < OVERLOAD_TASKS or self._node.is_over:
+            self._before = None
+            return None
+        before = self._before
+        self._before = now_s, waiting + machine.executed + self._call(True).executed
+        if before is None or now_s < self._tell_at_s:
+            return None
+        self._tell_at_s = now_s + TOLD_AGAIN_S
+        came_hz = (self._before[1] - before[1]) / max(now_s - before[0], 1e-9)
+        # First in, first out: what waits has come since the oldest did.
+        oldest = f", the oldest for about {waiting / came_hz:.1f} s" if came_hz > 0 else ""
+        return (
+            f"{waiting} tasks wait in node '{self._node.name}'{oldest}: they come faster than their handlers work, so "
+            f"handlers see old data.\n  {self._kinds()}\n  {self._makers()}\n"
+            "  Try: a lower max_tick_rate_hz for what brings them, or do less in the handler."
+        )
+
+    def _kinds(self) -> str:
+        kinds = Counter(describe(task.id()) for task in self._node.machine.waiting_tasks(COUNTED_TASKS))
+        return f"most of them: {_shares(kinds)}"
+
+    def _makers(self) -> str:
+        sources, working = Counter[str](), Counter[str]()
+        places: dict[str, Place | None] = {}
+        for _ in range(SAMPLES):
+            self._pause(SAMPLE_PERIOD_S)
+            sources.update(source for _, source in list(self._node.door.waiting))
+            running, call = self._node.machine.running, self._call(False)
+            if running is not None:
+                who = f"{running.name}.{call.function}" if call.function else running.name
+                working[who] += 1
+                places[who] = call.place or places.get(who)
+        brought = f"brought by {_shares(sources)}" if sources else "returned by handlers, as far as was seen"
+        if not working:
+            return brought
+        (slowest, _), *_ = working.most_common(1)
+        where = "" if places[slowest] is None else f" ({places[slowest]})"
+        return f"{brought}; the node's time goes to {_shares(working)}{where}"
+
+
+def _shares(counts: Counter[str]) -> str:
+    """Returns the largest counts, in per cent of all.
+
+    >>> _shares(Counter(camera=3, depth=1))
+    'camera 75 %, depth 25 %'
+    """
+    whole = counts.total()
+    return ", ".join(f"{name} {100 * count / whole:.0f} %" for name, count in counts.most_common(SHOWN))

@@ -1,0 +1,118 @@
+"""Tells of a component that does not return: which, what it is doing, and the student's line, while it is there.
+
+Nothing else runs meanwhile, so it is looked for from another thread (`core/watchdog.py`), which only reads. Code in C
+that keeps the interpreter's lock stops that thread, too.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from snr_sim.core.current_call import CurrentCall
+from snr_sim.core.handlers import describe
+from snr_sim.core.node import Node
+from snr_sim.prelude.errors import ComponentFailed
+
+TOLD_AFTER_S = 2.0
+TOLD_AGAIN_S = 10.0
+WITHOUT_LINE_S = 10.0  # told so late if no student's line is in it: a device that starts up may take seconds
+SLOW_LOOKS = 10  # so many looks in a row that find one line: the run spends its time there
+
+_FIX = (
+    "a handler, and a loop's loop(), does its work once and returns. What is to happen again is a Loop's work, at its "
+    "max_tick_rate_hz; what is to happen later, a TimeoutLoopFactory's."
+)
+
+
+class Standstill:
+    """Looks at a run again and again.
+
+    Args:
+        nodes: of the run; one thread runs them all.
+        call: returns what that thread is doing; with True also which task it executes.
+    """
+
+    def __init__(self, nodes: Sequence[Node], call: Callable[[bool], CurrentCall]) -> None:
+        self.stalled_s = 0.0  # of wall time, for which nothing has changed
+        self._nodes = nodes
+        self._call = call
+        self._state: list[Any] = []
+        self._executed = -1  # by a machine that counts only at the end of its work; -1 if not looked at
+        self._tell_at_s = TOLD_AFTER_S
+        self._lines: deque[tuple[str, int] | None] = deque(maxlen=SLOW_LOOKS)
+        self._told_lines: set[tuple[str, int]] = set()
+
+    def look(self, passed_s: float) -> str | None:
+        """Returns what is to be told, if anything is.
+
+        Args:
+            passed_s: wall time since the last look.
+        """
+        state = self._progress()
+        is_same = state == self._state
+        call = self._call(is_same)
+        is_same = is_same and self._executed in (-1, call.executed)
+        self._state, self._executed = state, call.executed if is_same else -1
+        self._lines.append(call.line if self.running is not None else None)
+        if not is_same or call.is_debugged:
+            self.stalled_s, self._tell_at_s = 0.0, TOLD_AFTER_S
+            return self._slow(call)
+        self.stalled_s += passed_s
+        if self.stalled_s < (self._tell_at_s if call.frame is not None else max(self._tell_at_s, WITHOUT_LINE_S)):
+            return None
+        self._tell_at_s = self.stalled_s + TOLD_AGAIN_S
+        if call.line is not None:
+            self._told_lines.add(call.line)
+        return f"{self._words(call)}, and nothing else runs meanwhile.\n  Try: {_FIX} Ctrl-C ends the run in order."
+
+    def failure(self) -> ComponentFailed:
+        """Returns the error of a run that is ended for this."""
+        running = self.running
+        what = f"{self._words(self._call(True))}: the run was ended."
+        return ComponentFailed(f"{what}\n  Try: {_FIX}", self.node.name, "" if running is None else running.name)
+
+    @property
+    def node(self) -> Node:
+        """The node that is at work, or the first."""
+        return next((node for node in self._nodes if node.machine.running is not None), self._nodes[0])
+
+    @property
+    def running(self) -> Any:
+        """The component whose code runs, if one does."""
+        return self.node.machine.running
+
+    def _progress(self) -> list[Any]:
+        """Returns what changes while a run gets on. All of it is kept anyway."""
+        first = self._nodes[0]
+        return [
+            first.clock.now_s() if first.is_in_lock_step else None,
+            *(
+                (id(node.machine.running), node.machine.now_s, node.machine.executed, node.door.visits, node.is_over)
+                for node in self._nodes
+            ),
+        ]
+
+    def _words(self, call: CurrentCall) -> str:
+        where = "" if call.place is None else f"{call.place}\n  "
+        task = "" if call.task is None else f", which handles {describe(call.task.id())},"
+        at = f"at t = {self.node.machine.now_s:.3f} s"
+        return f"{where}{self._who(call)}{task} has not returned for {self.stalled_s:.0f} s {at}"
+
+    def _who(self, call: CurrentCall) -> str:
+        function = f"{call.function}() of " if call.function else ""
+        if self.running is None:  # a plant or a scenario, which follow the clock
+            return f"{call.function}()" if call.function else "the run"
+        return f"{function}component '{self.running.name}'"
+
+    def _slow(self, call: CurrentCall) -> str | None:
+        """Tells once of a line in which the run is at look after look, although it gets on."""
+        line = call.line
+        if line is None or line in self._told_lines or list(self._lines) != [line] * SLOW_LOOKS:
+            return None
+        self._told_lines.add(line)
+        return (
+            f"{call.place}\n  {self._who(call)} was in this line whenever the run was looked at, {SLOW_LOOKS} times in "
+            f"a row: the run spends its time there.\n  Try: {_FIX} In time.sleep() a whole run waits."
+        )

@@ -1,0 +1,106 @@
+"""Looks at a run twice a second from a thread of its own, so that a run that stands still or falls behind is told.
+
+It reads what the machines keep anyway: a task costs nothing more for it, and a run is the same with it. Every way to
+run nodes goes through `core/lockstep.py`, which has it.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from types import FrameType, TracebackType
+from typing import Self
+
+from snr_sim.core.current_call import CurrentCall, current_call
+from snr_sim.core.interrupts import interrupt_what_runs
+from snr_sim.core.last_resort import LastResort, say
+from snr_sim.core.node import Node
+from snr_sim.core.overload import Overload
+from snr_sim.core.standstill import Standstill
+from snr_sim.prelude.errors import ComponentFailed
+
+LOOK_S = 0.5
+# Of what passes between two looks no more counts: else the process was stopped, and not the run.
+_MOST_COUNTED_S = 2 * LOOK_S
+
+
+class Watchdog:
+    """Watches a run as long as it is entered, by the thread that runs it.
+
+    Args:
+        nodes: of the run.
+        now_s: wall time.
+        frames: returns the newest frame of each thread.
+        tell: takes what is to be told.
+        pause: waits so many seconds.
+
+    Attributes:
+        failure: why the run was ended from here, if it was.
+    """
+
+    def __init__(
+        self,
+        nodes: Sequence[Node],
+        *,
+        now_s: Callable[[], float] = time.monotonic,
+        frames: Callable[[], Mapping[int, FrameType]] = sys._current_frames,
+        tell: Callable[[str], object] = say,
+        pause: Callable[[float], object] = time.sleep,
+    ) -> None:
+        self.failure: ComponentFailed | None = None
+        self._nodes = list(nodes)
+        self._now_s = now_s
+        self._frames = frames
+        self._tell = tell
+        self._pause = pause
+        self._limit_s = min((node.config.stall_limit_s for node in nodes), default=float("inf"))
+        self._base: FrameType | None = None
+        self._is_over = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="watchdog", daemon=True)
+
+    def __enter__(self) -> Self:
+        self.begin(sys._getframe(1))
+        if self._nodes:
+            self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._is_over.set()
+        if self._nodes:
+            self._thread.join()
+        self._base = None  # or that frame and this object would keep each other
+
+    def begin(self, base: FrameType | None) -> None:
+        """Takes the calling thread for the one that runs the nodes; what it does is looked at down to `base`."""
+        self._thread_id = threading.get_ident()
+        self._base = base
+        self._looked_s = self._now_s()
+        self._standstill = Standstill(self._nodes, self._call)
+        self._overloads = [Overload(node, self._call, self._pause) for node in self._nodes if not node.is_in_lock_step]
+        self._last_resort = LastResort(self._nodes, self._thread_id)
+
+    def look(self) -> None:
+        """Tells what there is to tell, and ends a run that has stood still for as long as its config allows."""
+        now_s = self._now_s()
+        passed_s = min(now_s - self._looked_s, _MOST_COUNTED_S)
+        self._looked_s = now_s
+        for said in (self._standstill.look(passed_s), *(one.look(now_s) for one in self._overloads)):
+            if said is not None:
+                self._tell(said)
+        if self.failure is not None:
+            self._last_resort.look(f"after {self._limit_s:g} s", 1)
+        elif self._standstill.stalled_s >= self._limit_s:
+            self.failure = self._standstill.failure()
+            self._standstill.node.door.fail(self.failure)
+            interrupt_what_runs()
+
+    def _call(self, with_task: bool) -> CurrentCall:
+        return current_call(self._frames().get(self._thread_id), self._base, with_task)
+
+    def _run(self) -> None:
+        while not self._is_over.wait(LOOK_S):
+            self.look()

@@ -1,0 +1,337 @@
+"""A run that stands still or falls behind is told while it does, by a thread that only reads."""
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim import Config, Node, SimClock, SimRunner, SynchronousRunner, Task, TaskType, TestRunner, tasks
+from snr_sim.core import watchdog
+from snr_sim.core.last_resort import LastResort
+from snr_sim.core.overload import SAMPLES
+from snr_sim.core.standstill import SLOW_LOOKS
+from snr_sim.core.watchdog import LOOK_S, Watchdog
+from snr_sim.prelude.errors import ComponentFailed, ConfigError
+from snr_sim.program import program_header
+from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.testing.parts import PartFactory, TickerFactory
+
+GO = (TaskType.event, "go")
+
+
+class Looks:
+    """A watchdog without a thread: it looks when a test says so, and its clock is the test's."""
+
+    def __init__(self, node: Node) -> None:
+        self.told: list[str] = []
+        self.now_s = 0.0
+        self.watchdog = Watchdog([node], now_s=lambda: self.now_s, tell=self.told.append, pause=lambda s: None)
+        self.watchdog.begin(sys._getframe(1))
+
+    def pass_by(self, seconds: float, at_each: Callable[[], object] = lambda: None) -> None:
+        """Lets wall time go by, and has the watchdog look as often as it does."""
+        for _ in range(round(seconds / LOOK_S)):
+            at_each()
+            self.now_s += LOOK_S
+            self.watchdog.look()
+
+
+def run_with(handler: Callable[[Looks], Any], *, limit_s: float = float("inf"), recorder: Any = None) -> Looks:
+    """Runs one task whose handler is given the watchdog of its own run."""
+    looks: list[Looks] = []
+
+    def on_go(task: Task, task_id: Any) -> Any:
+        return handler(looks[0])
+
+    factories = [PartFactory({GO: on_go}, "pilot", begin=lambda part: part.schedule(tasks.event("go")))]
+    config = Config(factories={"test": factories}, stall_limit_s=limit_s)
+    node = Node("test", config, clock=SimClock(), recorder=recorder)
+    looks.append(Looks(node))
+    node.begin()
+    node.run_ready()
+    return looks[0]
+
+
+@pytest.mark.parametrize("is_recorded", [False, True])
+def test_a_handler_that_does_not_return_is_named_with_task_and_line(is_recorded: bool, tmp_path: Path) -> None:
+    recorder = None
+    if is_recorded:
+        whole = Config(factories={"test": []})
+        recorder = TraceWriter(tmp_path / FILE_NAME, program_header(["test"], whole, __file__, SimClock()))
+    looks = run_with(lambda looks: looks.pass_by(2.5), recorder=recorder)
+    if recorder is not None:
+        recorder.close()
+    (said,) = looks.told
+    assert said.startswith("tests/core/test_watchdog.py, line ")
+    assert "on_go() of component 'pilot', which handles event 'go', has not returned for 2 s at t = 0.000 s" in said
+    assert "Try: a handler, and a loop's loop(), does its work once and returns." in said
+
+
+def test_it_is_told_after_two_seconds_and_again_every_ten() -> None:
+    looks = run_with(lambda looks: looks.pass_by(35.0))
+    assert ["for 2 s" in looks.told[0], "for 12 s" in looks.told[1]] == [True, True]
+    assert len(looks.told) == 4
+
+
+def test_a_handler_that_returns_in_time_is_not_told() -> None:
+    assert run_with(lambda looks: looks.pass_by(1.5)).told == []
+
+
+def test_a_process_that_was_stopped_for_an_hour_is_not_told() -> None:
+    def stopped(looks: Looks) -> None:
+        looks.now_s += 3600.0
+        looks.watchdog.look()
+
+    assert run_with(stopped).told == []
+
+
+def test_many_handlers_that_return_at_one_moment_are_no_standstill() -> None:
+    looks: list[Looks] = []
+    left = [20]
+
+    def work(task: Task, task_id: Any) -> Any:
+        looks[0].pass_by(0.5)
+        left[0] -= 1
+        return tasks.event("go") if left[0] else None
+
+    factories = [PartFactory({GO: work}, "pilot", begin=lambda part: part.schedule(tasks.event("go")))]
+    node = Node("test", Config(factories={"test": factories}), clock=SimClock())
+    looks.append(Looks(node))
+    node.begin()
+    node.run_ready()
+    assert not any("has not returned" in said for said in looks[0].told)
+    # but where the time goes is told, once
+    assert sum(f"{SLOW_LOOKS} times in a row: the run spends its time there" in said for said in looks[0].told) == 1
+
+
+def test_what_runs_in_begin_in_a_loop_and_in_halt_is_watched_too() -> None:
+    told: dict[str, list[str]] = {}
+
+    def stuck(step: str) -> Callable[[Any], None]:
+        def hang(component: Any) -> None:
+            looks = Looks(component.parent)
+            looks.pass_by(2.5)
+            told[step] = looks.told
+
+        return hang
+
+    beginner = PartFactory(name="beginner", begin=stuck("begin"), halt=stuck("halt"))
+    TestRunner(Config(factories={"test": [beginner, TickerFactory(stuck("loop"), "ticker", 1.0)]}), until_s=0.5).run()
+    assert {step: len(said) for step, said in told.items()} == {"begin": 1, "loop": 1, "halt": 1}
+    assert "component 'ticker' has not returned" in told["loop"][0]
+
+
+def test_kit_code_without_a_students_line_is_told_later() -> None:
+    node = Node("test", Config(factories={"test": [PartFactory(name="device")]}), clock=SimClock())
+    looks = Looks(node)
+    looks.watchdog._frames = dict  # type: ignore[method-assign]
+    node.machine.running = node.components["device"]
+    looks.pass_by(9.0)
+    assert looks.told == []
+    looks.pass_by(2.0)
+    assert ["component 'device' has not returned for 10 s" in said for said in looks.told] == [True]
+
+
+def test_at_the_limit_the_run_is_ended_with_the_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    interrupted: list[str] = []
+    monkeypatch.setattr(watchdog, "interrupt_what_runs", lambda: interrupted.append("pilot"))
+    monkeypatch.setattr(LastResort, "_end_process", lambda self, why, status: interrupted.append(f"{why}, {status}"))
+    with pytest.raises(ComponentFailed) as caught:
+        run_with(lambda looks: (looks.pass_by(7.0), tasks.event("go"))[1], limit_s=5.0)
+    assert interrupted[0] == "pilot"
+    assert "on_go() of component 'pilot'" in str(caught.value)
+    assert "has not returned for 5 s at t = 0.000 s: the run was ended." in str(caught.value)
+
+
+def test_without_a_limit_nothing_is_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(watchdog, "interrupt_what_runs", lambda: pytest.fail("it was"))
+    assert run_with(lambda looks: looks.pass_by(3600.0)).watchdog.failure is None
+
+
+@pytest.mark.parametrize("limit_s", [0, -1.0, float("nan"), "60", True, None])
+def test_a_limit_that_is_none_is_refused(limit_s: Any) -> None:
+    with pytest.raises(ConfigError, match="stall_limit_s"):
+        Config(factories={"test": []}, stall_limit_s=limit_s)
+
+
+class Steps:
+    """A wall clock that a test moves."""
+
+    def __init__(self) -> None:
+        self.time_s = 0.0
+
+    def now_s(self) -> float:
+        return self.time_s
+
+    def sleep_until(self, time_s: float) -> None:
+        self.time_s = time_s
+
+
+def overloaded(at_look: Callable[[Looks, Node, int], object], looks_s: float) -> list[str]:
+    """Runs a node whose one slow handler is looked at; before each look `at_look` is called with its number."""
+    looks: list[Looks] = []
+    numbers = iter(range(1000))
+
+    def on_picture(task: Task, task_id: Any) -> Any:
+        looks[0].pass_by(looks_s, lambda: at_look(looks[0], node, next(numbers)))
+        return tasks.terminate("done")
+
+    detector = PartFactory({(TaskType.event, "picture"): on_picture}, "detector")
+    node = Node("robot", Config(factories={"robot": [detector]}), clock=Steps())
+    looks.append(Looks(node))
+    node.begin()
+    node.enter(tasks.event("picture"), "camera_loop")
+    node.run_ready()
+    return looks[0].told
+
+
+def bring(count: int) -> Callable[[Looks, Node, int], object]:
+    def at_look(looks: Looks, node: Node, number: int) -> None:
+        node.machine.now_s += 0.1  # the handlers return, each after its time
+        for _ in range(count):
+            node.enter(tasks.event("picture"), "camera_loop")
+
+    return at_look
+
+
+def test_a_node_that_falls_behind_is_told_with_what_waits_who_brings_it_and_who_works() -> None:
+    told = overloaded(bring(1000), 1.5)
+    (said,) = [one for one in told if "tasks wait" in one]
+    assert said.startswith("2000 tasks wait in node 'robot_node', the oldest for about 1.0 s: they come faster")
+    assert "brought by camera_loop 100 %" in said
+    assert "the node's time goes to detector.on_picture 100 % (tests/core/test_watchdog.py, line " in said
+    assert "Try: a lower max_tick_rate_hz for what brings them" in said
+
+
+def test_an_overload_is_told_again_every_ten_seconds_and_not_more_often() -> None:
+    told = overloaded(bring(1000), 30.0)
+    assert len([one for one in told if "tasks wait" in one]) == 3
+
+
+def test_a_burst_that_is_worked_off_is_no_overload() -> None:
+    def burst(looks: Looks, node: Node, number: int) -> None:
+        node.machine.now_s += 0.1
+        if number % 2:
+            node.door.waiting.clear()
+        else:
+            bring(5000)(looks, node, number)
+
+    assert [one for one in overloaded(burst, 10.0) if "tasks wait" in one] == []
+
+
+def test_kinds_of_waiting_tasks_are_told_and_who_brings_them_is_sampled() -> None:
+    def let_in(looks: Looks, node: Node, number: int) -> None:
+        bring(3000)(looks, node, number)
+        node.machine.let_in()
+        node.enter(tasks.event("sonar"), "link_tether")
+
+    said = next(one for one in overloaded(let_in, 1.5) if "tasks wait" in one)
+    assert "most of them: event 'picture' 100 %" in said
+    assert "brought by link_tether 100 %" in said
+    assert SAMPLES > 1
+
+
+def test_a_watched_run_has_no_thread_left_and_keeps_no_frame() -> None:
+    import threading
+
+    TestRunner(Config(factories={"test": [TickerFactory()]}), until_s=0.1).run()
+    assert not [thread for thread in threading.enumerate() if thread.name == "watchdog"]
+
+
+def hang(task: Task, task_id: Any) -> None:
+    while True:
+        time.sleep(0.01)
+
+
+STUCK = {"a": [PartFactory({GO: hang}, "pilot", begin=lambda part: part.schedule(tasks.event("go")))]}
+
+
+@pytest.mark.wall_clock
+@pytest.mark.parametrize("runner", ["sim", "wall"])
+def test_a_run_that_stands_still_is_interrupted_at_its_limit(runner: str, capfd: pytest.CaptureFixture[str]) -> None:
+    halted: list[str] = []
+    motor = PartFactory(name="motor", halt=lambda part: halted.append("motor"))
+    config = Config(factories={"a": [*STUCK["a"], motor]}, stall_limit_s=3.0)
+    began_s = time.monotonic()
+    with pytest.raises(ComponentFailed, match="hang\\(\\) of component 'pilot', which handles event 'go', has not"):
+        (SimRunner(config) if runner == "sim" else SynchronousRunner("a", config)).run()
+    assert halted == ["motor"]
+    assert 3.0 <= time.monotonic() - began_s < 10.0
+    said = capfd.readouterr().err
+    assert said.count("nothing else runs meanwhile") == 1
+    assert "the run was ended" not in said  # the exception says so, and no note as well
+
+
+@pytest.mark.wall_clock
+def test_a_handler_that_sleeps_a_little_each_time_is_told_once_as_where_the_time_goes(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    def doze(task: Task, task_id: Any) -> None:
+        time.sleep(0.05)
+
+    factories = [
+        PartFactory({GO: doze}, "pilot"),
+        TickerFactory(lambda loop: loop.schedule(tasks.event("go")), "t", 10),
+    ]
+    TestRunner(Config(factories={"test": factories}), until_s=13.0).run()
+    said = capfd.readouterr().err
+    assert said.count("doze() of component 'pilot' was in this line whenever the run was looked at") == 1
+    assert ": time.sleep(0.05)" in said
+
+
+CONTROLLERS = {"returns never": "pass", "swallows everything": "swallow()"}
+CONTROLLER = """
+import time
+from snr_sim import Endpoint, EndpointFactory, TaskType
+
+class PilotFactory(EndpointFactory):
+    def get(self, parent):
+        return Pilot(self, parent, "pilot")
+
+class Pilot(Endpoint):
+    def __init__(self, factory, parent, name):
+        super().__init__(factory, parent, name)
+        self.task_handlers = {{(TaskType.process_data, "radar"): self.on_radar}}
+
+    def on_radar(self, task, task_id):
+        while True:
+            {body}
+
+def swallow():
+    try:
+        time.sleep(0.01)
+    except BaseException:
+        pass
+
+def factories(robot):
+    return [PilotFactory()]
+"""
+
+
+@pytest.mark.wall_clock
+@pytest.mark.parametrize("kind", CONTROLLERS)
+def test_snr_run_ends_a_run_that_stands_still_and_names_the_line(kind: str, tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(CONTROLLER.format(body=CONTROLLERS[kind]))
+    command = [sys.executable, "-m", "snr_sim", "run", "lander_vertical", "--controller", "./mine.py"]
+    ended = subprocess.run(
+        [*command, "--json", "--stall-limit", "3"], cwd=tmp_path, capture_output=True, text=True, timeout=120
+    )
+    assert ended.returncode == 1
+    assert (
+        "on_radar() of component 'pilot', which handles process_data 'radar', has not returned for 2 s" in ended.stderr
+    )
+    assert ended.stderr.startswith("mine.py, line ")
+    if kind == "returns never":
+        result = json.loads(ended.stdout)
+        assert result["outcome"] == "error"
+        assert "signal" not in result
+        assert result["error"].count("the run was ended") == 1
+        assert result["error"].startswith("mine.py, line 1")
+        assert not any("the run was ended" in note for note in result["notes"])
+    else:
+        assert "After 2 s the process was ended." in ended.stderr
