@@ -64,6 +64,52 @@ if TYPE_CHECKING:
     from snr_sim.testing.expector import Expectations, Expector, OrderedExpector, TaskExpectations
     from snr_sim.testing.expector_endpoint import ExpectorEndpointFactory
     from snr_sim.testing.fakes import FakeActuator, FakeSensor
+    from snr_sim.thesis import (
+        AbstractComponent,
+        AbstractConfig,
+        AbstractConnection,
+        AbstractContext,
+        AbstractEndpoint,
+        AbstractFactory,
+        AbstractLoop,
+        AbstractMultiRunner,
+        AbstractNode,
+        AbstractProfiler,
+        AbstractRunner,
+        AbstractTaskQueue,
+        CommandProcessorEndpoint,
+        CommandProcessorFactory,
+        CommsLoop,
+        ComponentName,
+        Consumer,
+        Context,
+        DataDict,
+        DummyEndpointFactory,
+        ExpecterEndpointFactory,
+        ExpectorProtocol,
+        JsonData,
+        KalmanFilterFactory,
+        ListReplayerEndpoint,
+        ListReplayerLoop,
+        LogLevel,
+        MovingAvgEndpointFactory,
+        MPExpector,
+        NodeProtocol,
+        OrderedExpectations,
+        ProfilerGetter,
+        RecorderFactory,
+        ReloadTargets,
+        ReplayerFactory,
+        Role,
+        RootContext,
+        Serializable,
+        SocketsWrapper,
+        TaskPriority,
+        TaskScheduler,
+        TaskSource,
+        TempFile,
+        TimerProtocol,
+    )
 
 _PLACES = {
     "snr_sim.core.clocks": ("SimClock", "WallClock"),
@@ -117,6 +163,52 @@ _PLACES = {
     "snr_sim.testing.expector": ("Expectations", "Expector", "OrderedExpector", "TaskExpectations"),
     "snr_sim.testing.expector_endpoint": ("ExpectorEndpointFactory",),
     "snr_sim.testing.fakes": ("FakeActuator", "FakeSensor"),
+    "snr_sim.thesis": (
+        "AbstractComponent",
+        "AbstractConfig",
+        "AbstractConnection",
+        "AbstractContext",
+        "AbstractEndpoint",
+        "AbstractFactory",
+        "AbstractLoop",
+        "AbstractMultiRunner",
+        "AbstractNode",
+        "AbstractProfiler",
+        "AbstractRunner",
+        "AbstractTaskQueue",
+        "CommandProcessorEndpoint",
+        "CommandProcessorFactory",
+        "CommsLoop",
+        "ComponentName",
+        "Consumer",
+        "Context",
+        "DataDict",
+        "DummyEndpointFactory",
+        "ExpecterEndpointFactory",
+        "ExpectorProtocol",
+        "JsonData",
+        "KalmanFilterFactory",
+        "ListReplayerEndpoint",
+        "ListReplayerLoop",
+        "LogLevel",
+        "MPExpector",
+        "MovingAvgEndpointFactory",
+        "NodeProtocol",
+        "OrderedExpectations",
+        "ProfilerGetter",
+        "RecorderFactory",
+        "ReloadTargets",
+        "ReplayerFactory",
+        "Role",
+        "RootContext",
+        "Serializable",
+        "SocketsWrapper",
+        "TaskPriority",
+        "TaskScheduler",
+        "TaskSource",
+        "TempFile",
+        "TimerProtocol",
+    ),
 }
 _HOME = {name: module for module, names in _PLACES.items() for name in names}
 
@@ -132,18 +224,6 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'snr_sim' has no attribute '{name}'")
     globals()[name] = value
     return value
-
-
-def name_in_room(room: str, name: str) -> Any:
-    """Returns a public name of a room, such as `snr_sim.core`; under `__all__` a list of them. For star imports."""
-    names = [name for name, home in _HOME.items() if home.startswith(f"{room}.")]
-    if room == "snr_sim.prelude":
-        names.append("tasks")
-    if name == "__all__":
-        return names
-    if name in names:
-        return __getattr__(name)
-    raise AttributeError(f"module '{room}' has no attribute '{name}'")
 
 
 def __dir__() -> list[str]:

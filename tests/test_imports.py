@@ -32,6 +32,7 @@ FLOOR = {
     "testing": 3,
     "replay_files": 4,
     "simulation": 4,
+    "thesis": 4,
     "learning": 5,
     "flight": 5,
     "program": 5,

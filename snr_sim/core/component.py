@@ -5,10 +5,12 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from functools import cached_property
-from types import ModuleType
+from types import GenericAlias, ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from snr_sim.core.thesis_members import ComponentMembers
 from snr_sim.prelude.page import DataKey, Page
+from snr_sim.prelude.retired import Retired
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.task import SomeTasks, Task, TaskType
 
@@ -34,12 +36,19 @@ class ComponentFactory:
         targets = [reload_targets] if isinstance(reload_targets, ModuleType) else reload_targets
         self.reload_targets: list[ModuleType] = list(targets or [])
 
+    reload: Any = Retired(
+        "factory.reload", "tasks.reload_component('name') from a handler, or `reload` on the console."
+    )
+
+    def __class_getitem__(cls, kind: object) -> GenericAlias:  # AbstractFactory[Endpoint], as the thesis annotates
+        return GenericAlias(cls, kind)
+
     def get(self, parent: Node) -> NodeComponent:
         """Returns a new component that belongs to the node `parent`."""
         raise NotImplementedError(f"{type(self).__name__} needs a method get(self, parent) that returns its component")
 
 
-class NodeComponent:
+class NodeComponent(ComponentMembers):
     """A part of a node.
 
     Args:
@@ -70,6 +79,10 @@ class NodeComponent:
     def page(self, key: DataKey, data: Any, process: bool = True) -> Page:
         """Returns a page made by this node, now."""
         return Page(key, data, self.parent.name, self.get_time_s(), process)
+
+    def store_page(self, page: Page) -> None:
+        """Queues the task that stores a page."""
+        self.schedule(Task(_STORE_PAGE, page.key, [page]))
 
     def store_data(self, key: DataKey, data: Any, process: bool = True) -> None:
         """Queues the task that stores data under a key."""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal
 from snr_sim.core.backing import Backing, ClockBacking, ThreadBacking
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.component import ComponentFactory, NodeComponent
+from snr_sim.core.thesis_members import LoopMembers
 from snr_sim.core.trial import Trial
 from snr_sim.prelude.errors import ParameterError, nearest
 from snr_sim.prelude.task import SomeTasks, TaskHandlerMap
@@ -34,7 +35,7 @@ class LoopFactory(ComponentFactory):
         raise NotImplementedError(f"{type(self).__name__} needs a method get(self, parent) that returns its loop")
 
 
-class Loop(NodeComponent):
+class Loop(LoopMembers, NodeComponent):
     """A component that is called again and again, at a rate.
 
     Args:
@@ -121,6 +122,10 @@ class Loop(NodeComponent):
         """Asks for no more ticks: a loop that has nothing left to bring calls this itself."""
         if self._backing is not None:
             self._backing.stop()
+
+    def set_terminate_flag(self) -> None:
+        """Ask for no more ticks: the thesis' name for `stop`."""
+        self.stop()
 
     def join(self) -> None:
         """Ends ticking and returns once `halt` has been called."""

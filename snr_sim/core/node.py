@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import inspect
+import logging
 import threading
 from collections.abc import Callable
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from snr_sim.core.ages import age_s
@@ -21,6 +23,7 @@ from snr_sim.core.machine import EventMachine, HandlerFailed, as_tasks
 from snr_sim.core.node_core import NodeCore
 from snr_sim.core.recording_machine import RecordingMachine
 from snr_sim.core.sources import being_read
+from snr_sim.core.thesis_members import NodeMembers
 from snr_sim.core.trial import Trial
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import Component, RoleName
@@ -42,7 +45,7 @@ MAX_NOTES = 100  # while it runs: nobody reads more, and what fails in ever othe
 _STEPS = ("begin", "setup", "loop", "halt", "terminate")  # what a component's author may write, beside handlers
 
 
-class Node:
+class Node(NodeMembers):
     """Runs the components of one role until a terminate task.
 
     Args:
@@ -117,6 +120,11 @@ class Node:
             if not (is_replay and isinstance(factory, LoopFactory)):
                 self._add(self.make(factory), self._last_place)
 
+    @cached_property
+    def log(self) -> logging.Logger:
+        """A logger named after the node."""
+        return logging.getLogger(f"snr.{self.name}")
+
     def make(self, factory: Any) -> Endpoint | Loop:
         """Returns what a factory makes, checked; it is not yet a part of the node.
 
@@ -162,6 +170,8 @@ class Node:
             )
         for step in _STEPS:
             check_returns(f"{step}() of component '{component.name}'", getattr(component, step, None))
+        if isinstance(component, Endpoint) and hasattr(component, "task_source"):
+            self.note(f"'{component.name}' has a task_source(), which nothing calls: a Loop brings in what is outside.")
         if isinstance(component, Loop) and component.task_handlers:
             raise ConfigError(
                 f"Loop '{component.name}' of role '{self.role}' registers handlers, but a loop only brings tasks in.",

@@ -30,6 +30,10 @@ class UnknownName(ConfigError):
     """A robot, scenario, controller, role, engine or option that nobody knows."""
 
 
+class RetiredName(SnrError, AttributeError):
+    """A name of the 2021 library that this one does not have. The fix is what to write instead."""
+
+
 class TaskError(SnrError):
     """Something that is not a task, or a task without what it needs, where a task belongs."""
 

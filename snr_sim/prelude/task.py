@@ -19,6 +19,7 @@ class TaskType(StrEnum):
 
     event = "event"
     store_page = "store_page"
+    store_data = "store_page"  # an alias: so the thesis' text calls it, too
     process_data = "process_data"
     reload = "reload"
     terminate = "terminate"

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from snr_sim.prelude.errors import TaskError
 from snr_sim.prelude.page import Page
+from snr_sim.prelude.retired import Retired
 from snr_sim.prelude.task import Task, TaskType
 
 if TYPE_CHECKING:
@@ -53,6 +54,9 @@ def event(name: str, val_list: Sequence[Any] = _NO_VALUES) -> Task:
 def store_page(page: Page) -> Task:
     """Returns a task that puts a page in the datastore."""
     return Task(TaskType.store_page, page.key, [page])
+
+
+store_data = Retired("tasks.store_data", "self.store_data_task(key, data), which knows the page's node and time.")
 
 
 def process_data(key: str) -> Task:

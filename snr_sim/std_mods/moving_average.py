@@ -61,6 +61,8 @@ class MovingAvgFilter:
             return [self._mean_of(column) for column in zip(*self._values, strict=True)]
         return self._mean_of(self._values)
 
+    avg = mean  # the thesis' name
+
     def _mean_of(self, numbers: Sequence[float] | deque[float]) -> float:
         # Summed anew each time, and exactly: a running sum would keep the rounding of every value it ever held.
         return math.fsum(numbers) / len(numbers)

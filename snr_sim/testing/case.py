@@ -14,6 +14,7 @@ from snr_sim.core.config import AnyFactory, Config, Mode
 from snr_sim.core.node import Node
 from snr_sim.core.runners import TEST_ROLE, TestRunner
 from snr_sim.prelude.page import DataKey, Page
+from snr_sim.prelude.retired import Retired
 from snr_sim.prelude.task import TaskId
 from snr_sim.prelude.values import encode_value
 from snr_sim.testing.expector import Expector, OrderedExpector, TaskExpectations
@@ -34,6 +35,10 @@ class SNRTestCase(TestCase):
                     ])
     """
 
+    get_context: Any = Retired("get_context", "self.mock_node(), for what wants a node; TextReader(file) wants none.")
+    create_server: Any = Retired("create_server", "links=[MemoryLink()] of a SimRunner: links run in lock step.")
+    wrap_socket: Any = Retired("wrap_socket", "links=[MemoryLink()] of a SimRunner: links run in lock step.")
+
     def expector(self, expected: TaskExpectations) -> Expector:
         """Returns an expector that counts; use it in a `with`."""
         return Expector(expected, self)
@@ -46,16 +51,18 @@ class SNRTestCase(TestCase):
         """Returns a config with these factories in the role 'test'."""
         return Config(mode, {TEST_ROLE: list(factories)})
 
-    def get_test_node(self, factories: Sequence[AnyFactory] = (), *, seed: int = 0) -> Node:
+    def get_test_node(self, factories: Sequence[AnyFactory] = (), mode: Mode = Mode.TEST, *, seed: int = 0) -> Node:
         """Returns a node of these factories under a virtual clock; `node.loop()` runs it."""
-        return Node(TEST_ROLE, self.get_config(factories), clock=SimClock(), seed=seed)
+        return Node(TEST_ROLE, self.get_config(factories, mode), clock=SimClock(), seed=seed)
 
-    def run_test_node(self, factories: Sequence[AnyFactory], *, seed: int = 0, until_s: float = 3600.0) -> Node:
+    def run_test_node(
+        self, factories: Sequence[AnyFactory], mode: Mode = Mode.TEST, *, seed: int = 0, until_s: float = 3600.0
+    ) -> Node:
         """Runs a node of these factories to its end and returns it, with its datastore, notes and exit_reason.
 
         It ends at a terminate task, when nothing is left to do, or when virtual time has come to `until_s`.
         """
-        runner = TestRunner(self.get_config(factories), seed=seed, until_s=until_s)
+        runner = TestRunner(self.get_config(factories, mode), seed=seed, until_s=until_s)
         runner.run()
         return runner.node
 

@@ -33,6 +33,11 @@ def test_nothing_of_a_large_value_stays_behind_when_it_has_left_the_window() -> 
     assert mean == 0.2
 
 
+def test_the_mean_is_asked_for_as_the_thesis_does() -> None:
+    smooth = MovingAvgFilter(deque(maxlen=3))
+    assert [(smooth.update(value), smooth.avg())[1] for value in (0.0, 1.0, 2.0, 4.0)] == [0.0, 0.5, 1.0, 7.0 / 3]
+
+
 def test_lists_and_dicts_are_averaged_part_by_part() -> None:
     smooth = MovingAvgFilter(deque(maxlen=2))
     assert smooth.update([1, 2.0]) == [1.0, 2.0]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from snr_sim import ListReplayerFactory, Mode, Page, SimClock, SNRTestCase, TimeoutLoopFactory
+from snr_sim.prelude.errors import RetiredName
 
 
 class Pages(SNRTestCase):
@@ -61,6 +62,15 @@ class Nodes(SNRTestCase):
         assert list(self.mock_node().components) == ["node_core"]
         config = self.get_config([TimeoutLoopFactory()])
         assert (config.mode, len(config.get("test"))) == (Mode.TEST, 1)
+
+    def test_a_node_in_debug_mode_is_profiled(self) -> None:
+        assert self.get_test_node([TimeoutLoopFactory()], Mode.DEBUG).profiler is not None
+        assert self.run_test_node([TimeoutLoopFactory()], Mode.DEBUG).profiler is not None
+
+    def test_what_a_test_of_2021_had_says_what_to_write_instead(self) -> None:
+        for name in ("get_context", "create_server", "wrap_socket"):
+            with pytest.raises(RetiredName, match=name):
+                getattr(self, name)
 
 
 class Files(SNRTestCase):

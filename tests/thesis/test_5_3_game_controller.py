@@ -12,29 +12,39 @@ code of the time had in one of its two versions only. Whoever unplugged the pad 
 letting go of the sticks did so too, if the page was lost. And the client's key was a text, of which each letter became
 a key (see listing 5.1).
 
-What we changed. The pad is a device like any other (`PadLoopFactory`, and behind it `PygamePad` from the extra `pad`);
-no window. A pad that is unplugged is at rest within one tick. Nothing moves unless the dead man's button is held. The
-motors stop by themselves when commands are older than half a second. What is pressed is told from `<key>_prev` as in
-the thesis.
+What we changed. Nothing has to be: `Joystick`, `InputMapping` and `ButtonEvents`, at the end of this file, do what the
+listings do by their names and calls. For a robot that moves, the pad is a device like any other (`PadLoopFactory`, and
+behind it `PygamePad` from the extra `pad`); no window. A pad that is unplugged is at rest within one tick. Nothing
+moves unless the dead man's button is held. The motors stop by themselves when commands are older than half a second.
+What is pressed is told from `<key>_prev` as in the thesis.
 """
 
 from __future__ import annotations
 
+import logging
+import sys
 import threading
 from collections.abc import Callable
+from types import MappingProxyType
 from typing import Any
 
 import msgspec
 import pytest
 
 from snr_sim import (
+    AbstractNode,
     CliRunner,
+    ComponentName,
+    ComponentsByRole,
     Config,
+    DataKey,
     Endpoint,
     EndpointFactory,
     FakeActuator,
     FakeSensor,
+    LoopFactory,
     Node,
+    Page,
     SimRunner,
     SocketsPair,
     SomeTasks,
@@ -42,6 +52,7 @@ from snr_sim import (
     Task,
     TaskId,
     TaskType,
+    ThreadLoop,
     tasks,
 )
 from snr_sim.devices.loops import ActuatorLoopFactory
@@ -217,6 +228,114 @@ def test_with_a_scripted_pad_behind_sdl_two_nodes_over_sockets_do_as_it_says(fre
     virtual.unplug()
     assert nodes["robot"].exit_reason == "played"
     assert nodes["topside"].exit_reason == "test is over"
+
+
+class JoystickFactory(LoopFactory):
+    """A.6: makes what reads a joystick; here one that plays a script."""
+
+    def __init__(self, script: list[list[int]], output_data: DataKey = "raw_controller_input") -> None:
+        super().__init__([sys.modules[__name__]])
+        self.script = script
+        self.output_data = output_data
+
+    def get(self, parent: AbstractNode) -> Joystick:
+        return Joystick(self, parent)
+
+
+class Joystick(ThreadLoop):
+    """A.6: stores what is pressed, by the buttons' numbers, until the joystick is gone."""
+
+    factory: JoystickFactory
+
+    def __init__(self, factory: LoopFactory, parent: AbstractNode) -> None:
+        super().__init__(factory, parent, "controller_loop", max_tick_rate_hz=20)
+
+    def setup(self) -> None:
+        self.positions = iter(self.factory.script)
+
+    def loop(self) -> None:
+        buttons = next(self.positions, None)
+        if buttons is None:
+            self.set_terminate_flag()
+            return
+        self.store_data(self.factory.output_data, {f"button_{i}": button for i, button in enumerate(buttons)})
+
+    def halt(self) -> None: ...
+
+    def terminate(self) -> None: ...
+
+
+class InputMappingFactory(EndpointFactory):
+    """A.8: makes what names the buttons."""
+
+    def __init__(self, input_data: DataKey = "raw_controller_input", output_data: DataKey = "controller_input") -> None:
+        super().__init__(sys.modules[__name__])
+        self.input_data = input_data
+        self.output_data = output_data
+
+    def get(self, parent: AbstractNode) -> Endpoint:
+        return InputMapping(self, parent, self.input_data, self.output_data)
+
+
+class InputMapping(Endpoint):
+    """A.9: a name for each number that has one."""
+
+    names = MappingProxyType({"button_0": "A", "button_1": "B"})
+
+    def __init__(self, factory: EndpointFactory, parent: AbstractNode, input_data: DataKey, output: DataKey) -> None:
+        super().__init__(factory, parent, "controller_input_map")
+        self.output_data = output
+        self.task_handlers = {(TaskType.store_page, input_data): self.map_raw_input}
+
+    def map_raw_input(self, task: Task, key: TaskId) -> SomeTasks:
+        page = task.val_list[0]
+        assert isinstance(page, Page)
+        named = {self.names[number]: value for number, value in page.data.items() if number in self.names}
+        return self.store_data_task(self.output_data, named)
+
+
+class ButtonEventsFactory(EndpointFactory):
+    """A.10: makes what tells of buttons."""
+
+    def get(self, parent: AbstractNode) -> Endpoint:
+        return ButtonEvents(self, parent, "input_processor")
+
+
+class ButtonEvents(Endpoint):
+    """A.7: an event for each button that goes down or comes up, from the page and the one before."""
+
+    def __init__(self, factory: EndpointFactory, parent: AbstractNode, name: ComponentName) -> None:
+        super().__init__(factory, parent, name)
+        self.task_handlers = {(TaskType.store_page, "controller_input"): self.process_input}
+
+    def process_input(self, task: Task, key: TaskId) -> SomeTasks:
+        before = self.get_data("controller_input" + "_prev")
+        if before is None:
+            self.info("no input before this")
+            return None
+        changes = [(name, value) for name, value in task.val_list[0].data.items() if value != before[name]]
+        return [tasks.event("button_pressed" if value else "button_released", [name]) for name, value in changes]
+
+
+def test_the_listings_tell_of_each_button_over_the_tether(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO)
+    heard: list[tuple[str, Any]] = []
+    pair = SocketsPair(("127.0.0.1", 54324))
+    components: ComponentsByRole = {
+        "topside": [
+            JoystickFactory([[0, 0, 1], [1, 0, 0], [1, 1, 0], [0, 1, 1]]),
+            InputMappingFactory(),
+            pair.client("controller_input"),
+        ],
+        "robot": [
+            pair.server(),
+            ButtonEventsFactory(),
+            PartFactory({TaskType.event: lambda task, key: heard.append((task.name, *task.val_list))}),
+        ],
+    }
+    SimRunner(Config(factories=components), until_s=1.0).run()
+    assert heard == [("button_pressed", "A"), ("button_pressed", "B"), ("button_released", "A")]
+    assert ("snr.robot_node.input_processor", logging.INFO, "no input before this") in caplog.record_tuples
 
 
 if __name__ == "__main__":

@@ -5,11 +5,13 @@
 What was wrong. The program could not start: its endpoint lacked begin, halt and terminate, its factory had no place
 for the Q function, names were not imported, and a handler asserted that one value was an int and a float. Its text
 speaks of `TaskType.store_data` and `tasks.store_data`, which never existed, and calls `self.get_page` in a ThreadLoop,
-which had none. There was no plant either: what the pilot did changed nothing.
+which had none. Its engine is too weak for any pilot to land.
 
-What we changed. The factory takes the Q function, which is any function of (state, action), or a table of values. The
-pilot answers each radar page with the action of the highest value. Endpoints need begin, halt and terminate only if
-they have something to do there; loops have get_page. Sensor and engine come from the robot `lander`.
+What we changed. Of the listing only what runs in no library: the Q function that is not given, which is told with its
+line, and the handler's assertion. `Falling` and `Throttle`, below, use its names and calls as they are. For a flight
+on the course's plant the factory takes the Q function, which is any function of (state, action), or a table of values.
+The pilot answers each radar page with the action of the highest value. Endpoints need begin, halt and terminate only
+if they have something to do there; loops have get_page. Sensor and engine come from the robot `lander`.
 """
 
 from __future__ import annotations
@@ -18,8 +20,26 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TypeAlias
 
-from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
+import pytest
+
+from snr_sim import (
+    AbstractNode,
+    Config,
+    Endpoint,
+    EndpointFactory,
+    LoopFactory,
+    Node,
+    Page,
+    SimClock,
+    SomeTasks,
+    Task,
+    TaskId,
+    TaskType,
+    ThreadLoop,
+    tasks,
+)
 from snr_sim.flight import Flight, Result
+from snr_sim.prelude.errors import ComponentFailed, ConfigError
 from snr_sim.simulation import Request, prepare
 
 ACTIONS = (0.0, 0.15, 0.3, 0.45, 0.6, 1.0)  # throttle
@@ -84,6 +104,98 @@ def learnt_table() -> dict[Cell, dict[float, float]]:
             state = (altitude_m, column / 2.0)
             table[cell_of(state)] = {action: braking_q(state, action) for action in ACTIONS}
     return table
+
+
+class Falling(ThreadLoop):
+    """A stone with an engine, one step a second: the listing's plant, in its words."""
+
+    def __init__(self, factory: LoopFactory, parent: AbstractNode, altitude: float, thrust: float) -> None:
+        super().__init__(factory, parent, "radar_sensor", max_tick_rate_hz=1)
+        self.altitude = altitude
+        self.velocity = 0.0
+        self.thrust = thrust
+
+    def setup(self) -> None:
+        self.store_data("thruster_data", 0)
+
+    def loop(self) -> None:
+        page = self.get_page("thruster_data")
+        assert isinstance(page, Page)
+        self.velocity += -9.8 + page.data * self.thrust
+        self.altitude += self.velocity
+        if self.altitude <= 0:
+            if self.velocity < -5.0:
+                raise RuntimeError("too fast")
+            self.schedule(tasks.terminate("landed"))
+            self.set_terminate_flag()
+        self.store_data("radar_data", (self.altitude, self.velocity))
+
+    def halt(self) -> None: ...
+
+    def terminate(self) -> None: ...
+
+
+class FallingFactory(LoopFactory):
+    """Makes the stone; the listing's engine is a tenth of a unit of thrust, and lands nothing."""
+
+    def __init__(self, thrust: float = 0.1) -> None:
+        super().__init__()
+        self.thrust = thrust
+
+    def get(self, parent: AbstractNode) -> Falling:
+        return Falling(self, parent, 50.0, self.thrust)
+
+
+class Throttle(Endpoint):
+    """Asks the Q function of each radar page, while that is stored."""
+
+    def __init__(self, factory: EndpointFactory, parent: AbstractNode, q_function: QFunction) -> None:
+        super().__init__(factory, parent, "q_learning_controller")
+        self.task_handlers = {(TaskType.store_data, "radar_data"): self.set_throttle}
+        self.q_function = q_function
+
+    def set_throttle(self, task: Task, key: TaskId) -> SomeTasks:
+        state = task.val_list[0].data
+        value = max((0, 1, 2, 3), key=lambda action: self.q_function(state, action))
+        return self.store_data_task("thruster_data", value)
+
+
+class ThrottleFactory(EndpointFactory):
+    """Makes the endpoint, and forgets the Q function if it is given none, as the listing does."""
+
+    def __init__(self, *q_function: QFunction) -> None:
+        super().__init__()
+        self.q_function = q_function
+
+    def get(self, parent: AbstractNode) -> Throttle:
+        return Throttle(self, parent, *self.q_function)
+
+
+def falling(*factories: EndpointFactory | LoopFactory) -> Node:
+    node = Node("lunar_module", Config(factories={"lunar_module": factories}), clock=SimClock())
+    node.loop()
+    return node
+
+
+def test_the_listings_plant_and_pilot_run_by_their_names_and_fall() -> None:
+    with pytest.raises(ComponentFailed, match=r"(?s)raise RuntimeError.*too fast") as caught:
+        falling(FallingFactory(), ThrottleFactory(lambda state, action: action))
+    assert caught.value.component == "radar_sensor"
+
+
+def test_with_a_stronger_engine_they_land() -> None:
+    def q_function(state: State, action: float) -> float:
+        altitude, velocity = state
+        return -abs(velocity - 9.8 + action * 6.0 - max(-10.0, min(-2.0, -altitude / 4.0)))
+
+    node = falling(FallingFactory(thrust=6.0), ThrottleFactory(q_function))
+    assert node.exit_reason == "landed"
+    assert node.get_data("radar_data")[0] <= 0.0
+
+
+def test_a_factory_without_the_q_function_is_told_with_its_line() -> None:
+    with pytest.raises(ConfigError, match=r"(?s)return Throttle\(self, parent.*'q_function'.*ThrottleFactory\.get\(\)"):
+        falling(FallingFactory(), ThrottleFactory())
 
 
 def factories(robot: object) -> list[EndpointFactory]:
