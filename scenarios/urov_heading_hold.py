@@ -1,8 +1,8 @@
 """A quarter turn at 2 m, and no drifting off afterwards, in a current that comes from anywhere.
 
 The heading is held if the vehicle settles within 6 degrees of the new one in 8 s, does not turn more than 12 degrees
-too far, ends within 4 degrees, and stays within 20 cm of its depth. Why not better: it knows its heading to 2.5
-degrees, 19 times of 20.
+too far, ends within 4 degrees, and stays within 20 cm of its depth. Why not better: at rest it knows its heading to 2.5
+degrees, 19 times of 20, and less well while its thrusters draw current.
 """
 
 from __future__ import annotations

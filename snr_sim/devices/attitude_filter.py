@@ -1,7 +1,12 @@
 """Attitude from rates, gravity and the field: a complementary filter on the rotation itself.
 
 Rates say how it turns from moment to moment, and drift; gravity says, slowly, where up is, and the field where north
-is. What the slow ones keep correcting is taken for the gyroscopes' bias.
+is. What the slow ones keep correcting is taken for the gyroscopes' bias. With attitude q, bias b, rates w, and up as
+the attitude has it and as the force has it (u, f, of length 1, body frame):
+
+    q' = q (w - b + GAIN_HZ e) / 2,    b' = -BIAS_GAIN_HZ2 e,    e = f x u + h u,
+
+where h is how far the level part of the field, turned into the world, points east of north.
 
 Source: R. Mahony, T. Hamel, J.-M. Pflimlin, "Nonlinear complementary filters on the special orthogonal group", IEEE
 Transactions on Automatic Control 53 (2008), the passive filter; heading as an error about the vertical only, so that
@@ -40,47 +45,52 @@ class AttitudeFilter:
         self.attitude: Quaternion | None = None
         self.bias_radps: Vector = (0.0, 0.0, 0.0)
         self._at_s = 0.0
+        self._before_radps: Vector = self.bias_radps
 
     def update(
         self, rate_radps: Sequence[float], force_mps2: Sequence[float], field_ut: Sequence[float], at_s: float
     ) -> Quaternion:
         """Takes a measurement in the body's axes; returns the attitude."""
         dt_s = at_s - self._at_s
+        before, self._before_radps = self._before_radps, (rate_radps[0], rate_radps[1], rate_radps[2])
         self._at_s = at_s
         if self.attitude is None or not 0.0 <= dt_s <= LONGEST_STEP_S:
             self.attitude = level_of(force_mps2, field_ut)
             return self.attitude
-        rates = [rate - bias for rate, bias in zip(rate_radps, self.bias_radps, strict=True)]
-        turned = _turned(self.attitude, [rate * dt_s for rate in rates])
-        error = self._error(turned, force_mps2, field_ut)
-        self.attitude = _turned(turned, [GAIN_HZ * dt_s * one for one in error])
-        bx, by, bz = (
-            max(-MOST_BIAS_RADPS, min(MOST_BIAS_RADPS, bias - BIAS_GAIN_HZ2 * one * dt_s))
-            for bias, one in zip(self.bias_radps, error, strict=True)
+        # The mean of both ends: with the newest rate alone, 50 times a second, a turn of 40 deg/s begins 0.4 deg ahead.
+        (p, q, r), (bx, by, bz), half = self._before_radps, self.bias_radps, 0.5 * dt_s
+        turn = (
+            half * (p + before[0]) - bx * dt_s,
+            half * (q + before[1]) - by * dt_s,
+            half * (r + before[2]) - bz * dt_s,
         )
-        self.bias_radps = (bx, by, bz)
+        turned = _turned(self.attitude, turn)
+        ex, ey, ez = self._error(turned, force_mps2, field_ut)
+        gain, bias_gain = GAIN_HZ * dt_s, BIAS_GAIN_HZ2 * dt_s
+        self.attitude = _turned(turned, (gain * ex, gain * ey, gain * ez))
+        self.bias_radps = _bounded(bx - bias_gain * ex), _bounded(by - bias_gain * ey), _bounded(bz - bias_gain * ez)
         return self.attitude
 
     @staticmethod
     def _error(attitude: Quaternion, force_mps2: Sequence[float], field_ut: Sequence[float]) -> Vector:
         """Returns the small rotation [rad] in the body's axes that up and north still ask for."""
-        up = _into_body(attitude, (0.0, 0.0, 1.0))
+        ux, uy, uz = _up_in_body(attitude)
         x = y = z = 0.0
-        force = math.hypot(*force_mps2)
+        force = _length(force_mps2)
         if abs(force - GRAVITY_MPS2) < _ACCELERATED * GRAVITY_MPS2:
-            ax, ay, az = (one / force for one in force_mps2)
-            x, y, z = ay * up[2] - az * up[1], az * up[0] - ax * up[2], ax * up[1] - ay * up[0]
-        if FIELD_UT[0] < math.hypot(*field_ut) < FIELD_UT[1]:
+            ax, ay, az = force_mps2
+            x, y, z = (ay * uz - az * uy) / force, (az * ux - ax * uz) / force, (ax * uy - ay * ux) / force
+        if FIELD_UT[0] < _length(field_ut) < FIELD_UT[1]:
             east, north, _ = into_world(attitude, field_ut)
             off = math.atan2(east, north)
-            x, y, z = x + off * up[0], y + off * up[1], z + off * up[2]
+            x, y, z = x + off * ux, y + off * uy, z + off * uz
         return x, y, z
 
 
 def level_of(force_mps2: Sequence[float], field_ut: Sequence[float]) -> Quaternion:
     """Returns the attitude at rest: up is where the force points, north where the field does."""
     ax, ay, az = force_mps2
-    roll, pitch = math.atan2(ay, az), math.atan2(-ax, math.hypot(ay, az))
+    roll, pitch = math.atan2(ay, az), math.atan2(-ax, math.sqrt(ay * ay + az * az))
     east, north, _ = into_world(quaternion_of(roll, pitch, 0.0), field_ut)
     return quaternion_of(roll, pitch, math.atan2(east, north))
 
@@ -94,17 +104,28 @@ def into_world(q: Quaternion, v: Sequence[float]) -> Vector:
     return a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx
 
 
-def _into_body(q: Quaternion, v: Sequence[float]) -> Vector:
-    return into_world((q[0], -q[1], -q[2], -q[3]), v)
+def _up_in_body(q: Quaternion) -> Vector:
+    """Returns the world's z axis in the body's axes."""
+    w, x, y, z = q
+    return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
-def _turned(q: Quaternion, by_rad: Sequence[float]) -> Quaternion:
+def _bounded(bias_radps: float) -> float:
+    return max(-MOST_BIAS_RADPS, min(MOST_BIAS_RADPS, bias_radps))
+
+
+def _length(vector: Sequence[float]) -> float:
+    x, y, z = vector
+    return math.sqrt(x * x + y * y + z * z)  # rounded alike by every Python, and math.hypot is not
+
+
+def _turned(q: Quaternion, by_rad: Vector) -> Quaternion:
     """Returns an attitude, turned about the body's axes."""
-    angle = math.hypot(*by_rad)
+    angle = _length(by_rad)
     share = 0.5 if angle < 1e-9 else math.sin(0.5 * angle) / angle
     w1, x1, y1, z1 = q
     w2 = math.cos(0.5 * angle)
-    x2, y2, z2 = (share * one for one in by_rad)
+    x2, y2, z2 = share * by_rad[0], share * by_rad[1], share * by_rad[2]
     w = w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2
     x = w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2
     y = w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2

@@ -3,7 +3,7 @@
 Chosen over a BNO055, which reckons its own attitude: that part stretches the bus's clock, and the Raspberry Pi's I2C
 controllers do not keep to that, so bits of its readings come wrong, without a check sum that would show it (Adafruit,
 "Raspberry Pi I2C clock stretching fixes"). This one never stretches. What is simulated are the numbers of a BNO055 all
-the same (`devices/imu.py`): attitude is no better from here, as its filter is simpler.
+the same (`devices/imu.py`), with the filter that is used here.
 
 Rates in 500 deg/s, forces in 4 g, both low-passed at 51 Hz. Calibrate the compass in the finished vehicle: turn it
 about all axes, and give the middle of what the field showed as `hard_iron_ut`.

@@ -1,16 +1,26 @@
 """An inertial unit that fuses its own attitude, with the numbers of a BNO055.
 
-[D] data sheet; [M] from memory of the field, not read again; [O] our own choice. The fused attitude is the true one
-with an error that wanders: how the part's own filter is led astray by accelerations is not modelled. The magnetometer
-tells as often as the rest, where the real one is five times slower.
+    true rate, force and field --> errors --> rate_radps, specific_force_mps2, field_ut
+                                                `--> AttitudeFilter --> roll_rad, pitch_rad, yaw_rad
+
+The attitude comes of what is measured, with its errors, and of nothing else: a long acceleration tilts it, and iron
+or a thruster's current nearby turns its heading, by the angle that this turns the level field. The filter is ours, as
+the part's own is not published; it runs with each reading, where the part's runs 100 times a second.
+
+[D] data sheet; [M] from memory of the field, not read again; [O] our own choice. The magnetometer tells as often as the
+rest, where the real one is five times slower.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import msgspec
+
+from snr_sim.devices.attitude_filter import AttitudeFilter
 from snr_sim.devices.sensor_errors import SensorErrors, Wander
 from snr_sim.devices.simulated import SimSensor
 from snr_sim.prelude.angles import roll_pitch_yaw_rad, wrap_rad
@@ -27,25 +37,19 @@ BNO055 = SensorErrors(
         "rate_radps": 0.12 * _DEG,  # 0.014 deg/s per root Hz [M] in a bandwidth of 47 Hz
         "specific_force_mps2": 0.015,  # 150 ug per root Hz [M] in 62.5 Hz
         "field_ut": 0.5,  # [O]
-        "roll_rad": 0.05 * _DEG,  # [O]
-        "pitch_rad": 0.05 * _DEG,  # [O]
-        "yaw_rad": 0.05 * _DEG,  # [O]
     },
     resolution={
         "rate_radps": _DEG / 16.0,  # [D]
         "specific_force_mps2": 0.01,  # [D]
         "field_ut": 0.3,  # [D]
-        "roll_rad": _DEG / 16.0,  # [D]
-        "pitch_rad": _DEG / 16.0,  # [D]
-        "yaw_rad": _DEG / 16.0,  # [D]
     },
     wander={
         "rate_radps": Wander(0.05 * _DEG, 300.0),  # what is left of the bias that its fusion takes out [O]
-        "specific_force_mps2": Wander(0.08),  # [M]: 80 mg of the data sheet are before calibration; a tenth is left [O]
-        "field_ut": Wander(1.0),  # what is left of hard iron after calibration [O]
-        "roll_rad": Wander(0.3 * _DEG, 60.0),  # [O]
-        "pitch_rad": Wander(0.3 * _DEG, 60.0),  # [O]
-        "yaw_rad": Wander(1.25 * _DEG, 60.0),  # within 2.5 deg [M], taken for two standard deviations
+        # What is left after calibration [O]: at rest, up is .05 / 9.81 = 0.3 degrees off, and the heading is known to
+        # 2.5 degrees [M], taken for two standard deviations. In the field of 50 degrees north, 20 uT level and 44 down,
+        # one of them is hypot(.37 / 20, .05 / 9.81 * 44 / 20) = .0216 rad.
+        "specific_force_mps2": Wander(0.05),
+        "field_ut": Wander(0.37),
     },
     limits={
         "rate_radps": (-2000.0 * _DEG, 2000.0 * _DEG),  # [D]
@@ -56,42 +60,44 @@ BNO055 = SensorErrors(
 )
 
 
+class Measured(msgspec.Struct, frozen=True):
+    """What the unit's three sensors measure: fields of an `ImuReading`."""
+
+    rate_radps: list[float]
+    specific_force_mps2: list[float]
+    field_ut: list[float]
+    stamp_s: float
+
+
 @dataclass(frozen=True)
 class InertialUnit:
     """The part.
 
     Args:
-        errors: how it measures, by field of an `ImuReading`.
+        errors: how its sensors measure, by field of `Measured`. Those of its angles follow.
+        angle_step_rad: that angles are rounded to; 0 is not at all.
     """
 
     errors: SensorErrors = BNO055
+    angle_step_rad: float = _DEG / 16.0  # [D]
 
     def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
-        """Opens it in a plant, at an output with the true rate, specific force, field and attitude quaternion."""
-        return SimSensor(plant, output, self.errors, rng, _felt, _wrapped)
+        """Opens it in a plant, at an output with the true `rate_radps`, `specific_force_mps2` and `field_ut`."""
+        return SimSensor(plant, output, self.errors, rng, _felt, self._fused())
 
+    def _fused(self) -> Callable[[Measured], ImuReading]:
+        attitude, step = AttitudeFilter(), self.angle_step_rad
 
-def _felt(motion: Any) -> ImuReading:
-    return ImuReading(
-        motion.rate_radps,
-        motion.specific_force_mps2,
-        motion.field_ut,
-        *roll_pitch_yaw_rad(motion.attitude),
-        motion.stamp_s,
-    )
+        def reading(measured: Measured) -> ImuReading:
+            rate, force, field = measured.rate_radps, measured.specific_force_mps2, measured.field_ut
+            angles = roll_pitch_yaw_rad(attitude.update(rate, force, field, measured.stamp_s))
+            if step:
+                roll, pitch, yaw = (round(angle / step) * step for angle in angles)
+                angles = wrap_rad(roll), pitch, wrap_rad(yaw)
+            return ImuReading(rate, force, field, *angles, measured.stamp_s)
 
-
-def _wrapped(reading: ImuReading) -> ImuReading:
-    """Errors may carry an angle over half a turn."""
-    roll, yaw = reading.roll_rad, reading.yaw_rad
-    if -math.pi < roll <= math.pi and -math.pi < yaw <= math.pi:
         return reading
-    return ImuReading(
-        reading.rate_radps,
-        reading.specific_force_mps2,
-        reading.field_ut,
-        wrap_rad(roll),
-        reading.pitch_rad,
-        wrap_rad(yaw),
-        reading.stamp_s,
-    )
+
+
+def _felt(motion: Any) -> Measured:
+    return Measured(motion.rate_radps, motion.specific_force_mps2, motion.field_ut, motion.stamp_s)

@@ -136,7 +136,7 @@ class UrovMeasured:
             wx, wy, wz = FIELD_UT_PER_A
             bx, by, bz = bx + current * wx, by + current * wy, bz + current * wz
         force = self._in_body(gx, gy, gz + self._body.gravity_mps2)
-        return Imu(list(self._rate), list(force), list(self._attitude), [bx, by, bz], self.time_s)
+        return Imu(list(self._rate), list(force), [bx, by, bz], self.time_s)
 
     def _altitude(self) -> Altitude:
         x, y, z = self._place

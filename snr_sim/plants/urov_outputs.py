@@ -34,19 +34,17 @@ class Depth(msgspec.Struct, frozen=True):
 
 
 class Imu(msgspec.Struct, frozen=True):
-    """Motion and attitude where the inertial unit is mounted, its axes along the body's.
+    """Motion and field where the inertial unit is mounted, its axes along the body's; the attitude it finds itself.
 
     Args:
         rate_radps: [x, y, z] angular velocity, body frame.
         specific_force_mps2: [x, y, z] acceleration less gravity, body frame: [0, 0, 9.81] at rest and upright.
-        attitude: [w, x, y, z] unit quaternion that turns vectors of the body into the world's.
         field_ut: [x, y, z] magnetic field, body frame [microtesla], with what the thrusters' currents add.
         stamp_s: when.
     """
 
     rate_radps: list[float]
     specific_force_mps2: list[float]
-    attitude: list[float]
     field_ut: list[float]
     stamp_s: float
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from colorsys import hsv_to_rgb
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -30,7 +31,7 @@ UNITS = {
     "degps": "°/s",
 }
 # Where a student looks first; other units follow in the order in which they appear.
-UNITS_FIRST = ("m", "m/s", "", "kg", "l", "rad", "rad/s")
+UNITS_FIRST = ("m", "m/s", "", "kg", "l", "°", "°/s", "rad", "rad/s")
 FLAGS = "yes (1) or no (0)"  # the plot of all that is one of them
 FAILURES = "broken (1) or not (0)"
 SAME = {"yaw": "heading"}  # words for one thing
@@ -49,6 +50,8 @@ BELIEF_COLORS = (
     (185, 150, 230, 255),
 )
 TRUTH_WIDTH, BELIEF_WIDTH = 1.5, 3.5
+GOLDEN_SHARE = 0.618034  # of a turn of hues from one further line to the next: none comes near one before
+IN_DEGREES = {"rad": "°", "rad/s": "°/s"}  # what people read instead
 
 
 @dataclass(frozen=True)
@@ -126,11 +129,19 @@ def name_and_unit(path: Sequence[str]) -> tuple[str, str]:
 
 
 def color_and_width(line: Line, before: Sequence[Line]) -> tuple[tuple[int, int, int, int], float]:
-    """Returns how a line is drawn: truth thick and first, beliefs thin and in colours of their own."""
+    """Returns how a line is drawn: truth thin and on top, beliefs broad, no two of one plot in one colour."""
     colors = TRUTH_COLORS if line.is_truth else BELIEF_COLORS
     here = line.unit, line.is_truth, line.plot
     place = sum((other.unit, other.is_truth, other.plot) == here for other in before)
-    return colors[place % len(colors)], TRUTH_WIDTH if line.is_truth else BELIEF_WIDTH
+    color = colors[place] if place < len(colors) else _further_color(place - len(colors), line.is_truth)
+    return color, TRUTH_WIDTH if line.is_truth else BELIEF_WIDTH
+
+
+def _further_color(place: int, is_truth: bool) -> tuple[int, int, int, int]:
+    """Returns a colour for a line beyond those that were chosen one by one."""
+    share = 0.75 if is_truth else 0.45
+    red, green, blue = hsv_to_rgb((0.05 + place * GOLDEN_SHARE) % 1.0, share, 0.7 if is_truth else 0.85)
+    return round(255 * red), round(255 * green), round(255 * blue), 255
 
 
 def plots(lines: Sequence[Line], changed_flags: Sequence[str] = ()) -> dict[str, list[Line]]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from typing import Any
 
 import pytest
 
-from snr_sim.recording.view_blueprint import FLAGS, Layout, Line, blueprint, plots
+from snr_sim.recording.view_blueprint import FLAGS, Layout, Line, blueprint, color_and_width, plots
 
 
 def line(name: str, unit: str = "m", is_truth: bool = False, plot: str = "") -> Line:
@@ -53,6 +55,18 @@ def test_what_was_always_yes_or_always_no_has_no_line() -> None:
     lines = [line("is armed", "", plot=FLAGS), line("is stopped", "", plot=FLAGS)]
     assert names(lines, ("/is armed",)) == [["is armed"]]
     assert names(lines) == []
+
+
+def test_no_two_lines_of_a_plot_have_one_colour() -> None:
+    """Eight pulses were drawn in five colours."""
+    lines: list[Line] = []
+    colors = []
+    for i in range(24):
+        new = line(f"pwm {i}", "µs", is_truth=i >= 16)
+        colors.append(color_and_width(new, lines)[0])
+        lines.append(new)
+    apart = min(math.dist(one, other) for one, other in itertools.combinations(colors, 2))
+    assert apart > 15.0
 
 
 def views_of(rrb: Any, layout: Layout) -> list[Any]:

@@ -115,6 +115,17 @@ def test_what_is_yes_or_no_goes_in_steps_and_other_numbers_do_not(tmp_path: Path
     assert mode not in found["/urov/pages/controls/surge"]
 
 
+def test_angles_are_shown_in_degrees_as_in_pictures(tmp_path: Path) -> None:
+    angles = {"yaw_rad": 1.0, "rate_radps": [0.5, 0.0, 0.0], "depth_m": 2.0}
+    found = rows(tmp_path, [truth(1), page(2, "imu", angles)])
+    told = {
+        name: found[f"/urov/pages/imu/{name}"]["Scalars:scalars"] for name in ("yaw_rad", "rate_radps/0", "depth_m")
+    }
+    assert told["yaw_rad"] == [[pytest.approx(57.29578)]]
+    assert told["rate_radps/0"] == [[pytest.approx(28.64789)]]
+    assert told["depth_m"] == [[2.0]]
+
+
 def test_gates_and_the_surface_are_called_by_name_and_the_current_is_told_from_thrust(tmp_path: Path) -> None:
     found = rows(tmp_path, [truth(1)])
     assert found["/world/gate_1/label"]["Points3D:labels"] == [["gate 1"]]

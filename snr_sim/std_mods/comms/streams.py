@@ -230,8 +230,14 @@ class StreamLink(RestartingLoop, PeerLink):
 
     def _read_at_door(self, stream: StreamPeer) -> None:
         try:
-            if stream.is_at_door:
-                self._read(stream)
+            if not stream.is_at_door:
+                return
+            self._read(stream)
+            if stream.session.is_up and stream.session.wants_attention:
+                # A ping is answered here, as a page would be: a change of threads takes far longer than its way.
+                stream.pump(self._now_s())
+                if stream.has_more:
+                    self.wake()
         except Exception as error:  # the link's thread closes the stream
             stream.fail(error)
 

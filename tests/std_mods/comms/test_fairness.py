@@ -199,6 +199,20 @@ def arena(monkeypatch: pytest.MonkeyPatch) -> Arena:
     return Arena(monkeypatch)
 
 
+def test_ping_is_answered_where_pages_are_read_and_waits_for_no_other_thread(arena: Arena) -> None:
+    """What `rtt_s` tells is then what a page would take; it was some milliseconds where a page takes 0.05."""
+    session = arena.pilot.session
+    session.rtt_s = None
+    session._ping(arena.network.now_s)
+    arena.pilot.move()
+    for _ in range(5):  # the node waits at its door; the link's thread does not come to run
+        arena.robot.door.wait(0.0)
+        arena.robot.run_ready()
+    arena.pilot.move()
+    assert session.rtt_s is not None
+    assert session.rtt_s < 0.01
+
+
 class Newcomers:
     """Connects again and again, and acts; so many connections stay open."""
 
