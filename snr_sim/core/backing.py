@@ -7,7 +7,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Protocol
 
 from snr_sim.core.clocks import SimClock
-from snr_sim.prelude.errors import ComponentFailed
+from snr_sim.prelude.errors import ClockError, ComponentFailed
 
 if TYPE_CHECKING:
     from snr_sim.core.loop import Loop
@@ -64,6 +64,7 @@ class ClockBacking:
         self._order = loop.parent.order_of(loop.name)
         self._is_started = False
         self._is_halted = False
+        self._at_once = 0  # ticks in a row that were wanted at once
         self.is_stopped = False
         self.ticks = 0
         self.late_s = 0.0
@@ -88,9 +89,15 @@ class ClockBacking:
             self._clock.call_at(self._next_s(), self._tick, self._order)
 
     def _next_s(self) -> float:
-        wanted_s = self._loop.next_tick_at_s
+        wanted_s, now_s = self._loop.next_tick_at_s, self._clock.now_s()
+        if wanted_s is not None and wanted_s > now_s:
+            self._at_once = 0
+            return wanted_s
         if wanted_s is not None:
-            return max(wanted_s, self._clock.now_s())
+            self._at_once += 1
+            if self._at_once > self._loop.parent.config.max_tasks_per_moment:
+                raise self._loop.parent.failure_of(self._loop, _stands_still(wanted_s, self._at_once - 1), "loop")
+            return now_s
         # A product would drift in the last digits; and equal rates must meet at equal floats.
         return self._start_s + self.ticks / self._rate_hz
 
@@ -107,6 +114,13 @@ class ClockBacking:
         if self._is_started and not self._is_halted:
             self._is_halted = True
             self._loop.halt()
+
+
+def _stands_still(wanted_s: float, ticks: int) -> ClockError:
+    return ClockError(
+        f"After each of {ticks} ticks in a row next_tick_at_s was {wanted_s:g}, which is not later: time stands still.",
+        fix="next_tick_at_s = self.get_time_s() + a delay; or leave it alone, and the loop keeps its max_tick_rate_hz.",
+    )
 
 
 class ThreadBacking:

@@ -68,7 +68,7 @@ def watch(nodes: Sequence[Node], clock: SimClock) -> list[Step]:
         if not any(node.machine.queued for node in nodes if not node.is_terminated):
             if clock.next_s != moment_s:
                 return steps
-            clock.run_next()  # a link without latency brings a page
+            clock.run_next()  # a loop that is to tick at once, for ever
         for node in nodes:
             machine = node.machine
             if node.is_terminated or not machine.queued:

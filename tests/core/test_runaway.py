@@ -5,7 +5,19 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Config, MemoryLink, Node, SimClock, SimRunner, Task, TaskType, TestRunner, tasks
+from snr_sim import (
+    Config,
+    MemoryLink,
+    Node,
+    SimClock,
+    SimRunner,
+    SocketsPair,
+    Task,
+    TaskType,
+    TestRunner,
+    ZenohNet,
+    tasks,
+)
 from snr_sim.core.config import MAX_TASKS_PER_MOMENT
 from snr_sim.core.runaway import cycle_of
 from snr_sim.prelude.errors import ComponentFailed, ConfigError
@@ -14,6 +26,7 @@ from snr_sim.recording.reader import read_trace
 from snr_sim.recording.records import ErrorRecord
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.std_mods.comms.faults import LEAST_TRANSIT_S
 from snr_sim.testing.parts import Part, PartFactory, TickerFactory
 
 BOUND = 1000
@@ -51,12 +64,42 @@ def test_a_controller_that_answers_its_own_page_is_named_with_its_tasks() -> Non
     assert said.count("[test_node]") == 2
 
 
-def test_two_nodes_that_answer_each_other_over_a_link_without_latency_are_both_named() -> None:
-    roles = {"a": [once("ping"), echo("pong", "ping", "a_part")], "b": [echo("ping", "pong", "b_part")]}
-    links = [MemoryLink(["ping"], "a", "b"), MemoryLink(["pong"], "b", "a")]
-    said = failure_of(SimRunner(config(roles), links=links).run)
-    assert "[a_node] process_data 'pong' -> a_part.reply" in said
-    assert "[b_node] process_data 'ping' -> b_part.reply" in said
+def links_between(kind: str) -> tuple[list[Any], list[Any], list[Any]]:
+    """Links in both directions without latency: factories for a, for b, and links of the runner."""
+    if kind == "memory":
+        return [], [], [MemoryLink(["ping"], "a", "b"), MemoryLink(["pong"], "b", "a")]
+    if kind == "sockets":
+        pair = SocketsPair(("127.0.0.1", 0), name="t")
+        return [pair.client(["ping"])], [pair.server(["pong"])], []
+    net = ZenohNet(name="t", listen="tcp/127.0.0.1:7447")
+    return [net.link(["ping"])], [net.link(["pong"])], []
+
+
+@pytest.mark.parametrize("kind", ["memory", "sockets", "net"])
+def test_two_nodes_that_answer_each_other_without_latency_move_on_in_time(kind: str) -> None:
+    of_a, of_b, links = links_between(kind)
+    begins = TickerFactory(lambda loop: loop.store_data("ping", 0), "starter", 0.001)
+    roles = {"a": [echo("pong", "ping", "a_part"), *of_a, begins], "b": [echo("ping", "pong", "b_part"), *of_b]}
+    runner = SimRunner(config(roles, 100), links=links, until_s=0.02)
+    runner.run()
+    assert runner.clock.now_s() == pytest.approx(0.02, abs=LEAST_TRANSIT_S)
+    pages = runner.nodes["b"].datastore.stored
+    assert pytest.approx(pages / 2, rel=0.05) == 0.02 / (2 * LEAST_TRANSIT_S)  # each ping and each pong is stored in b
+
+
+@pytest.mark.parametrize("does", ["stores", "stores nothing"])
+def test_a_loop_that_wants_each_tick_at_once_is_named(does: str) -> None:
+    def tick(loop: Any) -> None:
+        loop.next_tick_at_s = 0.0
+        if does == "stores":
+            loop.store_data("x", 1)
+
+    said = failure_of(TestRunner(config({"test": [TickerFactory(tick, "eager", 10.0)]})).run)
+    assert "time stands still" in said
+    assert ("next_tick_at_s was 0" in said) == (does == "stores nothing")
+    if does == "stores nothing":
+        assert "component 'eager' at t = 0.000 s" in said
+        assert f"After each of {BOUND} ticks in a row" in said
 
 
 @pytest.mark.parametrize("runner", ["node", "test", "sim"])

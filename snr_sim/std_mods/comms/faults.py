@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 
 MAX_DELAY_S = 86_400.0  # a day
 MIN_BANDWIDTH_BPS = 1.0
+# Of what is sent under a virtual clock, whatever the faults: no link is quicker than one between two programs on one
+# computer, where a page takes 25 to 40 us one way (`snr bench links`). Without it two nodes that answer each other
+# would do so for ever at one moment.
+LEAST_TRANSIT_S = 50e-6
 DRAWN_AT_ONCE = 256
 
 
@@ -117,13 +121,15 @@ class Way:
         faults: of this direction.
         seed: of the run.
         name: of the direction; two with different names have different luck.
+        least_s: how long everything takes at least; for a link that has no real wire.
     """
 
-    def __init__(self, faults: Faults, seed: int, name: str) -> None:
+    def __init__(self, faults: Faults, seed: int, name: str, least_s: float = 0.0) -> None:
         self.faults = faults
         self.free_s = 0.0  # when the last thing has left
         self.lost = 0  # pages
         self.duplicated = 0  # pages
+        self._least_s = least_s
         self._last_arrival_s = 0.0
         seed = seed if faults.seed is None else faults.seed
         # Two generators, and each draws for every page: so more of one fault does not shift the luck of another.
@@ -144,7 +150,7 @@ class Way:
         if is_cut or (is_page and for_loss < faults.loss):
             self.lost += is_page
             return ()
-        delay_s = faults.latency_s + for_jitter * faults.jitter_s
+        delay_s = max(faults.latency_s + for_jitter * faults.jitter_s, self._least_s)
         if is_page and self._odd_luck is not None:
             return self._odd_arrivals_s(self._odd_luck, delay_s)
         return (self._in_order_s(delay_s),)

@@ -16,7 +16,7 @@ from snr_sim.prelude.component import RoleName
 from snr_sim.prelude.errors import ConfigError, SnrError, UnknownName, nearest
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.task import Task
-from snr_sim.std_mods.comms.faults import Faults, Way
+from snr_sim.std_mods.comms.faults import LEAST_TRANSIT_S, Faults, Way
 from snr_sim.std_mods.comms.link import BEFORE_LOOPS, Misfits
 from snr_sim.std_mods.comms.wire_bounds import encode_page
 
@@ -31,7 +31,7 @@ class MemoryLink:
         keys: of the pages.
         from_role: where they are stored first.
         to_role: where they arrive.
-        latency_s: of every page.
+        latency_s: of every page; `LEAST_TRANSIT_S` at least.
         jitter_s: further delay, evenly spread from 0 to this.
         loss: share of pages that never arrive, 0 to 1.
         bandwidth_bps: bits per second; None is any number.
@@ -106,7 +106,7 @@ class OneWay:
         self.delivered = 0
         self.dropped = 0  # of other nodes, that cannot cross
         self._clock = clock
-        self._way = Way(faults, sender.seed, f"link:{sender.role}->{receiver.role}")
+        self._way = Way(faults, sender.seed, f"link:{sender.role}->{receiver.role}", LEAST_TRANSIT_S)
         logger = logging.getLogger(f"snr.{sender.name}.link_{receiver.role}")
         self._misfits = Misfits(sender, f"The link from '{sender.role}' to '{receiver.role}'", logger)
         self._brought: dict[int, Page] = {}  # pages that came by this way and have not been stored yet, by identity

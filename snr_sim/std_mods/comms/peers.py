@@ -69,6 +69,8 @@ class PeerLink(Link):
         terms: of its sessions.
     """
 
+    least_transit_s = 0.0  # of what is sent; a simulated link has some
+
     def __init__(self, factory: LoopFactory, parent: Node, options: LinkOptions, terms: Terms) -> None:
         super().__init__(factory, parent, options)
         self.terms = terms
@@ -168,7 +170,7 @@ class PeerLink(Link):
     def _new_way(self) -> Way:
         """Returns the way out to a new far end: each session has a luck of its own, the same in every run."""
         name = f"link:{self.name}:{self.parent.role}:{next(self._numbers)}"
-        return Way(self.options.faults or Faults(), self.parent.seed, name)
+        return Way(self.options.faults or Faults(), self.parent.seed, name, self.least_transit_s)
 
     def _state(self, now_s: float) -> dict[str, Any]:
         peers = self.peers

@@ -12,7 +12,7 @@ from weakref import WeakKeyDictionary
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.loop import LoopFactory
 from snr_sim.core.node import Node
-from snr_sim.std_mods.comms.faults import Way
+from snr_sim.std_mods.comms.faults import LEAST_TRANSIT_S, Way
 from snr_sim.std_mods.comms.link import BEFORE_LOOPS
 from snr_sim.std_mods.comms.messages import NONCE_BYTES
 from snr_sim.std_mods.comms.options import LinkOptions
@@ -104,6 +104,8 @@ class SimulatedLink(PeerLink):
         terms: of its sessions.
         meeting: where it finds the other end.
     """
+
+    least_transit_s = LEAST_TRANSIT_S
 
     def __init__(
         self, factory: LoopFactory, parent: Node, options: LinkOptions, terms: Terms, meeting: Meeting

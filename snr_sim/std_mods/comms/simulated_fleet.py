@@ -10,7 +10,7 @@ from snr_sim.core.clocks import SimClock
 from snr_sim.core.loop import LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.prelude.page import DataKey, Page
-from snr_sim.std_mods.comms.faults import Faults, Way
+from snr_sim.std_mods.comms.faults import LEAST_TRANSIT_S, Faults, Way
 from snr_sim.std_mods.comms.fleet import PING_BYTES, FleetLink, Hearing, Member
 from snr_sim.std_mods.comms.link import BEFORE_LOOPS, by_name
 from snr_sim.std_mods.comms.options import LinkOptions
@@ -82,7 +82,7 @@ class SimulatedFleetLink(FleetLink):
 
     def _meet(self, other: SimulatedFleetLink) -> None:
         name = f"link:{self.name}:{self.parent.role}->{other.parent.role}"
-        way = Way(self.options.faults or Faults(), self.parent.seed, name)
+        way = Way(self.options.faults or Faults(), self.parent.seed, name, LEAST_TRANSIT_S)
         self._fars[other] = SimulatedFar(other, way, self.clock.now_s())
         for raw in self._newest.values():  # who comes late hears the newest of each key
             self._send_to(self._fars[other], raw)

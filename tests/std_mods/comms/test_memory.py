@@ -10,6 +10,7 @@ import pytest
 from snr_sim import Config, MemoryLink, Node, SimRunner, Task, TaskType
 from snr_sim.core.runners import Link
 from snr_sim.prelude.errors import ComponentFailed, ConfigError, ParameterError, UnknownName
+from snr_sim.std_mods.comms.faults import LEAST_TRANSIT_S
 from snr_sim.testing.parts import Part, PartFactory, TickerFactory
 from snr_sim.testing.witness import Witness
 
@@ -52,8 +53,10 @@ def carry(link: Link, values: Sequence[Any], rate_hz: float = 10.0, seed: int = 
     return heard
 
 
-def test_a_perfect_link_carries_every_page_at_once() -> None:
-    assert carry(MemoryLink(["x"], "a", "b"), [1, 2, 3]) == [(0.0, 1), (0.1, 2), (0.2, 3)]
+def test_a_perfect_link_carries_every_page_in_the_least_time_there_is() -> None:
+    least_s = LEAST_TRANSIT_S
+    assert carry(MemoryLink(["x"], "a", "b"), [1, 2, 3]) == [(least_s, 1), (0.1 + least_s, 2), (0.2 + least_s, 3)]
+    assert carry(MemoryLink(["x"], "a", "b", latency_s=1e-9), [1]) == [(least_s, 1)]
 
 
 def test_latency_is_added_to_the_clock() -> None:

@@ -40,7 +40,7 @@ def test_a_pipes_pair_runs_in_lock_step_too() -> None:
             "b": [pair.server()],
         }
     )
-    runner = SimRunner(config, until_s=1.0)
+    runner = SimRunner(config, until_s=1.01)
     runner.run()
     assert runner.nodes["b"].get_data("x") == 10
 
