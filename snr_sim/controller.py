@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from types import ModuleType
 from typing import Any
 
-from snr_sim.core.blame import describe_error, place_of, put_place_first, short_path
+from snr_sim.core.blame import describe_error, place_of, put_place_first, short_path, without_addresses
 from snr_sim.core.config import AnyFactory
 from snr_sim.core.endpoint import EndpointFactory
 from snr_sim.core.loop import LoopFactory
@@ -22,19 +22,24 @@ def factories_of(controller: ModuleType, robot: Robot) -> list[AnyFactory]:
         ConfigError: it raised, or returned something else than factories.
     """
     made = call_student(controller.factories, "factories(robot)", robot)
-    place = short_path(str(controller.__file__))
+    place: object = place_of(controller.factories) or short_path(str(controller.__file__))
     if not isinstance(made, (list, tuple)):
         raise ConfigError(
-            f"{place}: factories(robot) returned {made!r}, which is not a list.",
+            f"{place}\n  factories(robot) returned {_shown(made)}, which is not a list.",
             fix="return [MyEndpointFactory()].",
         )
     for factory in made:
         if not isinstance(factory, (EndpointFactory, LoopFactory)):
             raise ConfigError(
-                f"{place}: factories(robot) returned a list with {factory!r}, which is not a factory.",
+                f"{place}\n  factories(robot) returned a list with {_shown(factory)}, which is not a factory.",
                 fix="list instances of your EndpointFactory classes: [MyEndpointFactory()], with the brackets.",
             )
     return list(made)
+
+
+def _shown(value: object) -> str:
+    """Returns a value as its author would say it."""
+    return f"the class {value.__name__}" if isinstance(value, type) else without_addresses(repr(value))
 
 
 def call_student(function: Callable[..., Any], name: str, *args: Any) -> Any:

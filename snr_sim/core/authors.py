@@ -49,6 +49,17 @@ def who_stored(key: DataKey, components: Iterable[Component]) -> tuple[str, str]
     return lines, " or ".join(names) or (f"one of {one_of}" if one_of else "somebody outside")
 
 
+def place_of_attribute(component: Component, name: str) -> Place | None:
+    """Returns the first line of a student's that sets an attribute of a component, or None."""
+    for function in _functions(component):
+        for step in dis.get_instructions(function.__code__):
+            line = step.positions.lineno if step.positions is not None else None
+            if step.opname == "STORE_ATTR" and step.argval == name and line is not None:
+                file = function.__code__.co_filename
+                return Place(short_path(file), line, function.__name__, linecache.getline(file, line).strip())
+    return None
+
+
 def _mentions(key: DataKey, component: Component) -> Iterator[Author]:
     own = vars(component)
     for function in _functions(component):

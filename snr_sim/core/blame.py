@@ -11,6 +11,7 @@ from pathlib import Path
 from types import CodeType, FrameType, TracebackType
 from typing import NamedTuple
 
+from snr_sim.core.hints import hint, shown
 from snr_sim.prelude.errors import DeviceError, SnrError
 
 # What to do about code that did not return although it was interrupted.
@@ -18,6 +19,7 @@ LET_INTERRUPTS_PASS = "catch Exception, not BaseException; and put no bare excep
 
 _KIT = Path(__file__).resolve().parents[1]
 _SHIPPED = _KIT / "shipped"  # robots and scenarios in the wheel: content, not kit
+_CONTENT = (_SHIPPED, *(_KIT.parent / kind for kind in ("robots", "scenarios", "assignments")))
 _ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
 _STDLIB = Path(os.__file__).resolve().parent
 
@@ -37,6 +39,16 @@ class Place(NamedTuple):
 def student_place(trace: TracebackType | None) -> Place | None:
     """Returns the innermost line that a student wrote, or None if there is none in the traceback."""
     return _innermost(traceback.extract_tb(trace))
+
+
+def _student_trace(trace: TracebackType | None) -> TracebackType | None:
+    """Returns the innermost part of a traceback that is in a student's line."""
+    found = None
+    while trace is not None:
+        if is_student_file(trace.tb_frame.f_code.co_filename):
+            found = trace
+        trace = trace.tb_next
+    return found
 
 
 def place_now(frame: FrameType) -> Place | None:
@@ -72,6 +84,12 @@ def is_student_file(filename: str) -> bool:
     return not (path.is_relative_to(_KIT) or path.is_relative_to(_STDLIB) or "site-packages" in path.parts)
 
 
+def is_content(filename: str) -> bool:
+    """Returns whether a file is of the robots, scenarios and labs that come with the kit."""
+    path = Path(filename).resolve()
+    return any(path.is_relative_to(folder) for folder in _CONTENT)
+
+
 def short_path(filename: str) -> str:
     """Returns the path as seen from the current folder where that is shorter."""
     try:
@@ -82,8 +100,9 @@ def short_path(filename: str) -> str:
 
 
 def put_place_first(error: SnrError) -> None:
-    """Begins an error of the kit, raised because of a student's line, with that line."""
-    place = student_place(error.__traceback__)
+    """Begins an error of the kit, raised because of a student's line, with that line; not with a line of our robots."""
+    frames = [one for one in traceback.extract_tb(error.__traceback__) if not is_content(one.filename)]
+    place = _innermost(traceback.StackSummary.from_list(frames))
     if place is not None and not error.message.startswith(str(place)):
         error.message = f"{place}\n  {error.message}"
 
@@ -109,7 +128,7 @@ def describe_error(error: BaseException, while_doing: str, otherwise: Place | No
     if isinstance(error, SnrError):
         what, fix = error.message, error.fix
     else:
-        what, fix = f"{type(error).__name__}: {error.msg if isinstance(error, SyntaxError) else error}", ""
+        what, fix = f"{type(error).__name__}: {shown(error)}", hint(error, _student_trace(error.__traceback__))
     what = without_addresses(what)
     if isinstance(error, SystemExit):
         fix = "a component ends the run with tasks.terminate('why'), so that everything is halted and recorded."

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import difflib
+from collections.abc import Iterable, Iterator, Mapping
 
+from snr_sim.core.authors import Author, authors_of, place_of_attribute
+from snr_sim.core.blame import is_content
 from snr_sim.core.component import CORE_NAME
 from snr_sim.core.datastore import PREVIOUS, Datastore
 from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.handlers import Entry, describe
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import nearest
+from snr_sim.prelude.page import DataKey
 from snr_sim.prelude.recorder import RECORDING_KEY
 from snr_sim.prelude.task import TaskName, TaskType
 
 _STEPS = ("begin", "join", "halt", "terminate")
+NEXT_LINE = "\n  "
 Seen = Mapping[TaskType, Mapping[TaskName, tuple[Entry, ...]]]
 
 
@@ -30,8 +35,8 @@ def loose_ends(components: Mapping[str, Component], seen: Seen, datastore: Datas
     return [
         *_unhandled(of_the_robot, seen),
         *_never_called(of_the_robot, seen, datastore),
-        *_without_handlers(of_the_robot, seen),
-        *_never_stored(datastore),
+        *without_handlers(of_the_robot, seen),
+        *_never_stored(of_the_robot, datastore),
         *_named_as_previous(datastore),
     ]
 
@@ -56,34 +61,96 @@ def _never_called(components: Mapping[str, Component], seen: Seen, datastore: Da
                 and task_id[1] != RECORDING_KEY
             ):
                 kind, name = task_id
+                line = _line_of(name, [component])
                 if kind is TaskType.process_data and name in datastore.pages:
                     yield (
-                        f"'{component.name}' waits for {describe(task_id)}, which never came: that page was stored "
-                        f"without a task (process=False). Look it up: self.get_data({str(name)!r})."
+                        f"{line}'{component.name}' waits for {describe(task_id)}, which never came: that page was "
+                        f"stored without a task (process=False). Look it up: self.get_data({str(name)!r})."
                     )
                     continue
                 verb = "sent" if kind is TaskType.event else "stored" if kind is not TaskType.reload else "asked for"
-                near = nearest(name, seen[kind], f"{verb} were")
-                yield f"'{component.name}' waits for {describe(task_id)}, which nobody {verb}; {near}"
+                near = _same_or_nearest(name, kind, seen, components, verb)
+                yield f"{line}'{component.name}' waits for {describe(task_id)}, which nobody {verb}; {near}"
 
 
-def _without_handlers(components: Mapping[str, Component], seen: Seen) -> Iterator[str]:
-    """Endpoints that do nothing at all; one that works in `begin`, `halt` or `terminate` only is well."""
-    called = {entry[0].name for by_name in seen.values() for entries in by_name.values() for entry in entries}
+def _same_or_nearest(name: TaskName, kind: TaskType, seen: Seen, components: Mapping[str, Component], verb: str) -> str:
+    """Offers the nearest name, unless that is as likely to be the misspelt one: nobody waits for it either."""
+    close = difflib.get_close_matches(name, seen[kind], n=1, cutoff=0.5)
+    is_ours = bool(close) and (kind is TaskType.event or bool(_authors(close[0], components.values())))
+    if not (is_ours and not seen[kind][close[0]]):
+        return nearest(name, seen[kind], f"{verb} were")
+    place = _line_of(close[0], components.values()).strip()
+    where = f" ({place})" if place else ""
+    return f"'{close[0]}' was {verb}{where}, for which nobody waits: spell both alike."
+
+
+def without_handlers(components: Mapping[str, Component], seen: Seen | None = None) -> Iterator[str]:
+    """Yields a sentence for endpoints that do nothing at all; one that only works in `begin`, `halt` or so is well.
+
+    Args:
+        components: of the node.
+        seen: as of `loose_ends`; before a run there is none.
+    """
+    called = {entry[0].name for by_name in (seen or {}).values() for entries in by_name.values() for entry in entries}
     for component in components.values():
         is_idle = isinstance(component, Endpoint) and not component.task_handlers and component.name not in called
         if is_idle and all(getattr(type(component), step) is getattr(Endpoint, step) for step in _STEPS):
+            close = difflib.get_close_matches("task_handlers", [one for one in vars(component) if one[0] != "_"], n=1)
+            place = place_of_attribute(component, close[0]) if close else None
             yield (
+                f"{f'{place}{NEXT_LINE}' if place is not None else ''}"
                 f"Endpoint '{component.name}' has no handlers, so nothing calls it; "
-                "set self.task_handlers = {...} in its __init__."
+                f"set self.task_handlers = {{...}} in its __init__{f', not self.{close[0]}' if close else ''}."
             )
 
 
-def _never_stored(datastore: Datastore) -> Iterator[str]:
+def _never_stored(components: Mapping[str, Component], datastore: Datastore) -> Iterator[str]:
     for key in datastore.missed:
-        if key not in datastore.pages and key != RECORDING_KEY:  # which is only there when something is wrong
-            near = nearest(str(key), datastore.pages, "stored were")
-            yield f"Page '{key}' was asked for, but nobody stored it; {near}"
+        if key in datastore.pages or key == RECORDING_KEY:  # which is only there when something is wrong
+            continue
+        authors = _authors(str(key), components.values())
+        if not authors:  # the kit asks for it, so its name is right
+            yield _misnamed(str(key), components, datastore)
+            continue
+        unreturned = next((one for one in authors if _is_dropped(one.place.source)), None)
+        if unreturned is not None:
+            yield (
+                f"{unreturned.place}{NEXT_LINE}Page '{key}' was asked for, but nobody stored it: "
+                f"{unreturned.function}() of '{unreturned.component}' makes the task and does not return it. "
+                f"Write: return {unreturned.place.source}"
+            )
+            continue
+        near = nearest(str(key), datastore.pages, "stored were")
+        yield f"{authors[0].place}{NEXT_LINE}Page '{key}' was asked for, but nobody stored it; {near}"
+
+
+def _misnamed(key: DataKey, components: Mapping[str, Component], datastore: Datastore) -> str:
+    """Says that a page is missing; a stored one of nearly that name, which nobody waits for, is the misspelt one."""
+    waited_for = {task_id[1] for task_id in _ids(components) if isinstance(task_id, tuple)}
+    said = f"Page '{key}' was asked for, but nobody stored it"
+    for other in difflib.get_close_matches(key, map(str, datastore.pages), n=3, cutoff=0.5):
+        authors = _authors(other, components.values())
+        if other not in waited_for and authors:
+            return (
+                f"{authors[0].place}{NEXT_LINE}Page '{other}' is stored there, and nobody waits for it. "
+                f"{said}: did you mean '{key}'?"
+            )
+    return f"{said}; {nearest('', datastore.pages, 'stored were')}"
+
+
+def _is_dropped(source: str) -> bool:
+    """Returns whether a line makes a task and does nothing with it."""
+    return source.startswith(("self.store_data_task(", "tasks.", "Task("))
+
+
+def _authors(key: DataKey, components: Iterable[Component]) -> list[Author]:
+    """Returns the student's lines that name a key; those of our robots are not theirs to mend."""
+    return [one for one in authors_of(key, components) if not is_content(one.place.file)]
+
+
+def _line_of(key: TaskName, components: Iterable[Component]) -> str:
+    authors = _authors(key, components)
+    return f"{authors[0].place}{NEXT_LINE}" if authors else ""
 
 
 def _named_as_previous(datastore: Datastore) -> Iterator[str]:

@@ -159,8 +159,11 @@ class Node(NodeMembers):
         wanted: type[Endpoint | Loop] = Endpoint if isinstance(factory, EndpointFactory) else Loop
         a_wanted = f"{'an' if wanted is Endpoint else 'a'} {wanted.__name__}"
         if not isinstance(component, wanted):
+            place = place_of(factory.get)
+            where = f"{place}\n  " if place is not None else ""
             raise ConfigError(
-                f"{name}.get() of role '{self.role}' returned {component!r}, but should return {a_wanted}.",
+                f"{where}{name}.get() of role '{self.role}' returned {without_addresses(repr(component))}, "
+                f"but should return {a_wanted}.",
                 fix=f"end get(self, parent) with: return My{wanted.__name__}(self, parent, 'its_name').",
             )
         if not hasattr(component, "name"):

@@ -221,9 +221,13 @@ class ActuatorLoop(Loop):
             wanted, got = getattr(command, field), getattr(applied, field)
             if wanted != got and field not in self._clamped:
                 self._clamped.add(field)
+                others = [component for component in self.parent.components.values() if component is not self]
+                lines = who_stored(self.factory.key, others)[0]
+                low, high = limits[field]
                 self.parent.note(
-                    f"Command '{self.factory.key}.{field}' = {_shown(wanted)} is outside {limits[field]} "
-                    f"and was clamped to {_shown(got)} (said once; t = {self.get_time_s():.2f} s)."
+                    f"{lines}Command '{self.factory.key}.{field}' = {_shown(wanted)} is outside {limits[field]} "
+                    f"and was clamped to {_shown(got)} (said once; t = {self.get_time_s():.2f} s). "
+                    f"Store what is from {low:g} to {high:g}."
                 )
 
     def halt(self) -> None:

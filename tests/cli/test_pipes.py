@@ -46,7 +46,9 @@ def test_a_command_stored_under_another_name_is_reported_with_the_nearest(tmp_pa
     (tmp_path / "dice.py").write_text(DICE)
     command = [sys.executable, "-m", "snr_sim", "run", "lander_vertical", "--controller", "./dice.py", "--no-rrd"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert "Page 'engine' was asked for, but nobody stored it; did you mean 'engin'?" in done.stderr
+    assert "Page 'engin' is stored there, and nobody waits for it." in done.stderr
+    assert "did you mean 'engine'?" in done.stderr
+    assert "did you mean 'engin'?" not in done.stderr
 
 
 DICE = """\

@@ -181,7 +181,8 @@ def test_a_command_outside_the_limits_is_clamped_and_that_is_said_once() -> None
     actuator = FakeActuator(Push, LIMITS)
     node = run(commands({"thrust_n": 99.0}, {"thrust_n": 98.0}, {"gimbal_rad": -1.0}), engine(actuator))
     assert actuator.written == [Push(40.0, 0.0), Push(40.0, 0.0), Push(0.0, -0.1)]
-    assert [note.split(" (said")[0] for note in node.notes] == [
+    assert all("test_loops.py, line " in note.splitlines()[0] for note in node.notes)
+    assert [note.splitlines()[1].strip().split(" (said")[0] for note in node.notes] == [
         "Command 'engine.thrust_n' = 99 is outside (0.0, 40.0) and was clamped to 40",
         "Command 'engine.gimbal_rad' = -1 is outside (-0.1, 0.1) and was clamped to -0.1",
     ]

@@ -372,7 +372,7 @@ def test_engine_commands_are_written_as_pulses_with_their_age() -> None:
 def test_engine_commands_beyond_the_engine_are_clamped_and_told_in_its_own_words() -> None:
     node, servos = run_engine(lambda t: {"throttle": 2.0, "gimbal_rad": -0.2})
     assert {tuple(pulses) for _, pulses, _, _ in servos.told[1:]} == {(1900.0, 1100.0, 1500.0)}
-    assert [note.split(" (said")[0] for note in node.notes] == [
+    assert [note.splitlines()[-1].strip().split(" (said")[0] for note in node.notes] == [
         "Command 'engine.throttle' = 2 is outside (0.0, 1.0) and was clamped to 1",
         "Command 'engine.gimbal_rad' = -0.2 is outside (-0.1, 0.1) and was clamped to -0.1",
     ]

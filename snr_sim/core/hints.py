@@ -1,0 +1,227 @@
+"""What to try about an error of Python's own: the nearest name that there is, what there is instead, or the usual cure.
+
+Python shows its own "Did you mean" only with a traceback, and not in each version for each error: here it is the same
+in all of them.
+"""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import difflib
+import linecache
+import re
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from enum import EnumMeta
+from types import FrameType, ModuleType, TracebackType
+from typing import Any
+
+from snr_sim.prelude.errors import nearest
+
+_UNKNOWN = object()
+_NONE = "a page that nobody has stored yet is None"
+
+
+def hint(error: BaseException, trace: TracebackType | None) -> str:
+    """Returns one thing to try, or nothing if there is none that is better than the error's own words.
+
+    Args:
+        error: not one of the kit's.
+        trace: of the line to mend, the innermost one of a student's.
+    """
+    if _source(trace).lstrip().startswith("raise"):
+        return ""  # whoever wrote that line has said it in words of their own
+    words = next((words for kind, words in _WORDS.items() if isinstance(error, kind)), None)
+    try:
+        return words(error, trace) if words is not None else ""
+    except Exception:  # a student's own __dir__ or __eq__ may raise: the error itself is still told
+        return ""
+
+
+def shown(error: BaseException) -> str:
+    """Returns an error's own words, without paths of installed files.
+
+    >>> shown(ImportError("cannot import name 'x' from 'y' (/usr/lib/y.py)"))
+    "cannot import name 'x' from 'y'"
+    """
+    if isinstance(error, SyntaxError):
+        return error.msg
+    return re.sub(r" \((/|[A-Z]:)[^()]*\.py\)", "", str(error)) if isinstance(error, ImportError) else str(error)
+
+
+def _of_syntax(error: Any, trace: object) -> str:
+    said = error.msg or ""
+    if isinstance(error, IndentationError):
+        return "give it as many spaces as the other lines of its block have; four more after a line that ends in ':'."
+    if "expected ':'" in said:
+        return "end the line with a colon: def, class, if, else, for, while, try and with need one."
+    if "never closed" in said or "unmatched" in said or "does not match" in said:
+        return "count the brackets: each one that is opened is closed, by one of its kind."
+    if "unterminated" in said:
+        return "end the text with the same quotes that it begins with."
+    return "look at this line and at the end of the one before: a missing bracket, comma, colon or quote."
+
+
+def _of_import(error: Any, trace: object) -> str:
+    if "circular import" in str(error):
+        return "the two files import each other: move what both need into a third file, and import that in both."
+    found = re.search(r"cannot import name '([^']*)' from '([^']*)'", str(error))
+    if found is not None:
+        return near(found[1], _public(sys.modules.get(found[2]))) or "look for its name: README.md."
+    name = str(error.name or "")
+    return f"a file {name.partition('.')[0]}.py beside yours, its name spelt alike; a package is installed with pip."
+
+
+def _of_name(error: Any, trace: TracebackType | None) -> str:
+    frame = _frame(trace)
+    if frame is None:
+        return ""
+    known = {**vars(builtins), **frame.f_globals, **frame.f_locals}
+    close = near(error.name or "", (name for name in known if not name.startswith("_")))
+    if close:
+        return close
+    if isinstance(error, UnboundLocalError):
+        return f"give {error.name} a value on each way that leads to this line; or keep it in self.{error.name}."
+    return f"give {error.name} a value before this line, or import it; what belongs to an object is self.{error.name}."
+
+
+def _of_attribute(error: Any, trace: TracebackType | None) -> str:
+    node = _node(trace)
+    owner = _value(node.value, trace) if isinstance(node, ast.Attribute) else _UNKNOWN
+    if owner is None or "'NoneType' object" in str(error):
+        return _about_none(node)
+    if owner is _UNKNOWN or not isinstance(node, ast.Attribute):
+        return ""
+    if isinstance(owner, EnumMeta):
+        return nearest(node.attr, owner.__members__)
+    close = near(node.attr, _public(owner))
+    if close:
+        return close
+    return f"set it in __init__, before it is used: {ast.unparse(node)} = ..."
+
+
+def _of_key(error: Any, trace: TracebackType | None) -> str:
+    node = _node(trace)
+    owner = _value(node.value, trace) if isinstance(node, ast.Subscript) else _UNKNOWN
+    key = error.args[0] if error.args else ""
+    if isinstance(owner, Mapping):
+        return nearest(str(key), map(str, owner), "its keys are")
+    return "look up what keys it has: print(list(...)); or ask with .get(key), which gives None."
+
+
+def _of_index(error: Any, trace: TracebackType | None) -> str:
+    node = _node(trace)
+    owner = _value(node.value, trace) if isinstance(node, ast.Subscript) else _UNKNOWN
+    if isinstance(owner, (list, tuple, str)):
+        has = f"it has {len(owner)}, so 0 to {len(owner) - 1}" if owner else "it is empty"
+        return f"{has}: test len(...) before."
+    return "test len(...) before."
+
+
+def _of_type(error: Any, trace: TracebackType | None) -> str:
+    said, node = str(error), _node(trace)
+    if "NoneType" in said:
+        return _about_none(node)
+    if "missing" in said and "required positional argument" in said and isinstance(node, ast.Call):
+        line = _source(trace)
+        if "task_handlers" in line or "TaskType." in line:
+            name = ast.unparse(node.func)
+            return f"leave out the brackets: {name}, not {ast.unparse(node)}; the node calls the handler itself."
+        return f"give them: {ast.unparse(node.func)}(...) needs what stands in its def."
+    if "positional argument" in said or "keyword argument" in said:
+        return "compare the call with the def: as many arguments, in this order, after self."
+    if "not callable" in said:
+        return "leave out the brackets behind it, or look whether its name has been given to something else."
+    if "unsupported operand" in said or "not supported between" in said or "must be real number" in said:
+        return "look at both sides: numbers can be reckoned with; a text from outside needs float(...) first."
+    return ""
+
+
+def _about_none(node: ast.expr | None) -> str:
+    inner = node.value if isinstance(node, (ast.Subscript, ast.Attribute)) else None
+    what = ast.unparse(inner) if isinstance(inner, (ast.Name, ast.Attribute)) else "page"
+    taken = f"page = {ast.unparse(inner)}; " if isinstance(inner, ast.Call) else ""
+    return f"test it first, for {_NONE}: {taken}if {what} is None: return None."
+
+
+def _of_zero(error: object, trace: object) -> str:
+    return "a divisor other than 0: test it before you divide, and decide what holds then."
+
+
+def _of_file(error: Any, trace: object) -> str:
+    return "look at its path: it counts from the folder in which you started the program."
+
+
+def _of_recursion(error: object, trace: object) -> str:
+    return "a function calls itself without an end: return before that in some case."
+
+
+# The first kind that fits counts.
+_WORDS: dict[type[BaseException], Callable[[Any, TracebackType | None], str]] = {
+    SyntaxError: _of_syntax,
+    ImportError: _of_import,
+    NameError: _of_name,
+    AttributeError: _of_attribute,
+    KeyError: _of_key,
+    IndexError: _of_index,
+    TypeError: _of_type,
+    ZeroDivisionError: _of_zero,
+    FileNotFoundError: _of_file,
+    RecursionError: _of_recursion,
+}
+
+
+def near(name: str, known: Iterable[str]) -> str:
+    """Returns a question that offers the nearest name, or nothing: there may be too many to list."""
+    close = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.7)
+    return f"did you mean '{close[0]}'?" if close else ""
+
+
+def _public(owner: object) -> list[str]:
+    names = [*vars(owner)] if isinstance(owner, ModuleType) else dir(owner)
+    return [name for name in {*names, *getattr(owner, "__all__", ())} if not name.startswith("_")]
+
+
+def _frame(trace: TracebackType | None) -> FrameType | None:
+    return None if trace is None else trace.tb_frame
+
+
+def _source(trace: TracebackType | None) -> str:
+    """Returns the part of the source that failed, as far as Python knows it."""
+    if trace is None:
+        return ""
+    return linecache.getline(trace.tb_frame.f_code.co_filename, trace.tb_lineno)
+
+
+def _node(trace: TracebackType | None) -> ast.expr | None:
+    """Returns the expression that failed, if it stands in one line."""
+    if trace is None:
+        return None
+    positions = list(trace.tb_frame.f_code.co_positions())
+    line, last_line, first, last = positions[trace.tb_lasti // 2]
+    if line is None or line != last_line or first is None:
+        return None
+    text = linecache.getline(trace.tb_frame.f_code.co_filename, line).encode()[first:last].decode(errors="replace")
+    try:
+        return ast.parse(text.strip(), mode="eval").body
+    except (SyntaxError, ValueError):
+        return None
+
+
+def _value(node: ast.expr, trace: TracebackType | None) -> Any:
+    """Returns what a name or an attribute of one is at the line that failed, without executing anything."""
+    frame = _frame(trace)
+    if frame is None:
+        return _UNKNOWN
+    if isinstance(node, ast.Name):
+        return {**vars(builtins), **frame.f_globals, **frame.f_locals}.get(node.id, _UNKNOWN)
+    if isinstance(node, ast.Attribute):
+        owner = _value(node.value, trace)
+        return getattr(owner, "__dict__", {}).get(node.attr, _UNKNOWN)
+    match node:
+        case ast.Call(func=ast.Attribute(value=owner_node, attr="get_data"), args=[ast.Constant(value=str(key))]):
+            node_of_it = getattr(_value(owner_node, trace), "parent", None)
+            page = getattr(getattr(node_of_it, "datastore", None), "pages", {}).get(key)
+            return None if page is None else page.data
+    return _UNKNOWN
