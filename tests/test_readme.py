@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,14 @@ def test_the_test_of_the_readme_passes_and_fails_with_another_controller(tmp_pat
     (tmp_path / "gentle.py").write_text(blocks()[0].replace("0.28 + 0.1", "0.28 - 0.10"))
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 1, done.stdout
+
+
+def test_the_readme_names_what_its_tests_need() -> None:
+    section = README.read_text().partition("## Tests of your own")[2].partition("\n## ")[0]
+    installed = re.findall(r"pip install (.+)", section)[0].split()
+    settings = tomllib.loads((README.parent / "pyproject.toml").read_text())["tool"]["pytest"]["ini_options"]
+    needed = ["pytest", *(["pytest-xdist"] if "--dist" in settings["addopts"] else [])]
+    assert installed == needed
 
 
 def test_every_command_the_readme_names_exists() -> None:

@@ -47,9 +47,7 @@ def run(name: str = "own", **request: Any) -> tuple[Result, Any]:
 
 
 def record(name: str = "own", **request: Any) -> dict[str, Any]:
-    fields, status = record_run(
-        Request(name, **request), Path("runs"), None, is_viewed=False, is_live=False, is_quiet=True
-    )
+    fields, status = record_run(Request(name, **request), Path("runs"), None, is_viewed=False, live="", is_quiet=True)
     assert status == (0 if fields["success"] else 1)
     return fields
 

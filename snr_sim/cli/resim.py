@@ -46,7 +46,7 @@ def resim(
     for remark in remarks(trace):
         print(f"note: {remark}", file=sys.stderr)
     request = with_devices(request_of(trace.opening, trace.header, with_file), io)
-    fields, status = record_run(request, out, None, is_viewed=rrd, is_live=False, is_quiet=as_json)
+    fields, status = record_run(request, out, None, is_viewed=rrd, live="", is_quiet=as_json)
     fields["resim_of"] = str(trace.path.parent)
     fields["identical"] = fields["trace_digest"] == trace.digest
     if not fields["identical"]:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import logging
 import math
 import sys
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from snr_sim.std_mods.console.command_receiver import CommandReceiverFactory
 
 QUIET_STALL_LIMIT_S = 60.0  # with --json: nobody reads that it stands still
+Shown = Literal["", "window", "browser"]  # where a run is shown
 
 
 def run(
@@ -41,6 +43,9 @@ def run(
     rrd: Annotated[bool, typer.Option("--rrd/--no-rrd", help="Write view.rrd at once, not at snr view.")] = False,
     show: Annotated[
         bool, typer.Option("--view", help="Show it in rerun: live with --speed, else when it is over.")
+    ] = False,
+    show_web: Annotated[
+        bool, typer.Option("--web-view", help="The same in a browser, served on this machine only.")
     ] = False,
     watch: Annotated[
         bool, typer.Option("--watch", help="Reload a component when its file is saved; with --speed real.")
@@ -69,13 +74,18 @@ def run(
 
         raise ParameterError("A fast run is over before a file is saved.", fix="--watch with --speed real.")
     _say_whence(context, io)
-    is_live = show and pace is not None  # a fast run is over before a window is open
+    if show and not show_web:
+        from snr_sim.recording.view_server import check_display
+
+        check_display("--web-view")
+    shown: Shown = "browser" if show_web else "window" if show else ""
+    is_live = bool(shown) and pace is not None  # a fast run is over before a window is open
     fields, status = record_run(
         request,
         out,
         pace,
         is_viewed=rrd,
-        is_live=is_live,
+        live=shown if is_live else "",
         is_quiet=as_json,
         is_watched=watch,
         console_port=console,
@@ -85,8 +95,8 @@ def run(
         from snr_sim.recording.folder import as_json as json_of
 
         print(json_of(fields))
-    if show and not is_live:
-        _show(Path(fields["run_dir"]))
+    if shown and not is_live:
+        _show(Path(fields["run_dir"]), shown)
     sys.exit(status)
 
 
@@ -105,7 +115,7 @@ def record_run(
     pace: float | None,
     *,
     is_viewed: bool,
-    is_live: bool,
+    live: Shown,
     is_quiet: bool,
     is_watched: bool = False,
     console_port: int | None = None,
@@ -172,8 +182,8 @@ def record_run(
             raise
         try:
             kept = stack.enter_context(keeping(folder, simulation.files().values()))
-            if is_live:
-                stack.callback(_live_view(header, recorder).close)
+            if live:
+                stack.enter_context(_live_view(header, recorder, live))
             tick = stack.enter_context(progress(simulation.scenario_name, is_shown=pace is not None))
             flight: Flight | RoleRun = (
                 Flight(simulation, plant, config, recorder, pace, tick)
@@ -324,26 +334,37 @@ def _write_view(folder: Path, result: Result) -> None:
         result.notes.append("No view.rrd was written, as it was interrupted; snr view makes it.")
 
 
-def _live_view(header: Header, recorder: Any) -> Any:
+@contextmanager
+def _live_view(header: Header, recorder: TraceWriter, shown: Shown) -> Iterator[None]:
+    """Shows the run as it goes, in a window that stays when it is over, or in the browser."""
     from snr_sim.recording.view import LiveView
-    from snr_sim.recording.view_server import open_live
+    from snr_sim.recording.view_server import live_window, serve_web
 
     live = LiveView(header)
-    open_live(live.url)
-    recorder.follow(live)
-    return live
+    with closing(live), ExitStack() as stack:
+        if shown == "window":
+            stack.enter_context(live_window(live.url, _note))
+        else:
+            url = stack.enter_context(serve_web(live.url))
+            _note(f"open {url}\n  Only this computer can reach it, as long as the run goes; a page that is open stays.")
+        recorder.follow(live)
+        yield
 
 
-def _show(folder: Path) -> None:
+def _note(words: str) -> None:
+    print(f"note: {words}", file=sys.stderr, flush=True)
+
+
+def _show(folder: Path, shown: Shown) -> None:
     """Opens the finished run; if that fails, the run still counts."""
     from snr_sim.cli.view import view
     from snr_sim.prelude.errors import SnrError
 
     sys.stdout.flush()
     try:
-        view(folder)
+        view(folder, web=shown == "browser")
     except SnrError as error:
-        print(f"note: {error}", file=sys.stderr)
+        _note(str(error))
 
 
 def _say(fields: dict[str, Any], result: Result, is_quiet: bool) -> None:

@@ -22,8 +22,10 @@ def view(
         _draw(run, Path(png))
         return
     from snr_sim.recording.view import view_of
-    from snr_sim.recording.view_server import open_view
+    from snr_sim.recording.view_server import check_display, open_view
 
+    if not web:
+        check_display(f"snr view {run} --web")  # before the view is made, which takes longer than a short run
     open_view(view_of(run), web)
 
 

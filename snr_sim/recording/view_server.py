@@ -11,9 +11,11 @@ from __future__ import annotations
 import http.client
 import importlib.util
 import os
+import re
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
@@ -21,6 +23,7 @@ from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
+from typing import IO
 from urllib.parse import quote, urlsplit
 
 from snr_sim.prelude.errors import MissingExtra, SnrError, TraceError
@@ -34,6 +37,9 @@ POLICY = (
 )
 FILE_NAME = "view.rrd"
 HANDED_ON = ("Content-Type", "rerun-final-length")
+_DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
+_COLOURS = re.compile(r"\x1b\[[0-9;]*m")
+_MOST_CHARS = 300
 
 
 def open_view(path: str | Path, web: bool = False, say: Callable[[str], None] | None = None) -> None:
@@ -52,11 +58,9 @@ def open_view(path: str | Path, web: bool = False, say: Callable[[str], None] | 
     if not path.is_file():
         raise TraceError(f"There is no view at {path}.", fix="snr view RUN makes one of a run.")
     if not web:
-        _wait_for(
-            subprocess.Popen(
-                [*viewer_command(), "--bind", LOOPBACK, "--port", "auto", str(path)], env=viewer_environment()
-            )
-        )
+        check_display("snr view RUN --web")
+        with tempfile.TemporaryFile() as words:
+            _wait_for(_window([str(path)], words), words)
         return
     with suppress(KeyboardInterrupt), serve_web(path) as url:
         tell = say or partial(print, flush=True)
@@ -65,15 +69,41 @@ def open_view(path: str | Path, web: bool = False, say: Callable[[str], None] | 
             time.sleep(3600)
 
 
-def open_live(url: str) -> subprocess.Popen[bytes]:
-    """Starts rerun's own window on a `LiveView`, and returns at once.
+@contextmanager
+def live_window(url: str, say: Callable[[str], None]) -> Iterator[None]:
+    """Shows a `LiveView` in rerun's own window, which stays open; at the end of the block it says if it has failed.
 
     Args:
         url: of the live view.
+        say: is told so.
     """
-    return subprocess.Popen(
-        [*viewer_command(), "--bind", LOOPBACK, "--port", "auto", "--connect", url], env=viewer_environment()
-    )
+    with tempfile.TemporaryFile() as words:
+        process = _window(["--connect", url], words)
+        yield
+        if process.poll():
+            error = _failure(process.returncode, words, "snr run ... --web-view")
+            say(f"{error.message} {error.fix}")
+
+
+def check_display(instead: str) -> None:
+    """Refuse a window where there is no screen to open it on.
+
+    Args:
+        instead: the command that shows the same in a browser.
+
+    Raises:
+        TraceError: there is none.
+    """
+    if sys.platform == "linux" and not any(os.environ.get(name) for name in _DISPLAYS):
+        raise TraceError(
+            f"There is no display to open a window on: neither {' nor '.join(_DISPLAYS)} is set.",
+            fix=f"{instead} shows it in a browser.",
+        )
+
+
+def _window(what: list[str], words: IO[bytes]) -> subprocess.Popen[bytes]:
+    command = [*viewer_command(), "--bind", LOOPBACK, "--port", "auto", *what]
+    return subprocess.Popen(command, env=viewer_environment(), stderr=words)
 
 
 @contextmanager
@@ -227,20 +257,29 @@ def viewer_command() -> list[str]:
 def viewer_environment() -> dict[str, str]:
     """Returns the environment in which rerun neither sends statistics nor writes an identity for them (0.41).
 
-    It treats a machine that says CI as one that must not be counted. `rerun analytics disable` would do it too, but
-    for everything that the student does with rerun, and that is not ours to decide.
+    Its log has errors only. It treats a machine that says CI as one that must not be counted. `rerun analytics
+    disable` would do it too, but for everything that the student does with rerun, and that is not ours to decide.
     """
-    return {name: value for name, value in os.environ.items() if name != "FORCE_RERUN_ANALYTICS"} | {"CI": "1"}
+    kept = {name: value for name, value in os.environ.items() if name != "FORCE_RERUN_ANALYTICS"}
+    return {"RUST_LOG": "error", **kept, "CI": "1"}
 
 
-def _wait_for(process: subprocess.Popen[bytes]) -> None:
+def _wait_for(process: subprocess.Popen[bytes], words: IO[bytes]) -> None:
     try:
         status = process.wait()
     except KeyboardInterrupt:
         process.terminate()
         status = process.wait() and 0
     if status:
-        raise TraceError(
-            f"The viewer ended with status {status}; what it says is above.",
-            fix="without a screen or a graphics driver of its own, show it in a browser: snr view RUN --web",
-        )
+        raise _failure(status, words, "snr view RUN --web")
+
+
+def _failure(status: int, words: IO[bytes], instead: str) -> TraceError:
+    """Return that a viewer has failed, with the last line that it printed."""
+    words.seek(0)
+    lines = _COLOURS.sub("", words.read().decode(errors="replace")).split("\n")
+    last = next((line.strip() for line in reversed(lines) if line.strip()), "nothing")
+    return TraceError(
+        f"The viewer ended with status {status}; its last words: {last[:_MOST_CHARS]}",
+        fix=f"without a screen or a graphics driver of its own, show it in a browser: {instead}",
+    )

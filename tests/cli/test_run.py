@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import urllib.request
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -551,3 +552,49 @@ def test_a_device_that_cannot_be_opened_is_told_first_and_nothing_of_what_did_no
     assert "waits for" not in answer.err
     assert "not reached" not in answer.out, "nothing was measured"
     assert "error after 0.0 s" in answer.out
+
+
+# Views
+
+
+@pytest.fixture
+def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A computer that one has reached by ssh."""
+    monkeypatch.setattr(sys, "platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+
+
+@pytest.mark.parametrize("speed", ["fast", "real"])
+def test_a_view_without_a_display_is_refused_before_the_run(snr: Snr, here: Path, speed: str, no_display: None) -> None:
+    answer = snr("run", "lander_vertical", "--view", "--speed", speed)
+    assert answer.status == 2
+    assert answer.err.splitlines() == [
+        "There is no display to open a window on: neither DISPLAY nor WAYLAND_DISPLAY is set.",
+        "  Try: --web-view shows it in a browser.",
+    ]
+    assert not list(here.iterdir())
+
+
+def test_snr_view_without_a_display_names_the_browser_at_once(snr: Snr, here: Path, no_display: None) -> None:
+    run = snr("run", "lander_vertical", "--json").json["run_dir"]
+    answer = snr("view", run)
+    assert answer.status == 2
+    assert f"snr view {run} --web" in answer.err
+    assert len(answer.err.splitlines()) == 2
+    assert not (here / run / "view.rrd").exists()
+
+
+@pytest.mark.slow
+def test_a_live_run_is_shown_in_the_browser(here: Path) -> None:
+    command = [sys.executable, "-m", "snr_sim", "run", "lander_vertical", "--speed", "5", "--web-view"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        url = process.stderr.readline().split()[-1]
+        assert url.startswith("http://127.0.0.1:")
+        with urllib.request.urlopen(url, timeout=60) as answer:
+            assert "canvas" in answer.read().decode()
+        process.terminate()
+        out, err = process.communicate(timeout=60)
+    assert "interrupted" in out
+    assert "INFO" not in err  # of rerun's own log

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import http.client
 import os
 import signal
 import subprocess
@@ -14,6 +15,7 @@ import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote, urlsplit
 
 import msgspec
 import numpy as np
@@ -43,6 +45,7 @@ from rerun.chunk import RrdReader  # noqa: E402
 
 only_linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="asks the kernel who listens where")
 LOOPBACK_IN_PROC = "0100007F"  # 127.0.0.1, as /proc/net/tcp has it
+READ_MESSAGES = "/rerun.sdk_comms.v1alpha1.MessageProxyService/ReadMessages"
 NONE = msgspec.Raw(b"[]")
 SCENE = {
     "statics": {
@@ -472,11 +475,35 @@ def test_the_page_is_served_on_this_machine_only_and_may_not_call_home(tmp_path:
         urllib.request.urlopen(page_url, timeout=5)
 
 
+@pytest.mark.slow
+@only_linux
+def test_a_live_view_is_streamed_to_the_page_and_to_no_other_site() -> None:
+    live = view.LiveView(header())
+    try:
+        for record in fall(5):
+            live.add(record)
+        live.flush()
+        with view_server.serve_web(live.url) as url:
+            assert quote(live.url, safe="") in url
+            stream = urlsplit(live.url.removeprefix("rerun+")).netloc
+            for origin, answers in (("http://" + urlsplit(url).netloc, True), ("http://evil.example", False)):
+                asked = http.client.HTTPConnection(stream, timeout=60)
+                headers = {"Origin": origin, "Content-Type": "application/grpc-web+proto", "X-Grpc-Web": "1"}
+                asked.request("POST", READ_MESSAGES, body=bytes(5), headers=headers)
+                answer = asked.getresponse()
+                assert (answer.getheader("access-control-allow-origin") == origin) is answers
+                assert len(answer.read(1000)) == 1000
+                asked.close()
+    finally:
+        live.close()
+
+
 def test_the_viewer_is_started_without_statistics(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FORCE_RERUN_ANALYTICS", "1")
     environment = view_server.viewer_environment()
     assert environment["CI"] == "1"
     assert "FORCE_RERUN_ANALYTICS" not in environment
+    assert environment["RUST_LOG"] == "error"
 
 
 def test_a_view_that_is_not_there_is_named(tmp_path: Path) -> None:
@@ -487,9 +514,26 @@ def test_a_view_that_is_not_there_is_named(tmp_path: Path) -> None:
 @pytest.mark.slow
 @only_linux
 def test_a_viewer_that_fails_points_to_the_browser(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(view_server, "viewer_command", lambda: ["false"])
-    with pytest.raises(TraceError, match="--web"):
+    said = r"printf 'log\n\033[31mError: no graphics driver\033[0m\n' >&2; exit 3"
+    monkeypatch.setattr(view_server, "viewer_command", lambda: ["sh", "-c", said])
+    monkeypatch.setenv("DISPLAY", ":0")
+    with pytest.raises(TraceError, match="--web") as failed:
         view_server.open_view(written(tmp_path, fall(1)))
+    assert failed.value.message == "The viewer ended with status 3; its last words: Error: no graphics driver"
+
+
+def test_a_window_without_a_display_is_refused_and_the_browser_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    (tmp_path / "view.rrd").touch()
+    with pytest.raises(TraceError, match="There is no display") as refused:
+        view_server.open_view(tmp_path / "view.rrd")
+    assert refused.value.fix == "snr view RUN --web shows it in a browser."
+    monkeypatch.setenv("WAYLAND_DISPLAY", "wayland-0")
+    view_server.check_display("")
 
 
 @pytest.mark.slow
