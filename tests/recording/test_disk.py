@@ -299,10 +299,10 @@ def test_a_viewer_that_hangs_delays_no_sync_and_no_end_of_a_run(
 def test_a_viewer_that_does_not_keep_up_is_shown_no_more(
     robots: Robots, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(follower, "MAX_UNSHOWN_BYTES", 30_000)
     viewer, said = Viewer(hangs_from=1), [""]
     robot = robots.on(Disk(), viewer=viewer)
     run_until(robot, lambda: bool(viewer.shown))
+    monkeypatch.setattr(follower, "MAX_UNSHOWN_BYTES", 30_000)  # not before: its thread may come late
     run_until(robot, lambda: said.append(capsys.readouterr().err) or "does not keep up. The run goes on" in said[-1])
     viewer.answers.set()
     end(robot)
