@@ -9,7 +9,7 @@ from typing import Any, Optional
 import pytest
 
 import snr_sim
-from snr_sim.prelude.errors import RetiredName
+from snr_sim.prelude.errors import ConfigError, RetiredName
 from snr_sim.prelude.retired import Retired
 
 TOP = Path(__file__).parents[1]
@@ -111,6 +111,19 @@ def test_a_retired_name_can_be_imported_and_annotated_with_and_nothing_else() ->
     with pytest.raises(RetiredName):
         isinstance(takes, retired)
     assert not hasattr(retired, "put")
+
+
+def test_a_console_made_as_in_2021_says_what_to_write_instead() -> None:
+    with pytest.raises(
+        ConfigError, match=r"(?s)LocalConsole is a loop of the node.*RemoteConsole\(\('127\.0\.0\.1', port\)"
+    ):
+        snr_sim.LocalConsole(54321, ["list endpoints", "exit"])
+
+
+def test_a_profiler_has_no_thread_to_join_and_says_so() -> None:
+    for name in ("is_alive", "join_from"):
+        with pytest.raises(RetiredName, match="it has no thread"):
+            getattr(snr_sim.Profiler(), name)
 
 
 # What there was of endpoints, loops and nodes, and whether it works or answers with what to write instead.
