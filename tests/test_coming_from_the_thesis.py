@@ -1,7 +1,9 @@
 """The page for people who come from the thesis tells the truth: what it names is there, and nothing is left out."""
 
 import inspect
+import pickle
 import re
+from copy import deepcopy
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Optional
@@ -111,6 +113,12 @@ def test_a_retired_name_can_be_imported_and_annotated_with_and_nothing_else() ->
     with pytest.raises(RetiredName):
         isinstance(takes, retired)
     assert not hasattr(retired, "put")
+    for copy in (
+        deepcopy(retired),
+        pickle.loads(pickle.dumps(retired)),
+    ):
+        with pytest.raises(RetiredName, match="'Consumer' of the 2021 library"):
+            copy()
 
 
 def test_a_console_made_as_in_2021_says_what_to_write_instead() -> None:
