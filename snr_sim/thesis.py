@@ -79,5 +79,5 @@ MPExpector: Any = Retired("MPExpector", "Expector: SimRunner runs all roles of a
 RootContext: Any = Retired("RootContext", "a Node, or in a test self.mock_node().")
 Serializable: Any = Retired("Serializable", "Page.serialize() and Task.serialize().")
 SocketsWrapper: Any = Retired("SocketsWrapper", _LINK)
-TaskPriority: Any = Retired("TaskPriority", "nothing: terminate passes all else, which is first in, first out.")
+TaskPriority: Any = Retired("TaskPriority", "leave it out: terminate passes all else, which is first in, first out.")
 TempFile: Any = Retired("TempFile", "self.temp_file('name') of an SNRTestCase, which returns a path.")

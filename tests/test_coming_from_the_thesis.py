@@ -1,7 +1,9 @@
 """The page for people who come from the thesis tells the truth: what it names is there, and nothing is left out."""
 
 import inspect
+import pickle
 import re
+from copy import deepcopy
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Optional
@@ -9,7 +11,7 @@ from typing import Any, Optional
 import pytest
 
 import snr_sim
-from snr_sim.prelude.errors import RetiredName
+from snr_sim.prelude.errors import ConfigError, RetiredName
 from snr_sim.prelude.retired import Retired
 
 TOP = Path(__file__).parents[1]
@@ -111,6 +113,25 @@ def test_a_retired_name_can_be_imported_and_annotated_with_and_nothing_else() ->
     with pytest.raises(RetiredName):
         isinstance(takes, retired)
     assert not hasattr(retired, "put")
+    for copy in (
+        deepcopy(retired),
+        pickle.loads(pickle.dumps(retired)),
+    ):
+        with pytest.raises(RetiredName, match="'Consumer' of the 2021 library"):
+            copy()
+
+
+def test_a_console_made_as_in_2021_says_what_to_write_instead() -> None:
+    with pytest.raises(
+        ConfigError, match=r"(?s)LocalConsole is a loop of the node.*RemoteConsole\(\('127\.0\.0\.1', port\)"
+    ):
+        snr_sim.LocalConsole(54321, ["list endpoints", "exit"])
+
+
+def test_a_profiler_has_no_thread_to_join_and_says_so() -> None:
+    for name in ("is_alive", "join_from"):
+        with pytest.raises(RetiredName, match="it has no thread"):
+            getattr(snr_sim.Profiler(), name)
 
 
 # What there was of endpoints, loops and nodes, and whether it works or answers with what to write instead.

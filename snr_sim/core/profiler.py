@@ -6,7 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import wraps
 from time import perf_counter
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
+
+from snr_sim.prelude.retired import Retired
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -35,6 +37,9 @@ class Profiler:
     >>> profiler.timings["add"].count
     1
     """
+
+    is_alive: Any = Retired("profiler.is_alive", "leave it out: it has no thread.")
+    join_from: Any = Retired("profiler.join_from", "leave it out: it has no thread.")
 
     def __init__(self) -> None:
         self.timings: dict[str, Timing] = {}

@@ -12,7 +12,7 @@ from typing import Any
 from snr_sim.prelude.retired import Retired
 
 _TIMER = "get_time_s(), which is the same all through one task."
-_PROFILE = "nothing: with Mode.DEBUG the node times each handler and loop by itself."
+_PROFILE = "leave it out: with Mode.DEBUG the node times each handler and loop by itself."
 
 
 class LoggingMembers:
@@ -44,7 +44,7 @@ class LoggingMembers:
         self.log.critical(message, *args)
 
     profile: Any = Retired("profile", _PROFILE)
-    check_main_thread: Any = Retired("check_main_thread", "nothing: schedule() and store_data() are for any thread.")
+    check_main_thread: Any = Retired("check_main_thread", "leave it out: any thread may schedule.")
 
 
 class ComponentMembers(LoggingMembers):

@@ -73,7 +73,7 @@ class Page(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MA
 
 
 _OWN_MARK = b'{"$":"page"'
-_FIX = "pages are written by Page.serialize()."
+_FIX = "pages are written by Page.serialize(); PageReader also reads those of the 2021 library."
 
 
 class _DataOfPage(msgspec.Struct):

@@ -24,6 +24,8 @@ class Retired:
       Try: a Loop.
     """
 
+    _name = _fix = ""  # copies are looked at before they have their own
+
     def __init__(self, name: str, fix: str) -> None:
         self._name = name
         self._fix = fix

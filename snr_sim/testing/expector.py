@@ -13,6 +13,7 @@ from unittest import TestCase
 
 from snr_sim.core.handlers import check_id, describe
 from snr_sim.prelude.errors import ParameterError, nearest
+from snr_sim.prelude.retired import Retired
 from snr_sim.prelude.task import Task, TaskId, TaskName, TaskType
 
 Expected: TypeAlias = TaskId | str  # a task, or a call of a test's own
@@ -36,6 +37,11 @@ class Expectations:
                 check_id("expector", task_id)
         self._failure = case.failureException if case is not None else AssertionError
         self._seen: dict[TaskType, set[TaskName]] = {kind: set() for kind in TaskType}
+
+    check: Any = Retired("expector.check", "expector.is_satisfied().")
+    get_expectations: Any = Retired("expector.get_expectations", "expector.ids.")
+    times_called: Any = Retired("expector.times_called", "expector.counts.")
+    met_expectations: Any = Retired("expector.met_expectations", "expector.came.")
 
     def __class_getitem__(cls, kind: object) -> GenericAlias:  # Expector[str](...), as the thesis writes it
         return GenericAlias(cls, kind)

@@ -17,7 +17,7 @@ from snr_sim import (
     TimeoutLoopFactory,
     tasks,
 )
-from snr_sim.prelude.errors import ComponentFailed, ConfigError, ParameterError
+from snr_sim.prelude.errors import ComponentFailed, ConfigError, ParameterError, RetiredName
 from snr_sim.testing.parts import PartFactory
 
 A, B, C = ((TaskType.event, name) for name in "abc")
@@ -118,6 +118,12 @@ def test_calls_are_checked_in_their_order() -> None:
     expector = OrderedExpector(["s", "setup"])
     expector.call("setup")
     assert expector.complaints()[0] == "number 1: expected call 's', came call 'setup'"
+
+
+@pytest.mark.parametrize("name", ["check", "get_expectations", "times_called", "met_expectations"])
+def test_what_an_expector_of_2021_had_says_what_to_write_instead(name: str) -> None:
+    with pytest.raises(RetiredName, match=rf"(?s)expector\.{name}'.*Try: expector\."):
+        getattr(Expector({A: 1}), name)
 
 
 def test_a_call_with_the_id_of_a_task_counts_as_that_task() -> None:

@@ -60,7 +60,12 @@ class LocalConsole(Loop):
 
     factory: LocalConsoleFactory
 
-    def __init__(self, factory: LocalConsoleFactory, parent: Node, name: str) -> None:
+    def __init__(self, factory: LocalConsoleFactory, parent: Node, name: str = "local_console") -> None:
+        if not isinstance(parent, Node):
+            raise ConfigError(
+                "A LocalConsole is a loop of the node, in the node's own terminal.",
+                fix="RemoteConsole(('127.0.0.1', port), commands).run(), or `snr console PORT`.",
+            )
         super().__init__(factory, parent, name, max_tick_rate_hz=0)
         self._session = CommandProcessor(parent, name).session()
         self._rest = b""
