@@ -33,6 +33,7 @@ class Expectations:
             check_id("expector", task_id)
         self._failure = case.failureException if case is not None else AssertionError
         self._seen: dict[TaskType, set[TaskName]] = {kind: set() for kind in TaskType}
+        self.was_used = False  # in a node that has run, or by a task that it was told of
 
     def hear(self, task: Task) -> None:
         """Takes note of a task."""
@@ -53,6 +54,11 @@ class Expectations:
             AssertionError: or what the test case raises for a failure.
         """
         complaints = self.complaints()
+        if not self.was_used:
+            complaints.append(
+                "This expector was in no node that has run, so it has heard of no task.\n"
+                "  Try: ExpectorEndpointFactory(expector) among the node's factories, and run the node within the with."
+            )
         if complaints:
             raise self._failure("The expected tasks did not come:\n  " + "\n  ".join(complaints))
 
@@ -99,6 +105,7 @@ class Expector(Expectations):
 
     def hear(self, task: Task) -> None:
         """Counts a task under its own id and under its type, where they are expected."""
+        self.was_used = True
         for task_id in (task.id(), task.type):
             if task_id in self.expected:
                 self.counts[task_id] += 1
@@ -128,6 +135,7 @@ class OrderedExpector(Expectations):
 
     def hear(self, task: Task) -> None:
         """Adds a task to what came, if its id or its type is expected anywhere."""
+        self.was_used = True
         if task.id() in self.ids or task.type in self.ids:
             self.came.append(task.id())
 

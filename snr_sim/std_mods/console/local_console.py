@@ -59,6 +59,7 @@ class LocalConsole(Loop):
     """A loop on a thread of its own, in lock step too: a person types in no virtual time."""
 
     factory: LocalConsoleFactory
+    is_reloaded_with_all = False
 
     def __init__(self, factory: LocalConsoleFactory, parent: Node, name: str) -> None:
         super().__init__(factory, parent, name, max_tick_rate_hz=0)
