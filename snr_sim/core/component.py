@@ -60,6 +60,8 @@ class NodeComponent(ComponentMembers):
     # Whether it belongs to the robot. What a runner puts beside it does not: a replay is without it, so it is neither
     # reloaded nor removed.
     is_of_robot: ClassVar[bool] = True
+    # Whether a reload of all components makes it anew, too. Not a console: the answer is to come over its line.
+    is_reloaded_with_all: ClassVar[bool] = True
 
     def __init__(self, factory: ComponentFactory, parent: Node, name: str) -> None:
         self.factory = factory

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable, Mapping
-from types import FunctionType
+from types import CodeType, FunctionType
 from typing import Any, TypeAlias
 from weakref import WeakSet
 
@@ -20,6 +20,7 @@ Entry: TypeAlias = tuple[Component, TaskHandler, TaskId, tuple[str, str]]
 # Functions that have passed: each is looked at once, however many components are made.
 _checked: WeakSet[FunctionType] = WeakSet()
 
+_NOT_RUN_AT_ONCE = inspect.CO_GENERATOR | inspect.CO_ASYNC_GENERATOR | inspect.CO_COROUTINE
 _MUTATORS = ("__setitem__", "__delitem__", "__ior__", "clear", "pop", "popitem", "setdefault", "update")
 
 
@@ -70,14 +71,18 @@ class Lookup:
             by_name.clear()
 
     def added(self, component: Component) -> None:
-        """Looks again only at the tasks of a component that has come, behind all others."""
-        for task_id in component.task_handlers:
-            kind, *name = task_id if isinstance(task_id, tuple) else (task_id,)
-            by_name, seen = self.cache[kind], self._seen[kind]
-            for one in name or list(by_name):
-                entries = by_name.pop(one, ())
-                if entries:
-                    seen[one] = entries
+        """Adds the handlers of a component that has come, behind all others, to what is known."""
+        handlers = component.task_handlers
+        for task_id in handlers:
+            kind, name = task_id if isinstance(task_id, tuple) else (task_id, None)
+            by_name = self.cache[kind]
+            for one in list(by_name) if name is None else (name,):
+                if one not in by_name or (name is None and (kind, one) in handlers):
+                    continue
+                if _is_change(kind, one):  # there node_core is last
+                    self._seen[kind][one] = by_name.pop(one)
+                else:
+                    by_name[one] += (self._entry(component, task_id),)
 
     def seen(self) -> dict[TaskType, dict[TaskName, tuple[Entry, ...]]]:
         """Returns every task id that came by in this run, with who handled it, if anybody ever did."""
@@ -101,7 +106,7 @@ class Lookup:
         entries = by_name.get(task.name)
         if entries is None:
             entries = tuple(self._search(task.type, task.name))
-            if task.type is TaskType.reload or (task.type is TaskType.event and task.name in tasks.CHANGE_TASK_NAMES):
+            if _is_change(task.type, task.name):
                 entries = entries[1:] + entries[:1]  # node_core last: nobody is called after it was taken out
             by_name[task.name] = entries
         return entries
@@ -111,14 +116,22 @@ class Lookup:
             handlers = component.task_handlers
             for task_id in ((kind, name), kind):
                 if task_id in handlers:
-                    handler = handlers[task_id]
-                    label = (component.name, handler_name(handler))
-                    if self.watched is not None:
-                        handler = self.watched(component, handler)
-                    if self._profiler is not None:
-                        handler = self._profiler.timed(".".join(label), handler)
-                    yield component, handler, task_id, label
+                    yield self._entry(component, task_id)
                     break
+
+    def _entry(self, component: Component, task_id: TaskId) -> Entry:
+        handler = component.task_handlers[task_id]
+        label = (component.name, handler_name(handler))
+        if self.watched is not None:
+            handler = self.watched(component, handler)
+        if self._profiler is not None:
+            handler = self._profiler.timed(".".join(label), handler)
+        return component, handler, task_id, label
+
+
+def _is_change(kind: TaskType, name: TaskName) -> bool:
+    """Whether a task changes the node's components."""
+    return kind is TaskType.reload or (kind is TaskType.event and name in tasks.CHANGE_TASK_NAMES)
 
 
 def check_handlers(owner: str, handlers: Any) -> None:
@@ -192,6 +205,9 @@ def check_returns(what: str, function: Any) -> None:
     Raises:
         ConfigError: it has a `yield`, or is `async`.
     """
+    code = getattr(function, "__code__", None)
+    if isinstance(code, CodeType) and not code.co_flags & _NOT_RUN_AT_ONCE:
+        return
     if inspect.isgeneratorfunction(function) or inspect.isasyncgenfunction(function):
         raise ConfigError(
             f"{what} is a generator function: it has a yield.", fix="return a list of tasks instead of the yields."

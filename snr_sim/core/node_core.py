@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from snr_sim.core.component import CORE_NAME
@@ -108,4 +107,4 @@ class NodeCore(Endpoint):
         else:
             self.log.warning("%s", outcome.message)
             self.parent.note(outcome.message)
-        return self.store_data_task(key, asdict(outcome))
+        return self.store_data_task(key, {**vars(outcome)})

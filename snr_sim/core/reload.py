@@ -65,7 +65,7 @@ class Changes:
         """Makes components anew from the code that stands in their files now; each file is read once.
 
         Args:
-            asked: a component's name, or "all".
+            asked: a component's name, or "all": then without consoles, which can be named.
             more: further names.
         """
         try:
@@ -144,7 +144,7 @@ class Changes:
     def _chosen(self, names: Sequence[str]) -> list[AnyComponent]:
         known = self.all()
         if list(names) == [ALL] and ALL not in known:
-            return list(known.values())
+            return [one for one in known.values() if one.is_reloaded_with_all]
         found = [self.find(name) for name in names]
         return [one for i, one in enumerate(found) if one not in found[:i]]
 

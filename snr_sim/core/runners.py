@@ -22,6 +22,12 @@ from snr_sim.prelude.errors import ConfigError, SnrError, nearest
 from snr_sim.prelude.recorder import Recorder
 
 TEST_ROLE = "test"
+_OPTIONS = {  # of a program with a CliRunner
+    "-d": "DEBUG mode: shows all that is logged, and the time of each handler",
+    "--watch": "reloads a component when its file is saved",
+    "--help": "shows this",
+    "-h": "shows this",
+}
 
 
 class Link(Protocol):
@@ -102,21 +108,25 @@ class CliRunner:
         self._argv = list(sys.argv if argv is None else argv)
 
     def run(self) -> None:
-        """Runs the role until it ends. Without a known role: says which there are, exit status 2.
+        """Runs the role until it ends. Without a known role: says which there are, exit status 2; with --help, 0.
 
         What goes wrong is told on stderr, exit status 1; in DEBUG mode it is raised, for its traceback.
         """
         words = self._argv[1:]
         mode = Mode.DEBUG if "-d" in words else Mode.DEPLOYED
         is_watched = "--watch" in words
-        roles = [word for word in words if word not in ("-d", "--watch")]
+        unknown = [word for word in words if word.startswith("-") and word not in _OPTIONS]
+        roles = [word for word in words if not word.startswith("-")]
         config = self._components if isinstance(self._components, Config) else Config(mode, self._components)
         if mode is Mode.DEBUG:
             config = Config(mode, config.factories, **config.bounds)
         if mode is Mode.DEBUG or is_watched:
             show_log(logging.DEBUG if mode is Mode.DEBUG else logging.INFO)
-        if len(roles) != 1 or roles[0] not in config.factories:
-            self._explain(roles, list(config.factories))
+        if "--help" in words or "-h" in words:
+            print(self._usage(list(config.factories)))
+            raise SystemExit(0)
+        if unknown or len(roles) != 1 or roles[0] not in config.factories:
+            self._explain(unknown, roles, list(config.factories))
             raise SystemExit(2)
         try:
             runner = SynchronousRunner(roles[0], watched(config) if is_watched else config)
@@ -129,15 +139,21 @@ class CliRunner:
         if runner.node.profiler is not None:
             print(runner.node.profiler.dump(), file=sys.stderr)
 
-    def _explain(self, given: list[str], known: list[str]) -> None:
-        if not given:
+    def _explain(self, unknown: list[str], given: list[str], known: list[str]) -> None:
+        if unknown:
+            print(f"There is no option {unknown[0]}.\n  Try: {nearest(unknown[0], _OPTIONS)}", file=sys.stderr)
+        elif not given:
             print("Which role? None was given.", file=sys.stderr)
         elif len(given) > 1:
             print(f"One role at a time, not {len(given)}: {' '.join(given)}.", file=sys.stderr)
         else:
             print(f"There is no role '{given[0]}'.\n  Try: {nearest(given[0], known)}", file=sys.stderr)
-        print(f"usage: {self._argv[0] if self._argv else 'robot.py'} [-d] [--watch] ROLE", file=sys.stderr)
-        print("roles: " + ", ".join(known), file=sys.stderr)
+        print(self._usage(known), file=sys.stderr)
+
+    def _usage(self, roles: list[str]) -> str:
+        options = "".join(f"\n  {option:<8} {what}" for option, what in _OPTIONS.items())
+        program = self._argv[0] if self._argv else "robot.py"
+        return f"usage: {program} [-d] [--watch] ROLE{options}\nroles: {', '.join(roles)}"
 
 
 def show_log(level: int) -> None:

@@ -37,6 +37,8 @@ class Expectations:
                 check_id("expector", task_id)
         self._failure = case.failureException if case is not None else AssertionError
         self._seen: dict[TaskType, set[TaskName]] = {kind: set() for kind in TaskType}
+        # In a node that has run, or by a task that it was told of; calls are the test's own.
+        self.was_used = any(type(one) is str for one in self.ids)
 
     check: Any = Retired("expector.check", "expector.is_satisfied().")
     get_expectations: Any = Retired("expector.get_expectations", "expector.ids.")
@@ -69,6 +71,11 @@ class Expectations:
             AssertionError: or what the test case raises for a failure.
         """
         complaints = self.complaints()
+        if not self.was_used:
+            complaints.append(
+                "This expector was in no node that has run, so it has heard of no task.\n"
+                "  Try: ExpectorEndpointFactory(expector) among the node's factories, and run the node within the with."
+            )
         if complaints:
             raise self._failure("The expected tasks did not come:\n  " + "\n  ".join(complaints))
 
@@ -122,6 +129,7 @@ class Expector(Expectations):
 
     def call(self, name: Expected) -> None:
         """Count a call, if it is expected."""
+        self.was_used = True
         if name in self.expected:
             self.counts[name] += 1
 
@@ -150,11 +158,13 @@ class OrderedExpector(Expectations):
 
     def hear(self, task: Task) -> None:
         """Adds a task to what came, if its id or its type is expected anywhere."""
+        self.was_used = True
         if task.id() in self.ids or task.type in self.ids:
             self.came.append(task.id())
 
     def call(self, name: Expected) -> None:
         """Add a call to what came, if it is expected anywhere."""
+        self.was_used = True
         if name in self.ids:
             self.came.append(name)
 

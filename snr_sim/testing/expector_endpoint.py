@@ -47,6 +47,10 @@ class ExpectorEndpoint(Endpoint):
         self._is_done = False
         self.task_handlers = dict.fromkeys(factory.expector.ids, self.hear)
 
+    def begin(self) -> None:
+        """Tells the expector that it is in a node that runs."""
+        self.factory.expector.was_used = True
+
     def hear(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Tells the expector."""
         if self._is_done:

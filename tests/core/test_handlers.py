@@ -225,3 +225,40 @@ class YieldingFactory(LoopFactory):
 def test_a_loop_that_would_never_run_because_of_a_yield_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"^loop\(\) of component 'pump' is a generator function"):
         Node("r", Config(factories={"r": [YieldingFactory()]}), clock=SimClock())
+
+
+LATE_HANDLERS: list[list[Any]] = [
+    [(TaskType.event, "fly")],
+    [TaskType.event],
+    [TaskType.event, (TaskType.event, "fly")],
+    [(TaskType.event, "unheard")],
+    [TaskType.reload, (TaskType.event, "add_component")],
+    [(TaskType.store_page, "fly"), TaskType.process_data],
+]
+
+
+@pytest.mark.parametrize("task_ids", LATE_HANDLERS)
+def test_what_is_known_of_handlers_grows_by_those_of_a_component_that_comes(task_ids: list[Any]) -> None:
+    every = [Task(kind, name) for kind in TaskType for name in ("fly", "land", "add_component")]
+    parts = [PartFactory({TaskType.event: noop, TaskType.reload: noop, TaskType.process_data: noop}, "early")]
+    node = Node("r", Config(factories={"r": parts}))
+    lookup = node.machine.lookup
+    for task in every:
+        lookup.find(task)
+    node.exchange(None, PartFactory(dict.fromkeys(task_ids, noop), "late").get(node))
+    grown = [[entry[2:] for entry in lookup.find(task)] for task in every]
+    node.handlers_changed()
+    assert grown == [[entry[2:] for entry in lookup.find(task)] for task in every]
+
+
+def test_a_component_that_comes_is_not_looked_for_among_all_others() -> None:
+    parts = [PartFactory({(TaskType.event, "fly"): noop}, f"part{i}") for i in range(5)]
+    node = Node("r", Config(factories={"r": parts}))
+    lookup, task = node.machine.lookup, tasks.event("fly")
+    before = lookup.find(task)
+    node.exchange(None, PartFactory({(TaskType.event, "fly"): noop}, "late").get(node))
+    assert all(one is other for one, other in zip(before, lookup.find(task), strict=False))
+
+
+def noop(task: Task, task_id: Any) -> None:
+    """Does nothing."""

@@ -39,6 +39,7 @@ ROLES = {"topside": [quits()], "robot": [quits()]}
         (["robt"], "There is no role 'robt'.\n  Try: did you mean 'robot'?"),
         (["robot", "topside"], "One role at a time, not 2: robot topside."),
         (["-d"], "Which role? None was given."),
+        (["--wach", "robot"], "There is no option --wach.\n  Try: did you mean '--watch'?"),
     ],
 )
 def test_without_a_known_role_the_command_line_lists_the_roles_and_exits_with_2(
@@ -52,6 +53,20 @@ def test_without_a_known_role_the_command_line_lists_the_roles_and_exits_with_2(
     assert said in err
     assert "usage: robot.py [-d] [--watch] ROLE" in err
     assert "roles: topside, robot" in err
+
+
+@pytest.mark.parametrize("words", [["--help"], ["-h"], ["robot", "--help"]])
+def test_help_of_a_program_shows_options_and_roles_and_runs_nothing(
+    words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as caught:
+        CliRunner(ROLES, ["robot.py", *words]).run()
+    assert caught.value.code == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert out.startswith("usage: robot.py [-d] [--watch] ROLE\n  -d       DEBUG mode")
+    assert "  --watch  reloads a component when its file is saved" in out
+    assert out.endswith("roles: topside, robot\n")
 
 
 @pytest.mark.parametrize("components", [ROLES, Config(factories=ROLES)])

@@ -197,3 +197,24 @@ def test_the_case_also_runs_under_unittest() -> None:
     suite.run(result)
     assert result.testsRun == 7
     assert result.wasSuccessful()
+
+
+@pytest.mark.parametrize("expected", [{A: 1}, {A: 0}, []])
+@pytest.mark.parametrize("kind", [Expector, OrderedExpector])
+def test_an_expector_that_was_in_no_node_says_so(kind: Any, expected: Any) -> None:
+    expected = list(expected) if kind is OrderedExpector else expected
+    with (
+        pytest.raises(AssertionError, match=r"in no node that has run(.|\n)*Try: ExpectorEndpointFactory"),
+        kind(expected),
+    ):
+        pass
+
+
+def test_an_expector_whose_node_was_not_run_says_so() -> None:
+    class Case(SNRTestCase):
+        def runTest(self) -> None:  # noqa: N802 - unittest's name
+            with self.expector({A: 0}) as expector:
+                self.get_test_node([ExpectorEndpointFactory(expector)])
+
+    with pytest.raises(AssertionError, match="in no node that has run"):
+        Case().runTest()

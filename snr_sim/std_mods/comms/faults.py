@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 MAX_DELAY_S = 86_400.0  # a day
 MIN_BANDWIDTH_BPS = 1.0
 # Of what is sent under a virtual clock, whatever the faults: no link is quicker than one between two programs on one
-# computer, where a page takes 25 to 40 us one way (`snr bench links`). Without it two nodes that answer each other
+# computer, where a page takes 45 to 90 us one way (`snr bench links`). Without it two nodes that answer each other
 # would do so for ever at one moment.
 LEAST_TRANSIT_S = 50e-6
 DRAWN_AT_ONCE = 256

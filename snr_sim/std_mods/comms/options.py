@@ -24,7 +24,7 @@ class LinkOptions:
         keys: pages of these go out.
         accept: pages of these may come in; None is any.
         max_frame_bytes: the longest page, as it crosses.
-        queue_pages: how many may wait to be sent to one far end.
+        queue_pages: how many may wait to be sent to one far end, and for anybody to come for the first time.
         policy: what happens when more would.
         keep_alive_s: how often the far end is asked whether it is there.
         timeout_s: after how much silence it counts as gone.

@@ -11,6 +11,7 @@ from typing import Any
 from snr_sim.core.loop import LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.prelude.page import DataKey, Page
+from snr_sim.std_mods.comms.early_pages import EarlyPages, Kept
 from snr_sim.std_mods.comms.faults import Faults, Way
 from snr_sim.std_mods.comms.frames import HEADER_BYTES
 from snr_sim.std_mods.comms.link import Link, by_name
@@ -60,7 +61,10 @@ class Peer:
 
 
 class PeerLink(Link):
-    """Keeps one session and one queue per far end; who comes late gets the newest page of each key.
+    """Keeps one session and one queue per far end.
+
+    Whoever comes first gets all that was stored before, as far as the queue's bound goes. Who comes when all others
+    have gone gets the newest page of each key: what is old by then would only hold up what is new.
 
     Args:
         factory: who made it.
@@ -79,7 +83,9 @@ class PeerLink(Link):
         self.reason = "nobody has connected yet."
         self._was_left = False  # whether the last who went said goodbye
         self._lost = self._duplicated = 0  # by faults, on the ways to far ends that have gone
-        self._unsent: dict[DataKey, tuple[Page, bytes]] = {}  # stored while nobody was there
+        self._early: EarlyPages = EarlyPages(options.queue_pages, options.policy)
+        self._was_up = False
+        self._newest: dict[DataKey, Kept] = {}  # stored while nobody was there any more
         self._numbers = itertools.count(1)
         self._warned: set[str] = set()  # of names that mean two nodes
         self._meeting = threading.Lock()  # held while a page is put for all peers, and when one comes or goes
@@ -87,8 +93,9 @@ class PeerLink(Link):
     def terminate(self) -> None:
         """Tells at the end of the run also which names meant two nodes."""
         super().terminate()
-        for words in sorted(self._warned):
-            self.parent.note(f"'{self.name}': {words}")
+        for words in (self._early.loss, *sorted(self._warned)):
+            if words:
+                self.parent.note(f"'{self.name}': {words}")
 
     def _carry(self, page: Page, raw: bytes, frame: bytes, by: object) -> None:
         with self._meeting:  # so that nothing is put for a peer whose pages have been counted for the last time
@@ -136,19 +143,34 @@ class PeerLink(Link):
             self.log.warning("%s: %s", self.name, words)
         super()._report(now_s)
 
+    @property
+    def unsent(self) -> int:
+        """How many pages wait for somebody to come."""
+        return len(self._early) + len(self._newest)
+
     def _keep(self, page: Page, frame: bytes) -> None:
-        if self._unsent.pop(page.key, None) is not None:  # taken out, so that the order is that of storing
+        kept = Kept(page, frame)
+        if not self._was_up:
+            before = self._early.dropped
+            self._early.put(kept)
+            self.dropped += self._early.dropped - before
+            return
+        if self._newest.pop(page.key, None) is not None:  # taken out, so that the order is that of storing
             self.dropped += 1
-        self._unsent[page.key] = (page, frame)
+        self._newest[page.key] = kept
 
     def _admit(self, peer: Peer) -> None:
         """A session is up: what waits for somebody goes first, then whatever is stored from now on."""
         with self._meeting:
-            unsent, self._unsent = self._unsent, {}
-            for page, frame in unsent.values():
-                if self._is_for(peer, page, (*self.peers, peer)) and peer.takes(frame):
-                    peer.put(frame)
+            kept = [*self._early.take(), *self._newest.values()]
+            self._newest.clear()
+            for one in kept:
+                if self._is_for(peer, one.page, (*self.peers, peer)) and peer.takes(one.frame):
+                    peer.put(one.frame)
             self.peers = (*self.peers, peer)
+            is_first, self._was_up = not self._was_up, True
+        if is_first and self._early.loss:
+            self.log.warning("%s: %s", self.name, self._early.loss)
 
     def _dismiss(self, peer: Peer) -> None:
         """A session is over: what still waited for it is dropped."""

@@ -51,10 +51,12 @@ class SendQueue(Generic[Frame]):
         ([True, True, True], [b'b', b'c'], 1)
         """
         while self._frames and not self._has_room_for(frame):
-            self.dropped += 1
             if self.policy == "refuse":
+                self._drop(frame)
                 return False
-            self.waiting_bytes -= len(self._frames.popleft())
+            oldest = self._frames.popleft()
+            self.waiting_bytes -= len(oldest)
+            self._drop(oldest)
         self._frames.append(frame)
         self.waiting_bytes += len(frame)
         return True
@@ -68,6 +70,9 @@ class SendQueue(Generic[Frame]):
             taken_bytes += len(frames[-1])
         self.waiting_bytes -= taken_bytes
         return frames
+
+    def _drop(self, frame: Frame) -> None:
+        self.dropped += 1
 
     def _has_room_for(self, frame: Frame) -> bool:
         return len(self._frames) < self.max_pages and self.waiting_bytes + len(frame) <= self.max_bytes

@@ -45,7 +45,7 @@ class SocketsPair:
         tls: certificates.
         allow: addresses and networks a server takes clients from, beside this machine.
         max_frame_bytes: the longest page.
-        queue_pages: how many pages may wait for one far end.
+        queue_pages: how many pages may wait for one far end, and for anybody to come for the first time.
         policy: what happens when more would: "drop_oldest", or "refuse" the newest.
         faults: what is to go wrong on the way, in both directions.
         keep_alive_s: how often each end asks whether the other is there.

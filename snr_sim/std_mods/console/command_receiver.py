@@ -102,6 +102,7 @@ class CommandReceiver(RestartingLoop):
     """A loop on a thread of its own, in lock step too: consoles live in the world's time, and add no moments."""
 
     factory: CommandReceiverFactory
+    is_reloaded_with_all = False
 
     def __init__(self, factory: CommandReceiverFactory, parent: Node, name: str) -> None:
         super().__init__(factory, parent, name, max_tick_rate_hz=0)

@@ -59,6 +59,7 @@ class LocalConsole(Loop):
     """A loop on a thread of its own, in lock step too: a person types in no virtual time."""
 
     factory: LocalConsoleFactory
+    is_reloaded_with_all = False
 
     def __init__(self, factory: LocalConsoleFactory, parent: Node, name: str = "local_console") -> None:
         if not isinstance(parent, Node):

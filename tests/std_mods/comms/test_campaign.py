@@ -200,7 +200,7 @@ class History:
         for node in self.nodes:
             node.end("the history is over")
             link = self.link(node)
-            assert link.sent + link.dropped + len(link._unsent) == self.expected[node.name]
+            assert link.sent + link.dropped + link.unsent == self.expected[node.name]
         assert not self.network.open
 
 

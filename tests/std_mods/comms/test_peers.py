@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 import threading
 import time
@@ -10,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Config, SimRunner, SocketsPair, TaskType
+from snr_sim import Config, Faults, SimRunner, SocketsPair, TaskType
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 HERE = "127.0.0.1"
@@ -121,4 +122,64 @@ def test_page_that_is_stored_while_its_far_end_goes_is_counted(start: Start, pai
     robot.store("depth", 1)
     robot.until(lambda: not link.peers or link.peers != (peer,), "gone")
     robot.end()
-    assert link.sent + link.dropped + len(link._unsent) == 1
+    assert link.sent + link.dropped + link.unsent == 1
+
+
+def fly_late(count: int, begins_s: float, **options: Any) -> tuple[list[Any], SimRunner]:
+    """Stores pages of two keys before the far end connects; returns what came there, and the run."""
+    pair = SocketsPair((HERE, 0), name="t", faults=Faults(cut=((0.0, begins_s),)), **options)
+    came: list[Any] = []
+    numbers = iter(range(count))
+
+    def store(loop: Any) -> None:
+        for number in numbers:
+            loop.store_data("say" if number % 2 else "dive", number)
+            return
+        loop.stop()
+
+    hear = PartFactory({TaskType.store_page: lambda task, task_id: came.append(task.val_list[0].data)}, "ear")
+    roles: dict[str, list[Any]] = {
+        "robot": [TickerFactory(store, "talker", 100.0), pair.server(["say", "dive"])],
+        "topside": [hear, pair.client()],
+    }
+    runner = SimRunner(Config(factories=roles), until_s=begins_s + 8.0)
+    runner.run()
+    return [data for data in came if isinstance(data, int)], runner
+
+
+def test_all_that_was_stored_before_the_link_was_first_up_crosses_in_order() -> None:
+    came, runner = fly_late(50, 2.0)
+    assert came == list(range(50))
+    link: Any = runner.nodes["robot"].components["link_t"]
+    assert (link.sent, link.dropped, link.unsent) == (50, 0, 0)
+    assert not [note for note in runner.nodes["robot"].notes if "dropped" in note]
+
+
+@pytest.mark.parametrize("policy", ["drop_oldest", "refuse"])
+def test_what_had_to_go_before_the_link_was_first_up_is_counted_and_told(
+    policy: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING):
+        came, runner = fly_late(50, 2.0, queue_pages=10, policy=policy)
+    assert came == (list(range(40, 50)) if policy == "drop_oldest" else list(range(10)))
+    link: Any = runner.nodes["robot"].components["link_t"]
+    assert (link.sent, link.dropped) == (10, 40)
+    which = "oldest" if policy == "drop_oldest" else "newest"
+    said = f"the {which} 40 pages that were stored before anybody had connected were dropped (dive 20, say 20)"
+    assert [said in message for message in caplog.messages if "stored before" in message] == [True]
+    assert [said in note for note in runner.nodes["robot"].notes if "stored before" in note] == [True]
+
+
+def test_once_the_link_was_up_the_newest_of_each_key_is_kept_for_who_comes_again() -> None:
+    pair = SocketsPair((HERE, 0), name="t", faults=Faults(cut=((1.0, 6.0),)))
+    came: list[Any] = []
+    hear = PartFactory({(TaskType.store_page, "x"): lambda task, task_id: came.append(task.val_list[0].data)}, "ear")
+    numbers = iter(range(1000))
+    roles: dict[str, list[Any]] = {
+        "robot": [TickerFactory(lambda loop: loop.store_data("x", next(numbers)), "talker", 10.0), pair.server("x")],
+        "topside": [hear, pair.client()],
+    }
+    SimRunner(Config(factories=roles), until_s=10.0).run()
+    gap = max(later - earlier for earlier, later in itertools.pairwise(came))
+    assert came[:10] == list(range(10))
+    assert 45 < gap < 75
