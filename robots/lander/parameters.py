@@ -1,7 +1,9 @@
 """The numbers of the lunar module, each with its source, and how good its sensors are.
 
-[E] encyclopedia article on the descent engine; [C] ND Pyomo Cookbook 06.04, Apollo 11's masses; [M] from memory of
-the field, not read again; [O] our own choice, for the course.
+[E] encyclopedia article on the descent engine; [C] ND Pyomo Cookbook 06.04, Apollo 11's masses; [L] Luminary 99, the
+program of Apollo 11's lunar module (CONTROLLED_CONSTANTS.agc); [G] Grumman's summary of its reaction control subsystem
+(longislandaerospacehistory.com); [P] "The LM Digital Autopilot" (astronomyclub.xyz/lunar-landing); [O] our own choice
+or estimate, for the course.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from dataclasses import dataclass, field
 from snr_sim.devices.sensor_errors import SensorErrors
 from snr_sim.plants.descent import MOON_GRAVITY_MPS2, STANDARD_GRAVITY_MPS2, Engine
 from snr_sim.plants.module import Leg, LunarModule, Throttle
+from snr_sim.plants.module_shapes import JETS_OUT_M
 
 THRUST_N = 45_040.0  # descent engine at full throttle [C]
 EXHAUST_MPS = 311.0 * STANDARD_GRAVITY_MPS2  # specific impulse 311 s [E]; at 10 % it was 285 s, which we leave out
@@ -23,10 +26,11 @@ APOLLO = LunarModule(
     throttle=Throttle(lowest=0.10, highest=0.60),  # 1050 to 6825 lbf, or full [E]
     throttle_lag_s=0.15,  # [O]
     gimbal_rad=math.radians(6.0),  # [E]
-    gimbal_rate_radps=math.radians(10.0),  # [O]: the real one trimmed at 0.2 deg/s [M]; here students may steer with it
-    jets_nm=4 * 445.0 * 1.68,  # four of the sixteen 445 N jets, 1.68 m out [M]
+    gimbal_rate_radps=math.radians(10.0),  # [O]: the real one trimmed far more slowly; students may steer with it
+    jets_nm=4 * 445.0 * JETS_OUT_M,  # four of the sixteen jets of 100 lb [G]
     gyration_m=1.6,  # [O]: about 19 000 kg m2 at 7500 kg
-    # [O]: 3 m/s is taken up within 0.4 m, damped to about half of critical. Grip as of a dish in gravel.
+    # [O]: 3 m/s is taken up within 0.4 m, damped to about half of critical, so that it hardly rebounds; Apollo's legs
+    # crushed honeycomb and did not at all. Grip as of a dish in gravel. All three are estimates.
     leg=Leg(spring_npm=200e3, damper_nspm=26e3, friction=0.7),
     gravity_mps2=MOON_GRAVITY_MPS2,
 )
@@ -45,8 +49,9 @@ class SensorLevel:
     errors: SensorErrors = field(default_factory=SensorErrors)
 
 
-# A landing radar of the time was good to 1.5 % or 5 ft in height, and to 1.5 ft/s in rate [M], before its numbers were
-# smoothed in the computer; after that about what stands here [O]. One period of delay is what computing takes.
+# A landing radar of the time told height in steps of 1.079 ft (0.33 m) and vertical speed in steps of 0.644 ft/s (0.20
+# m/s) [L]. What the computer made of it by smoothing, its noise and its finer steps, is an estimate [O]. One period of
+# delay is what computing takes [O].
 VERTICAL_RADAR = SensorLevel(
     rate_hz=5.0,  # enough to land within 2 % of the optimum to rest; at twice the rate a run takes twice as long [O]
     errors=SensorErrors(
@@ -56,7 +61,7 @@ VERTICAL_RADAR = SensorLevel(
     ),
 )
 
-# In the plane attitude wants a shorter delay than descent does. 10 Hz, as the lunar module's digital autopilot ran [M]:
+# In the plane attitude wants a shorter delay than descent does. 10 Hz, as the lunar module's digital autopilot ran [P]:
 # it lands 1000 starts of 1000, a hundred of which were tried at 50 Hz too, and a node has a fifth of the work.
 PLANE_RADAR = SensorLevel(
     rate_hz=10.0,
@@ -66,6 +71,7 @@ PLANE_RADAR = SensorLevel(
         delay_s=0.1,
     ),
 )
+# Noise and steps are ours [O]: those of attitude are 2.6 times Apollo's, which told it in 32768 steps of a full turn.
 INERTIAL = SensorLevel(
     rate_hz=10.0,
     errors=SensorErrors(

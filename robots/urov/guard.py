@@ -41,7 +41,8 @@ class GuardLimits:
     """What the guard goes by.
 
     Args:
-        stale_s: age of the newest controls from which nothing pushes.
+        stale_s: age of the newest controls from which nothing pushes. Our choice: five of those that come 20 times a
+            second. ArduSub takes a pilot for lost after 3 s (FS_PILOT_TIMEOUT), and pushes on until then.
         lost_s: age from which the link counts as lost.
         hold_s: how long a failsafe's `hold` holds before the vehicle goes up.
         low_v: of the battery at rest; lower than that for `low_s`, and it is low until the next start. 13 V is 3.25 V

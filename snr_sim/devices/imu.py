@@ -34,8 +34,8 @@ _DEG = math.radians(1.0)
 
 BNO055 = SensorErrors(
     noise={
-        "rate_radps": 0.12 * _DEG,  # 0.014 deg/s per root Hz [M] in a bandwidth of 47 Hz
-        "specific_force_mps2": 0.015,  # 150 ug per root Hz [M] in 62.5 Hz
+        "rate_radps": 0.12 * _DEG,  # 0.014 deg/s per root Hz, as of its gyroscope sold as BMI055, in 47 Hz
+        "specific_force_mps2": 0.015,  # 150 ug per root Hz, as of the BMI055, in 62.5 Hz
         "field_ut": 0.5,  # [O]
     },
     resolution={

@@ -1,26 +1,20 @@
 """A lunar module in space, under MuJoCo: six directions of freedom and four sprung legs, where `lander_2d.py` has three
 and two. Inputs, outputs and judge are the same (`lander.py`), and so is the flight, to what rounding leaves.
 
-How a step goes:
-
-    1. MuJoCo:  velocity += (thrust, jets, legs, where the module is) * dt / mass,  then  position += velocity * dt
-    2. engine and jets say how they push at the new place, for the next step
-
-This is the leapfrog scheme if the velocity is that of half a step ago. So `reset` gives MuJoCo the velocity of half a
-step before the start, and `read` adds the half step. A flight under constant force is exact (MuJoCo alone ends
-g t dt / 2 too low), and a command that jumps acts half a step late, as in the plane.
+MuJoCo holds places half a step ahead of velocities; `lander.py` says why.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
+from snr_sim.plants.attitude import rotation_of, turned
 from snr_sim.plants.gear import Touchdown
 from snr_sim.plants.hull_3d import HULL, Hull3D
 from snr_sim.plants.lander import CEILING_M, EDGE_M, STEP_S, STILL_MPS, STILL_RADPS, Lander
-from snr_sim.plants.legs import Pose
+from snr_sim.plants.legs import Kick, Pose
 from snr_sim.plants.module import TIPPED_RAD, LunarModule, PlaneStart
 from snr_sim.plants.module_shapes import JETS_OUT_M, NOZZLE_BELOW_M, PADS_M, legged_module_shapes
 from snr_sim.plants.terrain import Terrain
@@ -29,27 +23,21 @@ from snr_sim.plants.terrain_shapes import terrain_shapes
 LEFT = frozenset(name for name, (x, _) in PADS_M.items() if x < 0.0)
 RIGHT = frozenset(PADS_M) - LEFT
 _TIPPED_UP = math.cos(TIPPED_RAD)
-
-# Change of velocity x, y, z [m/s] in the world's frame, then of rate [rad/s] in the body's.
-Kick3D: TypeAlias = tuple[float, ...]
-NO_KICK: Kick3D = (0.0,) * 6
+NOWHERE = (0.0, 0.0, 0.0)  # where a vector begins that is a direction
 
 
 class State(NamedTuple):
-    """All of the plant: what MuJoCo holds (velocities of half a step ago), and what is ours."""
+    """All of the plant: what MuJoCo holds (places half a step ahead), and what is ours."""
 
     body: tuple[float, ...]
     attitude_rad: float
     mass_kg: float
-    weighed_kg: float
     fuel_kg: float
     terrain: Terrain
     steps: int
     throttle: float
     gimbal_rad: float
     command: tuple[float, float, float]
-    kick: Kick3D
-    leg_kick: Kick3D
     still_steps: int
     touchdown: Touchdown | None
     outcome: str | None
@@ -82,21 +70,19 @@ class Lander3D(Lander):
     def reset(self, seed: int) -> None:
         """Puts the module at the start that belongs to this seed, over its ground."""
         start, self.terrain = self._start(seed)
-        half_fall = 0.5 * self.module.gravity_mps2 * self.step_s
-        (x, z), (vx, vz), half = start.position_m, start.velocity_mps, 0.5 * start.attitude_rad
+        (x, z), (vx, vz), half_s = start.position_m, start.velocity_mps, 0.5 * self.step_s
+        self._attitude = start.attitude_rad + half_s * start.rate_radps
+        half = 0.5 * self._attitude
         # Positive attitudes turn counter-clockwise seen from -y: about -y.
         turn = (math.cos(half), 0.0, -math.sin(half), 0.0)
         self._build()
-        self._hull.put((x, 0.0, z, *turn), (vx, 0.0, vz + half_fall, 0.0, -start.rate_radps, 0.0))
+        place, motion = (x + half_s * vx, 0.0, z + half_s * vz, *turn), (vx, 0.0, vz, 0.0, -start.rate_radps, 0.0)
+        self._hull.put(place, motion)
         self._hull.weigh(start.mass_kg)
         self._hull.look()
-        self._attitude = start.attitude_rad
-        self.mass_kg = self._weighed = start.mass_kg
-        self.fuel_kg = start.fuel_kg
+        self.mass_kg, self.fuel_kg = start.mass_kg, start.fuel_kg
         self._steps = self._still_steps = 0
         self.throttle = self.gimbal_rad = self._throttle_goal = self._gimbal_goal = self._jets = 0.0
-        self._kick: Kick3D = (0.0, 0.0, -2.0 * half_fall, 0.0, 0.0, 0.0)
-        self._leg_kick = NO_KICK
         self.touchdown = self.outcome = None
         self._pose: Pose | None = None
 
@@ -111,15 +97,12 @@ class Lander3D(Lander):
             body=self._hull.state(),
             attitude_rad=self._attitude,
             mass_kg=self.mass_kg,
-            weighed_kg=self._weighed,
             fuel_kg=self.fuel_kg,
             terrain=self.terrain,
             steps=self._steps,
             throttle=self.throttle,
             gimbal_rad=self.gimbal_rad,
             command=(self._throttle_goal, self._gimbal_goal, self._jets),
-            kick=self._kick,
-            leg_kick=self._leg_kick,
             still_steps=self._still_steps,
             touchdown=self.touchdown,
             outcome=self.outcome,
@@ -130,42 +113,37 @@ class Lander3D(Lander):
         self.terrain = snapshot.terrain
         self._build()
         self._hull.put_state(snapshot.body)
-        self._hull.weigh(snapshot.weighed_kg)
+        self._hull.weigh(snapshot.mass_kg)
         self._hull.look()
         self._attitude = snapshot.attitude_rad
-        self.mass_kg, self._weighed, self.fuel_kg = snapshot.mass_kg, snapshot.weighed_kg, snapshot.fuel_kg
+        self.mass_kg, self.fuel_kg = snapshot.mass_kg, snapshot.fuel_kg
         self._steps, self._still_steps = snapshot.steps, snapshot.still_steps
         self.throttle, self.gimbal_rad = snapshot.throttle, snapshot.gimbal_rad
         self._throttle_goal, self._gimbal_goal, self._jets = snapshot.command
-        self._kick, self._leg_kick = snapshot.kick, snapshot.leg_kick
         self.touchdown, self.outcome = snapshot.touchdown, snapshot.outcome
         self._pose = None
 
     # -- moving -------------------------------------------------------------------------------------------------------
 
     def _advance(self) -> None:
-        """Moves the module, then lets engine and jets push where it now is, and looks at the ground."""
+        """Lets engine and jets push, ends the flight when it is over, and moves the module."""
         self._pose = None
-        hull, before, kick, had_contacts = self._hull, self._hull.motion, self._kick, self._hull.contacts
+        hull, mass_kg = self._hull, self.mass_kg
+        kick = self._fire()
+        if hull.contacts:
+            self._meet_ground(kick)
+        else:
+            self._still_steps = 0
+        if self.outcome is not None:
+            return
         hull.move()
-        burned = self._burn()
-        # The mean mass of the step: so any burn gives what the rocket equation says, to the step squared.
-        weighed = self.mass_kg + 0.5 * burned
-        if weighed != self._weighed:
-            hull.weigh(weighed)
-            self._weighed = weighed
+        if self.mass_kg != mass_kg:
+            hull.weigh(self.mass_kg)
         hull.look()
         self._note_turn()
-        self._fire(burned * self.module.exhaust_mps / self.step_s)
-        if hull.contacts or had_contacts:
-            after = hull.motion
-            self._leg_kick = tuple(a - b - c for a, b, c in zip(after[:6], before[:6], kick, strict=True))
-            self._meet_ground()
-        else:
-            self._leg_kick = NO_KICK
-            x, _, z = hull.place[:3]
-            if abs(x) > EDGE_M or z > CEILING_M:
-                self._end("lost")
+        x, _, z = hull.place[:3]
+        if not hull.contacts and (abs(x) > EDGE_M or z > CEILING_M):
+            self._end("lost")
 
     def _note_turn(self) -> None:
         """Follows the attitude through full turns, as in the plane."""
@@ -173,33 +151,32 @@ class Lander3D(Lander):
         turned = math.atan2(-axes[2], axes[8])  # the module's upward axis leans to -x
         self._attitude += math.remainder(turned - self._attitude, 2.0 * math.pi)
 
-    def _fire(self, thrust_n: float) -> None:
-        """Lets engine and jets push for one step."""
-        axes, step_s = self._hull.axes, self.step_s
-        side, up = thrust_n * math.sin(self.gimbal_rad), thrust_n * math.cos(self.gimbal_rad)
-        force = side * axes[0] + up * axes[2], side * axes[3] + up * axes[5], side * axes[6] + up * axes[8]
-        torque = -self._jets - NOZZLE_BELOW_M * side
-        self._hull.push(force, (0.0, torque, 0.0))
-        per_kg = step_s / self._weighed
-        fall = self.module.gravity_mps2 * step_s
-        turned = torque * per_kg / self.module.gyration_m**2
-        self._kick = force[0] * per_kg, force[1] * per_kg, force[2] * per_kg - fall, 0.0, turned, 0.0
+    def _fire(self) -> Kick:
+        """Lets engine and jets push for one step; returns the change of velocity x, z and rate, weight and all."""
+        axes, step_s, weighed_kg = self._hull.axes, self.step_s, self.mass_kg
+        side, up, twist = self._burn()
+        x, y, z = side * axes[0] + up * axes[2], side * axes[3] + up * axes[5], side * axes[6] + up * axes[8]
+        # MuJoCo still has the mass of before the step; a force that is meant for the mean mass is scaled by as much.
+        force = weighed_kg / step_s
+        self._hull.push((force * x, force * y, force * z), (0.0, -force * twist, 0.0))
+        return x, z - self.module.gravity_mps2 * step_s, twist / self.module.gyration_m**2
 
-    def _meet_ground(self) -> None:
-        """Ends the flight when it is over."""
+    def _meet_ground(self, kick: Kick) -> None:
+        """Ends the flight when it is over; before the legs push in this step."""
         contacts = self._hull.contacts
-        if contacts and self.touchdown is None:
-            self._judge_contact(self._at_one_moment(NO_KICK))
-        if self.outcome is None and (HULL in contacts or (contacts and self._hull.axes[8] < _TIPPED_UP)):
-            self._end("crashed")
         vx, vy, vz, *rates = self._hull.motion[:6]
+        if self.touchdown is None:
+            x, _, z = self._hull.place[:3]
+            moves = (v + 0.5 * gained for v, gained in zip((vx, vz, -rates[1]), kick, strict=True))
+            self._judge_contact(Pose(x, z, self._attitude, *moves))
+        if self.outcome is None and (HULL in contacts or self._hull.axes[8] < _TIPPED_UP):
+            self._end("crashed")
         still = abs(vx) + abs(vy) + abs(vz) < STILL_MPS and max(map(abs, rates)) < STILL_RADPS
         self._settle(still and all(self._contact()))
 
     def _stand_still(self) -> None:
-        """Takes all motion from the module; `read` has none to add either."""
+        """Takes all motion from the module."""
         self._hull.stop()
-        self._kick = self._leg_kick = NO_KICK
         self._pose = None
 
     # -- being measured -----------------------------------------------------------------------------------------------
@@ -207,15 +184,10 @@ class Lander3D(Lander):
     def _read_pose(self) -> Pose:
         """Returns position and velocity at the same moment; looked up once a step, however many ask."""
         if self._pose is None:
-            self._pose = self._at_one_moment(self._leg_kick)
+            (x, _, z), half_s = self._hull.place[:3], 0.5 * self.step_s
+            vx, _, vz, _, about_y, _ = self._hull.motion[:6]
+            self._pose = Pose(x - half_s * vx, z - half_s * vz, self._attitude + half_s * about_y, vx, vz, -about_y)
         return self._pose
-
-    def _at_one_moment(self, leg_kick: Kick3D) -> Pose:
-        """Returns what MuJoCo holds, with its velocities ahead by half of the next kick."""
-        x, _, z = self._hull.place[:3]
-        vx, _, vz, _, about_y, _ = self._hull.motion[:6]
-        kick_x, _, kick_z, _, kick_y, _ = (own + legs for own, legs in zip(self._kick, leg_kick, strict=True))
-        return Pose(x, z, self._attitude, vx + 0.5 * kick_x, vz + 0.5 * kick_z, -about_y - 0.5 * kick_y)
 
     def _contact(self) -> list[bool]:
         """Returns whether feet touch: [left, right]."""
@@ -235,25 +207,26 @@ class Lander3D(Lander):
 
     def truth(self) -> dict[str, Any]:
         """Returns the true state for the recorder."""
-        x, y, z, w, *turn = self._hull.place[:7]
-        poses = {"module": [x, y, z, *turn, w]}
+        hull, (x, z) = self._hull, self._read_pose()[:2]
+        y = hull.place[1] - 0.5 * self.step_s * hull.motion[1]
+        w, i, j, k = hull.place[3:7]
+        p, q, r = hull.motion[3:6]
+        attitude = turned((w, i, j, k), p, q, r, -0.5 * self.step_s)
+        axes = rotation_of(attitude)
+
+        def in_world(a: float, b: float, c: float, *, at: tuple[float, ...] = (x, y, z)) -> list[float]:
+            return [at[n] + axes[3 * n] * a + axes[3 * n + 1] * b + axes[3 * n + 2] * c for n in range(3)]
+
+        turn = [*attitude[1:], attitude[0]]
+        poses = {"module": [x, y, z, *turn]}
         for name in PADS_M:
-            poses[name] = [*self._in_world(*self._hull.given_m(name)), *turn, w]
+            poses[name] = [*in_world(*hull.given_m(name)), *turn]
         thrust = self.throttle * self.module.thrust_n
         push = thrust * math.sin(self.gimbal_rad), 0.0, thrust * math.cos(self.gimbal_rad)
-        arrows = {"thrust": [*self._in_world(0.0, 0.0, -NOZZLE_BELOW_M), *self._turned(*push)]}
+        arrows = {"thrust": [*in_world(0.0, 0.0, -NOZZLE_BELOW_M), *in_world(*push, at=NOWHERE)]}
         if self._jets:
             # The pair of attitude jets that fires: one side up, the other down.
             force = 0.5 * self._jets / JETS_OUT_M
-            arrows["jet_right"] = [*self._in_world(JETS_OUT_M, 0.0, 1.0), *self._turned(0.0, 0.0, force)]
-            arrows["jet_left"] = [*self._in_world(-JETS_OUT_M, 0.0, 1.0), *self._turned(0.0, 0.0, -force)]
+            arrows["jet_right"] = [*in_world(JETS_OUT_M, 0.0, 1.0), *in_world(0.0, 0.0, force, at=NOWHERE)]
+            arrows["jet_left"] = [*in_world(-JETS_OUT_M, 0.0, 1.0), *in_world(0.0, 0.0, -force, at=NOWHERE)]
         return {"poses": poses, "arrows": arrows, "values": self._true_values(self._read_pose())}
-
-    def _turned(self, x: float, y: float, z: float) -> list[float]:
-        """Returns a vector of the body's frame in the world's."""
-        axes = self._hull.axes
-        return [axes[i] * x + axes[i + 1] * y + axes[i + 2] * z for i in (0, 3, 6)]
-
-    def _in_world(self, x: float, y: float, z: float) -> list[float]:
-        """Returns a place in the body's frame in the world's."""
-        return [a + b for a, b in zip(self._hull.place[:3], self._turned(x, y, z), strict=True)]

@@ -24,7 +24,6 @@ Grip: TypeAlias = tuple[float, float] | None  # the place on the ground that a f
 Kick: TypeAlias = tuple[
     float, float, float
 ]  # change of velocity: x, z [m/s]; and twist [m2/s], a moment's per kilogram
-NO_KICK: Kick = (0.0, 0.0, 0.0)
 
 
 class Pose(NamedTuple):
@@ -53,7 +52,7 @@ class Legs:
         self._step_s = step_s
         self.grips_m: tuple[Grip, Grip] = (None, None)
 
-    def stand(self, body: Pose, mass_kg: float, ground: Terrain, push: Callable[..., None]) -> tuple[int, Kick]:
+    def stand(self, body: Pose, mass_kg: float, ground: Terrain, push: Callable[..., None]) -> int:
         """Pushes with each foot that touches, for one step.
 
         A leg pushes as if its foot were where it would be without ground, so the spring's work is its energy to the
@@ -66,14 +65,13 @@ class Legs:
             push: called with a kick (x, z) and the place it acts at, world frame.
 
         Returns:
-            how many feet touch, and what they gave the module together.
+            how many feet touch.
         """
         x, z, attitude, vx, vz, rate = body
         cos, sin = math.cos(attitude), math.sin(attitude)
         spring, damper, friction = self._leg.spring_npm, self._leg.damper_nspm, self._leg.friction
         gyration2, per_kg = self._gyration2, self._step_s / mass_kg
         half_damper = 0.5 * damper * per_kg
-        sum_x = sum_z = twist = 0.0
         grips: list[Grip] = [None, None]
         for i, (foot_x, foot_z) in enumerate(FEET_M):
             rx, rz = cos * foot_x - sin * foot_z, sin * foot_x + cos * foot_z
@@ -98,11 +96,8 @@ class Legs:
             side = min(hold, max(-hold, side / (1.0 + half_damper * (1.0 + arm_side * arm_side / gyration2))))
             kick_x, kick_z = (normal * nx + side * nz) * per_kg, (normal * nz - side * nx) * per_kg
             push((kick_x, kick_z), (px, pz))
-            sum_x += kick_x
-            sum_z += kick_z
-            twist += rx * kick_z - rz * kick_x
         self.grips_m = grips[0], grips[1]
-        return 2 - grips.count(None), (sum_x, sum_z, twist)
+        return 2 - grips.count(None)
 
     def given_m(self, i: int, pose: Pose, ground: Terrain) -> float:
         """Returns how far leg `i` has given way along the module: so its foot shows on the ground, not under it."""

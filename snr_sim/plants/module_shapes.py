@@ -13,8 +13,8 @@ from typing import Any
 # centre of mass, half way between the stages when the descent tanks are nearly empty, is an estimate.
 PADS_BELOW_M = 3.6
 PADS_APART_M = 6.6
-NOZZLE_BELOW_M = 3.1  # half a metre of clearance under the bell
-JETS_OUT_M = 1.68  # arm of the attitude jets (66 in)
+NOZZLE_BELOW_M = 3.1  # an estimate: it leaves half a metre of clearance under the bell
+JETS_OUT_M = 1.68  # arm of the attitude jets; an estimate
 # Outline in the x-z plane that must not touch the ground: bell, descent stage, ascent stage. Convex.
 HULL_M = ((-0.75, -3.1), (0.75, -3.1), (2.1, -2.0), (2.1, -0.4), (1.5, 3.1), (-1.5, 3.1), (-2.1, -0.4), (-2.1, -2.0))
 # The foot pads (x, y) of each leg; near and far as seen from -y, with left to -x.

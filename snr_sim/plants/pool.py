@@ -16,8 +16,8 @@ from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.water import FRESH_KGM3, GRAVITY_MPS2
 
 WALLS_RISE_M = 0.4  # above the water
-POST_M = 0.025  # radius of a gate's posts
-FRICTION = 0.5  # of a plastic frame on tiles: our estimate
+POST_M = 0.025  # radius of a gate's posts; an estimate, as of plastic pipe of 50 mm
+FRICTION = 0.5  # of a plastic frame on tiles: our estimate, as is that what touches does not rebound
 # Contacts give way by tenths of a millimetre before they are hard: with MuJoCo's own, a vehicle that slides over the
 # floor rattles, its force anywhere from 0 to three times its mean. The ratio keeps what sticks from creeping.
 CONTACT = 'solimp="0.1 0.95 0.003"'

@@ -29,7 +29,7 @@ SLOPE = make_terrain(3, relief_m=0.0, pad_slope_rad=0.1)
 IN_FLIGHT = Pose(5e-4, 5e-4, 5e-5, 3e-4, 3e-4, 5e-5)
 IN_CONTACT = Pose(0.04, 0.02, 0.005, 0.1, 0.1, 0.1)
 each = pytest.mark.parametrize("which", [0, 1], ids=["pymunk", "mujoco"])  # of what `both` returns
-AT_REST = Pose(0.03, 0.003, 0.003, 0.001, 0.001, 0.001)
+AT_REST = Pose(0.035, 0.004, 0.003, 0.001, 0.001, 0.001)  # by a centimetre, where in a step a foot touches decides
 
 
 def both(
@@ -114,6 +114,43 @@ def test_both_turn_over_and_on_alike(apollo: LunarModule) -> None:
     # At 1 rad/s the feet of MuJoCo move out by a millimetre: 4e-5 more inertia, of 12 rad.
     check(fly(plants, 12.0), IN_FLIGHT._replace(attitude_rad=1e-3))
     assert [pose(plant).attitude_rad for plant in plants] == pytest.approx([12.0, 12.0], abs=1e-3)
+
+
+@pytest.mark.parametrize("body", [Lander2D, Lander3D])
+def test_halving_the_step_quarters_the_error_also_where_commands_jump(
+    apollo: LunarModule, body: type[Lander2D | Lander3D]
+) -> None:
+    """Throttle, gimbal and jets change at once, four times; a command that acted half a step late would halve it."""
+    program = [(0.0, EngineCommand(0.5, 0.02, 0.2)), (0.8, EngineCommand(0.2, -0.02, -0.3)),
+               (1.6, EngineCommand(1.0, 0.0, 0.1)), (2.4, EngineCommand(0.3))]  # fmt: skip
+
+    def flight(step_s: float) -> Pose:
+        start = PlaneStart((0.0, 400.0), (3.0, -4.0), 7500.0, 600.0, 0.05, 0.02)
+        plant = body(apollo, lambda seed: (start, FLAT), step_s=step_s)
+        commands = {round(at_s / step_s): command for at_s, command in program}
+        for i in range(round(3.2 / step_s)):
+            if i in commands:
+                plant.write("engine", commands[i])
+            plant.step(step_s)
+        return pose(plant)
+
+    exact, coarse, fine = (flight(step_s) for step_s in (0.00125, 0.02, 0.01))
+    for name, a, b, c in zip(Pose._fields, coarse, fine, exact, strict=True):
+        assert (a - c) / (b - c) == pytest.approx(4.06, abs=0.1), name  # 4, and what the finest still leaves
+
+
+@each
+@pytest.mark.parametrize("steps", [1, 7, 200])
+def test_jets_push_from_the_moment_of_the_command_to_that_of_the_next(
+    apollo: LunarModule, which: int, steps: int
+) -> None:
+    plant, time_s = both(apollo)[which], 0.005 * steps
+    end = go(plant, time_s, EngineCommand(attitude=0.4))
+    gains = 0.4 * apollo.jets_nm / (7500.0 * apollo.gyration_m**2)
+    # In MuJoCo the feet lag: by 7e-6 rad/s. Half a step late would be 1.6e-4.
+    assert (end.rate_radps, end.attitude_rad) == pytest.approx((gains * time_s, 0.5 * gains * time_s**2), abs=1e-5)
+    later = go(plant, 1.0, EngineCommand())
+    assert later.attitude_rad - end.attitude_rad == pytest.approx(gains * time_s, abs=1e-5)
 
 
 LANDINGS: dict[str, dict[str, float | Terrain]] = {

@@ -105,22 +105,10 @@ def test_an_upright_burn_follows_the_closed_form(apollo: LunarModule) -> None:
     from snr_sim.plants.descent import Motion, after
 
     plant = Lander2D(replace(apollo, throttle_lag_s=0.0), start(z=500.0, vz=-30.0))
-    # The command arrives at the first kick, half a step late.
     end = run(plant, 10.0, EngineCommand(0.5))
     exact = after(Motion(500.0, -30.0, 7500.0), 0.5 * apollo.thrust_n, apollo.exhaust_mps, 1.62, 10.0)
-    assert end.z_m == pytest.approx(exact.height_m, abs=0.08)
-    assert end.vz_mps == pytest.approx(exact.velocity_mps, abs=0.01)
-
-
-def test_halving_the_step_quarters_the_error_of_a_flight(apollo: LunarModule) -> None:
-    def flight(step_s: float) -> Pose:
-        plant = Lander2D(apollo, start(z=150.0, vx=3.0, vz=-4.0, tilt=0.05, rate=0.02), step_s=step_s)
-        return run(plant, 8.0, EngineCommand(0.4))
-
-    exact = flight(0.02 / 32)
-    coarse, fine = (math.dist(flight(step)[:2], exact[:2]) for step in (0.02, 0.01))
-    assert fine < 0.3 * coarse
-    assert fine < 2e-3
+    assert end.z_m == pytest.approx(exact.height_m, abs=1e-5)
+    assert end.vz_mps == pytest.approx(exact.velocity_mps, abs=1e-6)
 
 
 def test_gimbal_and_jets_turn_the_way_the_signals_say(apollo: LunarModule) -> None:

@@ -56,17 +56,6 @@ def test_it_keeps_the_promise_of_a_plant(apollo: LunarModule) -> None:
     assert plant.engine.startswith("mujoco 4")
 
 
-def test_halving_the_step_quarters_the_error_of_a_flight(apollo: LunarModule) -> None:
-    def flight(step_s: float) -> list[float]:
-        plant = Lander3D(apollo, start(z=150.0, vx=3.0, vz=-4.0, tilt=0.05, rate=0.02), step_s=step_s)
-        return run(plant, 8.0, EngineCommand(0.4)).position_m
-
-    exact = flight(0.02 / 16)
-    coarse, fine = (math.dist(flight(step), exact) for step in (0.02, 0.01))
-    assert fine < 0.3 * coarse
-    assert fine < 2e-3
-
-
 def test_a_landing_among_hills_stays_in_the_plane_though_nothing_holds_it_there(apollo: LunarModule) -> None:
     plant = drop(apollo, height=2.0, vx=0.6, tilt=0.03, rate=0.01, ground=HILLS)
     run(plant, 10.0)
@@ -150,7 +139,7 @@ def test_a_push_that_is_no_longer_finite_is_said_with_its_time_and_writes_no_log
     monkeypatch.chdir(tmp_path)  # where MuJoCo would write it
     plant = Lander3D(apollo, start(z=1000.0))
     plant.restore(plant.snapshot()._replace(command=(0.0, 0.0, math.inf)))
-    with pytest.raises(PlantError, match=r"At 0\.005 s the force on the module is .* -inf"):
+    with pytest.raises(PlantError, match=r"At 0 s the force on the module is .* -inf"):
         run(plant, 1.0)
     assert not list(tmp_path.iterdir())
 
