@@ -16,21 +16,26 @@ from snr_sim.prelude.errors import MissingExtra
 try:
     from gymnasium import Env, spaces
     from gymnasium.envs.registration import register, registry
+    from gymnasium.utils.seeding import np_random
+    from gymnasium.vector import AutoresetMode, VectorEnv
+    from gymnasium.vector.utils import batch_space
 except ImportError:
     raise MissingExtra("gymnasium", "sim") from None
 
-__all__ = ["Env", "box", "make_known", "spaces"]
+__all__ = ["AutoresetMode", "Env", "VectorEnv", "batch_space", "box", "make_known", "np_random", "spaces"]
 
 LANDERS, UROVS = "snr_sim.learning.lander_envs", "snr_sim.learning.urov_envs"
 # Steps are the scenario's time limit at the environment's rate. A threshold is what a policy has in the mean that meets
 # the scenario's criterion from every start: some points below what tables, tiles and the control laws of tests have.
 VERTICAL: dict[str, Any] = {
     "entry_point": f"{LANDERS}:LanderVertical",
+    "vector_entry_point": "snr_sim.learning.lander_vector:LanderVerticalVector",
     "max_episode_steps": 1200,
     "reward_threshold": 90.0,
 }
 PAD: dict[str, Any] = {
     "entry_point": f"{LANDERS}:LanderPad",
+    "vector_entry_point": "snr_sim.learning.pad_vector:LanderPadVector",
     "max_episode_steps": 1800,
     "reward_threshold": 90.0,
 }

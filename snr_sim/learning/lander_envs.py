@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from snr_sim.learning.gym import box, spaces
 from snr_sim.learning.scenario_env import ScenarioEnv
+from snr_sim.plants.descent import MOON_GRAVITY_MPS2
 from snr_sim.prelude.angles import wrap_rad
 from snr_sim.prelude.scenario import Verdict
 from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
@@ -72,7 +73,7 @@ class LanderEnv(ScenarioEnv):
         return values
 
 
-def suitable_mps(altitude_m: float, gravity_mps2: float = 1.62) -> float:
+def suitable_mps(altitude_m: float, gravity_mps2: float = MOON_GRAVITY_MPS2) -> float:
     """Returns the vertical speed that suits a height [m/s], negative down: what gentle braking takes to touch down.
 
     >>> round(suitable_mps(0.0), 2), round(suitable_mps(100.0), 1)
@@ -89,6 +90,16 @@ def suitable_speeds_mps(altitudes_m: Floats, gravity_mps2: float) -> Floats:
     """
     speeds: Floats = -np.sqrt(TOUCHDOWN_MPS**2 + 2.0 * BRAKING_G * gravity_mps2 * np.maximum(0.0, altitudes_m))
     return speeds
+
+
+def vertical_potentials(altitudes_m: Floats, speeds_mps: Floats) -> Floats:
+    """Returns `LanderEnv.potential` of many landers, to the last bit.
+
+    >>> vertical_potentials(np.array([0.0]), np.array([-3.0])).tolist()
+    [-0.4]
+    """
+    potentials: Floats = -SPEED_WEIGHT * np.abs(speeds_mps - suitable_speeds_mps(altitudes_m, MOON_GRAVITY_MPS2))
+    return potentials
 
 
 def seen_by_radar(radar: RadarReading) -> list[float]:
@@ -160,6 +171,15 @@ def pad_command(action: int) -> EngineCommand:
     return EngineCommand(PAD_THROTTLES[throttle], 0.0, PAD_TURNS[turn])
 
 
+def cost_aside(x_m: Any, lateral_mps: Any, attitude_deg: Any) -> Any:
+    """Returns what the potential of `LanderPad` is less for a place beside the pad, sideways speed and tilt.
+
+    >>> cost_aside(np.array([-10.0]), np.array([0.0]), np.array([4.0])).tolist()
+    [4.0]
+    """
+    return 0.2 * (abs(x_m) + abs(lateral_mps)) + 0.5 * abs(attitude_deg)
+
+
 class LanderPad(LanderEnv):
     """Scenario lander_pad: in the plane, above gentle hills, to the pad at x = 0. 10 steps a second; at most 180 s.
 
@@ -215,6 +235,5 @@ class LanderPad(LanderEnv):
         """Returns how well placed the module is, also sideways and upright."""
         values = self._values()
         x_m: float = self.plant.truth()["poses"]["module"][0]
-        aside_m = abs(x_m) + abs(values["lateral_mps"])
-        aside: float = 0.2 * aside_m + 0.5 * abs(values["attitude_deg"])
+        aside: float = cost_aside(x_m, values["lateral_mps"], values["attitude_deg"])
         return super().potential() - aside

@@ -11,8 +11,8 @@ from snr_sim.recording.picture_bodies import FLAME, JET, draw_flames, draw_shape
 from snr_sim.recording.picture_canvas import PIXELS_PER_POINT, Canvas, Point, Rgb, mixed
 from snr_sim.recording.picture_layout import Place, feet_and_size
 from snr_sim.recording.picture_water import SURFACE, WATER
-from snr_sim.recording.picture_world import cut_by_plane
-from snr_sim.recording.view_scene import points_of, rgb_of, turned
+from snr_sim.recording.picture_world import ground_cuts, within
+from snr_sim.recording.view_scene import points_of, turned
 
 WIDTH_PX, HEIGHT_PX = 320, 240
 SKY: Rgb = (24, 27, 38)
@@ -29,8 +29,7 @@ class Frame:
 
     def __init__(self, scene: dict[str, Any]) -> None:
         self._bodies = scene["bodies"]
-        statics = scene["statics"].values()
-        self._cuts = [(rgb_of(shape), cut_by_plane(shape)) for shape in statics if shape.get("kind") == "mesh"]
+        self._cuts = ground_cuts(scene["statics"])
         surface = scene["statics"].get("surface")
         # Of water, if there is any.
         self._surface_m = None if surface is None else float(points_of(surface)[:, 2].max())
@@ -58,9 +57,9 @@ class Frame:
             _, y0 = at(0.0, self._surface_m)
             canvas.rectangle(0, y0, width, height, fill=WATER)
             canvas.line([(0, y0), (width, y0)], SURFACE, 1.0)
-        for i, (rgb, cut) in enumerate(sorted(self._cuts, key=lambda one: -len(one[1]))):
-            color: Rgb = (rgb[0], rgb[1], rgb[2])
-            for start, end in sorted(cut):
+        half_m = 0.5 * width / scale
+        for i, (color, cut) in enumerate(self._cuts):
+            for start, end in within(cut, feet[0] - half_m, feet[0] + half_m):
                 (x0, y0), (x1, y1) = at(*start), at(*end)
                 if i == 0:
                     canvas.polygon([(x0, y0), (x1, y1), (x1, height), (x0, height)], mixed(SKY, color, 0.55))

@@ -122,10 +122,8 @@ class ScenarioEnv(CopyableEnv):
         self.verdict = call_student(self._simulation.scenario.verdict, "verdict(plant)", self.plant)
         is_over = self._is_over() if self.verdict is None else self.ends_by_clock
         info = self._info()
-        if self.verdict is not None:
-            info |= {"outcome": self.verdict.outcome, "success": self.verdict.success, "why": self.verdict.why}
-        elif is_over:
-            info |= {"outcome": "timeout", "success": False, "why": f"longer than {self.limit_s:g} s"}
+        if self.verdict is not None or is_over:
+            info |= end_info(self.verdict, self.limit_s)
         is_ended = self.verdict is not None and not self.ends_by_clock
         return observation, float(self.reward(self.verdict)), is_ended, is_over, info
 
@@ -175,11 +173,7 @@ class ScenarioEnv(CopyableEnv):
                 fix=f'of {", ".join(sorted(OPTIONS))}, such as options={{"start": 7}}.',
             )
         start = options.get("start")
-        if start is None:
-            return int(self.np_random.integers(1, MOST_STARTS))
-        if isinstance(start, bool) or not isinstance(start, (int, np.integer)):
-            raise ParameterError(f"reset() was given the start {start!r}.", fix="a whole number, as for --seed.")
-        return int(start)
+        return drawn_start(self.np_random) if start is None else checked_start(start)
 
     def _action(self, action: Any) -> Any:
         """Returns an action as its space has it. Numbers of another kind are taken if they are within its bounds."""
@@ -222,3 +216,26 @@ class ScenarioEnv(CopyableEnv):
 
     def _is_over(self) -> bool:
         return self._time_s >= self.limit_s - 1e-9
+
+
+def drawn_start(rng: np.random.Generator) -> int:
+    """Returns the seed of the scenario that an episode begins at."""
+    return int(rng.integers(1, MOST_STARTS))
+
+
+def checked_start(start: Any) -> int:
+    """Returns a start that was asked for.
+
+    Raises:
+        ParameterError: it is no whole number.
+    """
+    if isinstance(start, bool) or not isinstance(start, (int, np.integer)):
+        raise ParameterError(f"reset() was given the start {start!r}.", fix="a whole number, as for --seed.")
+    return int(start)
+
+
+def end_info(verdict: Verdict | None, limit_s: float) -> dict[str, Any]:
+    """Returns what `info` says at the end of an episode: the scenario's verdict, or that the time was over."""
+    if verdict is None:
+        return {"outcome": "timeout", "success": False, "why": f"longer than {limit_s:g} s"}
+    return {"outcome": verdict.outcome, "success": verdict.success, "why": verdict.why}

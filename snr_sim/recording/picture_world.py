@@ -19,10 +19,8 @@ SKY: Rgb = (9, 12, 24)
 def draw_ground(canvas: Canvas, camera: Camera, statics: dict[str, Any], is_time: bool) -> None:
     """Fills the ground below the line in which the plane of motion cuts each static mesh, the longest lines first."""
     bottom = camera.area[3]
-    cuts = [(rgb_of(shape), cut_by_plane(shape)) for shape in statics.values() if shape.get("kind") == "mesh"]
-    for i, (rgb, segments) in enumerate(sorted(cuts, key=lambda cut: -_extent(cut[1]))):
-        color: Rgb = (rgb[0], rgb[1], rgb[2])
-        line = sorted(segments)
+    for i, (color, cut) in enumerate(ground_cuts(statics)):
+        line = cut
         if is_time:  # only the place at which it comes down
             line = [
                 ((low, z), (high, z))
@@ -30,22 +28,44 @@ def draw_ground(canvas: Canvas, camera: Camera, statics: dict[str, Any], is_time
                 if x0 <= 0.0 <= x1
                 for low, high in [camera.along_range()]
             ]
-        elif i == 0 and line:  # the widest is the ground, and goes on to both sides
-            line = [((-FAR_M, line[0][0][1]), line[0][0]), *line, (line[-1][1], (FAR_M, line[-1][1][1]))]
-        for start, end in _visible(camera, line):
+        for part in within(line, *camera.along_range()):
+            start, end = (camera.at(x, z) for x, z in part)
             if i == 0:
                 canvas.polygon([start, end, (end[0], bottom), (start[0], bottom)], mixed(SKY, color, 0.55))
             canvas.line([start, end], mixed(color, (255, 255, 255), 0.15), 1.6 if i == 0 else 3.2)
 
 
-def _visible(camera: Camera, segments: Iterable[tuple[Point, Point]]) -> Iterable[tuple[Point, Point]]:
-    """Returns the parts of segments (x, z) that lie within the scene from left to right, on the sheet."""
-    low, high = camera.along_range()
+def ground_cuts(statics: dict[str, Any]) -> list[tuple[Rgb, list[tuple[Point, Point]]]]:
+    """Returns the colour and the segments (x, z) in which the plane of motion cuts each static mesh, widest first.
+
+    The widest is the ground. It is drawn as far as anybody went, but it goes on to both sides.
+    """
+    meshes = [shape for shape in statics.values() if shape.get("kind") == "mesh"]
+    cuts = [(_color(shape), sorted(cut_by_plane(shape))) for shape in meshes]
+    cuts.sort(key=lambda cut: -_extent(cut[1]))
+    if cuts and cuts[0][1]:
+        color, line = cuts[0]
+        ends = ((-FAR_M, line[0][0][1]), line[0][0]), (line[-1][1], (FAR_M, line[-1][1][1]))
+        cuts[0] = color, [ends[0], *line, ends[1]]
+    return cuts
+
+
+def _color(shape: dict[str, Any]) -> Rgb:
+    red, green, blue = rgb_of(shape)
+    return red, green, blue
+
+
+def within(segments: Iterable[tuple[Point, Point]], low: float, high: float) -> Iterable[tuple[Point, Point]]:
+    """Returns the parts of segments (x, z) that lie between two x.
+
+    >>> list(within([((0.0, 0.0), (4.0, 2.0)), ((4.0, 2.0), (9.0, 2.0))], 2.0, 3.0))
+    [((2.0, 1.0), (3.0, 1.5))]
+    """
     for (x0, z0), (x1, z1) in segments:
         a, b = max(x0, low), min(x1, high)
         if b > a:
             slope = (z1 - z0) / (x1 - x0)
-            yield camera.at(a, z0 + slope * (a - x0)), camera.at(b, z0 + slope * (b - x0))
+            yield (a, z0 + slope * (a - x0)), (b, z0 + slope * (b - x0))
 
 
 def cut_by_plane(shape: dict[str, Any]) -> list[tuple[Point, Point]]:

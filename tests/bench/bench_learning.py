@@ -27,6 +27,7 @@ from snr_sim.prelude.signals import EngineCommand
 
 ORIGINAL = "LunarLander-v3"
 UNSEEN = range(1, 101)
+LANDERS = 1024  # of a vector environment
 
 
 def steps_of(name: str, count: int, **kwargs: Any) -> Callable[[], Callable[[], None]]:
@@ -49,6 +50,60 @@ def steps_of(name: str, count: int, **kwargs: Any) -> Callable[[], Callable[[], 
         return run
 
     return trial
+
+
+def vector_steps_of(name: str, count: int, policy: Callable[[Any], Any] | None) -> tuple[Callable[[], Any], int]:
+    """Returns a trial of a vector environment, and how many steps of one lander it makes: all that fly, autoresets too.
+
+    Args:
+        name: of the environment.
+        count: steps of all landers together.
+        policy: gives actions for what is observed; None draws them beforehand.
+    """
+    envs: Any = gymnasium.make_vec(name, num_envs=LANDERS, vectorization_mode="vector_entry_point")
+    rng = np.random.default_rng(1)
+    drawn = [rng.integers(0, envs.single_action_space.n, LANDERS) for _ in range(64)]
+
+    def trial() -> Callable[[], None]:
+        state = {"seen": envs.reset(seed=0)[0]}
+
+        def run() -> None:
+            for k in range(count):
+                state["seen"] = envs.step(drawn[k % 64] if policy is None else policy(state["seen"]))[0]
+
+        return run
+
+    return trial, count * LANDERS
+
+
+def full_when_fast(seen: Any) -> Any:
+    """Returns actions that land `LanderVertical`: full throttle while it falls faster than suits the height."""
+    return np.where(seen[:, 1] < -np.sqrt(1.0 + 3.24 * np.maximum(0.0, seen[:, 0])), 3, 0)
+
+
+def vectors(is_quick: bool) -> Iterator[Row]:
+    """Measures the vector environments beside the single ones, a row at a time."""
+    for name, count, least_mps, policy, what in (
+        ("LanderVertical", 700, 2.0, None, "random actions"),
+        ("LanderVertical", 700, None, full_when_fast, "a policy that lands"),
+        ("LanderPad", 300, 0.2, None, "random actions"),
+    ):
+        steps = count // 5 if is_quick else count
+        vector, made = vector_steps_of(f"snr_sim/{name}-v0", steps, policy)
+        alone = 500
+        found = compare(steps_of(f"snr_sim/{name}-v0", alone), vector, rounds=3)
+        single_s, vector_s = (found.shortest_s[0] / alone, found.shortest_s[1] / made)
+        yield Row(
+            name=f"{name}: steps of {LANDERS} at once, {what}",
+            value=1e-6 / vector_s,
+            unit="M/s",
+            limit=least_mps,
+            more_is_better=True,
+            baseline=1e-6 / single_s,
+            compared_to="the single environment with random actions",
+            ratio=found.ratios[1] * alone / made,
+            note="resets included; the ratio is that of times, smaller is faster",
+        )
 
 
 def tenth_of_a_second(landers: int) -> tuple[Trial, Trial, Trial]:
@@ -121,6 +176,7 @@ def measure(is_quick: bool) -> Iterator[Row]:
         steps = count // 10
         took_s = min(cpu_time_of(steps_of(f"snr_sim/{name}-v0", steps)) for _ in range(3))
         yield Row(name=f"{name}: step", value=took_s / steps * 1e6, unit="us", note="resets included")
+    yield from vectors(is_quick)
     landers = 20 if is_quick else 60  # so that the one plant that flies for all of them stays in the air
     found = compare(*tenth_of_a_second(landers), rounds=rounds)
     for k, name in enumerate(("by MuJoCo's batch rollout", "in the trainer's batch"), start=1):

@@ -297,3 +297,15 @@ def test_spec_of_a_vehicle_ends_with_its_verdict(name: str) -> None:
     while not env.step(np.zeros(env.action_space.shape, np.float32))[3]:
         steps += 1
     assert steps == gymnasium.spec(name).max_episode_steps
+
+
+@pytest.mark.parametrize("start", [0, 7])
+def test_a_picture_from_high_up_has_ground_from_edge_to_edge(start: int) -> None:
+    """What is drawn of the country is 500 m wide, and a picture from 1000 m up is wider."""
+    env: Any = gymnasium.make("snr_sim/LanderVertical-v0", render_mode="rgb_array")
+    env.reset(options={"start": start})
+    picture = env.render()
+    sky, ground = picture[0, 0].tolist(), picture[-1]
+    assert ground.tolist() == [ground[0].tolist()] * picture.shape[1]
+    assert ground[0].tolist() != sky
+    assert (picture[: picture.shape[0] // 2, 0] == sky).all()

@@ -1,0 +1,183 @@
+"""Many landers in the plane at once, in flight, step by step as `plants/lander_2d.py` flies each of them.
+
+It is that plant's own scheme in arrays, with its steps, so a flight is the same but for rounding. What meets the ground
+is not flown here: `met` says who does, and `state_of` hands it to the plant. (`plane_batch.py`, which learning uses,
+takes steps ten times as long, and is right to some centimetres.)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from snr_sim.plants.lander import CEILING_M, EDGE_M
+from snr_sim.plants.lander_2d import State
+from snr_sim.plants.legs import FEET_M, REACH_M, Pose
+from snr_sim.plants.module import LunarModule, PlaneStart
+from snr_sim.plants.module_shapes import HULL_M, NOZZLE_BELOW_M
+from snr_sim.plants.terrain import HALF_WIDTH_M, ROOF_REACH_M, SPACING_M, Terrain
+from snr_sim.prelude.signals import InertialReading
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Indices = NDArray[np.int64]
+
+CORNERS_M = np.array([*FEET_M, *HULL_M])  # what can touch the ground
+CLOSE = 1e-3  # to its command the throttle is at it
+REACH_FIELDS = int(ROOF_REACH_M / SPACING_M)
+FAST_MPS = 40.0  # sideways: beyond it the ground is looked at wherever it is
+SPARE_M = 0.1  # more than an engine that points up adds to the way down within a period
+
+
+class PlaneFlight:
+    """The state of all, each number an array of the shape (count,).
+
+    Args:
+        module: of all.
+        step_s: of the plant.
+        count: how many.
+
+    Attributes:
+        x, z, attitude, vx, vz, rate: as pymunk holds them: velocities half a step ahead.
+        mass, fuel, throttle, gimbal: at this moment.
+    """
+
+    def __init__(self, module: LunarModule, step_s: float, count: int) -> None:
+        self._module, self._step_s = module, step_s
+        self._lag_gain = -math.expm1(-step_s / module.throttle_lag_s) if module.throttle_lag_s > 0.0 else 1.0
+        self._fall = module.gravity_mps2 * step_s
+        self._all = np.arange(count)
+        self._numbers = np.ones((13, count))
+        self._name()
+        fields = round(2.0 * HALF_WIDTH_M / SPACING_M)
+        self._heights, self._roofs = np.zeros((count, fields + 1)), np.zeros((count, fields))
+
+    def _name(self) -> None:
+        (self.x, self.z, self.attitude, self.vx, self.vz, self.rate, self.mass, self.fuel, self.throttle,
+         self.gimbal, self._side, self._up, self._twist) = self._numbers  # fmt: skip
+
+    def put(self, which: Indices, begun: Sequence[tuple[PlaneStart, Terrain]]) -> None:
+        """Puts some of them at starts, engine off."""
+        numbers = [
+            (*start.position_m, start.attitude_rad, start.velocity_mps[0], start.velocity_mps[1] - 0.5 * self._fall,
+             start.rate_radps, start.mass_kg, start.fuel_kg, 0.0, 0.0, 0.0, 0.0, 0.0)
+            for start, _ in begun
+        ]  # fmt: skip
+        self._numbers[:, which] = np.array(numbers).T
+        heights = np.array([terrain.heights_m for _, terrain in begun])
+        self._heights[which] = heights
+        # As `Terrain.roof_m`, for each field.
+        ends = np.pad(heights, ((0, 0), (REACH_FIELDS, REACH_FIELDS)), constant_values=-np.inf)
+        fields = heights.shape[1] - 1
+        self._roofs[which] = np.max([ends[:, k : k + fields] for k in range(2 * REACH_FIELDS + 2)], axis=0)
+
+    def pose(self) -> tuple[Floats, ...]:
+        """Returns x, z, attitude, vx, vz and rate at one moment."""
+        cos, sin = np.cos(self.attitude), np.sin(self.attitude)
+        vx = self.vx - 0.5 * (cos * self._side - sin * self._up)
+        vz = self.vz - 0.5 * (sin * self._side + cos * self._up - self._fall)
+        return self.x, self.z, self.attitude, vx, vz, self.rate - 0.5 * self._twist / self._module.gyration_m**2
+
+    def pose_of(self, i: int) -> Pose:
+        """Returns the same of one."""
+        cos, sin = math.cos(self.attitude[i]), math.sin(self.attitude[i])
+        x, z, attitude, vx, vz, rate = self._numbers[:6, i].tolist()
+        side, up, twist = self._numbers[10:, i].tolist()
+        vx, vz = vx - 0.5 * (cos * side - sin * up), vz - 0.5 * (sin * side + cos * up - self._fall)
+        return Pose(x, z, attitude, vx, vz, rate - 0.5 * twist / self._module.gyration_m**2)
+
+    def heights_m(self) -> Floats:
+        """Returns the height of the ground straight below each."""
+        return self._ground(self._all, self.x)
+
+    def snapshot(self) -> Floats:
+        """Returns all that changes; it never changes afterwards."""
+        return self._numbers.copy()
+
+    @staticmethod
+    def state_of(snapshot: Floats, i: int, terrain: Terrain, steps: int) -> State:
+        """Returns what the plant needs to fly one of them on."""
+        *body, mass, fuel, throttle, gimbal, side, up, twist = snapshot[:, i].tolist()
+        return State(Pose(*body), mass, fuel, terrain, steps, throttle, gimbal, kick=(side, up, twist))
+
+    def near(self, period_s: float) -> Indices:
+        """Returns who may meet the ground within a time."""
+        over_m = self.z - REACH_M - self._roofs[self._all, self._fields(self.x)]
+        falls_m = np.minimum(0.0, self.vz - 10.0 * self._fall) * period_s
+        return np.flatnonzero((over_m + falls_m < SPARE_M) | (np.abs(self.vx) > FAST_MPS))
+
+    def lost(self) -> Bools:
+        """Returns who has left the region."""
+        return (np.abs(self.x) > EDGE_M) | (self.z > CEILING_M)
+
+    def met(self, which: Indices) -> Indices:
+        """Returns which of some have a foot or a corner of the hull in the ground."""
+        cos, sin = np.cos(self.attitude[which]), np.sin(self.attitude[which])
+        out, up = CORNERS_M[:, :1], CORNERS_M[:, 1:]
+        x, z = self.x[which] + cos * out - sin * up, self.z[which] + sin * out + cos * up
+        under = self._ground(which, x) > z
+        found: Indices = which[under.any(axis=0)]
+        return found
+
+    def fly(self, throttle_goal: Floats, gimbal_goal: Floats, jets_nm: Floats) -> None:
+        """Moves all on by one step of the plant.
+
+        Args:
+            throttle_goal: commanded, shares that the engine can run at; becomes 0 where the tank is dry.
+            gimbal_goal: commanded [rad].
+            jets_nm: couple of the attitude jets.
+        """
+        module, step_s = self._module, self._step_s
+        self.x += self.vx * step_s
+        self.z += self.vz * step_s
+        self.attitude += self.rate * step_s
+        self.vz -= self._fall
+        throttle, fuel, mass = self.throttle, self.fuel, self.mass
+        throttle += (throttle_goal - throttle) * self._lag_gain
+        np.copyto(throttle, throttle_goal, where=np.abs(throttle - throttle_goal) < CLOSE)
+        most = module.gimbal_rate_radps * step_s
+        self.gimbal += np.minimum(most, np.maximum(-most, gimbal_goal - self.gimbal))
+        burned = throttle * (module.thrust_n / module.exhaust_mps * step_s)
+        dry = burned >= fuel
+        if dry.any():
+            burned = np.where(dry, fuel, burned)
+            throttle[dry] = throttle_goal[dry] = 0.0
+        fuel -= burned
+        mass -= burned
+        push = burned * module.exhaust_mps / (mass + 0.5 * burned)
+        np.multiply(push, np.sin(self.gimbal), out=self._side)
+        np.multiply(push, np.cos(self.gimbal), out=self._up)
+        np.add(jets_nm * step_s / mass, NOZZLE_BELOW_M * self._side, out=self._twist)
+        cos, sin = np.cos(self.attitude), np.sin(self.attitude)
+        self.vx += cos * self._side - sin * self._up
+        self.vz += sin * self._side + cos * self._up
+        self.rate += self._twist / module.gyration_m**2
+
+    def take(self, i: int, reading: InertialReading, mass_kg: float) -> None:
+        """Takes over where the plant has flown one of them."""
+        (x, z), (vx, vz) = reading.position_m, reading.velocity_mps
+        body = (x, z, reading.attitude_rad, vx, vz - 0.5 * self._fall, reading.rate_radps)
+        self._numbers[:, i] = (*body, mass_kg, reading.fuel_kg, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+    def column(self, i: int) -> Floats:
+        """Returns all that changes of one."""
+        return self._numbers[:, i].copy()
+
+    def put_column(self, i: int, column: Floats) -> None:
+        """Puts one of them back to what `column` returned."""
+        self._numbers[:, i] = column
+
+    def _fields(self, x: Floats) -> Indices:
+        along = ((x + HALF_WIDTH_M) / SPACING_M).astype(np.int64)
+        fields: Indices = np.clip(along, 0, self._roofs.shape[1] - 1)
+        return fields
+
+    def _ground(self, which: Indices, x: Floats) -> Floats:
+        """Returns the height of the ground, as `Terrain.ground`."""
+        i = self._fields(x)
+        left = self._heights[which, i]
+        height: Floats = left + (self._heights[which, i + 1] - left) * ((x + HALF_WIDTH_M) / SPACING_M - i)
+        return height

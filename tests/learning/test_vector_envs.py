@@ -1,0 +1,250 @@
+"""Vector environments beside as many single ones: what is told, what it is worth, how it ends; the API's contract."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers.vector import RecordEpisodeStatistics
+
+import snr_sim.learning  # noqa: F401 - makes the names known
+from snr_sim.prelude.errors import ParameterError
+
+VERTICAL, PAD = "snr_sim/LanderVertical-v0", "snr_sim/LanderPad-v0"
+CONTINUOUS = {name: name.replace("-v0", "Continuous-v0") for name in (VERTICAL, PAD)}
+every_vector = pytest.mark.parametrize("name", [VERTICAL, CONTINUOUS[VERTICAL], PAD, CONTINUOUS[PAD]])
+
+
+def vector(name: str, count: int, **kwargs: Any) -> Any:
+    return gymnasium.make_vec(name, num_envs=count, vectorization_mode="vector_entry_point", **kwargs)
+
+
+def singles(name: str, count: int, mode: AutoresetMode = AutoresetMode.NEXT_STEP) -> Any:
+    kwargs = {"autoreset_mode": mode}
+    return gymnasium.make_vec(name, num_envs=count, vectorization_mode="sync", vector_kwargs=kwargs)
+
+
+def straight_down(seen: Any) -> Any:
+    """Full throttle while it falls faster than suits the height; lands."""
+    return np.where(seen[:, 1] < -np.sqrt(1.0 + 3.24 * np.maximum(0.0, seen[:, 0])), 3, 0)
+
+
+def to_the_ground(seen: Any) -> Any:
+    """Lands nearly always, beside the pad, too; once it touches, all is off."""
+    x, height, vx, vz, tilt, rate, left, right, _ = seen.T
+    goal_mps = -np.sqrt(1.0 + np.maximum(0.0, height - 2.0))
+    goal_mps = np.where(height < 30.0, np.maximum(goal_mps, -0.5 - 0.1 * height), goal_mps)
+    throttle = np.where(goal_mps - vz > 0.5, 2, np.where(goal_mps - vz > -0.7, 1, 0))
+    most = np.where(height > 8.0, 0.3, 0.09)
+    lean = np.clip(0.15 * vx + np.where(height > 8.0, 0.003, 0.0) * x, -most, most) - tilt - 2.2 * rate
+    turn = np.where(lean > 0.02, 2, np.where(lean < -0.02, 0, 1))
+    return np.where((left > 0.0) | (right > 0.0), 1, 3 * throttle + turn)
+
+
+def actions_for(name: str, seen: Any, rng: np.random.Generator, space: Any) -> Any:
+    """By turns lands, does what comes, and does one thing all the time: pushes or falls, and turns over."""
+    if "Continuous" in name:
+        return rng.uniform(space.low, space.high).astype(np.float32)
+    actions = straight_down(seen) if name == VERTICAL else to_the_ground(seen)
+    actions[1::4] = rng.integers(0, space.nvec[0], len(actions[1::4]))
+    actions[2::4] = space.nvec[0] - 1
+    actions[3::8] = 0
+    return actions
+
+
+def same_infos(one: dict[str, Any], other: dict[str, Any]) -> bool:
+    return one.keys() == other.keys() and all(
+        same_infos(one[key], other[key])
+        if isinstance(one[key], dict)
+        else str(np.asarray(one[key]).tolist()) == str(np.asarray(other[key]).tolist())
+        for key in one
+    )
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+@every_vector
+def test_vector_does_what_single_environments_do(name: str, mode: AutoresetMode) -> None:
+    """Also at the ground, for the plant itself takes over there; rewards differ by rounding."""
+    count, steps = (8, 420) if "Vertical" in name else (6, 330)
+    ours, theirs = vector(name, count, autoreset_mode=mode), singles(name, count, mode)
+    (seen, infos), (wanted, wanted_infos) = ours.reset(seed=5), theirs.reset(seed=5)
+    assert np.array_equal(seen, wanted)
+    assert same_infos(infos, wanted_infos)
+    rng, outcomes = np.random.default_rng(3), set[str]()
+    for k in range(steps):
+        actions = actions_for(name, seen, rng, ours.action_space)
+        (seen, worth, *ended, infos), (wanted, wanted_worth, *wanted_end, wanted_infos) = (
+            envs.step(actions) for envs in (ours, theirs)
+        )
+        assert np.array_equal(seen, wanted), k
+        assert np.array_equal(ended, wanted_end), k
+        np.testing.assert_allclose(worth, wanted_worth, rtol=0.0, atol=1e-9)
+        assert same_infos(infos, wanted_infos), k
+        final = infos.get("final_info", infos)
+        outcomes.update(final["outcome"][final["_outcome"]] if "outcome" in final else ())
+    if "Continuous" not in name:
+        assert {"landed", "crashed"} <= outcomes
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [VERTICAL, PAD])
+def test_verdict_of_a_hundred_seeds_is_the_single_environments(name: str) -> None:
+    starts = list(range(1, 101))
+    found = []
+    for envs in (vector(name, 100), singles(name, 100)):
+        seen, _ = begun(envs) if hasattr(envs, "envs") else envs.reset(options={"start": starts})
+        rng, verdicts = np.random.default_rng(1), [""] * 100
+        while not all(verdicts):
+            actions = straight_down(seen) if name == VERTICAL else to_the_ground(seen)
+            wrong = rng.random(100) < 0.1  # so that not all land
+            actions = np.where(wrong & (np.arange(100) % 3 == 0), 0, actions)
+            seen, _, terminated, truncated, infos = envs.step(actions)
+            for i in np.flatnonzero(terminated | truncated):
+                verdicts[i] = verdicts[i] or infos["outcome"][i]
+        found.append(verdicts)
+    assert sum(one == other for one, other in zip(*found, strict=True)) >= 99
+    assert {"landed", "crashed"} <= set(found[0])
+
+
+def begun(envs: Any) -> tuple[Any, None]:
+    """Begins as many single environments as there are at the starts 1, 2, 3, ..."""
+    envs.reset()
+    return np.stack([env.reset(options={"start": 1 + i})[0] for i, env in enumerate(envs.envs)]), None
+
+
+@every_vector
+def test_vector_keeps_the_contract_of_gymnasium(name: str) -> None:
+    envs = RecordEpisodeStatistics(vector(name, 3))
+    assert envs.num_envs == 3
+    assert envs.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+    assert envs.unwrapped.spec.id == name
+    single = gymnasium.make(name)
+    assert envs.single_observation_space == single.observation_space
+    assert envs.single_action_space == single.action_space
+    first, _ = envs.reset(seed=1)
+    assert envs.observation_space.contains(first)
+    again, _ = envs.reset(seed=1)
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, envs.reset()[0])
+    envs.action_space.seed(1)
+    seen, worth, terminated, truncated, infos = envs.step(envs.action_space.sample())
+    assert envs.observation_space.contains(seen)
+    assert (worth.dtype, terminated.dtype, truncated.dtype) == (np.float64, bool, bool)
+    assert worth.shape == terminated.shape == truncated.shape == infos["time_s"].shape == (3,)
+    envs.close()
+
+
+def test_vector_is_what_make_vec_takes_by_itself() -> None:
+    assert type(gymnasium.make_vec(PAD, num_envs=2).unwrapped).__name__ == "LanderPadVector"
+
+
+def test_what_is_told_does_not_change_afterwards() -> None:
+    envs = vector(PAD, 4)
+    told = [envs.reset(seed=1), *(envs.step(np.full(4, 4)) for _ in range(2))]
+    copies = [[np.copy(one) for one in each[:-1]] for each in told]
+    for _ in range(3):
+        envs.step(np.full(4, 8))
+    assert all(
+        np.array_equal(a, b) for each, copy in zip(told, copies, strict=True) for a, b in zip(each, copy, strict=False)
+    )
+
+
+def test_a_step_limit_truncates_and_says_no_more_than_that() -> None:
+    envs = vector(VERTICAL, 2, max_episode_steps=3)
+    envs.reset(seed=1)
+    ends = [envs.step(np.array([3, 3])) for _ in range(4)]
+    assert [end[3].tolist() for end in ends] == [[False] * 2, [False] * 2, [True] * 2, [False] * 2]
+    assert "outcome" not in ends[2][4]
+    assert ends[3][4]["time_s"].tolist() == [0.0, 0.0]
+
+
+def test_the_time_limit_of_the_scenario_is_told_as_that() -> None:
+    envs = vector(CONTINUOUS[VERTICAL], 1)
+    seen, _ = envs.reset(options={"start": 0})
+    truncated = np.zeros(1, bool)
+    while not truncated.any():
+        hover = np.clip(0.28 - 0.05 * seen[:, 1:], 0.0, 1.0).astype(np.float32)
+        seen, _, terminated, truncated, infos = envs.step(hover)
+        assert not terminated.any()
+    assert (infos["outcome"][0], infos["time_s"][0]) == ("timeout", 240.0)
+
+
+def test_a_lander_that_leaves_the_region_is_lost_in_both() -> None:
+    """Tilted, at full throttle: the engine pushes it out sideways."""
+    kinds = [vector(CONTINUOUS[PAD], 2), singles(CONTINUOUS[PAD], 2)]
+    for envs in kinds:
+        envs.reset(seed=2)
+    is_over = False
+    for k in range(400):
+        action = np.tile(np.array([1.0, 0.0, 0.6 if k < 9 else -0.6 if k < 18 else 0.0], np.float32), (2, 1))
+        (seen, _, ended, _, infos), (wanted, _, wanted_end, _, wanted_infos) = (envs.step(action) for envs in kinds)
+        assert np.array_equal(seen, wanted)
+        assert np.array_equal(ended, wanted_end)
+        if ended.any():
+            assert same_infos(infos, wanted_infos)
+            is_over = is_over or "lost" in infos["outcome"].tolist()
+    assert is_over
+
+
+@pytest.mark.parametrize(
+    ("kwargs", "message"),
+    [
+        ({"num_envs": 0}, "num_envs=0"),
+        ({"autoreset_mode": "Disabled"}, "autoreset_mode='Disabled'"),
+        ({"engine": "mujoco"}, "one lander at a time"),
+    ],
+)
+def test_vectors_that_cannot_be_are_refused(kwargs: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        gymnasium.make_vec(PAD, vectorization_mode="vector_entry_point", **kwargs)
+
+
+@pytest.mark.parametrize(
+    ("name", "actions"),
+    [
+        (VERTICAL, np.array([0, 4])),
+        (VERTICAL, np.array([0, -1])),
+        (VERTICAL, np.array([0])),
+        (VERTICAL, np.array([0.0, 1.0])),
+        (CONTINUOUS[PAD], np.array([[0.0, 0.0, 0.0], [0.0, np.nan, 0.0]])),
+        (CONTINUOUS[PAD], np.array([[0.0, 0.0, 0.0], [1.5, 0.0, 0.0]])),
+        (CONTINUOUS[PAD], np.zeros(2)),
+    ],
+)
+def test_actions_that_are_none_are_refused_and_change_nothing(name: str, actions: Any) -> None:
+    envs, other = vector(name, 2), vector(name, 2)
+    envs.reset(seed=1)
+    other.reset(seed=1)
+    with pytest.raises(ParameterError, match="are none of"):
+        envs.step(actions)
+    good = envs.action_space.sample()
+    assert np.array_equal(envs.step(good)[0], other.step(good)[0])
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"options": {"start": [1]}}, "1 starts for 2"),
+        ({"options": {"start": [1, 2.5]}}, "the start 2.5"),
+        ({"options": {"begin": 1}}, "the options"),
+        ({"seed": [1, 2, 3]}, "3 seeds for 2"),
+    ],
+)
+def test_resets_that_make_no_sense_are_refused(given: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        vector(VERTICAL, 2).reset(**given)
+
+
+def test_a_step_before_the_first_reset_is_refused() -> None:
+    with pytest.raises(ParameterError, match=r"call reset\(\)"):
+        vector(VERTICAL, 2).step(np.array([0, 0]))
+
+
+@pytest.mark.parametrize("starts", [7, [7, 7], np.array([7, 7])])
+def test_starts_are_those_of_the_scenario(starts: int | Sequence[int]) -> None:
+    seen, infos = vector(PAD, 2).reset(options={"start": starts})
+    wanted, _ = gymnasium.make(PAD).reset(options={"start": 7})
+    assert infos["start"].tolist() == [7, 7]
+    assert np.array_equal(seen, [wanted, wanted])
