@@ -93,7 +93,7 @@ class Ms5837:
         noise_pa: standard deviation of a measurement; None: the data sheet's for the oversampling.
 
     Raises:
-        ParameterError: the sensor has no such oversampling.
+        ParameterError: the sensor has no such oversampling, or there is no such water.
     """
 
     oversampling: int = 8192
@@ -109,6 +109,12 @@ class Ms5837:
                 f"An MS5837 with oversampling {self.oversampling!r}.",
                 fix=f"one of {', '.join(map(str, OVERSAMPLING))}.",
             )
+        for name in ("density_kgm3", "gravity_mps2"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise ParameterError(
+                    f"An MS5837 with {name} = {getattr(self, name)!r}.",
+                    fix=f"what its pool has; usual are {FRESH_KGM3:g} kg/m3 and {GRAVITY_MPS2:g} m/s2.",
+                )
 
     @property
     def period_s(self) -> float:

@@ -115,3 +115,9 @@ def test_above_the_water_it_tells_the_surface() -> None:
 def test_an_oversampling_that_the_part_does_not_have_is_refused() -> None:
     with pytest.raises(ParameterError, match="one of 256, 512"):
         Ms5837(oversampling=1000)
+
+
+@pytest.mark.parametrize("water", [{"density_kgm3": 0.0}, {"density_kgm3": float("nan")}, {"gravity_mps2": -9.81}])
+def test_water_that_there_is_not_is_refused_with_what_is_usual(water: dict[str, float]) -> None:
+    with pytest.raises(ParameterError, match=f"An MS5837 with {next(iter(water))} = .*(.|\n)*1000 kg/m3"):
+        Ms5837(**water)
