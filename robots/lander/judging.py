@@ -57,5 +57,5 @@ def _metrics(plant: Landing, fuel_kg: float, optimum_kg: float) -> dict[str, Any
         "touchdown": touchdown and dict(touchdown),
         "fuel_kg": fuel_kg,
         "fuel_optimum_kg": optimum_kg,
-        "fuel_ratio": fuel_kg / optimum_kg,
+        "fuel_ratio": fuel_kg / optimum_kg if plant.outcome == "landed" else None,  # to fall costs nothing
     }
