@@ -63,5 +63,5 @@ def _metrics(plant: Landing, fuel_kg: float, start: Motion, engine: Engine, gear
         "fuel_kg": fuel_kg,
         "fuel_optimum_kg": optimum_kg,
         "fuel_optimum_to_rest_kg": cheapest_descent(start, engine).fuel_kg,
-        "fuel_ratio": fuel_kg / optimum_kg,
+        "fuel_ratio": fuel_kg / optimum_kg if plant.outcome == "landed" else None,  # to fall costs nothing
     }

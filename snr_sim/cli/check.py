@@ -22,7 +22,9 @@ def check(
     folder: Annotated[Path, typer.Argument(help="With your files; the current folder if not given.")] = Path(),
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """Try the visible checks of a lab on your files. This is practice: the grader has further cases.
+    """Try the visible checks of a lab on your files.
+
+    This is practice: the grader has further cases.
 
     Exit status: 0 all points, 1 not all, 2 the request was wrong.
     """

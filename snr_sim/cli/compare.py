@@ -21,8 +21,12 @@ _LEGEND = (
 
 
 def compare(
-    first: Annotated[Path, typer.Argument(help="A run folder, or its trace.")],
-    second: Annotated[Path, typer.Argument(help="Another one of the same robot.")],
+    first: Annotated[
+        Path | None, typer.Argument(help="A run folder, or its trace; the newest in runs/ but one if not given.")
+    ] = None,
+    second: Annotated[
+        Path | None, typer.Argument(help="Another one of the same robot; the newest in runs/ if not given.")
+    ] = None,
     node: Annotated[str, typer.Option(help="Whose pages; the node that drives something if not given.")] = "",
     signal: Annotated[list[str], typer.Option(help="PAGE.FIELD, or PAGE.FIELD[2], to draw; may be repeated.")] = [],  # noqa: B006
     shift: Annotated[
@@ -40,6 +44,7 @@ def compare(
 
     Exit status: 0 they were compared, 2 they cannot be.
     """
+    from snr_sim.cli.newest import two_runs
     from snr_sim.prelude.errors import MissingExtra
     from snr_sim.recording.folder import remarks, trace_path
     from snr_sim.recording.reader import read_trace
@@ -49,6 +54,7 @@ def compare(
         from snr_sim.recording.compare_runs import compare_runs
     except ImportError as error:
         raise MissingExtra("numpy", "sim") from error
+    first, second = two_runs(first, second)
     traces = [read_trace(trace_path(run)) for run in (first, second)]
     for trace in traces:
         for remark in remarks(trace):

@@ -25,7 +25,9 @@ def console(
     wait: Annotated[float, typer.Option(help="Seconds to wait for a node that is not there.")] = 5.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """Give commands to a running node: the one given, those on stdin, or what you type, with history and completion.
+    """Give commands to a running node.
+
+    The one given, those on stdin, or what you type, with history and completion.
 
     `snr console 54321 help` says which there are. A watch goes on until Ctrl-C.
 

@@ -36,7 +36,7 @@ def listing(
                 row: dict[str, Any] = {
                     "kind": kind,
                     "name": found.name,
-                    "about": _first_line(found),
+                    "about": _about(found),
                     "place": found.place,
                     "path": short_path(str(found.path)),
                 }
@@ -57,23 +57,26 @@ def listing(
         of_kind = [row for row in rows if row["kind"] == kind]
         if what == kind and not of_kind:
             print(f"no {kind} found")
+        width = max((len(row["name"]) for row in of_kind), default=0)
         for number, row in enumerate(of_kind):
             if number == 0:
                 print(f"{kind}:")
-            print(f"  {row['name']:<18} {row['about']}  [{row['place']}: {row['path']}]")
+            print(f"  {row['name']:<{width}} {row['about']}  [{row['place']}: {row['path']}]")
             for more in ("controllers", "engines"):
                 if row.get(more):
-                    print(f"  {'':<18} {more}: {row[more]}")
+                    print(f"  {'':<{width}} {more}: {row[more]}")
             for key, text in row.get("options", {}).items():
-                print(f"  {'':<18} --option {key}=...  {text}")
+                print(f"  {'':<{width}} --option {key}=...  {text}")
 
 
-def _first_line(found: Found) -> str:
-    """Returns the first line of the file's docstring, without running the file."""
+def _about(found: Found) -> str:
+    """Returns the first paragraph of the file's docstring, without running the file."""
     if found.kind == "assignments":
         return (found.path / "README.md").read_text(errors="replace").partition("\n")[0].lstrip("# ")
     source = _parsed(found)
-    return "(does not parse)" if source is None else (ast.get_docstring(source) or "").partition("\n")[0]
+    if source is None:
+        return "(does not parse)"
+    return " ".join((ast.get_docstring(source) or "").partition("\n\n")[0].split())
 
 
 def _engines(scenario: Found) -> list[str]:

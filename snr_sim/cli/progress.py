@@ -5,27 +5,42 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.status import Status
 
 _PERIOD_S = 0.1
 
 
 @contextmanager
-def progress(name: str, is_shown: bool) -> Iterator[Callable[[float], None] | None]:
-    """Yields what is to be called with the virtual time at each new moment, or None if nothing is shown."""
-    if not (is_shown and sys.stderr.isatty()):
+def progress(name: str, after_s: float) -> Iterator[Callable[[float], None] | None]:
+    """Yields what is to be called with the virtual time at each new moment, or None if nothing is shown.
+
+    Args:
+        name: of what runs.
+        after_s: by the wall clock, when it is first shown: a short run says nothing.
+    """
+    if not sys.stderr.isatty():
         yield None
         return
-    from snr_sim.cli.plain_console import as_it_is, plain_console
-
-    shown_at_s = 0.0
-    with plain_console(stderr=True).status("starting") as status:
+    with ExitStack() as stack:
+        status: Status | None = None
+        next_s = time.monotonic() + after_s
 
         def tick(time_s: float) -> None:
-            nonlocal shown_at_s
+            nonlocal status, next_s
             now_s = time.monotonic()
-            if now_s - shown_at_s > _PERIOD_S:
-                shown_at_s = now_s
-                status.update(as_it_is(f"{name}: t = {time_s:.1f} s (Ctrl-C ends the run in order)"))
+            if now_s < next_s:
+                return
+            next_s = now_s + _PERIOD_S
+            if status is None:
+                from snr_sim.cli.plain_console import plain_console
+
+                status = stack.enter_context(plain_console(stderr=True).status(""))
+            from snr_sim.cli.plain_console import as_it_is
+
+            status.update(as_it_is(f"{name}: t = {time_s:.1f} s (Ctrl-C ends the run in order)"))
 
         yield tick

@@ -21,7 +21,9 @@ OPEN_LOOP = "after this the recorded sensors no longer answer your code"
 
 
 def replay(
-    run: Annotated[Path, typer.Argument(help="A run folder, or its trace.")],
+    run: Annotated[
+        Path | None, typer.Argument(help="A run folder, or its trace; the newest in runs/ if not given.")
+    ] = None,
     check: Annotated[
         bool,
         typer.Option(
@@ -48,6 +50,7 @@ def replay(
     also if its digest is not the one in result.json.
     """
     from snr_sim.cli.answer import guarded
+    from snr_sim.cli.newest import run_or_newest
     from snr_sim.cli.trust import ask
     from snr_sim.recording.compare import Tolerance
     from snr_sim.recording.folder import check_unchanged, trace_path
@@ -55,7 +58,7 @@ def replay(
     from snr_sim.replay_files import files_of_replay
 
     tolerances = [Tolerance.parse(text) for text in tolerance]
-    trace = read_trace(trace_path(run))
+    trace = read_trace(trace_path(run_or_newest(run)))
     if check:
         check_unchanged(trace)
     folder = trace.path.parent.resolve()

@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 
 def resim(
-    run: Annotated[Path, typer.Argument(help="A run folder, or its trace.")],
+    run: Annotated[
+        Path | None, typer.Argument(help="A run folder, or its trace; the newest in runs/ if not given.")
+    ] = None,
     with_file: Annotated[str, typer.Option("--with", help="Another controller: a name, or a file.")] = "",
     io: Annotated[
         str, typer.Option(help="Where devices are: sim, emulated, ...; as recorded if not given and nothing real.")
@@ -33,6 +35,7 @@ def resim(
 
     Exit status: as of `snr run`.
     """
+    from snr_sim.cli.newest import run_or_newest
     from snr_sim.cli.replay import environment_note
     from snr_sim.cli.run import record_run
     from snr_sim.cli.trust import ask
@@ -41,7 +44,7 @@ def resim(
     from snr_sim.replay_files import files_of_resim
     from snr_sim.simulation import request_of
 
-    trace = read_trace(trace_path(run))
+    trace = read_trace(trace_path(run_or_newest(run)))
     ask(trace.path.parent, files_of_resim(trace, with_file), trust)
     for remark in remarks(trace):
         print(f"note: {remark}", file=sys.stderr)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from snr_sim.std_mods.console.command_receiver import CommandReceiverFactory
 
 QUIET_STALL_LIMIT_S = 60.0  # with --json: nobody reads that it stands still
+SLOW_S = 2.0  # from when on a fast run shows how far it is
 Shown = Literal["", "window", "browser"]  # where a run is shown
 
 
@@ -184,7 +185,7 @@ def record_run(
             kept = stack.enter_context(keeping(folder, simulation.files().values()))
             if live:
                 stack.enter_context(_live_view(header, recorder, live))
-            tick = stack.enter_context(progress(simulation.scenario_name, is_shown=pace is not None))
+            tick = stack.enter_context(progress(simulation.scenario_name, 0.0 if pace is not None else SLOW_S))
             flight: Flight | RoleRun = (
                 Flight(simulation, plant, config, recorder, pace, tick)
                 if world is None

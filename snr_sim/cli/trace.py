@@ -16,13 +16,16 @@ KINDS = ("begin", "input", "task", "page", "truth", "error", "end")
 
 
 def trace(
-    run: Annotated[Path, typer.Argument(help="A run folder, or its trace.")],
+    run: Annotated[
+        Path | None, typer.Argument(help="A run folder, or its trace; the newest in runs/ if not given.")
+    ] = None,
     node: Annotated[str, typer.Option(help="Only this node's: a role, or its name with _node.")] = "",
     kind: Annotated[str, typer.Option(help=f"Only this kind: {', '.join(KINDS)}.")] = "",
     name: Annotated[str, typer.Option(help="Only tasks and pages of this name; * and ? as in file names.")] = "",
     as_json: Annotated[bool, typer.Option("--json", help="Print the lines of the file.")] = False,
 ) -> None:
     """Print the records of a run."""
+    from snr_sim.cli.newest import run_or_newest
     from snr_sim.prelude.errors import UnknownName, nearest
     from snr_sim.recording.folder import remarks, trace_path
     from snr_sim.recording.reader import read_trace
@@ -30,7 +33,7 @@ def trace(
 
     if kind and kind not in KINDS:
         raise UnknownName(f"There are no records of kind '{kind}'.", fix=nearest(kind, KINDS))
-    recorded = read_trace(trace_path(run))
+    recorded = read_trace(trace_path(run_or_newest(run)))
     for remark in remarks(recorded):
         print(f"note: {remark}", file=sys.stderr)
     nodes = recorded.header.nodes

@@ -10,7 +10,9 @@ import typer
 
 
 def view(
-    run: Annotated[Path, typer.Argument(help="A run folder, or an .rrd file of one.")],
+    run: Annotated[
+        Path | None, typer.Argument(help="A run folder, or an .rrd file of one; the newest in runs/ if not given.")
+    ] = None,
     web: Annotated[bool, typer.Option("--web", help="In a browser, served on this machine only.")] = False,
     png: Annotated[str, typer.Option(help="Draw a picture into this file instead.")] = "",
 ) -> None:
@@ -18,13 +20,16 @@ def view(
 
     In a window of its own, in a browser with --web, or as a picture with --png FILE.
     """
+    from snr_sim.cli.newest import run_or_newest
+
+    run = run_or_newest(run)
     if png:
         _draw(run, Path(png))
         return
     from snr_sim.recording.view import view_of
     from snr_sim.recording.view_server import check_display, open_view
 
-    if not web:
+    if not web and run.exists():
         check_display(f"snr view {run} --web")  # before the view is made, which takes longer than a short run
     open_view(view_of(run), web)
 

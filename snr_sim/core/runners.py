@@ -6,6 +6,7 @@ import logging
 import sys
 import threading
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Protocol
 
 from snr_sim.core.clocks import SimClock
@@ -158,12 +159,21 @@ class CliRunner:
 
 def show_log(level: int) -> None:
     """Shows what components log, from this level up; without this Python shows warnings and errors only."""
-    handler = logging.StreamHandler()
+    handler = _ToStderr()
     handler.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s"))
     logger = logging.getLogger("snr")
     logger.handlers[:] = [handler]
     logger.setLevel(level)
     logger.propagate = False
+
+
+class _ToStderr(logging.Handler):
+    """Writes to what standard error is when a line comes: above a progress line, if one is shown then."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write a line."""
+        with suppress(OSError, ValueError):  # nobody reads it any more
+            print(self.format(record), file=sys.stderr, flush=True)
 
 
 class TestRunner:

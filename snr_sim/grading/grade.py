@@ -46,7 +46,7 @@ def grade_submission(
         name: what the submission is called; the folder's name if not given.
         out: where recorded runs of visible cases that failed go, each a folder; nowhere if not given.
         limits: of each of the student's processes.
-        on_case: told of each case before it is tried: the check's name, and what the case is about.
+        on_case: told of each case before it is tried: the check's title, and what the case is about.
         nursery: kept for several submissions, of the same isolation and limits; if not given, there is one for this.
 
     Raises:
@@ -155,7 +155,7 @@ class _Grading:
 
     def _case(self, check: Check, case: Case, number: int) -> CaseResult:
         if self._on_case is not None:
-            self._on_case(check.name, case.label if case.is_visible else "hidden")
+            self._on_case(check.title, case.label if case.is_visible else "hidden")
         run = None if self._out is None or not case.is_visible else self._out / f"{check.name}-{number + 1}"
         if run is not None:
             shutil.rmtree(run, ignore_errors=True)

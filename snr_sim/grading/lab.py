@@ -49,10 +49,34 @@ class Case:
             return label
         if is_dataclass(self.value):
             pairs = [(one.name, getattr(self.value, one.name)) for one in fields(self.value)]
-            return ", ".join(f"{name} {value}" for name, value in pairs)
+            return ", ".join(_in_words(name, value) for name, value in pairs)
         if isinstance(self.value, (int, float)):
-            return f"{self.name} {self.value}".strip()
-        return "" if self.value is None else str(self.value)
+            return _in_words(self.name, self.value)
+        return "" if self.value is None else _value_in_words(self.value)
+
+
+_UNITS = {"m": "m", "s": "s", "n": "N", "v": "V", "hz": "Hz", "mps": "m/s", "rad": "rad", "deg": "deg"}
+
+
+def _in_words(name: str, value: Any) -> str:
+    """Return a field and its value as one says them.
+
+    >>> _in_words("depth_m", 3.0), _in_words("is_armed", (True, False)), _in_words("seed", 4)
+    ('depth 3 m', 'armed yes / no', 'seed 4')
+    """
+    words = name.removeprefix("is_").split("_")
+    unit = f" {_UNITS[words.pop()]}" if len(words) > 1 and words[-1] in _UNITS else ""
+    return f"{' '.join(words)} {_value_in_words(value)}{unit}".strip()
+
+
+def _value_in_words(value: Any) -> str:
+    if isinstance(value, (list, tuple)):
+        return " / ".join(map(_value_in_words, value))
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if value is None:
+        return "-"
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from snr_sim.recording.whole_files import write_whole
 MIN_FREE_BYTES = 50_000_000  # for a run to begin: some minutes of a dive
 RESULT_NAME = "result.json"
 VIEW_NAME = "view.rrd"
+RUNS = Path("runs")  # in the current folder
 OF_ANY_RUN = (  # what every result.json has, or may have
     *("scenario", "seed", "engine", "controller", "success", "outcome", "sim_time_s", "wall_time_s"),
     *("tasks", "pages", "notes", "trace_digest", "run_dir", "error", "signal"),
@@ -144,9 +145,15 @@ def trace_path(run: Path) -> Path:
     views = sorted(run.glob("*.rrd")) if run.is_dir() else []
     if views:
         raise TraceError(f"{run} holds {views[0].name}, but no {FILE_NAME}.", fix=f"snr view {views[0]} shows it.")
-    near = sorted(run.glob(f"*/{FILE_NAME}")) if run.is_dir() else sorted(Path("runs").glob(f"*/{FILE_NAME}"))
-    fix = f"the newest run here is {near[-1].parent}." if near else "make one: snr run lander_vertical."
+    near = runs_here(run if run.is_dir() else RUNS)
+    fix = f"the newest run here is {near[-1]}." if near else "make one: snr run lander_vertical."
     raise TraceError(f"There is no run at {run}.", fix=fix)
+
+
+def runs_here(folder: Path = RUNS) -> list[Path]:
+    """Return the runs in a folder, the newest last: by when their traces were last written, then by their names."""
+    traces = folder.glob(f"*/{FILE_NAME}")
+    return [path.parent for path in sorted(traces, key=lambda path: (path.stat().st_mtime_ns, path))]
 
 
 def records_digest(path: Path) -> str:

@@ -3,6 +3,7 @@
 import json
 import os
 import platform
+import shlex
 import shutil
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from snr_sim.cli import verbs
 from snr_sim.cli.resim import with_devices
 from snr_sim.learning.discretiser import Discretiser
 from snr_sim.learning.q_table import QTable
@@ -25,7 +27,7 @@ Snr = Callable[..., Any]
 Mine = Callable[..., Path]
 WIRED = '        return self.store_data_task("engine", {"throttle": 0.2})'
 VERTICAL = "snr_sim/LanderVertical-v0"
-VERBS = ("run", "replay", "resim", "trace", "view", "list", "new", "check", "doctor", "bench")
+VERBS = tuple(verbs.VERBS)
 
 
 @pytest.fixture(scope="session")
@@ -59,6 +61,34 @@ def test_every_verb_explains_itself(snr: Snr, verb: str) -> None:
     assert answer.status == 0
     assert answer.out.startswith(f"Usage: snr {verb}")
     assert snr(verb, "-h").out == answer.out
+
+
+@pytest.mark.parametrize("verb", verbs.VERBS)
+def test_help_of_a_verb_begins_with_its_line_and_ends_with_examples_that_are_understood(snr: Snr, verb: str) -> None:
+    known = verbs.VERBS[verb]
+    helped = snr(verb, "--help").out
+    assert helped.split("\n\n")[1].strip() == known.about
+    assert helped.rstrip().endswith("\n    ".join(("For example:", *known.examples)))
+    for example in known.examples:
+        _, named, *words = shlex.split(example)
+        assert named == verb
+        verbs.command_of(verb, known).make_context(verb, words, resilient_parsing=True).close()
+
+
+@pytest.mark.slow
+def test_help_imports_no_verb() -> None:
+    code = "import sys; from snr_sim.cli import main; sys.argv = ['snr', '-h']\ntry: main.main()\nfinally: "
+    code += "print([name for name in sys.modules if name.startswith('snr_sim.cli.')])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == str([f"snr_sim.cli.{one}" for one in ("stopping", "verbs", "main")])
+
+
+def test_completion_of_the_shell_knows_the_verbs(snr: Snr, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert "--install-completion" in snr("--help").out
+    monkeypatch.setenv("_SNR_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", "snr re")
+    monkeypatch.setenv("COMP_CWORD", "1")
+    assert snr().out.split() == ["replay", "resim"]
 
 
 def test_help_lists_every_verb_and_no_word_at_all_shows_it(snr: Snr) -> None:
@@ -522,3 +552,43 @@ def test_the_doctor_lands_a_module(snr: Snr) -> None:
     assert any("lander_vertical, seed 0: landed" in finding["what"] for finding in findings)
     assert answer.status == (0 if all(finding["is_well"] for finding in findings) else 1)
     assert os.listdir() == []
+
+
+# Without the name of a run
+
+
+def test_verbs_without_a_run_take_the_newest_and_say_which(snr: Snr, flown: Path, here: Path) -> None:
+    older = shutil.copytree(flown, here / "runs" / "z_older")  # by its name it would be the newest
+    os.utime(older / FILE_NAME, ns=(1, 1))
+    newest = Path("runs") / flown.name
+    for words in (["trace", "--kind", "end"], ["replay"], ["resim"], ["view", "--png", "a.png"]):
+        answer = snr(*words)
+        assert answer.status == 0
+        assert answer.err.startswith(f"the newest run: {newest}\n")
+        if words == ["resim"]:
+            shutil.rmtree(here / answer.out.partition("run folder: ")[2].split()[0])
+    assert "byte for byte" in snr("compare").out
+    assert f"the newest run but that: {newest}\n" in snr("compare", older).err
+
+
+def test_verbs_without_a_run_where_there_is_none_say_how_to_make_one(snr: Snr, here: Path) -> None:
+    for verb in ("trace", "replay", "resim", "view", "compare"):
+        answer = snr(verb)
+        assert answer.status == 2
+        assert answer.err == (
+            "No run was named, and there is none in runs/.\n  Try: make one: snr run lander_vertical.\n"
+        )
+
+
+def test_list_cuts_nothing_and_keeps_its_columns(snr: Snr, here: Path) -> None:
+    (here / "scenarios").mkdir()
+    (here / "scenarios" / "a_name_of_more_than_eighteen_letters.py").write_text('"""One line\nand another.\n\nMore."""')
+    lines = snr("list", "scenarios").out.splitlines()
+    assert any("letters One line and another.  [" in line for line in lines)
+    begins = {line.index("engines:") for line in lines if line.strip().startswith("engines:")}
+    assert begins == {len("  a_name_of_more_than_eighteen_letters ")}
+
+
+def test_a_fall_has_no_fuel_ratio(snr: Snr) -> None:
+    answer = snr("run", "lander_vertical", "--controller", "coast")
+    assert "fuel_ratio       not reached" in answer.out

@@ -55,7 +55,7 @@ def test_points_must_sum_to_a_hundred_and_needs_come_before() -> None:
 
 def test_a_case_is_called_by_its_fields_its_label_or_what_the_check_calls_its_number() -> None:
     one = check(points=100, visible=[Start(1.0, 3.0), 7])(doubles.function)
-    assert [case.label for case in one.cases("small", None)] == ["start_m 1.0, goal_m 3.0", "case 7"]
+    assert [case.label for case in one.cases("small", None)] == ["start 1 m, goal 3 m", "case 7"]
     assert one.title == "Doubles."
 
 

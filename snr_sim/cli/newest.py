@@ -1,0 +1,42 @@
+"""The run that a verb looks at if none was named: the newest one in runs/, and which that is is said."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+
+def run_or_newest(run: Path | None) -> Path:
+    """Return the run, or the newest one here if there is none.
+
+    Raises:
+        TraceError: none was named, and none is here.
+    """
+    return run if run is not None else _newest_but([])
+
+
+def two_runs(first: Path | None, second: Path | None) -> tuple[Path, Path]:
+    """Return two runs; the newest ones here take the place of those that were not named, the older one first.
+
+    Raises:
+        TraceError: there are not so many here.
+    """
+    if first is not None:
+        return first, second if second is not None else _newest_but([first])
+    newest = _newest_but([])
+    return _newest_but([newest]), newest
+
+
+def _newest_but(taken: list[Path]) -> Path:
+    from snr_sim.prelude.errors import TraceError
+    from snr_sim.recording.folder import runs_here
+
+    folders = {one.resolve() for one in taken} | {one.resolve().parent for one in taken if one.is_file()}
+    run = next((one for one in reversed(runs_here()) if one.resolve() not in folders), None)
+    if run is None:
+        raise TraceError(
+            f"No run was named, and there is {'no other' if taken else 'none'} in runs/.",
+            fix="make one: snr run lander_vertical.",
+        )
+    print(f"the newest run{' but that' if taken else ''}: {run}", file=sys.stderr)
+    return run

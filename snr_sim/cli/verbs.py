@@ -1,0 +1,115 @@
+"""The verbs of `snr`: a line and an example of each. A verb's module is imported when the verb is used."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterator, MutableMapping
+from dataclasses import dataclass
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+
+@dataclass(frozen=True)
+class Verb:
+    """A command in the module of its name.
+
+    Args:
+        about: its line in `snr --help`, which its own help begins with.
+        examples: below its help.
+        module: its module and function, if another word than the verb.
+        takes_dashes: whether words that look like options may be arguments, as in `store x -1`.
+    """
+
+    about: str
+    examples: tuple[str, ...]
+    module: str = ""
+    takes_dashes: bool = False
+
+
+VERBS = {
+    "run": Verb(
+        "Run a scenario and record it.",
+        ("snr run lander_pad --seed 3", "snr run lander_vertical --controller ./mine.py --speed real --web-view"),
+    ),
+    "replay": Verb(
+        "Replay a run and compare.", ("snr replay --check", "snr replay runs/lander_pad-3-... --with ./mine.py")
+    ),
+    "resim": Verb("Simulate a run again, plant and all.", ("snr resim runs/lander_pad-3-... --with ./mine.py",)),
+    "trace": Verb("Print the records of a run.", ("snr trace --kind page --name engine", "snr trace --kind print")),
+    "view": Verb("Show a run in rerun.", ("snr view --web", "snr view runs/lander_pad-3-... --png landing.png")),
+    "compare": Verb("Compare two runs of one robot.", ("snr compare", "snr compare runs/sim runs/real --shift auto")),
+    "list": Verb("List what there is to run.", ("snr list scenarios",), module="listing"),
+    "new": Verb(
+        "Begin a robot, a scenario or a lab of your own.",
+        ("snr new lab depth_hold", "snr new robot mine --from lander"),
+    ),
+    "check": Verb("Try the visible checks of a lab on your files.", ("snr check depth_hold depth_hold",)),
+    "grade": Verb(
+        "Grade submissions, with hidden cases, each program in a sandbox.",
+        ("snr grade depth_hold submissions/* --out results",),
+    ),
+    "io": Verb("Show every channel and reading.", ("snr io --io mcu:/dev/ttyUSB0 --move pwm4",)),
+    "doctor": Verb("Check this machine.", ("snr doctor --io mcu:/dev/ttyUSB0",)),
+    "bench": Verb("Measure speed on this machine, beside the targets.", ("snr bench dispatch lander --quick",)),
+    "console": Verb(
+        "Give commands to a running node.",
+        ("snr console 54321", "snr console 54321 store engine '{\"throttle\": 0.3}'"),
+        takes_dashes=True,
+    ),
+}
+
+
+class VerbGroup(TyperGroup):
+    """The command `snr`, which reads the signature of a verb when it is used: that of all would take 40 ms."""
+
+    def __init__(self, **options: Any) -> None:
+        options["commands"] = {}
+        super().__init__(**options)
+        self.commands = _Commands()
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the list of verbs, for which none is imported."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, verb.about) for name, verb in VERBS.items()])
+
+
+class _Commands(MutableMapping[str, Any]):
+    """The verbs' commands by name, each made when it is first asked for."""
+
+    def __init__(self) -> None:
+        self._made: dict[str, Any] = {}
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._made:
+            self._made[name] = command_of(name, VERBS[name])
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(VERBS)
+
+    def __len__(self) -> int:
+        return len(VERBS)
+
+    def __setitem__(self, name: str, command: Any) -> None:
+        self._made[name] = command
+
+    def __delitem__(self, name: str) -> None:
+        del self._made[name]
+
+
+def command_of(name: str, verb: Verb) -> Any:
+    """Return the command of a verb, whose module is imported for it.
+
+    Args:
+        name: of the verb.
+        verb: what there is to know about it.
+    """
+    word = verb.module or name
+    function = getattr(importlib.import_module(f"snr_sim.cli.{word}"), word)
+    alone = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+    listed = "\n".join(("For example:", *(f"  {example}" for example in verb.examples)))
+    settings = {"ignore_unknown_options": True} if verb.takes_dashes else None
+    alone.command(name, epilog=f"\b\n{listed}", context_settings=settings)(function)
+    return typer.main.get_command(alone)
