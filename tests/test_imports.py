@@ -34,6 +34,7 @@ FLOOR = {
     "simulation": 4,
     "learning": 5,
     "flight": 5,
+    "source_checks": 5,
     "program": 5,
     "role_run": 6,
     "grading": 6,
