@@ -35,6 +35,7 @@ FLOOR = {
     "thesis": 4,
     "learning": 5,
     "flight": 5,
+    "source_checks": 5,
     "program": 5,
     "role_run": 6,
     "grading": 6,

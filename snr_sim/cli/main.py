@@ -44,6 +44,7 @@ def _command() -> Callable[..., Any]:
     return typer.main.get_command(app)
 
 
+_NUMBERS = {"valid integer": "a whole number", "valid number": "a number", "valid float": "a number"}
 _TYPER_STOPPED = 130  # what typer returns when it has caught a KeyboardInterrupt before us
 
 
@@ -76,11 +77,26 @@ def main() -> None:
             fail(str(error))
         if not hasattr(error, "format_message"):  # typer's words about the command line have it
             raise
-        said = error.format_message()
-        fail(said if said.startswith("Usage:") else f"{said}\n  Try: snr {_verb()}--help says what there is.")
+        said = _number_wanted(error, error.format_message())
+        fail(
+            said
+            if said.startswith("Usage:") or "Try:" in said
+            else f"{said}\n  Try: snr {_verb()}--help says what there is."
+        )
     if status == _TYPER_STOPPED:
         fail("Stopped.", stopping.status())
     sys.exit(status if isinstance(status, int) else 0)
+
+
+def _number_wanted(error: Any, said: str) -> str:
+    """Returns what is wrong with an option that takes a number in our words; of other errors typer's own."""
+    parameter = getattr(error, "param", None)
+    wanted = next((ours for theirs, ours in _NUMBERS.items() if theirs in said), None)
+    for before, word in zip(sys.argv, [*sys.argv[1:], ""], strict=True):
+        name, equals, value = before.partition("=")
+        if wanted is not None and parameter is not None and name in parameter.opts:
+            return f"{name} {value if equals else word}: it takes {wanted}.\n  Try: {name} 3"
+    return said
 
 
 def _verb() -> str:

@@ -141,6 +141,7 @@ def record_run(
     from snr_sim.recording.trace import FILE_NAME, TraceWriter
     from snr_sim.role_run import RoleRun, World
     from snr_sim.simulation import prepare
+    from snr_sim.source_checks import notes_before
 
     place, out = out, out.resolve()  # the student's code may change the current folder
     with guarded(is_quiet), ExitStack() as stack:
@@ -195,6 +196,7 @@ def record_run(
                 recorder.fail_softly(flight.nodes)
             # From here on a signal ends the run in order, and the files are finished, also if it comes after the run.
             signals = stack.enter_context(orderly(flight.nodes))
+            foreseen = notes_before(simulation, flight.nodes) if isinstance(flight, Flight) else []
         except BaseException:
             _close(recorder)
             discard(folder)  # the request was wrong, and nothing has begun
@@ -203,6 +205,8 @@ def record_run(
             print(line, flush=True)
         for line in [] if world is None else world.start_lines():
             print(line, file=sys.stderr, flush=True)
+        for note in foreseen:
+            print(f"note: {note}", file=sys.stderr, flush=True)
         try:
             result = flight.run(signals)
         finally:
@@ -211,7 +215,7 @@ def record_run(
             result.notes.append(recorder.loss)
         if recorder_error and not result.error:
             result.error, result.outcome, result.success = recorder_error, "error", False
-        result.notes += kept.left_out
+        result.notes = list(dict.fromkeys([*foreseen, *result.notes, *kept.left_out]))
         fields = result_fields(simulation.request, result, recorder.digest, place / folder.name)
         noted = list(result.notes)
         _keep_result(folder, fields, result)
@@ -219,7 +223,7 @@ def record_run(
         _write_view(folder, result)
         if fields["notes"] != noted:
             _keep_result(folder, fields, result)
-    _say(fields, result, is_quiet)
+    _say(fields, result, is_quiet, told=foreseen)
     return fields, 0 if result.success else 1
 
 
@@ -368,8 +372,8 @@ def _show(folder: Path, shown: Shown) -> None:
         _note(str(error))
 
 
-def _say(fields: dict[str, Any], result: Result, is_quiet: bool) -> None:
-    for note in result.notes:
+def _say(fields: dict[str, Any], result: Result, is_quiet: bool, told: list[str]) -> None:
+    for note in [note for note in result.notes if note not in told]:
         print(f"note: {note}", file=sys.stderr)
     if result.error:
         print(result.error, file=sys.stderr)

@@ -66,7 +66,8 @@ def _mentions(key: DataKey, component: Component) -> Iterator[Author]:
         names = {name for name, value in {**function.__globals__, **own}.items() if type(value) is str and value == key}
         for code in _nested(function.__code__):
             for step in dis.get_instructions(code):
-                is_named = step.opname.startswith("LOAD_") and (step.argval == key or step.argval in names)
+                is_text = step.opname == "LOAD_CONST" and step.argval == key  # and no variable of that name
+                is_named = is_text or (step.opname.startswith("LOAD_") and step.argval in names)
                 line = step.positions.lineno if step.positions is not None else None
                 if is_named and line is not None and type(step.argval) is str:
                     source = linecache.getline(code.co_filename, line).strip()

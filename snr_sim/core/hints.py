@@ -98,7 +98,9 @@ def _of_attribute(error: Any, trace: TracebackType | None) -> str:
     close = near(node.attr, _public(owner))
     if close:
         return close
-    return f"set it in __init__, before it is used: {ast.unparse(node)} = ..."
+    if isinstance(node.value, ast.Name) and node.value.id == "self":
+        return f"set it in __init__, before it is used: {ast.unparse(node)} = ..."
+    return nearest(node.attr, _public(owner), "it has")
 
 
 def _of_key(error: Any, trace: TracebackType | None) -> str:

@@ -76,7 +76,7 @@ def _never_called(components: Mapping[str, Component], seen: Seen, datastore: Da
 def _same_or_nearest(name: TaskName, kind: TaskType, seen: Seen, components: Mapping[str, Component], verb: str) -> str:
     """Offers the nearest name, unless that is as likely to be the misspelt one: nobody waits for it either."""
     close = difflib.get_close_matches(name, seen[kind], n=1, cutoff=0.5)
-    is_ours = bool(close) and (kind is TaskType.event or bool(_authors(close[0], components.values())))
+    is_ours = bool(close) and (kind is TaskType.event or any(map(_stores, _authors(close[0], components.values()))))
     if not (is_ours and not seen[kind][close[0]]):
         return nearest(name, seen[kind], f"{verb} were")
     place = _line_of(close[0], components.values()).strip()
@@ -121,6 +121,8 @@ def _never_stored(components: Mapping[str, Component], datastore: Datastore) -> 
             )
             continue
         near = nearest(str(key), datastore.pages, "stored were")
+        if _stores(authors[0]):
+            near = f"{authors[0].function}() of '{authors[0].component}' never came to this line."
         yield f"{authors[0].place}{NEXT_LINE}Page '{key}' was asked for, but nobody stored it; {near}"
 
 
@@ -136,6 +138,10 @@ def _misnamed(key: DataKey, components: Mapping[str, Component], datastore: Data
                 f"{said}: did you mean '{key}'?"
             )
     return f"{said}; {nearest('', datastore.pages, 'stored were')}"
+
+
+def _stores(author: Author) -> bool:
+    return "store" in author.place.source or "page(" in author.place.source
 
 
 def _is_dropped(source: str) -> bool:

@@ -180,7 +180,7 @@ WRONG = [
         "did you mean 'pilot'? One of: allow, camera, ",
     ),
     (("run", "urov_teleop", "--option", "port=9130", "--option", "prot=9"), "--option prot=", "did you mean 'port'?"),
-    ((*RUN, "--seed", "seven"), "'--seed'", "--help"),
+    ((*RUN, "--seed", "seven"), "--seed seven: it takes a whole number.", "--seed 3"),
     ((*RUN, "--bogus"), "No such option: --bogus", "--help"),
     (("runn",), "No such command", "--help"),
     (("run",), "Missing argument", "--help"),

@@ -1,0 +1,102 @@
+"""What is said of students' mistakes, in points: `student_mistakes.py` is the table."""
+
+import re
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim.flight import Flight
+from tests.cli.student_mistakes import GENTLE, MISTAKES, Mistake
+
+Snr = Callable[..., Any]
+BEGINS = "=== the run begins\n"
+LEAST_MEAN, LEAST_BEFORE = 5.4, 0.6
+TRIED = [one for one in MISTAKES if not (one.elsewhere or one.waits_for)]
+
+
+@pytest.fixture(autouse=True)
+def _show_where_a_run_begins(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = Flight.run
+
+    def begin(self: Flight, *args: Any) -> Any:
+        print(BEGINS, end="", file=sys.stderr)
+        return run(self, *args)
+
+    monkeypatch.setattr(Flight, "run", begin)
+
+
+def said_of(mistake: Mistake, snr: Snr, here: Path) -> str:
+    """Make a mistake as a student would, and return what is said of it."""
+    (here / "gentle.py").write_text(GENTLE)
+    for name, change in mistake.files.items():
+        path = here / name
+        path.write_text(change(path.read_text() if path.exists() else ""))
+    answer = snr(*mistake.words)
+    if mistake.then:
+        run = next(iter((here / "runs").iterdir()), None) if (here / "runs").is_dir() else None
+        if "{damaged}" in mistake.then:
+            assert run is not None
+            lines = (run / "trace.jsonl").read_text().splitlines(keepends=True)
+            (run / "trace.jsonl").write_text("".join([*lines[:19], "{bad" + lines[19], *lines[20:]]))
+        answer = snr(*(word.format(run=run, damaged=run) for word in mistake.then))
+    return f"{answer.err}\n{answer.out}"
+
+
+def messages(said: str) -> Iterator[str]:
+    """Yield each message with the lines that belong to it."""
+    lines: list[str] = []
+    for line in filter(str.strip, said.splitlines()):
+        if not line.startswith(" ") and lines:
+            yield "\n".join(lines)
+            lines = []
+        lines.append(line)
+    if lines:
+        yield "\n".join(lines)
+
+
+def points_of(mistake: Mistake, said: str) -> tuple[int, str]:
+    """Return how many points the best message gets, and which they are not."""
+    best, missing = 0, "silent"
+    for message in messages(said):
+        marks = [bool(one and re.search(one, message)) for one in mistake.said]
+        is_short = len(message.splitlines()) <= 6 and "snr_sim/" not in message.splitlines()[0]
+        points = sum(marks) + (is_short if any(marks) else 0)
+        if points > best:
+            lacking = [
+                name
+                for name, mark in zip(("line", "name", "expected", "found", "action"), marks, strict=True)
+                if not mark
+            ]
+            best, missing = points, ", ".join([*lacking, *([] if is_short else ["short"])])
+    return best, missing
+
+
+@pytest.mark.parametrize("mistake", TRIED, ids=lambda one: f"{one.number}_{one.what}")
+def test_mistake_is_told_with_line_and_cure(mistake: Mistake, snr: Snr, here: Path) -> None:
+    said = said_of(mistake, snr, here)
+    points, missing = points_of(mistake, said)
+    assert points >= 5, f"{points} of 6, without {missing}:\n{said}"
+    before = points_of(mistake, said.partition(BEGINS)[0])[0] >= 5 if not mistake.then or mistake.is_before else False
+    assert before or not mistake.is_before, f"told only in the run:\n{said}"
+
+
+def test_three_of_five_mistakes_are_told_before_the_run() -> None:
+    assert sum(one.is_before for one in MISTAKES) >= LEAST_BEFORE * len(MISTAKES)
+    assert len({one.number for one in MISTAKES}) == len(MISTAKES)
+
+
+def test_mean_of_all_that_are_tried_is_at_least_wanted(
+    snr: Snr, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    points = {}
+    for mistake in TRIED:
+        here = tmp_path / str(mistake.number)
+        here.mkdir()
+        monkeypatch.chdir(here)
+        points[mistake.number] = points_of(mistake, said_of(mistake, snr, here))
+    mean = sum(one for one, _ in points.values()) / len(points)
+    assert mean >= LEAST_MEAN, f"{mean:.2f}: { {number: lacks for number, (one, lacks) in points.items() if one < 6} }"
+    assert min(one for one, _ in points.values()) > 0, points
