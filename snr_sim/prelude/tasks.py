@@ -53,7 +53,7 @@ def store_page(page: Page) -> Task:
 
 
 def process_data(key: str) -> Task:
-    """Returns a task that has the newest page of `key` processed."""
+    """Returns a task that has the newest page of `key` processed; one that follows a stored page carries that page."""
     return Task(TaskType.process_data, key)
 
 
