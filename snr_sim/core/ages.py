@@ -20,7 +20,7 @@ LINK_PREFIX = "link_"
 
 
 def age_s(node: Node, page: Page) -> float:
-    """Returns how long ago the newest page of a key was made [s], in doubt the older.
+    """Returns how long ago a page was made [s], in doubt the older.
 
     Of another node's page on the wall clock that is infinite, if no link knows its maker's clock. No page is younger
     than the time it has been here: that is known by our own clock, whatever became of the program that made it.

@@ -95,15 +95,19 @@ class NodeComponent(ComponentMembers):
         return Task(_STORE_PAGE, key, [self.page(key, data, process)])
 
     def get_page(self, key: DataKey) -> Page | None:
-        """Returns the newest page of a key, or None if nothing has stored it (yet)."""
+        """Returns the newest page of a key, or None if nothing has stored it (yet).
+
+        A handler of `process_data` gets the page that its task carries: `task.page`.
+        """
         return self.parent.get_page(key)
 
     def get_data(self, key: DataKey) -> Any:
-        """Returns the newest data of a key, or None if nothing has stored it (yet)."""
-        return self.parent.get_data(key)
+        """Returns the data of `get_page`, or None if nothing has stored it (yet)."""
+        page = self.parent.get_page(key)
+        return None if page is None else page.data
 
     def get_age_s(self, key: DataKey) -> float:
-        """Returns how old the newest page of a key is [s], whoever made it; infinite if that is not known."""
+        """Returns how old the page of `get_page` is [s], whoever made it; infinite if that is not known."""
         return self.parent.get_age_s(key)
 
     def get_time_s(self) -> float:

@@ -13,7 +13,8 @@ class Datastore:
 
     >>> store = Datastore()
     >>> store.put(Page("depth", 1.0, "urov_node", 0.0))
-    >>> store.put(Page("depth", 2.0, "urov_node", 0.1))
+    >>> store.put(Page("depth", 2.0, "urov_node", 0.1)).data
+    1.0
     >>> store.get("depth").data, store.get("depth_prev").data, store.get("heading")
     (2.0, 1.0, None)
     """
@@ -24,8 +25,8 @@ class Datastore:
         self.missed: dict[DataKey, None] = {}  # asked for in vain, in order; those never stored are reported at the end
         self.stored = 0
 
-    def put(self, page: Page) -> None:
-        """Makes `page` the newest of its key.
+    def put(self, page: Page) -> Page | None:
+        """Makes `page` the newest of its key; returns the one that was, if there was one.
 
         Raises:
             TaskError: it is not a page, or its key is not text.
@@ -44,6 +45,7 @@ class Datastore:
             raise TaskError(f"A page has the key {key!r}, which is not text.", fix="give it a name: 'depth'.")
         self.pages[key] = page
         self.stored += 1
+        return old
 
     def get(self, key: DataKey) -> Page | None:
         """Returns the newest page of the key, or None if nothing has stored it (yet)."""

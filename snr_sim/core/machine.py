@@ -52,30 +52,31 @@ class EventMachine:
         self.most_executed = sys.maxsize  # `run_ready` goes no further: see core/runaway.py
         self.longest_queue = 0  # right after inputs were let in: where it grows when they come too fast
         self.running: Component | None = None  # whose code runs now
+        self.task: Task | None = None  # whose handlers run now
         self.is_ended = False
         self._latch = latch
-        self._queue: deque[Task] = deque()
-        self._urgent: deque[Task] = deque()
+        self.queue: deque[Any] = deque()  # what waits inside, but for `terminate`: tasks, or what knows more of them
+        self._urgent: deque[Any] = deque()
 
     @property
     def queued(self) -> int:
         """How many tasks wait, at the door or inside."""
-        return len(self._queue) + len(self._urgent) + len(self.door.waiting)
+        return len(self.queue) + len(self._urgent) + len(self.door.waiting)
 
     @property
     def inside(self) -> int:
         """How many tasks wait that have been let in."""
-        return len(self._queue) + len(self._urgent)
+        return len(self.queue) + len(self._urgent)
 
     @property
     def next_task(self) -> Task | None:
         """The task that `execute_next` will take."""
-        waiting = self._urgent or self._queue
+        waiting = self._urgent or self.queue
         return waiting[0] if waiting else None
 
     def waiting_tasks(self, at_most: int) -> list[Task]:
         """Returns the oldest tasks that have been let in, also for another thread: a copy is made in one step."""
-        return list(islice(self._queue, at_most))
+        return list(islice(self.queue, at_most))
 
     def run_ready(self) -> None:
         """Executes tasks until none is left, the machine has ended, or it has executed `most_executed` tasks.
@@ -85,7 +86,7 @@ class EventMachine:
             ComponentFailed: a loop failed on its own thread.
         """
         # The loop everything stands on: local names, and no calls but the handlers'.
-        queue, urgent, waiting = self._queue, self._urgent, self.door.waiting
+        queue, urgent, waiting = self.queue, self._urgent, self.door.waiting
         take, put, cache, latch, terminate = queue.popleft, queue.append, self.lookup.cache, self._latch, _TERMINATE
         executed, most = 0, self.most_executed - self.executed
         task: Task | None = None
@@ -100,7 +101,7 @@ class EventMachine:
                     continue
                 if not queue:
                     return
-                task = take()
+                task = self.task = take()
                 if latch is not None:
                     self.now_s = latch()
                 executed += 1
@@ -125,7 +126,7 @@ class EventMachine:
             raise HandlerFailed(self.running, task) from error
         finally:
             self.executed += executed
-            self.running = None
+            self.running = self.task = None
 
     def execute_next(self) -> None:
         """Executes one task; there must be one.
@@ -133,7 +134,7 @@ class EventMachine:
         Raises:
             HandlerFailed: as above.
         """
-        task = (self._urgent or self._queue).popleft()
+        task = self.task = (self._urgent or self.queue).popleft()
         if self._latch is not None:
             self.now_s = self._latch()
         self.executed += 1
@@ -144,7 +145,7 @@ class EventMachine:
         except BaseException as error:
             raise HandlerFailed(self.running, task) from error
         finally:
-            self.running = None
+            self.running = self.task = None
 
     def drain(self) -> int:
         """Finishes what is queued when the machine has ended; returns how many tasks were cut off."""
@@ -187,11 +188,11 @@ class EventMachine:
         self._queue_all(tasks)
 
     def _enter(self, task: Task, source: str) -> None:
-        (self._urgent if task.type is _TERMINATE else self._queue).append(task)
+        (self._urgent if task.type is _TERMINATE else self.queue).append(task)
 
     def _queue_all(self, tasks: Sequence[Task]) -> None:
         for task in tasks:
-            (self._urgent if task.type is _TERMINATE else self._queue).append(task)
+            (self._urgent if task.type is _TERMINATE else self.queue).append(task)
 
 
 _TERMINATE = TaskType.terminate

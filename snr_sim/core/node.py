@@ -13,7 +13,7 @@ from snr_sim.core.ages import age_s
 from snr_sim.core.blame import describe_error, place_of, put_place_first, without_addresses
 from snr_sim.core.clocks import SimClock, WallClock
 from snr_sim.core.config import Config
-from snr_sim.core.datastore import Datastore
+from snr_sim.core.datastore import PREVIOUS, Datastore
 from snr_sim.core.door import Door
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.handlers import Lookup, check_returns, describe
@@ -41,6 +41,8 @@ INTERRUPTED = "interrupted"  # so begins the message of an error record that is 
 # From this many waiting tasks on a run is told that it cannot keep up. A burst of a few hundred is nothing unusual.
 OVERLOAD_TASKS = 1000
 MAX_NOTES = 100  # while it runs: nobody reads more, and what fails in ever other words must not fill the memory
+
+_PROCESS_DATA = TaskType.process_data  # looked up once: in Python 3.11 a member of an Enum takes 0.1 us to find
 
 _STEPS = ("begin", "setup", "loop", "halt", "terminate")  # what a component's author may write, beside handlers
 
@@ -484,21 +486,37 @@ class Node(NodeMembers):
         return Task(TaskType.store_page, key, [self.page(key, data, process)])
 
     def get_page(self, key: DataKey) -> Page | None:
-        """Returns the newest page of a key, or None; `<key>_prev` is the one before."""
-        return self.datastore.get(key)
+        """Returns the newest page of a key, or None; `<key>_prev` is the one before.
+
+        In a handler of `process_data` it is the page that the task carries, and the one before that: each page that
+        was stored is processed, also where newer ones have come since.
+        """
+        newest = self.datastore.get(key)
+        task = self.machine.task
+        if task is None or task.type is not _PROCESS_DATA or not task.val_list:
+            return newest
+        page: Page = task.val_list[0]
+        if page is newest and key == task.name:  # nearly always
+            return newest
+        pages = self.datastore.pages
+        if type(page) is not Page or page is pages.get(page.key) or threading.get_ident() != self._thread_id:
+            return newest
+        if key == page.key:
+            return page
+        return self._core.page_before(page) if key == page.key + PREVIOUS and key not in pages else newest
 
     def get_data(self, key: DataKey) -> Any:
-        """Returns the newest data of a key, or None."""
-        page = self.datastore.get(key)
+        """Returns the data of `get_page`, or None."""
+        page = self.get_page(key)
         return None if page is None else page.data
 
     def get_age_s(self, key: DataKey) -> float:
-        """Returns how old the newest page of a key is [s], whoever made it; infinite if there is none.
+        """Returns how old the page of `get_page` is [s], whoever made it; infinite if there is none.
 
         Of another node's page on the wall clock that is known as far as a link to that very node knows its clock:
         see core/ages.py. Else it is infinite: a command must not count as fresh because nobody knows better.
         """
-        page = self.datastore.get(key)
+        page = self.get_page(key)
         return float("inf") if page is None else age_s(self, page)
 
     def came_at_s(self, key: DataKey) -> float:

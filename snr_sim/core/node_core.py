@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
@@ -31,6 +32,9 @@ class NodeCore(Endpoint):
     def __init__(self, parent: Node) -> None:
         super().__init__(EndpointFactory(), parent, CORE_NAME)
         self._put = parent.datastore.put
+        # Pages whose `process_data` task waits behind others, oldest first, each with the page of its key before it.
+        # Tasks are executed in the order in which they were queued: what is more than there are has been processed.
+        self._waiting: deque[tuple[Page, Page | None]] = deque()
         self._mine = parent.name
         self.came_s: dict[DataKey, float] = {}  # when the newest page of a key came here, of those other nodes made
         # Ways out of the node, by key: links send these pages on. Not part of the machine, so not of a replay.
@@ -55,13 +59,28 @@ class NodeCore(Endpoint):
                 f"The task store_page '{task.name}' carries no page.", fix="self.store_data_task(key, data)."
             )
         page = task.val_list[0]
-        self._put(page)
+        before = self._put(page)
         if page.origin != self._mine:
             self.came_s[page.key] = self.parent.machine.now_s
         if self.taps:
             for tap in self.taps.get(page.key, ()):
                 tap(page)
-        return Task(_PROCESS_DATA, page.key) if page.process else None
+        if not page.process:
+            return None
+        if self.parent.machine.queue:  # else it is processed next, while it is still the newest
+            self.await_processing(page, before)
+        return Task(_PROCESS_DATA, page.key, [page])
+
+    def await_processing(self, page: Page, before: Page | None) -> None:
+        """Keeps the page of the key that was stored before this one until this one has been processed."""
+        queue, waiting = self.parent.machine.queue, self._waiting
+        waiting.append((page, before))
+        while len(waiting) > len(queue) + 1:
+            waiting.popleft()
+
+    def page_before(self, page: Page) -> Page | None:
+        """Returns the page of the key that was stored before one whose `process_data` task is executed now."""
+        return next((before for one, before in self._waiting if one is page), None)
 
     def end_node(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Ends the node; the task's name is the reason."""

@@ -5,7 +5,7 @@
     the door            <-------  listener: tasks, failures  <-----   what the loop schedules
 
 What comes back is plain values (`prelude/values.py`), never pickled objects. The pages that the loop asks for are sent
-when they change: always the newest, so a slow loop does not have old ones pile up.
+when they change: always the newest, so a slow loop does not have old ones pile up; those it misses are counted.
 """
 
 from __future__ import annotations
@@ -54,6 +54,7 @@ class ProcessBacking:
         self._node = loop.parent
         self._outbox: SimpleQueue[list[Any] | None] = SimpleQueue()
         self._changed: set[DataKey] = set()  # keys in the outbox
+        self.skipped = 0  # pages that a newer one replaced before they were sent
         self._is_going = False
         self._is_killed = False
         self._is_finished = False  # it has said that all is over
@@ -127,9 +128,11 @@ class ProcessBacking:
         self._process.kill()
 
     def _tell_of(self, key: DataKey) -> None:
-        if key not in self._changed:
-            self._changed.add(key)
-            self._outbox.put(["page", key])
+        if key in self._changed:
+            self.skipped += 1
+            return
+        self._changed.add(key)
+        self._outbox.put(["page", key])
 
     # The listener's thread
 

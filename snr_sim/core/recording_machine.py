@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Sequence
 from itertools import islice
 
@@ -26,27 +25,15 @@ class RecordingMachine(EventMachine):
     def __init__(self, lookup: Lookup, door: Door, latch: Callable[[], float] | None, recorder: NodeRecorder) -> None:
         super().__init__(lookup, door, latch)
         self._recorder = recorder
-        self._tickets: deque[Ticket] = deque()
-        self._urgent_tickets: deque[Ticket] = deque()
         self._scheduled: list[Task] = []  # by the running component, so far
-
-    @property
-    def inside(self) -> int:
-        """How many tasks wait that have been let in."""
-        return len(self._tickets) + len(self._urgent_tickets)
-
-    @property
-    def queued(self) -> int:
-        """How many tasks wait, at the door or inside."""
-        return len(self._tickets) + len(self._urgent_tickets) + len(self.door.waiting)
 
     def waiting_tasks(self, at_most: int) -> list[Task]:
         """Returns the oldest tasks that have been let in."""
-        return [ticket[0] for ticket in list(islice(self._tickets, at_most))]
+        return [ticket[0] for ticket in list(islice(self.queue, at_most))]
 
     def run_ready(self) -> None:
         """Executes tasks as `EventMachine.run_ready` does, and raises what that raises."""
-        tickets, urgent, waiting = self._tickets, self._urgent_tickets, self.door.waiting
+        tickets, urgent, waiting = self.queue, self._urgent, self.door.waiting
         while self.executed < self.most_executed:
             if waiting:
                 self.let_in()
@@ -58,8 +45,8 @@ class RecordingMachine(EventMachine):
 
     def execute_next(self) -> None:
         """Executes one task and takes it down, also when a handler raises: the trace is whole up to there."""
-        ticket = (self._urgent_tickets or self._tickets).popleft()
-        task = ticket[0]
+        ticket = (self._urgent or self.queue).popleft()
+        task = self.task = ticket[0]
         if self._latch is not None:
             self.now_s = self._latch()
         self.executed += 1
@@ -85,7 +72,7 @@ class RecordingMachine(EventMachine):
             self._queue_tickets(self._recorder.task(self.now_s, ticket, handled))
             raise HandlerFailed(culprit, task) from error
         finally:
-            self.running = None
+            self.running = self.task = None
             if scheduled:
                 scheduled.clear()
         tickets = self._recorder.task(self.now_s, ticket, handled)
@@ -107,7 +94,7 @@ class RecordingMachine(EventMachine):
     @property
     def next_ticket(self) -> Ticket | None:
         """The ticket that `execute_next` will take."""
-        waiting = self._urgent_tickets or self._tickets
+        waiting = self._urgent or self.queue
         return waiting[0] if waiting else None
 
     @property
@@ -119,8 +106,8 @@ class RecordingMachine(EventMachine):
     def forget_queued(self) -> None:
         """Drops what waits, at the door or inside: a replay does not finish what the recorded run left."""
         self.door.waiting.clear()
-        self._tickets.clear()
-        self._urgent_tickets.clear()
+        self.queue.clear()
+        self._urgent.clear()
 
     def admit(self, task: Task, source: str) -> None:
         """Queues an input without a door, as a replay does."""
@@ -130,11 +117,11 @@ class RecordingMachine(EventMachine):
         if self._latch is not None:
             self.now_s = self._latch()
         ticket = self._recorder.input(self.now_s, source, task)
-        (self._urgent_tickets if task.type is _TERMINATE else self._tickets).append(ticket)
+        (self._urgent if task.type is _TERMINATE else self.queue).append(ticket)
 
     def _queue_tickets(self, tickets: list[Ticket]) -> None:
         for ticket in tickets:
-            (self._urgent_tickets if ticket[0].type is _TERMINATE else self._tickets).append(ticket)
+            (self._urgent if ticket[0].type is _TERMINATE else self.queue).append(ticket)
 
 
 _TERMINATE = TaskType.terminate

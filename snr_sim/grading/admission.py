@@ -126,6 +126,8 @@ class Admission:
             raise NotAdmitted(f"'{component}' made a task with a name of {len(task.name)} characters.")
         if task.type is TaskType.store_page:
             return self._store(task, node, component)
+        if task.type is TaskType.process_data and task.val_list:
+            return self._process(raw, node, component)
         if task.type is TaskType.reload or task.name in kit_tasks.CHANGE_TASK_NAMES:
             raise NotAdmitted(
                 f"'{component}' asked for a change of components, which a graded run does not allow.",
@@ -136,6 +138,15 @@ class Admission:
             if task != kit_tasks.finish(reason) or type(reason) is not str:
                 raise NotAdmitted(f"'{component}' made a task '{task.name}' by itself.", fix="tasks.finish('why').")
         return task
+
+    def _process(self, raw: bytes, node: Node, component: str) -> Task:
+        """Returns the task that is handled now, if it is that: another one could pass a page off as a sensor's."""
+        handled = node.machine.task
+        if handled is None or handled.serialize() != raw:
+            raise NotAdmitted(
+                f"'{component}' made a task process_data that carries values.", fix="tasks.process_data(key)."
+            )
+        return handled
 
     def _store(self, task: Task, node: Node, component: str) -> Task:
         page = task.val_list[0] if len(task.val_list) == 1 else None

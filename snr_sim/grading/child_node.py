@@ -128,12 +128,23 @@ class ChildNode(Node):
             self.datastore.put(self._typed.as_made(bytes(raw)))
         self._core.came_s.update(came_s)
 
+    def with_page(self, task: Task, processed: Sequence[msgspec.Raw] | None) -> Task:
+        """Returns a task that was brought with the page that it carries in the grader's node, see `Handle`."""
+        if processed is None:
+            return task
+        if not processed:
+            return Task(task.type, task.name, [self.datastore.pages[task.name]])
+        page, *before = (self._typed.as_made(bytes(raw)) for raw in processed)
+        self._core.await_processing(page, before[0] if before else None)
+        return Task(task.type, task.name, [page])
+
     def handle(self, task: Task, first: str, child: Child) -> Returned:
         """Calls each component's handler of a task, from the component `first` on."""
         returned: dict[str, list[Task]] = {}
         entries = [entry for entry in self.machine.lookup.find(task) if entry[0] is not self._core]
         names = [entry[0].name for entry in entries]
         machine = self.machine
+        machine.task = task
         failed: tuple[str, BaseException, Any] | None = None
         for component, handler, task_id, _ in entries[names.index(first) if first in names else len(names) :]:
             child.component = component.name
@@ -148,6 +159,7 @@ class ChildNode(Node):
                 machine.running = None
             returned[component.name] = [*machine.scheduled, *made]
             machine.scheduled.clear()
+        machine.task = None
         answer = Returned(
             {name: [self._typed.leaves(task) for task in tasks] for name, tasks in returned.items()}, **self.told()
         )

@@ -70,7 +70,12 @@ class Made(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Handle(msgspec.Struct, frozen=True):
-    """Handle a task, from the component named on; `pages` are new in the datastore since the last message."""
+    """Handle a task, from the component named on; `pages` are new in the datastore since the last message.
+
+    Args:
+        processed: of `process_data` that carries a page: that page and the one before it, if newer ones are in the
+            datastore; nothing if it is the newest. Then `task` is without values. None: `task` has what it carries.
+    """
 
     node: str
     component: str
@@ -78,6 +83,7 @@ class Handle(msgspec.Struct, frozen=True):
     now_s: float
     pages: list[msgspec.Raw]
     came_s: dict[str, float]
+    processed: list[msgspec.Raw] | None
 
 
 class Step(msgspec.Struct, frozen=True):

@@ -80,7 +80,8 @@ class NodeVerbs:
         args = _decode_handle(raw)
         node = self._nodes[args.node]
         node.bring(args.now_s, args.pages, args.came_s)
-        return _encode(node.handle(Task.deserialize(bytes(args.task)), args.component, self._child))
+        task = node.with_page(Task.deserialize(bytes(args.task)), args.processed)
+        return _encode(node.handle(task, args.component, self._child))
 
     def step(self, raw: msgspec.Raw) -> bytes:
         """Has a component of a node do a step of its life."""

@@ -166,7 +166,7 @@ class QueuedMachine(EventMachine):
         task = self._student.take()
         if type(task) is not Task:
             raise ParameterError(f"take() returned {task!r} while len() was more than 0.", fix="the next task.")
-        self._queue.append(task)
+        self.queue.append(task)
         super().execute_next()
 
     def _enter(self, task: Task, source: str) -> None:

@@ -17,6 +17,7 @@ from typing import Any
 
 import msgspec
 
+from snr_sim.core.datastore import PREVIOUS
 from snr_sim.core.node import Node
 from snr_sim.grading.admission import Admission
 from snr_sim.grading.child_process import ChildProcess
@@ -41,7 +42,7 @@ from snr_sim.grading.verdicts import Misbehaved
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.scenario import Robot
-from snr_sim.prelude.task import SomeTasks, Task
+from snr_sim.prelude.task import SomeTasks, Task, TaskType
 
 STEP_CPU_S = 5.0  # for one handler, or one step of a component's life
 
@@ -162,8 +163,9 @@ class Remote:
         self._answers = {}
         self.admission.count(node.machine.now_s)
         pages, came_s = self._new_pages(node)
-        raw = msgspec.Raw(task.serialize())
-        args = Handle(node.role, component.name, raw, node.machine.now_s, pages, came_s)
+        processed = _processed_by(task, node)
+        raw = msgspec.Raw((task if processed is None else Task(task.type, task.name)).serialize())
+        args = Handle(node.role, component.name, raw, node.machine.now_s, pages, came_s, processed)
         answer = self._decode(_decode_returned, self.ask("handle", args))
         for name, tasks in answer.returned.items():
             self._answers[name] = self.admission.tasks(tasks, node, name)
@@ -219,6 +221,17 @@ class Remote:
             if page.origin != node.name:
                 came_s[key] = node.came_at_s(key)
         return pages, came_s
+
+
+def _processed_by(task: Task, node: Node) -> list[msgspec.Raw] | None:
+    """Returns the page that the task of a node carries, see `Handle`."""
+    page = task.page if task.type is TaskType.process_data else None
+    if page is None or page.key != task.name:
+        return None
+    if page is node.datastore.pages.get(page.key):
+        return []
+    before = node.get_page(page.key + PREVIOUS)
+    return [msgspec.Raw(one.serialize()) for one in (page, before) if one is not None]
 
 
 _decode_loaded = msgspec.json.Decoder(Loaded)

@@ -15,7 +15,7 @@ from snr_sim.prelude.page import Page
 from snr_sim.prelude.task import Task, TaskType
 
 _OBJECT = b'{"$":"object"'
-_KEPT = 4  # pages of a key: a step may make some, and the datastore keeps two
+_KEPT = 64  # pages of a key: a step may make some, which wait to be processed
 
 
 class TypedPages:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import msgspec
 
 from snr_sim.prelude.errors import TaskError, ValueEncodingError
-
-if TYPE_CHECKING:
-    from snr_sim.prelude.page import Page
+from snr_sim.prelude.page import KINDS, Page
+from snr_sim.prelude.values import decode_value, encode_value
 
 
 class TaskType(StrEnum):
@@ -49,6 +48,12 @@ class Task(msgspec.Struct, frozen=True):
     name: TaskName
     val_list: list[Any] = []
 
+    @property
+    def page(self) -> Page | None:
+        """The page that a `store_page` or `process_data` task carries; None if it carries none."""
+        values = self.val_list
+        return values[0] if values and type(values[0]) is Page else None
+
     def id(self) -> tuple[TaskType, TaskName]:
         """Returns what handlers can register for to get exactly this task."""
         return (self.type, self.name)
@@ -63,8 +68,6 @@ class Task(msgspec.Struct, frozen=True):
 
     def serialize(self) -> bytes:
         """Returns the task as one line of JSON, exactly: float64, NaN and arrays survive."""
-        from snr_sim.prelude.values import encode_value
-
         return encode_value([self.type.value, self.name, self.val_list])
 
     @staticmethod
@@ -74,9 +77,6 @@ class Task(msgspec.Struct, frozen=True):
         Raises:
             TaskError: the bytes are no task.
         """
-        from snr_sim.prelude.page import KINDS
-        from snr_sim.prelude.values import decode_value
-
         try:
             kind, name, val_list = decode_value(data, KINDS)
             if isinstance(name, str) and isinstance(val_list, list):

@@ -60,7 +60,7 @@ store_data = Retired("tasks.store_data", "self.store_data_task(key, data), which
 
 
 def process_data(key: str) -> Task:
-    """Returns a task that has the newest page of `key` processed."""
+    """Returns a task that has the newest page of `key` processed; one that follows a stored page carries that page."""
     return Task(TaskType.process_data, key)
 
 

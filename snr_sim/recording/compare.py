@@ -73,6 +73,7 @@ class Difference:
 
 
 _ABSENT = "(absent)"
+_OF_PAGES = ("store_page", "process_data")
 _PROGRAM = re.compile(r"^(__main__|snr_sim_program_\w+)\.")
 
 
@@ -113,7 +114,7 @@ def _unordered(value: Any) -> Any:
 
 def _roots(kind: str, raw: bytes) -> Any:
     values = _decode(raw)
-    if kind == "store_page" and len(values) == 1 and isinstance(values[0], dict) and values[0].get(MARK) == "page":
+    if kind in _OF_PAGES and len(values) == 1 and isinstance(values[0], dict) and values[0].get(MARK) == "page":
         page = values[0]
         about = {key: item for key, item in page.items() if key not in ("data", MARK)}
         return _Page(page.get("data"), about)

@@ -75,7 +75,7 @@ class NodeTrace:
             by = [By(label[0], label[1], self._returned(outputs, seq, now_s, tickets)) for label, outputs in handled]
             writer.put(now_s, _encode(TaskLine(seq, cause, nth, time_s, by)))
             return tickets
-        process = _process_of(task, handled)
+        process = process_of(task, handled)
         if process is not None:
             tickets = [(one, seq, 0, now_s) for one in handled[0][1]]
             handled = handled[1:]
@@ -107,7 +107,7 @@ class NodeTrace:
         return returned
 
 
-def _process_of(task: Task, handled: Sequence[Handled]) -> bool | None:
+def process_of(task: Task, handled: Sequence[Handled]) -> bool | None:
     """Returns whether the node stored a page and asked for `process_data` of it, or None if it did something else."""
     if not handled or handled[0][0] != CORE_STORES:
         return None
@@ -115,7 +115,8 @@ def _process_of(task: Task, handled: Sequence[Handled]) -> bool | None:
     if not outputs:
         return False
     is_usual = len(outputs) == 1 and outputs[0].type is _PROCESS_DATA and outputs[0].name == task.name
-    return True if is_usual and not outputs[0].val_list else None
+    # The page itself, so that its values are those of the page's task: then they need not be written once more.
+    return True if is_usual and len(task.val_list) == 1 and outputs[0].page is task.page else None
 
 
 def told_of(task: Task) -> Returned:

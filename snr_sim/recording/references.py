@@ -22,7 +22,6 @@ from snr_sim.recording.records import (
 # How many records back an input may repeat a task. So nobody who follows a run has to keep all of it.
 REPEAT_WITHIN = 500
 CORE_STORES = (CORE_NAME, "store")  # component and handler that `PageLine.process` stands for
-NO_VALUES = msgspec.Raw(b"[]")
 
 
 class References:
@@ -57,7 +56,7 @@ class References:
         time_s = cause_s if line.t is msgspec.UNSET else line.t
         handled = line.handled
         if isinstance(line, PageLine) and line.process is not None:
-            returned = [Returned("process_data", task.name, NO_VALUES)] if line.process else []
+            returned = [Returned("process_data", task.name, task.values)] if line.process else []
             handled = [By(*CORE_STORES, returned), *handled]
         self._bring(line.seq, node, time_s, [one for by in handled for one in by.returned])
         kind = PageRecord if isinstance(line, PageLine) else TaskRecord

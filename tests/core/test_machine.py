@@ -1,5 +1,6 @@
 """The order of things: which task comes next, who handles it, and what happens to what is left at the end."""
 
+import gc
 import threading
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -145,7 +146,7 @@ def test_components_handle_a_task_in_the_order_of_the_config(make: Make) -> None
 
 
 class Reader(Endpoint):
-    """Sees what the datastore holds while store_page and process_data are handled."""
+    """Sees what it can read while store_page and process_data are handled."""
 
     def __init__(self, factory: Any, parent: Node, name: str) -> None:
         super().__init__(factory, parent, name)
@@ -167,7 +168,7 @@ class ReaderFactory(PartFactory):
 
 
 def test_handlers_of_store_page_see_the_new_page_and_process_data_follows_if_asked_for(make: Make) -> None:
-    # "end" waits in front of the process_data task that the first store_page brings.
+    # Page 2 is stored before page 1 is processed.
     end = PartFactory(
         {(TaskType.event, "end"): lambda task, task_id: tasks.event("end2"),
          (TaskType.event, "end2"): lambda task, task_id: tasks.terminate("done")}
@@ -175,7 +176,112 @@ def test_handlers_of_store_page_see_the_new_page_and_process_data_follows_if_ask
     node = run(make([ReaderFactory(), end]))
     reader = node.components["reader"]
     assert isinstance(reader, Reader)
-    assert reader.seen == [("store_page", 1, None), ("store_page", 2, 1), ("process_data", 2, 1)]
+    assert reader.seen == [("store_page", 1, None), ("store_page", 2, 1), ("process_data", 1, None)]
+
+
+class Sampler(Endpoint):
+    """Stores five pages before the first is processed, and keeps what each handler reads."""
+
+    def __init__(self, factory: Any, parent: Node, name: str) -> None:
+        super().__init__(factory, parent, name)
+        self.seen: list[Any] = []
+        self.elsewhere: list[Any] = []
+        self.task_handlers = {(TaskType.process_data, "x"): self.on_x, (TaskType.event, "last"): self.on_last}
+
+    def begin(self) -> None:
+        for i in range(5):
+            self.store_data("x", i)
+        self.store_data("y", "other")
+
+    def on_x(self, task: Task, task_id: Any) -> SomeTasks:
+        assert task.page is not None
+        assert task.page is self.get_page("x") is self.parent.get_page("x")
+        self.seen.append((task.page.data, self.get_data("x"), self.get_data("x_prev"), self.get_data("y")))
+        return tasks.event("last") if task.page.data == 4 else None
+
+    def on_last(self, task: Task, task_id: Any) -> SomeTasks:
+        self.elsewhere.append(self.get_data("x"))
+        return tasks.terminate("done")
+
+
+def stores(key: str, values: Iterable[Any], process: bool = True) -> list[Task]:
+    return [Task.store_page(Page(key, value, "r_node", 0.0, process)) for value in values]
+
+
+class SamplerFactory(PartFactory):
+    def get(self, parent: Node) -> Any:
+        return Sampler(self, parent, "sampler")
+
+
+def test_each_stored_page_is_processed_once_however_many_came_before_the_first(make: Make) -> None:
+    sampler = run(make([SamplerFactory()])).components["sampler"]
+    assert isinstance(sampler, Sampler)
+    assert sampler.seen == [(i, i, i - 1 if i else None, "other") for i in range(5)]
+
+
+def test_get_data_in_a_handler_of_anything_else_gives_the_newest_page(make: Make) -> None:
+    node = run(make([SamplerFactory()]))
+    sampler = node.components["sampler"]
+    assert isinstance(sampler, Sampler)
+    assert sampler.elsewhere == [4]
+    assert node.get_data("x") == 4
+
+
+@pytest.mark.slow
+def test_get_data_on_another_thread_gives_the_newest_page_while_an_older_one_is_processed() -> None:
+    seen: list[Any] = []
+
+    def on_x(task: Task, task_id: Any) -> None:
+        reader = threading.Thread(target=lambda: seen.append(part.get_data("x")))
+        reader.start()
+        reader.join()
+
+    node = MACHINES["bare"]([PartFactory({(TaskType.process_data, "x"): on_x}), starts_with(*stores("x", range(3)))])
+    part: Any = node.components["part"]
+    run(node)
+    assert seen == [2, 2, 2]
+
+
+def test_a_process_data_task_without_a_page_is_of_the_newest_one(make: Make) -> None:
+    seen: list[Any] = []
+
+    def on_x(task: Task, task_id: Any) -> None:
+        seen.append((task.page and task.page.data, part.get_data("x"), part.get_data("x_prev")))
+
+    factory = PartFactory({(TaskType.process_data, "x"): on_x})
+    node = make(
+        [factory, starts_with(*stores("x", (1, 2), process=False), tasks.process_data("x"), tasks.finish("done"))]
+    )
+    part: Any = node.components["part"]
+    run(node)
+    assert seen == [(None, 2, 1)]
+
+
+def test_the_age_in_a_handler_is_that_of_the_page_that_is_processed() -> None:
+    ages: list[float] = []
+    factory = PartFactory({(TaskType.process_data, "x"): lambda task, task_id: ages.append(part.get_age_s("x"))})
+    old, new = (Task.store_page(Page("x", 0, "r_node", -age_s)) for age_s in (2.0, 1.0))
+    node = MACHINES["bare"]([factory, starts_with(old, new)])
+    part: Any = node.components["part"]
+    run(node)
+    assert ages == [2.0, 1.0]
+    assert node.get_age_s("x") == 1.0
+
+
+def test_pages_that_were_processed_are_not_kept_while_the_queue_is_never_empty() -> None:
+    count = 0
+
+    def again(task: Task, task_id: Any) -> SomeTasks:
+        nonlocal count
+        count += 1
+        alive.append(sum(type(one) is Page for one in gc.get_objects()))
+        return [tasks.event("again"), part.store_data_task("x", [count])] if count < 100 else tasks.terminate("done")
+
+    alive: list[int] = []
+    node = MACHINES["bare"]([PartFactory({(TaskType.event, "again"): again}), starts_with(tasks.event("again"))])
+    part: Any = node.components["part"]
+    run(node)
+    assert max(alive) - alive[0] < 10
 
 
 def test_time_stands_still_while_one_task_is_handled() -> None:

@@ -216,6 +216,21 @@ def test_pages_that_the_loop_asks_for_reach_it_with_the_one_before_and_whatever_
 
 
 @pytest.mark.slow
+def test_pages_that_are_replaced_before_they_were_sent_to_the_process_are_counted() -> None:
+    def ask(loop: Any) -> None:
+        for _ in range(1000):
+            loop.store_data("question", np.ones(1))
+
+    def heard(task: Any, task_id: Any) -> Any:
+        return tasks.terminate("counted") if backing_of(node).skipped else None
+
+    answers = PartFactory({(TaskType.store_page, "answer"): heard})
+    node = node_of(loops.StepsFactory(loops.answer), TickerFactory(ask, "asker", 20), answers)
+    node.loop()
+    assert node.exit_reason == "counted"
+
+
+@pytest.mark.slow
 def test_a_page_whose_name_is_no_text_is_not_there_as_in_any_loop() -> None:
     assert run(loops.StepsFactory(loops.ask_for_seven)).get_data("answer") == "none"
 

@@ -133,3 +133,71 @@ def test_whoever_closes_the_loop_is_told_each_thing_and_may_answer(tmp_path: Pat
     produced = fed(tmp_path, [Given(0.0, "depth", 1.0)], reply=plant, until_s=9.0)
     seen = [one for one in produced if one.name == "seen"]
     assert [(one.at_s, one.value[1], one.after) for one in seen] == [(0.0, 1.0, 0), (0.5, 2.0, 1), (1.0, 3.0, 2)]
+
+
+CARRIED = """
+from dataclasses import dataclass
+
+from snr_sim import Endpoint, EndpointFactory, TaskType, tasks
+
+
+@dataclass
+class Sum:
+    depth_m: float
+
+
+class Part(Endpoint):
+    def __init__(self, factory, parent, name):
+        super().__init__(factory, parent, name)
+        self.task_handlers = {
+            (TaskType.event, "start"): self.on_start,
+            (TaskType.process_data, "depth"): self.on_depth,
+            (TaskType.process_data, "sum"): self.on_sum,
+        }
+        self.has_asked = False
+
+    def on_start(self, task, task_id):
+        return [self.store_data_task("depth", float(i)) for i in range(5)]
+
+    def on_depth(self, task, task_id):
+        assert task.page is self.get_page("depth")
+        seen = [task.page.data, self.get_data("depth_prev")]
+        again = [] if self.has_asked else ASKED
+        self.has_asked = True
+        return [self.store_data_task("seen", seen, False), self.store_data_task("sum", Sum(task.page.data)), *again]
+
+    def on_sum(self, task, task_id):
+        before = self.get_data("sum_prev")
+        seen = [type(task.page.data).__name__, self.get_data("sum").depth_m, before and before.depth_m]
+        return self.store_data_task("seen", seen, False)
+
+
+class PartFactory(EndpointFactory):
+    def get(self, parent):
+        return Part(self, parent, "part")
+
+
+def factories(robot):
+    return [PartFactory()]
+"""
+
+
+def carried(folder: Path, asked: str) -> list[list[object]]:
+    (folder / "mine.py").write_text(CARRIED.replace("ASKED", asked))
+    with Student(folder) as student:
+        produced = student.feed("mine.py", [Given(1.0, task=("event", "start", []))])
+    return [one.value for one in produced if one.name == "seen"]
+
+
+def test_a_students_handler_has_the_page_of_its_task_as_in_a_run(tmp_path: Path) -> None:
+    before: list[float | None] = [None, *map(float, range(5))]
+    depths = [[float(i), before[i]] for i in range(5)]
+    again = [0.0, None]  # behind the first sum
+    assert carried(tmp_path, "[task]")[:6] == [*depths, again]
+    sums = [one for one in carried(tmp_path, "[]") if one[0] == "Sum"]
+    assert sums == [["Sum", float(i), before[i]] for i in range(5)]
+
+
+def test_a_student_cannot_have_another_page_processed_in_a_sensors_name(tmp_path: Path) -> None:
+    with pytest.raises(Misbehaved, match="'part' made a task process_data that carries values"):
+        carried(tmp_path, "[type(task)(task.type, 'depth', [self.page('depth', 9.0)])]")

@@ -104,6 +104,36 @@ def test_each_page_stands_in_the_trace_once_whoever_had_it(tmp_path: Path) -> No
         assert replay_node(trace, role, Config(factories=roles())).is_identical
 
 
+def test_tasks_that_carry_their_page_name_it_and_replay_although_newer_ones_came_first(tmp_path: Path) -> None:
+    def burst() -> list[Any]:
+        made: list[Any] = []
+
+        def on_x(task: Any, task_id: Any) -> Any:
+            seen = [task.page.data, made[-1].get_data("x"), made[-1].get_data("x_prev")]
+            return made[-1].store_data_task("seen", {"seen": seen}, process=False)
+
+        ticker = TickerFactory(
+            lambda loop: [loop.store_data("x", {"of": loop.rng.random()}) for _ in range(5)], "x", 2.0
+        )
+        return [ticker, PartFactory({(TaskType.process_data, "x"): on_x}, begin=made.append)]
+
+    trace = record(tmp_path, *burst())
+    stored = [one for one in executed(trace) if one.type == "store_page" and one.name == "x"]
+    processed = [one for one in executed(trace) if one.type == "process_data"]
+    data = trace.path.read_bytes()
+    assert len(stored) == len(processed) >= 50
+    for one, task in zip(stored, processed, strict=True):
+        assert bytes(task.values) == bytes(one.values)
+        assert data.count(bytes(one.values)) == 1
+    pages = [decode_value(bytes(one.values), KINDS)[0].data for one in processed]
+    answers = [one.handled[0].returned[0] for one in processed]
+    seen = [decode_value(bytes(one.values), KINDS)[0].data["seen"] for one in answers]
+    assert seen == [[page, page, before] for page, before in zip(pages, [None, *pages], strict=False)]
+    replay = replay_node(trace, "r", Config(factories={"r": burst()}))
+    assert replay.is_identical, replay.divergences[0]
+    assert [one for one in replay.records if isinstance(one, TaskRecord)] == processed
+
+
 def test_a_page_that_comes_late_stands_in_the_trace_again(tmp_path: Path) -> None:
     busy = TickerFactory(lambda loop: loop.store_data("x", loop.get_time_s()), "x", 1000.0)
     slow = TickerFactory(lambda loop: loop.store_data("y", loop.get_time_s()), "y", 1.0)

@@ -54,7 +54,7 @@ def trace(file, key=None):
         t, task = brought.get(place, (None, [record.get(name) for name in ("type", "name", "values")]))
         tasks = [task] if kind in ("input", "repeat") else record.get("returned", [])
         if kind == "page" and record.get("process", True):
-            tasks = [["process_data", task[1], []]]
+            tasks = [["process_data", task[1], task[2]]]
         tasks += [one for by in record.get("handled", []) for one in by[2]]
         brought.update(((seq, nth), (record.get("t", t), one)) for nth, one in enumerate(tasks))
         if kind == "page" and task[1] == key:

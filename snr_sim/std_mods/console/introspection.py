@@ -40,7 +40,7 @@ def components(node: Node) -> View:
 
 
 def loops(node: Node) -> View:
-    """Returns each loop's rate, ticks and largest lag."""
+    """Returns each loop's rate, ticks and largest lag; of one in a process also how many pages it was not sent."""
     rows: Rows = [
         {
             "loop": name(key),
@@ -51,12 +51,15 @@ def loops(node: Node) -> View:
         for key, loop in node.components.copy().items()
         if isinstance(loop, Loop)
     ]
-    return _rows(rows, ("loop", "rate_hz", "ticks", "late_s", "runs"), "loops")
+    return _rows(rows, ("loop", "rate_hz", "ticks", "late_s", "skipped", "runs"), "loops")
 
 
 def _pulse(loop: Loop) -> dict[str, Any]:
     backing = loop.caller
-    return {} if backing is None else {"ticks": backing.ticks, "late_s": backing.late_s}
+    if backing is None:
+        return {}
+    skipped = {"skipped": backing.skipped} if hasattr(backing, "skipped") else {}
+    return {"ticks": backing.ticks, "late_s": backing.late_s, **skipped}
 
 
 def pages(node: Node) -> View:

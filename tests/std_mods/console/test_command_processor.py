@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from snr_sim import Config, Mode, Node, Page, SimClock, Task, TaskType, tasks
+from snr_sim import Config, Mode, Node, Page, SimClock, Task, TaskType
 from snr_sim.prelude.recorder import Ticket
 from snr_sim.std_mods.console import command_processor, commands
 from snr_sim.std_mods.console.command_processor import CommandProcessor
@@ -33,7 +33,9 @@ def test_a_task_is_an_event_if_no_type_is_given_and_its_values_are_json(talk: Ta
 def test_store_stores_a_page_and_has_it_processed(talk: Talk, line: str) -> None:
     talk.say(line)
     assert talk.node.get_data("depth_m") == 3.5
-    assert talk.events == [tasks.process_data("depth_m")]
+    assert [(task.id(), task.page) for task in talk.events] == [
+        ((TaskType.process_data, "depth_m"), talk.node.get_page("depth_m"))
+    ]
     talk.say("task process_data depth_m")
     assert len(talk.events) == 2
 
