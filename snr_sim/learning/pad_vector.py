@@ -85,7 +85,7 @@ class LanderPadVector(LanderVectorEnv):
         jets_nm = turns * self._module.jets_nm
         verdicts, ended = dict[int, Verdict](), dict[int, Floats]()
         for part in range(self._parts):
-            flight.fly(goals, gimbals, jets_nm)
+            flight.push(goals, gimbals, jets_nm)
             met = flight.met(near).tolist() if len(near) else []
             gone = np.flatnonzero(flight.lost() & alone).tolist() if part == 0 else []
             for i in [*met, *gone]:
@@ -96,6 +96,7 @@ class LanderPadVector(LanderVectorEnv):
                 else:
                     verdicts[i], ended[i] = verdict, flight.column(i)
             near = near[alone[near]]
+            flight.move()
         for i, column in ended.items():
             flight.put_column(i, column)
         for i, plant in list(self._plants.items()):
@@ -130,7 +131,7 @@ class LanderPadVector(LanderVectorEnv):
         if is_lost:
             judge._end("lost")
         else:
-            judge._judge_contact(self._flight.pose_of(i))
+            judge._judge_contact(self._flight.midway(i))
         verdict: Verdict | None = self._scenario.verdict(judge)
         return verdict
 

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.plants.lander import CEILING_M, EDGE_M
+from snr_sim.plants.lander import CEILING_M, EDGE_M, SAME
 from snr_sim.plants.lander_2d import State
 from snr_sim.plants.legs import FEET_M, REACH_M, Pose
 from snr_sim.plants.module import LunarModule, PlaneStart
@@ -26,7 +26,6 @@ Bools = NDArray[np.bool_]
 Indices = NDArray[np.int64]
 
 CORNERS_M = np.array([*FEET_M, *HULL_M])  # what can touch the ground
-CLOSE = 1e-3  # to its command the throttle is at it
 REACH_FIELDS = int(ROOF_REACH_M / SPACING_M)
 FAST_MPS = 40.0  # sideways: beyond it the ground is looked at wherever it is
 SPARE_M = 0.1  # more than an engine that points up adds to the way down within a period
@@ -41,29 +40,31 @@ class PlaneFlight:
         count: how many.
 
     Attributes:
-        x, z, attitude, vx, vz, rate: as pymunk holds them: velocities half a step ahead.
+        x, z, attitude, vx, vz, rate: as pymunk holds them: places half a step ahead, and the next step's fall in vz.
         mass, fuel, throttle, gimbal: at this moment.
     """
 
     def __init__(self, module: LunarModule, step_s: float, count: int) -> None:
         self._module, self._step_s = module, step_s
-        self._lag_gain = -math.expm1(-step_s / module.throttle_lag_s) if module.throttle_lag_s > 0.0 else 1.0
+        lag_s = module.throttle_lag_s
+        self._lag_left, self._lag_steps = (math.exp(-step_s / lag_s), lag_s / step_s) if lag_s > 0.0 else (0.0, 0.0)
         self._fall = module.gravity_mps2 * step_s
         self._all = np.arange(count)
-        self._numbers = np.ones((13, count))
+        self._numbers = np.ones((10, count))
+        self._side, self._up, self._twist = np.zeros((3, count))  # what engine and jets gave in the last step
         self._name()
         fields = round(2.0 * HALF_WIDTH_M / SPACING_M)
         self._heights, self._roofs = np.zeros((count, fields + 1)), np.zeros((count, fields))
 
     def _name(self) -> None:
         (self.x, self.z, self.attitude, self.vx, self.vz, self.rate, self.mass, self.fuel, self.throttle,
-         self.gimbal, self._side, self._up, self._twist) = self._numbers  # fmt: skip
+         self.gimbal) = self._numbers  # fmt: skip
 
     def put(self, which: Indices, begun: Sequence[tuple[PlaneStart, Terrain]]) -> None:
         """Puts some of them at starts, engine off."""
         numbers = [
-            (*start.position_m, start.attitude_rad, start.velocity_mps[0], start.velocity_mps[1] - 0.5 * self._fall,
-             start.rate_radps, start.mass_kg, start.fuel_kg, 0.0, 0.0, 0.0, 0.0, 0.0)
+            (*self._held(*start.position_m, start.attitude_rad, *start.velocity_mps, start.rate_radps),
+             start.mass_kg, start.fuel_kg, 0.0, 0.0)
             for start, _ in begun
         ]  # fmt: skip
         self._numbers[:, which] = np.array(numbers).T
@@ -74,24 +75,28 @@ class PlaneFlight:
         fields = heights.shape[1] - 1
         self._roofs[which] = np.max([ends[:, k : k + fields] for k in range(2 * REACH_FIELDS + 2)], axis=0)
 
+    def _held(self, x: float, z: float, attitude: float, vx: float, vz: float, rate: float) -> tuple[float, ...]:
+        """Returns a motion as pymunk holds it."""
+        half_s = 0.5 * self._step_s
+        return x + half_s * vx, z + half_s * vz, attitude + half_s * rate, vx, vz - self._fall, rate
+
     def pose(self) -> tuple[Floats, ...]:
         """Returns x, z, attitude, vx, vz and rate at one moment."""
-        cos, sin = np.cos(self.attitude), np.sin(self.attitude)
-        vx = self.vx - 0.5 * (cos * self._side - sin * self._up)
-        vz = self.vz - 0.5 * (sin * self._side + cos * self._up - self._fall)
-        return self.x, self.z, self.attitude, vx, vz, self.rate - 0.5 * self._twist / self._module.gyration_m**2
+        vz, half_s = self.vz + self._fall, 0.5 * self._step_s
+        x, z = self.x - half_s * self.vx, self.z - half_s * vz
+        return x, z, self.attitude - half_s * self.rate, self.vx, vz, self.rate
 
-    def pose_of(self, i: int) -> Pose:
-        """Returns the same of one."""
+    def midway(self, i: int) -> Pose:
+        """Returns how one moves in the middle of the step that `push` began: where it is held, and before `move`."""
         cos, sin = math.cos(self.attitude[i]), math.sin(self.attitude[i])
         x, z, attitude, vx, vz, rate = self._numbers[:6, i].tolist()
-        side, up, twist = self._numbers[10:, i].tolist()
+        side, up, twist = float(self._side[i]), float(self._up[i]), float(self._twist[i])
         vx, vz = vx - 0.5 * (cos * side - sin * up), vz - 0.5 * (sin * side + cos * up - self._fall)
         return Pose(x, z, attitude, vx, vz, rate - 0.5 * twist / self._module.gyration_m**2)
 
     def heights_m(self) -> Floats:
         """Returns the height of the ground straight below each."""
-        return self._ground(self._all, self.x)
+        return self._ground(self._all, self.x - 0.5 * self._step_s * self.vx)
 
     def snapshot(self) -> Floats:
         """Returns all that changes; it never changes afterwards."""
@@ -100,8 +105,8 @@ class PlaneFlight:
     @staticmethod
     def state_of(snapshot: Floats, i: int, terrain: Terrain, steps: int) -> State:
         """Returns what the plant needs to fly one of them on."""
-        *body, mass, fuel, throttle, gimbal, side, up, twist = snapshot[:, i].tolist()
-        return State(Pose(*body), mass, fuel, terrain, steps, throttle, gimbal, kick=(side, up, twist))
+        *body, mass, fuel, throttle, gimbal = snapshot[:, i].tolist()
+        return State(Pose(*body), mass, fuel, terrain, steps=steps, throttle=throttle, gimbal_rad=gimbal)
 
     def near(self, period_s: float) -> Indices:
         """Returns who may meet the ground within a time."""
@@ -122,8 +127,8 @@ class PlaneFlight:
         found: Indices = which[under.any(axis=0)]
         return found
 
-    def fly(self, throttle_goal: Floats, gimbal_goal: Floats, jets_nm: Floats) -> None:
-        """Moves all on by one step of the plant.
+    def push(self, throttle_goal: Floats, gimbal_goal: Floats, jets_nm: Floats) -> None:
+        """Lets engine and jets of all push for one step of the plant; `met` and `midway` come next, and then `move`.
 
         Args:
             throttle_goal: commanded, shares that the engine can run at; becomes 0 where the tank is dry.
@@ -131,36 +136,48 @@ class PlaneFlight:
             jets_nm: couple of the attitude jets.
         """
         module, step_s = self._module, self._step_s
-        self.x += self.vx * step_s
-        self.z += self.vz * step_s
-        self.attitude += self.rate * step_s
-        self.vz -= self._fall
         throttle, fuel, mass = self.throttle, self.fuel, self.mass
-        throttle += (throttle_goal - throttle) * self._lag_gain
-        np.copyto(throttle, throttle_goal, where=np.abs(throttle - throttle_goal) < CLOSE)
+        mean = throttle.copy()
+        throttle -= throttle_goal
+        throttle *= self._lag_left
+        throttle += throttle_goal
+        np.copyto(throttle, throttle_goal, where=np.abs(throttle - throttle_goal) < SAME)
+        mean -= throttle
+        mean *= self._lag_steps
+        mean += throttle_goal
         most = module.gimbal_rate_radps * step_s
-        self.gimbal += np.minimum(most, np.maximum(-most, gimbal_goal - self.gimbal))
-        burned = throttle * (module.thrust_n / module.exhaust_mps * step_s)
+        turned = np.minimum(most, np.maximum(-most, gimbal_goal - self.gimbal))
+        self.gimbal += turned
+        gimbal = self.gimbal - 0.5 * turned * np.abs(turned) / most
+        burned = mean * (module.thrust_n / module.exhaust_mps * step_s)
         dry = burned >= fuel
         if dry.any():
             burned = np.where(dry, fuel, burned)
             throttle[dry] = throttle_goal[dry] = 0.0
         fuel -= burned
         mass -= burned
-        push = burned * module.exhaust_mps / (mass + 0.5 * burned)
-        np.multiply(push, np.sin(self.gimbal), out=self._side)
-        np.multiply(push, np.cos(self.gimbal), out=self._up)
-        np.add(jets_nm * step_s / mass, NOZZLE_BELOW_M * self._side, out=self._twist)
+        mean_mass = mass + 0.5 * burned
+        push = burned * module.exhaust_mps / mean_mass
+        np.multiply(push, np.sin(gimbal), out=self._side)
+        np.multiply(push, np.cos(gimbal), out=self._up)
+        np.add(jets_nm * step_s / mean_mass, NOZZLE_BELOW_M * self._side, out=self._twist)
         cos, sin = np.cos(self.attitude), np.sin(self.attitude)
         self.vx += cos * self._side - sin * self._up
         self.vz += sin * self._side + cos * self._up
         self.rate += self._twist / module.gyration_m**2
 
+    def move(self) -> None:
+        """Moves all on by one step of the plant."""
+        self.x += self.vx * self._step_s
+        self.z += self.vz * self._step_s
+        self.attitude += self.rate * self._step_s
+        self.vz -= self._fall
+
     def take(self, i: int, reading: InertialReading, mass_kg: float) -> None:
         """Takes over where the plant has flown one of them."""
         (x, z), (vx, vz) = reading.position_m, reading.velocity_mps
-        body = (x, z, reading.attitude_rad, vx, vz - 0.5 * self._fall, reading.rate_radps)
-        self._numbers[:, i] = (*body, mass_kg, reading.fuel_kg, 0.0, 0.0, 0.0, 0.0, 0.0)
+        body = self._held(x, z, reading.attitude_rad, vx, vz, reading.rate_radps)
+        self._numbers[:, i] = (*body, mass_kg, reading.fuel_kg, 0.0, 0.0)
 
     def column(self, i: int) -> Floats:
         """Returns all that changes of one."""
