@@ -36,8 +36,9 @@ class Config:
         factories: for each role the factories of its components, in the order they begin and handle tasks.
         max_tasks_per_moment: how many tasks a node may execute while virtual time stands still; with more the run
             ends and says which tasks ask for each other. On the wall clock there is no such bound.
-        stall_limit_s: how long a component may hold up a run, of wall time; then the run is ended. It is told after
-            two seconds in any case.
+        stall_limit_s: how long a component may hold up a run, of wall time; then it is interrupted and the run ends. It
+            is told after two seconds in any case. Where nothing can be interrupted (in another thread than the main
+            one, on Windows), or all is swallowed, loops are halted and the process is ended.
 
     Raises:
         ConfigError: there is no such mode, there is no role, a role is no list, or a bound is none.
