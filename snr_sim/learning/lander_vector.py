@@ -185,8 +185,8 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
         """Returns the propellant of each [kg]."""
 
     @abstractmethod
-    def _potentials_now(self) -> Floats:
-        """Returns how well placed each is, as `LanderEnv.potential`."""
+    def _potentials_now(self, which: Indices | None = None) -> Floats:
+        """Returns how well placed some are, or all, as `LanderEnv.potential`."""
 
     @abstractmethod
     def _observed(self, which: Indices | None = None) -> NDArray[np.float32]:
@@ -200,7 +200,7 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
         self._starts[which], self._steps[which] = starts, 0
         self._put(which, starts)
         self._tanks_kg[which] = self._fuels_kg[which] = self._fuels()[which]
-        self._potentials[which] = self._potentials_now()[which]
+        self._potentials[which] = self._potentials_now(which)
 
     def _checked(self, actions: Any) -> Any:
         """Returns actions as their space has them."""
@@ -285,8 +285,9 @@ class LanderVerticalVector(LanderVectorEnv):
         fuels: Floats = self._landers[3]
         return fuels
 
-    def _potentials_now(self) -> Floats:
-        return vertical_potentials(self._landers[0], self._landers[1])
+    def _potentials_now(self, which: Indices | None = None) -> Floats:
+        height, velocity, *_ = self._landers if which is None else self._landers[:, which]
+        return vertical_potentials(height, velocity)
 
     def _observed(self, which: Indices | None = None) -> NDArray[np.float32]:
         told = self._radar.read(which).T.astype(np.float32)

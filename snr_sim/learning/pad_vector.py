@@ -151,8 +151,9 @@ class LanderPadVector(LanderVectorEnv):
         fuels: Floats = self._truth[1][6]
         return fuels
 
-    def _potentials_now(self) -> Floats:
-        (altitude, vz), (x, _, vx, _, attitude, *_) = self._truth
+    def _potentials_now(self, which: Indices | None = None) -> Floats:
+        radar, inertial = self._truth if which is None else (truth[:, which] for truth in self._truth)
+        (altitude, vz), (x, _, vx, _, attitude, *_) = radar, inertial
         potentials: Floats = vertical_potentials(altitude, vz) - cost_aside(x, vx, np.degrees(attitude))
         return potentials
 
