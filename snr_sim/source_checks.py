@@ -72,14 +72,24 @@ def notes_before(simulation: Simulation, nodes: Sequence[Node]) -> list[str]:
     if not mine:
         return []
     known = {text for name, path in files.items() if path not in mine for text in _texts(path)}
-    source = Source()
-    try:
-        for path in mine:
-            _Reader(path, source).read()
-    except (OSError, RecursionError):  # it is gone since it was loaded, or nested too deeply to be looked at
-        return []
+    source = _read(mine)
     robot = _Robot(nodes, known, source)
     return list(dict.fromkeys([*source.plain, *_of_components(nodes, source), *robot.notes(simulation)]))
+
+
+def notes_on_files(files: Sequence[Path]) -> list[str]:
+    """Returns what is wrong with Python files whatever robot they are for, the line first."""
+    return list(dict.fromkeys(_read(files).plain))
+
+
+def _read(files: Sequence[Path]) -> Source:
+    source = Source()
+    try:
+        for path in files:
+            _Reader(path, source).read()
+    except (OSError, RecursionError):  # it is gone since it was loaded, or nested too deeply to be looked at
+        return Source()
+    return source
 
 
 def _is_controllers(name: str, path: Path) -> bool:
