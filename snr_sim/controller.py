@@ -30,6 +30,12 @@ def factories_of(controller: ModuleType, robot: Robot) -> list[AnyFactory]:
         )
     for factory in made:
         if not isinstance(factory, (EndpointFactory, LoopFactory)):
+            name = type(factory).__name__
+            if callable(getattr(factory, "get", None)) and not isinstance(factory, type):
+                raise ConfigError(
+                    f"{place_of(factory.get) or place}\n  {name} has a get() and is not a factory.",
+                    fix=f"name what it builds on: class {name}(EndpointFactory).",
+                )
             raise ConfigError(
                 f"{place}\n  factories(robot) returned a list with {_shown(factory)}, which is not a factory.",
                 fix="list instances of your EndpointFactory classes: [MyEndpointFactory()], with the brackets.",

@@ -7,6 +7,7 @@ what a controller asks of it stands in its source, where it is written out. A ke
 from __future__ import annotations
 
 import ast
+import builtins
 import difflib
 import inspect
 import math
@@ -21,7 +22,7 @@ import msgspec
 from snr_sim import library
 from snr_sim.core.blame import Place, short_path
 from snr_sim.core.endpoint import Endpoint
-from snr_sim.core.hints import near
+from snr_sim.core.hints import about_name, near
 from snr_sim.core.loose_ends import NEXT_LINE, without_handlers
 from snr_sim.core.node import Node
 from snr_sim.core.source_files import source_files
@@ -71,14 +72,24 @@ def notes_before(simulation: Simulation, nodes: Sequence[Node]) -> list[str]:
     if not mine:
         return []
     known = {text for name, path in files.items() if path not in mine for text in _texts(path)}
-    source = Source()
-    try:
-        for path in mine:
-            _Reader(path, source).read()
-    except (OSError, RecursionError):  # it is gone since it was loaded, or nested too deeply to be looked at
-        return []
+    source = _read(mine)
     robot = _Robot(nodes, known, source)
     return list(dict.fromkeys([*source.plain, *_of_components(nodes, source), *robot.notes(simulation)]))
+
+
+def notes_on_files(files: Sequence[Path]) -> list[str]:
+    """Returns what is wrong with Python files whatever robot they are for, the line first."""
+    return list(dict.fromkeys(_read(files).plain))
+
+
+def _read(files: Sequence[Path]) -> Source:
+    source = Source()
+    try:
+        for path in files:
+            _Reader(path, source).read()
+    except (OSError, RecursionError):  # it is gone since it was loaded, or nested too deeply to be looked at
+        return Source()
+    return source
 
 
 def _is_controllers(name: str, path: Path) -> bool:
@@ -109,6 +120,7 @@ class _Reader(ast.NodeVisitor):
         self._handlers: set[str] = set()
         self._class = self._function = ""
         self._pages: dict[str, str] = {}  # by the name of a variable: the key of the page it holds
+        self._names: list[Said] = []  # whose value is used
 
     def read(self) -> None:
         tree = _parsed(self._path)
@@ -118,6 +130,27 @@ class _Reader(ast.NodeVisitor):
                     if key is not None and "TaskType." in ast.unparse(key) and isinstance(value, ast.Attribute):
                         self._handlers.add(value.attr)
         self.visit(tree)
+        self._check_names(tree)
+
+    def _check_names(self, tree: ast.Module) -> None:
+        """Notes names that nothing in the file gives a value."""
+        bound = {"__file__", "__name__", "__doc__", *vars(builtins)}
+        for node in ast.walk(tree):
+            if isinstance(found := getattr(node, "name", None), str):  # of a function, a class, an exception, a type
+                bound.add(found)
+            match node:
+                case ast.Name(id="globals" | "exec") | ast.alias(name="*"):
+                    return  # it may give anything a value
+                case ast.Name(id=str(name), ctx=ast.Store() | ast.Del()) | ast.arg(arg=str(name)):
+                    bound.add(name)
+                case ast.MatchMapping(rest=str(name)):
+                    bound.add(name)
+                case ast.alias(name=str(name), asname=other):
+                    bound.add(other or name.partition(".")[0])
+        for name, place, _ in self._names:
+            if name not in bound:
+                fix = about_name(name, bound, Endpoint)
+                self._source.plain.append(f"{place}{NEXT_LINE}Nothing gives {name} a value.{NEXT_LINE}Try: {fix}")
 
     def _place(self, node: ast.expr | ast.stmt) -> Place:
         source = self._lines[node.lineno - 1].strip() if node.lineno <= len(self._lines) else ""
@@ -193,6 +226,10 @@ class _Reader(ast.NodeVisitor):
             self._source.fields.append((Said(key, self._place(node)), name))
         self.generic_visit(node)
 
+    def visit_Name(self, node: ast.Name) -> None:
+        if isinstance(node.ctx, ast.Load):
+            self._names.append(Said(node.id, self._place(node)))
+
     def visit_Attribute(self, node: ast.Attribute) -> None:
         if not isinstance(node.ctx, ast.Load):
             self._source.set_names.add(node.attr)
@@ -245,7 +282,7 @@ class _Robot:
     def _commands(self) -> Iterator[str]:
         for one in self._source.stores:
             loop = self._actuators.get(one.name)
-            if loop is None or not isinstance(one.node, ast.Dict):
+            if loop is None or not isinstance(one.node, (ast.Dict, ast.Constant)):
                 continue
             wanted, limits = _told(partial(_command_of, loop)) or (None, {})
             if wanted is not None:
@@ -284,7 +321,12 @@ def _told(ask: Callable[[], Any]) -> Any:
 
 def _wrong(stored: Said, wanted: Any, limits: Mapping[str, tuple[float, float]]) -> Iterator[str]:
     """Says what is wrong with a command, as far as its dict is written out."""
-    assert isinstance(stored.node, ast.Dict)
+    if not isinstance(stored.node, ast.Dict):
+        yield (
+            f"A command '{stored.name}' is {ast.unparse(stored.node)}, but must be a dict.{NEXT_LINE}"  # type: ignore[arg-type]
+            f"Try: its fields are {', '.join(wanted.__struct_fields__)}."
+        )
+        return
     data = {}
     for key, value in zip(stored.node.keys, stored.node.values, strict=True):
         if not (isinstance(key, ast.Constant) and isinstance(key.value, str)):

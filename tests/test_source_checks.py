@@ -8,8 +8,9 @@ import pytest
 
 from snr_sim.flight import Flight
 from snr_sim.simulation import Request, prepare
-from snr_sim.source_checks import notes_before
-from tests.assignments.mistakes import write_solution
+from snr_sim.source_checks import notes_before, notes_on_files
+from tests.assignments.mistakes import LABS as ALL_LABS
+from tests.assignments.mistakes import write_solution, write_starter
 from tests.cli.student_mistakes import GENTLE
 
 ROOT = Path(__file__).parents[1]
@@ -51,6 +52,13 @@ def test_nothing_is_wrong_with_controllers_that_ship(path: Path, tmp_path: Path)
 def test_nothing_is_wrong_with_references_of_labs(lab: str, tmp_path: Path) -> None:
     file, scenario = LABS[lab]
     assert notes_on(write_solution(lab, tmp_path / "mine") / file, scenario) == []
+
+
+@pytest.mark.parametrize("is_solved", [True, False])
+def test_nothing_is_wrong_with_any_file_of_a_lab(is_solved: bool, tmp_path: Path) -> None:
+    for lab in ALL_LABS:
+        folder = (write_solution if is_solved else write_starter)(lab, tmp_path / lab)
+        assert notes_on_files(sorted(folder.glob("*.py"))) == [], lab
 
 
 @pytest.mark.parametrize(

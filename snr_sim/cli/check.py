@@ -33,6 +33,7 @@ def check(
     from snr_sim.grading.results import encode_graded
     from snr_sim.grading.verdicts import LabFault
     from snr_sim.prelude.errors import UnknownName
+    from snr_sim.source_checks import notes_on_files
 
     found = find_lab(lab)
     if not folder.is_dir():
@@ -44,6 +45,8 @@ def check(
             f"There is no {missing[0]} in {folder.resolve()}.",
             fix=f"name the folder with your files; or begin: snr new lab {lab}",
         )
+    for note in notes_on_files([folder / file for file in found.files if file.endswith(".py")]):
+        print(f"note: {note}", file=sys.stderr)
     out = _RUNS / f"check_{found.name}"
     with _status(as_json) as tell:
         graded = grade_submission(found, folder, None, "none", out=out.resolve(), on_case=tell)

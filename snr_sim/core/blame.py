@@ -6,7 +6,7 @@ import linecache
 import os
 import re
 import traceback
-from inspect import unwrap
+from inspect import getfile, getsourcelines, unwrap
 from pathlib import Path
 from types import CodeType, FrameType, TracebackType
 from typing import NamedTuple
@@ -72,6 +72,15 @@ def place_of(function: object) -> Place | None:
         return None
     source = linecache.getline(code.co_filename, code.co_firstlineno).strip()
     return Place(short_path(code.co_filename), code.co_firstlineno, code.co_name, source)
+
+
+def place_of_class(kind: type[object]) -> Place | None:
+    """Returns where a class begins, or None if no student wrote it."""
+    try:
+        file, (lines, number) = getfile(kind), getsourcelines(kind)
+    except (OSError, TypeError):
+        return None
+    return Place(short_path(file), number, kind.__name__, lines[0].strip()) if is_student_file(file) else None
 
 
 def is_student_file(filename: str) -> bool:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import builtins
 import difflib
+import inspect
 import linecache
 import re
 import sys
@@ -20,6 +21,7 @@ from typing import Any
 from snr_sim.prelude.errors import nearest
 
 _UNKNOWN = object()
+_PACKAGES = ("snr_sim", "numpy", "scipy", "matplotlib", "pymunk", "mujoco", "gymnasium")
 _NONE = "a page that nobody has stored yet is None"
 
 
@@ -70,20 +72,30 @@ def _of_import(error: Any, trace: object) -> str:
     if found is not None:
         return near(found[1], _public(sys.modules.get(found[2]))) or "look for its name: README.md."
     name = str(error.name or "")
+    if close := near(name, _PACKAGES) or near(name, sys.stdlib_module_names):
+        return close
     return f"a file {name.partition('.')[0]}.py beside yours, its name spelt alike; a package is installed with pip."
 
 
 def _of_name(error: Any, trace: TracebackType | None) -> str:
     frame = _frame(trace)
-    if frame is None:
+    found = re.search(r"'(\w+)'", str(error))
+    if frame is None or found is None:
         return ""
-    known = {**vars(builtins), **frame.f_globals, **frame.f_locals}
-    close = near(error.name or "", (name for name in known if not name.startswith("_")))
-    if close:
-        return close
     if isinstance(error, UnboundLocalError):
-        return f"give {error.name} a value on each way that leads to this line; or keep it in self.{error.name}."
-    return f"give {error.name} a value before this line, or import it; what belongs to an object is self.{error.name}."
+        return f'give {found[1]} a value on each way that leads to this line; a text has quotes: "{found[1]}".'
+    known = {**vars(builtins), **frame.f_globals, **frame.f_locals}
+    return about_name(found[1], known, frame.f_locals.get("self"))
+
+
+def about_name(name: str, known: Iterable[str], owner: object = None) -> str:
+    """Returns what to try about a name that nothing has a value for; `owner` is the `self` of its function."""
+    if name in _public(sys.modules.get("snr_sim")):
+        return f"add at the top: from snr_sim import {name}."
+    if owner is not None and name in dir(owner):
+        return f"did you mean self.{name}?"
+    close = near(name, (one for one in known if not one.startswith("_")))
+    return close or f'give {name} a value before this line, or import it; a text has quotes: "{name}".'
 
 
 def _of_attribute(error: Any, trace: TracebackType | None) -> str:
@@ -93,12 +105,16 @@ def _of_attribute(error: Any, trace: TracebackType | None) -> str:
         return _about_none(node)
     if owner is _UNKNOWN or not isinstance(node, ast.Attribute):
         return ""
+    if isinstance(owner, Mapping) and node.attr in owner:
+        return f'a page is a dict: {ast.unparse(node.value)}["{node.attr}"].'
     if isinstance(owner, EnumMeta):
         return nearest(node.attr, owner.__members__)
     close = near(node.attr, _public(owner))
     if close:
         return close
     if isinstance(node.value, ast.Name) and node.value.id == "self":
+        if "TaskType." in _source(trace):
+            return f"define it in the class: def {node.attr}(self, task, task_id): ..."
         return f"set it in __init__, before it is used: {ast.unparse(node)} = ..."
     return nearest(node.attr, _public(owner), "it has")
 
@@ -130,7 +146,13 @@ def _of_type(error: Any, trace: TracebackType | None) -> str:
         if "task_handlers" in line or "TaskType." in line:
             name = ast.unparse(node.func)
             return f"leave out the brackets: {name}, not {ast.unparse(node)}; the node calls the handler itself."
-        return f"give them: {ast.unparse(node.func)}(...) needs what stands in its def."
+        if "Endpoint.__init__" in said or "Loop.__init__" in said:
+            return "super().__init__(factory, parent, name)."
+        return f"give them: {ast.unparse(node.func)}{_signature(_value(node.func, trace))}."
+    if "object.__init__() takes" in said:
+        return "name the class that it builds on: class Mine(Endpoint), class MyFactory(EndpointFactory)."
+    if "method' object is not subscriptable" in said and isinstance(node, ast.Subscript):
+        return f"call it, with round brackets: {ast.unparse(node.value)}({ast.unparse(node.slice)})."
     if "positional argument" in said or "keyword argument" in said:
         return "compare the call with the def: as many arguments, in this order, after self."
     if "not callable" in said:
@@ -155,6 +177,14 @@ def _of_file(error: Any, trace: object) -> str:
     return "look at its path: it counts from the folder in which you started the program."
 
 
+def _of_method(error: object, trace: object) -> str:
+    return "write that method in the class; its name has to be spelt like this."
+
+
+def _of_value(error: object, trace: object) -> str:
+    return "look at the value that is named: it has the right kind, and cannot be used for this."
+
+
 def _of_recursion(error: object, trace: object) -> str:
     return "a function calls itself without an end: return before that in some case."
 
@@ -171,6 +201,8 @@ _WORDS: dict[type[BaseException], Callable[[Any, TracebackType | None], str]] = 
     ZeroDivisionError: _of_zero,
     FileNotFoundError: _of_file,
     RecursionError: _of_recursion,
+    NotImplementedError: _of_method,
+    ValueError: _of_value,
 }
 
 
@@ -178,6 +210,13 @@ def near(name: str, known: Iterable[str]) -> str:
     """Returns a question that offers the nearest name, or nothing: there may be too many to list."""
     close = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.7)
     return f"did you mean '{close[0]}'?" if close else ""
+
+
+def _signature(function: Any) -> str:
+    try:
+        return str(inspect.signature(function))
+    except (TypeError, ValueError):
+        return "(...) needs what stands in its def"
 
 
 def _public(owner: object) -> list[str]:

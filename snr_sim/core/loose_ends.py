@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Iterable, Iterator, Mapping
 
 from snr_sim.core.authors import Author, authors_of, place_of_attribute
-from snr_sim.core.blame import is_content
+from snr_sim.core.blame import is_content, place_of
 from snr_sim.core.component import CORE_NAME
 from snr_sim.core.datastore import PREVIOUS, Datastore
 from snr_sim.core.endpoint import Endpoint
@@ -95,6 +95,11 @@ def without_handlers(components: Mapping[str, Component], seen: Seen | None = No
     for component in components.values():
         is_idle = isinstance(component, Endpoint) and not component.task_handlers and component.name not in called
         if is_idle and all(getattr(type(component), step) is getattr(Endpoint, step) for step in _STEPS):
+            begins = difflib.get_close_matches("__init__", vars(type(component)), n=1, cutoff=0.8)
+            if begins and begins[0] != "__init__":
+                place = place_of(getattr(component, begins[0]))
+                yield f"{place}{NEXT_LINE}Endpoint '{component.name}' has no handlers; did you mean '__init__'?"
+                continue
             close = difflib.get_close_matches("task_handlers", [one for one in vars(component) if one[0] != "_"], n=1)
             place = place_of_attribute(component, close[0]) if close else None
             yield (

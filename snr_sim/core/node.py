@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from snr_sim.core.ages import age_s
-from snr_sim.core.blame import describe_error, place_of, put_place_first, without_addresses
+from snr_sim.core.blame import describe_error, place_of, place_of_class, put_place_first, without_addresses
 from snr_sim.core.clocks import SimClock, WallClock
 from snr_sim.core.config import Config
 from snr_sim.core.datastore import PREVIOUS, Datastore
@@ -157,7 +157,7 @@ class Node(NodeMembers):
             raise
         except (Exception, SystemExit) as error:
             what = f"while {name}.get() made a component of role '{self.role}'"
-            raise ConfigError(describe_error(error, what)) from error
+            raise ConfigError(describe_error(error, what, place_of_class(type(factory)))) from error
         wanted: type[Endpoint | Loop] = Endpoint if isinstance(factory, EndpointFactory) else Loop
         a_wanted = f"{'an' if wanted is Endpoint else 'a'} {wanted.__name__}"
         if not isinstance(component, wanted):

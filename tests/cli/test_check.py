@@ -145,3 +145,13 @@ def test_what_goes_wrong_in_the_same_way_in_several_cases_is_told_once(lab: Path
     told = snr("check", "doubling", lab / "starter").out
     assert "x Doubles. (case 2)\n" in told
     assert "x Doubles. (case 3)\n" in told
+
+
+@pytest.mark.slow
+def test_what_can_be_seen_in_the_files_is_told_with_its_line(here: Path, lab: Path, snr: Any) -> None:
+    (here / "mine.py").write_text(FALLS.replace("return self.store_data_task", "self.store_data_task"))
+    answer = snr("check", "doubling")
+    place, words, fix = answer.err.splitlines()[:3]
+    assert place.startswith("note: mine.py, line ")
+    assert words.startswith("  on_radar() of Coast makes a task there and drops it")
+    assert fix.startswith("  Try: return self.store_data_task(")
