@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 from contextlib import suppress
 from typing import TYPE_CHECKING, Protocol
 
+from snr_sim.core.blame import place_now
 from snr_sim.core.clocks import SimClock
 from snr_sim.prelude.errors import ClockError, ComponentFailed
 
@@ -229,7 +231,10 @@ class ThreadBacking:
             # From when it was asked, not from now: so many loops that hang cost the time of one.
             self._thread.join(max(self._give_up_s - self._clock.now_s(), 0.0))
         if self._thread.is_alive():
+            frame = sys._current_frames().get(self._thread.ident)
+            place = None if frame is None else place_now(frame)
             self._halt_once()
             self._loop.parent.note(
-                f"Loop '{self._loop.name}' did not end within {JOIN_TIMEOUT_S} s: something in its loop() blocks."
+                f"Loop '{self._loop.name}' did not end within {JOIN_TIMEOUT_S} s: something in its loop() blocks"
+                f"{'' if place is None else f' ({place})'}."
             )

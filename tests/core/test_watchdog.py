@@ -199,7 +199,7 @@ def bring(count: int) -> Callable[[Looks, Node, int], object]:
     return at_look
 
 
-def test_a_node_that_falls_behind_is_told_with_what_waits_who_brings_it_and_who_works() -> None:
+def test_a_node_that_falls_behind_is_told_with_what_waits_who_brings_it_and_works() -> None:
     told = overloaded(bring(1000), 1.5)
     (said,) = [one for one in told if "tasks wait" in one]
     assert said.startswith("2000 tasks wait in node 'robot_node', the oldest for about 1.0 s: they come faster")
@@ -268,7 +268,7 @@ def test_a_run_that_stands_still_is_interrupted_at_its_limit(runner: str, capfd:
 
 
 @pytest.mark.wall_clock
-def test_a_handler_that_sleeps_a_little_each_time_is_told_once_as_where_the_time_goes(
+def test_a_handler_that_sleeps_a_little_each_time_is_told_once_with_its_line(
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     def doze(task: Task, task_id: Any) -> None:
