@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -16,7 +17,7 @@ from snr_sim.core.last_resort import LastResort
 from snr_sim.core.overload import SAMPLES
 from snr_sim.core.standstill import SLOW_LOOKS
 from snr_sim.core.watchdog import LOOK_S, Watchdog
-from snr_sim.prelude.errors import ComponentFailed, ConfigError
+from snr_sim.prelude.errors import ComponentFailed, ConfigError, SnrError
 from snr_sim.program import program_header
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.testing.parts import PartFactory, TickerFactory
@@ -335,3 +336,15 @@ def test_snr_run_ends_a_run_that_stands_still_and_names_the_line(kind: str, tmp_
         assert not any("the run was ended" in note for note in result["notes"])
     else:
         assert "After 2 s the process was ended." in ended.stderr
+
+
+@pytest.mark.parametrize("error", [RuntimeError("can't start new thread"), SnrError("A graded program has one.")])
+def test_a_run_goes_on_where_no_thread_is_to_be_had(error: Exception, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(thread: threading.Thread) -> None:
+        raise error
+
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    node = Node("test", Config(factories={"test": []}), clock=SimClock())
+    with Watchdog([node]):
+        node.begin()
+    node.end()

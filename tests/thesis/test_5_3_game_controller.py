@@ -163,7 +163,8 @@ def play(*readings: PadReading | Exception) -> tuple[list[ThrustCommand], Node, 
     sensor, actuator, switched = FakeSensor(readings), motors(), list[float]()
     wiring = components(lambda: sensor, lambda: actuator)
     wiring["topside"].append(StopwatchEndpointFactory(switched, [(TaskType.event, "lights")]))
-    runner = SimRunner(Config(factories=wiring), until_s=(len(readings) - 1) / RATE_HZ + 0.04)
+    # What crosses the link at a tick is written at the next one.
+    runner = SimRunner(Config(factories=wiring), until_s=len(readings) / RATE_HZ + 0.001)
     runner.run()
     return actuator.written, runner.nodes["topside"], switched
 
