@@ -66,7 +66,7 @@ def replay_node(
     """
     name = f"{role}_node"
     records = [record for record in trace.records if getattr(record, "node", None) == name]
-    tolerances = [*tolerances, Tolerance.parse(UNCOMPARED)]
+    tolerances = [*tolerances, *map(Tolerance.parse, UNCOMPARED)]
     checker = Checker(name, records, trace.header.commands.get(name, []), tolerances)
     clock = ReplayClock()
     node = Node(role, config, clock=clock, recorder=checker, seed=trace.header.seed, is_replay=True)

@@ -191,7 +191,8 @@ def test_rollback_of_handler_and_of_loop_replays_identically_and_with_check(tmp_
     counts = [count for _, count in pages(trace, "pilot thrust")]
     assert counts == list(range(1, len(counts) + 1))
     assert len(counts) > 10
-    replayed = snr(tmp_path, "replay", trace.path.parent, "--check")
+    (tmp_path / "elsewhere").mkdir()
+    replayed = snr(tmp_path / "elsewhere", "replay", trace.path.parent, "--check")
     assert replayed.stdout.startswith("identical: "), replayed.stdout + replayed.stderr
     mended = snr(tmp_path, "replay", trace.path.parent, "--with", "robot.py")
     assert mended.returncode == 1
