@@ -18,6 +18,7 @@ from snr_sim.plants.plausible import check_number, check_vector, checked_matrix,
 from snr_sim.plants.vehicle import Matrix, Six, Thruster, Vector, Vehicle
 from snr_sim.prelude.errors import ParameterError, nearest
 from snr_sim.prelude.sums import ordered_sum
+from snr_sim.prelude.water import FRESH_KGM3, GRAVITY_MPS2
 from snr_sim.prelude.wrench import AXES, lacking_axes
 
 FLIP = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])  # from FRD to FLU and back
@@ -61,7 +62,7 @@ def read_vehicle(path: Path | str) -> Vehicle:
     try:
         vehicle = _vehicle(path.stem, data)
         # What cannot be trimmed is told where it stands, not when it is put into water.
-        vehicle.trimmed(1000.0, 9.81)
+        vehicle.trimmed(FRESH_KGM3, GRAVITY_MPS2)
         _check_upright(vehicle)
         _check_drag(vehicle)
         _check_lacks(vehicle, _lacks(data))
