@@ -17,6 +17,7 @@ from snr_sim.core.clocks import SimClock
 from snr_sim.core.config import Config
 from snr_sim.core.node import Node
 from snr_sim.core.runners import SimRunner
+from snr_sim.core.said import hearing
 from snr_sim.plants.stepping import Stepper
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ConfigError, SnrError
@@ -106,7 +107,8 @@ class Flight:
         try:
             if self._truth is not None:
                 self._truth.look(0.0)
-            self._runner.run()
+            with hearing(self.nodes):
+                self._runner.run()
         except SnrError as failure:
             error = str(failure)
         except KeyboardInterrupt as stop:

@@ -14,6 +14,7 @@ from snr_sim.core.config import Config
 from snr_sim.core.interrupts import orderly
 from snr_sim.core.lockstep import LockStep
 from snr_sim.core.node import Node
+from snr_sim.core.said import hearing
 from snr_sim.core.sources import file_of
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import RoleName
@@ -116,7 +117,7 @@ def _record(
     if has_node is not None:
         has_node(node)
     try:
-        with library.keeping(folder, _files_of(Path(program).resolve())), orderly([node]):
+        with library.keeping(folder, _files_of(Path(program).resolve())), orderly([node]), hearing([node]):
             if isinstance(clock, SimClock):
                 LockStep([node], clock, until_s=until_s).run()
             else:

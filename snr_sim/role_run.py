@@ -16,6 +16,7 @@ from snr_sim.core.clocks import WallClock
 from snr_sim.core.config import Config
 from snr_sim.core.interrupts import orderly
 from snr_sim.core.node import Node
+from snr_sim.core.said import hearing
 from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
 from snr_sim.flight import Referee, Result, TruthLog, metrics_of, why_of
 from snr_sim.plants.realtime import RealTimePlant
@@ -154,7 +155,7 @@ class RoleRun:
         limit.daemon = True
         limit.start()
         try:
-            with orderly(self.nodes) as more:
+            with hearing(self.nodes), orderly(self.nodes) as more:
                 try:
                     self._node.loop()
                 finally:

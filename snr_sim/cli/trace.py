@@ -12,7 +12,7 @@ import typer
 if TYPE_CHECKING:
     from snr_sim.recording.records import Record
 
-KINDS = ("begin", "input", "task", "page", "truth", "error", "end")
+KINDS = ("begin", "input", "task", "page", "truth", "error", "said", "end")
 
 
 def trace(
@@ -51,13 +51,15 @@ def trace(
 
 
 def _line(record: Record, kind: str) -> str:
-    from snr_sim.recording.records import BeginRecord, EndRecord, ErrorRecord, InputRecord, TruthRecord
+    from snr_sim.recording.records import BeginRecord, EndRecord, ErrorRecord, InputRecord, SaidRecord, TruthRecord
 
     head = f"{record.seq:>7} {record.t:>10.4f} {kind:<6}"
     if isinstance(record, TruthRecord):
         return f"{head} " + " ".join(f"{key}={value:.6g}" for key, value in record.values.items())
     if isinstance(record, ErrorRecord):
         return f"{head} {record.node} {record.component}: {record.message}"
+    if isinstance(record, SaidRecord):
+        return f"{head} {record.node} {record.component} {record.level}: {record.text}"
     if isinstance(record, EndRecord):
         return f"{head} {record.node} {record.reason} {record.summary}"
     if isinstance(record, BeginRecord):

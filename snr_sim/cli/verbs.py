@@ -37,7 +37,7 @@ VERBS = {
         "Replay a run and compare.", ("snr replay --check", "snr replay runs/lander_pad-3-... --with ./mine.py")
     ),
     "resim": Verb("Simulate a run again, plant and all.", ("snr resim runs/lander_pad-3-... --with ./mine.py",)),
-    "trace": Verb("Print the records of a run.", ("snr trace --kind page --name engine", "snr trace --kind print")),
+    "trace": Verb("Print the records of a run.", ("snr trace --kind page --name engine", "snr trace --kind said")),
     "view": Verb("Show a run in rerun.", ("snr view --web", "snr view runs/lander_pad-3-... --png landing.png")),
     "compare": Verb("Compare two runs of one robot.", ("snr compare", "snr compare runs/sim runs/real --shift auto")),
     "list": Verb("List what there is to run.", ("snr list scenarios",), module="listing"),

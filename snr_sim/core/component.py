@@ -120,6 +120,22 @@ class NodeComponent(ComponentMembers):
         return rng_for(self.parent.chance, self.name)
 
     @cached_property
-    def log(self) -> logging.Logger:
-        """A logger named after node and component."""
-        return logging.getLogger(f"snr.{self.parent.name}.{self.name}")
+    def log(self) -> ComponentLog:
+        """A logger named after node and component; from INFO up it also writes into the trace of a recorded run."""
+        return ComponentLog(logging.getLogger(f"snr.{self.parent.name}.{self.name}"), self)
+
+
+class ComponentLog(logging.LoggerAdapter[logging.Logger]):
+    """A component's logger: what it says is recorded, whether or not it is shown."""
+
+    def __init__(self, logger: logging.Logger, component: NodeComponent) -> None:
+        super().__init__(logger, {})
+        self._component = component
+
+    def log(self, level: int, msg: object, *args: object, **options: Any) -> None:
+        """Record and show a message; the other methods call this one."""
+        if level >= logging.INFO:
+            text = str(msg) % args if args else str(msg)
+            self._component.parent.said(self._component.name, logging.getLevelName(level), f"{text}\n")
+        options["stacklevel"] = options.get("stacklevel", 1) + 1
+        super().log(level, msg, *args, **options)

@@ -240,6 +240,17 @@ class Node(NodeMembers):
         for component in self.components.values():
             self._begin(component, self.machine.begin_component)
 
+    def said(self, component: str, level: str, text: str) -> None:
+        """Have a text recorded that a component has printed or logged; from any thread.
+
+        Args:
+            component: its name.
+            level: PRINT, INFO, WARNING, ...
+            text: with its line ends; what follows the last one waits for the rest.
+        """
+        if self._recorder is not None:
+            self._recorder.said(self.get_time_s(), component, level, text)
+
     def _begin(self, component: Component, begin: Callable[[Component], None]) -> None:
         self._begun.append(component)
         try:

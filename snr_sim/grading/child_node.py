@@ -26,6 +26,7 @@ from snr_sim.grading.typed_pages import TypedPages
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.task import Task
 
+MAX_SAID_CHARS = 100_000  # of what is printed and logged in one step
 _AUTHORS_STEPS = ("begin", "join", "halt", "terminate")
 
 
@@ -88,6 +89,8 @@ class ChildNode(Node):
         machine.scheduled = []
         self.machine: CollectingMachine = machine
         self._told_notes = 0
+        self._said: list[tuple[str, str, str]] = []
+        self._said_chars = 0
         self._typed = TypedPages()
 
     def handlers_changed(self) -> None:
@@ -95,9 +98,16 @@ class ChildNode(Node):
         super().handlers_changed()
         self.have_handlers_changed = True
 
+    def said(self, component: str, level: str, text: str) -> None:
+        """Keeps what a component prints and logs for the grader's trace, up to a bound for each step."""
+        self._said_chars += len(text)
+        if self._said_chars <= MAX_SAID_CHARS:
+            self._said.append((component, level, text.encode(errors="backslashreplace").decode()))
+
     def add(self, factory: AnyFactory) -> Made:
         """Makes a component; returns what the grader needs to know of it."""
         component = self.make(factory)
+        self._said, self._said_chars = [], 0  # a trace holds nothing of before its first record
         self._add(component, len(self.components))
         kind: type[Any] = Loop if isinstance(component, Loop) else Endpoint
         steps = [step for step in _AUTHORS_STEPS if getattr(type(component), step) is not getattr(kind, step)]
@@ -210,7 +220,8 @@ class ChildNode(Node):
         self._told_notes = len(self.notes)
         missed = [key for key in self.datastore.missed if isinstance(key, str)]
         self.datastore.missed.clear()
-        return {"entered": entered, "handlers": handlers, "notes": notes, "missed": missed}
+        said, self._said, self._said_chars = self._said, [], 0
+        return {"entered": entered, "handlers": handlers, "notes": notes, "missed": missed, "said": said}
 
 
 def in_words(error: BaseException, begins: Any) -> tuple[str, str]:

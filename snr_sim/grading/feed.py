@@ -244,6 +244,9 @@ class Ledger:
     def error(self, now_s: float, component: str, message: str) -> None:
         """Keeps nothing: whoever runs the node is told."""
 
+    def said(self, now_s: float, component: str, level: str, text: str) -> None:
+        """Keeps nothing: what the student's program prints is kept by who runs it."""
+
     def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:
         """Keeps nothing."""
 

@@ -98,12 +98,17 @@ class Step(msgspec.Struct, frozen=True):
 
 
 class Told(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """What is told after every step: what entered through the door, new handlers, notes, pages asked for in vain."""
+    """What is told after every step: what entered through the door, new handlers, notes, pages asked for in vain.
+
+    Args:
+        said: what components have printed and logged: component, level, text.
+    """
 
     entered: list[tuple[msgspec.Raw, str]] = []
     handlers: dict[str, list[HandlerRow]] | None = None
     notes: list[str] = []
     missed: list[str] = []
+    said: list[tuple[str, str, str]] = []
 
 
 class Returned(Told, frozen=True, omit_defaults=True):

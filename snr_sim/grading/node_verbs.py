@@ -13,6 +13,7 @@ from snr_sim import library
 from snr_sim.controller import factories_of
 from snr_sim.core.config import AnyFactory
 from snr_sim.core.loop import LoopFactory
+from snr_sim.core.said import Heard
 from snr_sim.grading.child import Child
 from snr_sim.grading.child_limits import TookTooLong
 from snr_sim.grading.child_node import ChildNode, in_words
@@ -34,6 +35,7 @@ class NodeVerbs:
         self._child = child
         self._factories: list[AnyFactory] = []
         self._nodes: dict[str, ChildNode] = {}
+        sys.stdout = Heard(sys.stdout, self._nodes.values())
         self._folders = {SUBMISSION: Path.cwd()}
         child.verbs |= {
             "load": self.load,

@@ -19,6 +19,7 @@ import msgspec
 
 from snr_sim.core.datastore import PREVIOUS
 from snr_sim.core.node import Node
+from snr_sim.core.said import LEVELS
 from snr_sim.grading.admission import Admission
 from snr_sim.grading.child_process import ChildProcess
 from snr_sim.grading.endings import misbehaved
@@ -195,11 +196,14 @@ class Remote:
             (task,) = self.admission.tasks([raw], node, source)
             node.enter(task, source)
         for name, rows in (told.handlers or {}).items():
-            component = node.components.get(name)
-            if isinstance(component, RemoteEndpoint):
-                component.task_handlers = component.handlers_of(rows)
+            changed = node.components.get(name)
+            if isinstance(changed, RemoteEndpoint):
+                changed.task_handlers = changed.handlers_of(rows)
         for note in self.admission.notes(told.notes):
             node.note(note)
+        for component, level, text in told.said:
+            if component in self.names and level in LEVELS:
+                node.said(component, level, text)
         for key in self.admission.missed(told.missed):
             node.datastore.missed[key] = None
 

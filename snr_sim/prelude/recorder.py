@@ -38,6 +38,10 @@ class NodeRecorder(Protocol):
         """Takes down what went wrong in a component, just now."""
         ...
 
+    def said(self, now_s: float, component: str, level: str, text: str) -> None:
+        """Keeps what a component prints or logs, to be taken down after what it does now; from any thread."""
+        ...
+
     def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:
         """Takes down that the node has ended, and why."""
         ...

@@ -193,6 +193,9 @@ class Checker:
     def error(self, now_s: float, component: str, message: str) -> None:
         """A replay reports failures through `raised`."""
 
+    def said(self, now_s: float, component: str, level: str, text: str) -> None:
+        """Nothing to compare: what is said changes nothing."""
+
     def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:
         """Nothing to compare: counts follow from the tasks."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,8 @@ from snr_sim.prelude.recorder import Handled, Ticket
 from snr_sim.prelude.task import Task, TaskType
 from snr_sim.prelude.values import MARK, encode_value
 from snr_sim.recording.records import (
+    MAX_SAID_CHARS,
+    MAX_SAID_LINES,
     BeginRecord,
     By,
     EndRecord,
@@ -22,6 +25,7 @@ from snr_sim.recording.records import (
     PageLine,
     RepeatLine,
     Returned,
+    SaidRecord,
     TaskLine,
 )
 from snr_sim.recording.references import CORE_STORES
@@ -31,6 +35,7 @@ if TYPE_CHECKING:
 
 _encode = msgspec.json.Encoder().encode
 _NO_VALUES = b"[]"
+MAX_SAID_AT_ONCE = 100_000  # characters of one `print`
 _PROCESS_DATA = TaskType.process_data
 _STORE_PAGE = TaskType.store_page  # looked up once: in Python 3.11 a member of an Enum takes 0.1 us to find
 
@@ -42,6 +47,9 @@ class NodeTrace:
         self._writer = writer
         self._node = node
         self._newest = 0  # seq of this node's newest record
+        self._said: deque[tuple[float, str, str, str]] = deque()  # when, component, level, text
+        self._begun_lines: dict[tuple[str, str], str] = {}  # since its last line end, by component and level
+        self._said_lines = 0
 
     def begun(self, now_s: float, component: str, scheduled: Sequence[Task]) -> list[Ticket]:
         """Takes down what a component scheduled in `begin`."""
@@ -49,10 +57,13 @@ class NodeTrace:
         tickets: list[Ticket] = []
         returned = self._returned(scheduled, seq, now_s, tickets)
         self._writer.put(now_s, _encode(BeginRecord(seq, now_s, self._node, component, returned)))
+        self._write_said(now_s)
         return tickets
 
     def input(self, now_s: float, source: str, task: Task) -> Ticket:
         """Takes down a task that entered through the door."""
+        if self._said:
+            self._write_said(now_s)
         seq = self._next_seq()
         told = told_of(task)
         line: InputRecord | RepeatLine
@@ -74,6 +85,8 @@ class NodeTrace:
         if task.type is not _STORE_PAGE:
             by = [By(label[0], label[1], self._returned(outputs, seq, now_s, tickets)) for label, outputs in handled]
             writer.put(now_s, _encode(TaskLine(seq, cause, nth, time_s, by)))
+            if self._said:
+                self._write_said(now_s)
             return tickets
         process = process_of(task, handled)
         if process is not None:
@@ -81,7 +94,41 @@ class NodeTrace:
             handled = handled[1:]
         by = [By(label[0], label[1], self._returned(outputs, seq, now_s, tickets)) for label, outputs in handled]
         writer.put(now_s, _encode(PageLine(seq, cause, nth, time_s, process, by)))
+        if self._said:
+            self._write_said(now_s)
         return tickets
+
+    def said(self, now_s: float, component: str, level: str, text: str) -> None:
+        """Keeps what a component prints or logs until its task is taken down; from any thread.
+
+        What is said before the node's first record, as when components are made, is in no trace.
+        """
+        if self._newest and self._said_lines <= MAX_SAID_LINES and len(self._said) < 4 * MAX_SAID_LINES:
+            self._said.append((now_s, component, level, text[:MAX_SAID_AT_ONCE]))
+
+    def _write_said(self, now_s: float, is_end: bool = False) -> None:
+        """Takes down what was said, line by line."""
+        while self._said:
+            said_s, component, level, text = self._said.popleft()
+            *lines, rest = (self._begun_lines.pop((component, level), "") + text).split("\n")
+            if rest:
+                self._begun_lines[component, level] = rest[:MAX_SAID_CHARS]
+            for line in lines:
+                self._write_line(said_s, component, level, line)
+        if is_end:
+            for (component, level), line in self._begun_lines.items():
+                self._write_line(now_s, component, level, line)
+
+    def _write_line(self, now_s: float, component: str, level: str, line: str) -> None:
+        self._said_lines += 1
+        if self._said_lines > MAX_SAID_LINES + 1:
+            return
+        if self._said_lines > MAX_SAID_LINES:
+            level, line = "WARNING", f"what is printed and logged after {MAX_SAID_LINES} lines is not recorded"
+        text = line[:MAX_SAID_CHARS].encode(errors="backslashreplace").decode()
+        cause = self._newest
+        record = SaidRecord(self._next_seq(), now_s, self._node, cause, component, level, text)
+        self._writer.put(now_s, _encode(record))
 
     def error(self, now_s: float, component: str, message: str) -> None:
         """Takes down what went wrong in a component, just now."""
@@ -90,6 +137,7 @@ class NodeTrace:
 
     def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:
         """Takes down that the node has ended, and why."""
+        self._write_said(now_s, is_end=True)
         self._writer.put(now_s, _encode(EndRecord(self._next_seq(), now_s, self._node, reason, summary)))
 
     def _next_seq(self) -> int:

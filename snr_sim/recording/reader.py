@@ -21,6 +21,7 @@ from snr_sim.recording.records import (
     Opening,
     PageRecord,
     Record,
+    SaidRecord,
     TaskRecord,
     decode_beginning,
     decode_line,
@@ -148,7 +149,7 @@ def _check_text(path: Path, lines: Sequence[bytes]) -> None:
 
 def _check_values(path: Path, records: Sequence[Record]) -> None:
     for record in records:
-        if isinstance(record, ErrorRecord) and record.cause >= record.seq:
+        if isinstance(record, (ErrorRecord, SaidRecord)) and record.cause >= record.seq:
             raise TraceError(f"{path}: the cause of record {record.seq} does not come before it.", fix=_DAMAGED)
         if any(bytes(values)[:1] != b"[" for values in _values_in(record)):
             raise TraceError(f"{path}: record {record.seq} has values that are no list.", fix=_DAMAGED)

@@ -22,6 +22,8 @@ from typing import Annotated, Any, Final, TypeAlias
 import msgspec
 
 SCHEMA: Final = 3
+MAX_SAID_CHARS = 2_000  # of a line that was printed or logged
+MAX_SAID_LINES = 10_000  # of a node
 
 Count: TypeAlias = Annotated[int, msgspec.Meta(ge=0)]
 Seq: TypeAlias = Annotated[int, msgspec.Meta(ge=1)]
@@ -229,6 +231,23 @@ class ErrorRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_f
     message: str
 
 
+class SaidRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="said"):
+    """A line that a component printed or logged; `cause` is the seq of the node's record before, as of an error.
+
+    Args:
+        level: PRINT, or INFO, WARNING and so on of its log.
+        text: without the line end, at most `MAX_SAID_CHARS`.
+    """
+
+    seq: Seq
+    t: float
+    node: str
+    cause: Seq
+    component: str
+    level: str
+    text: str
+
+
 class EndRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="end"):
     """A node has ended: why, and its counts."""
 
@@ -240,8 +259,12 @@ class EndRecord(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_fie
 
 
 Executed: TypeAlias = TaskRecord | PageRecord
-Record: TypeAlias = InputRecord | TaskRecord | PageRecord | TruthRecord | BeginRecord | ErrorRecord | EndRecord
-Line: TypeAlias = InputRecord | RepeatLine | TaskLine | PageLine | TruthRecord | BeginRecord | ErrorRecord | EndRecord
+Record: TypeAlias = (
+    InputRecord | TaskRecord | PageRecord | TruthRecord | BeginRecord | ErrorRecord | SaidRecord | EndRecord
+)
+Line: TypeAlias = (
+    InputRecord | RepeatLine | TaskLine | PageLine | TruthRecord | BeginRecord | ErrorRecord | SaidRecord | EndRecord
+)
 
 _encode = msgspec.json.Encoder().encode
 decode_beginning = msgspec.json.Decoder(Opening | Header).decode

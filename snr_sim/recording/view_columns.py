@@ -29,6 +29,7 @@ from snr_sim.recording.records import (
     PageRecord,
     Record,
     Returned,
+    SaidRecord,
     TaskRecord,
     TruthRecord,
 )
@@ -138,7 +139,7 @@ class Batch:
                 self._sources[record.seq] = record.source
             elif isinstance(record, TruthRecord):
                 self.truths.append(record)
-            elif isinstance(record, (BeginRecord, EndRecord, ErrorRecord)):
+            elif isinstance(record, (BeginRecord, EndRecord, ErrorRecord, SaidRecord)):
                 self._events.setdefault(record.node, []).append(record)
 
     def clear(self) -> None:
@@ -146,7 +147,7 @@ class Batch:
         self.truths: list[TruthRecord] = []
         self._pages: dict[tuple[str, str], list[PageRecord]] = {}
         self._executed: dict[str, list[Executed]] = {}
-        self._events: dict[str, list[BeginRecord | EndRecord | ErrorRecord]] = {}
+        self._events: dict[str, list[BeginRecord | EndRecord | ErrorRecord | SaidRecord]] = {}
         for seq in list(self._sources)[:-INPUTS_REMEMBERED]:
             del self._sources[seq]
 
@@ -262,7 +263,9 @@ def _tasks(returned: Sequence[Returned]) -> str:
     return ", ".join([f"{task.type} {task.name}" for task in returned])
 
 
-def _event(record: BeginRecord | EndRecord | ErrorRecord) -> tuple[str, str]:
+def _event(record: BeginRecord | EndRecord | ErrorRecord | SaidRecord) -> tuple[str, str]:
+    if isinstance(record, SaidRecord):
+        return f"{record.component}: {record.text}", "INFO" if record.level == "PRINT" else record.level
     if isinstance(record, ErrorRecord):
         return f"{record.component}: {record.message}", "ERROR"
     if isinstance(record, BeginRecord):

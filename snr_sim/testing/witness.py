@@ -12,7 +12,8 @@ from snr_sim.prelude.task import Task
 class Witness:
     """Keeps the promise of Recorder, and that of NodeRecorder for each node.
 
-    After a run: `inputs` as (source, task), `handled` as (task, what each handler returned), `errors`, `ends`.
+    After a run: `inputs` as (source, task), `handled` as (task, what each handler returned), `errors`,
+    `sayings`, `ends`.
     """
 
     def __init__(self) -> None:
@@ -21,6 +22,7 @@ class Witness:
         self.handled: list[tuple[Task, list[Handled]]] = []
         self.causes: list[int] = []  # of each handled task: the number of the record that brought it
         self.errors: list[tuple[str, str]] = []
+        self.sayings: list[tuple[str, str, str]] = []
         self.ends: list[tuple[str, dict[str, Any]]] = []
         self._seq = 0
 
@@ -47,6 +49,10 @@ class Witness:
     def error(self, now_s: float, component: str, message: str) -> None:
         """Keeps what went wrong."""
         self.errors.append((component, message))
+
+    def said(self, now_s: float, component: str, level: str, text: str) -> None:
+        """Keeps what a component logs, or prints."""
+        self.sayings.append((component, level, text))
 
     def end(self, now_s: float, reason: str, summary: dict[str, Any]) -> None:
         """Keeps why a node ended."""

@@ -9,6 +9,7 @@ from snr_sim.flight import fly_recorded
 from snr_sim.grading.student import Student
 from snr_sim.grading.verdicts import LabFault
 from snr_sim.recording.reader import read_trace
+from snr_sim.recording.records import SaidRecord
 from snr_sim.recording.trace import FILE_NAME
 from snr_sim.simulation import Request, prepare
 
@@ -71,6 +72,8 @@ class Part(Endpoint):
             return None
         noise = self.rng.random(3)
         self.log.info("noise")
+        print("a line", end="")
+        print(" in two")
         command = {"throttle": float(GAIN * abs(noise[0]))}
         return [tasks.event("drawn", [noise, np.float32(0.1)]), self.store_data_task("engine", command)]
 
@@ -105,6 +108,8 @@ def test_whatever_a_component_does_it_does_alike_in_a_flight(tmp_path: Path) -> 
     assert flown.folder is not None
     run = Request("lander_vertical", seed=11, controller=str(submission / "everything.py"))
     assert flown.trace.digest == digest_of_run(tmp_path, run)
+    said = {(one.component, one.level, one.text) for one in flown.trace.records if isinstance(one, SaidRecord)}
+    assert said == {("one", "INFO", "noise"), ("one", "PRINT", "a line in two")}
     assert len(flown.pages("tick")) == 41
     assert len(flown.pages("heard_two")) > 5
     assert any("never_stored" in note for note in flown.notes)

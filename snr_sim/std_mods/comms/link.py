@@ -14,6 +14,7 @@ from typing import Any
 from snr_sim.core.ages import LINK_PREFIX
 from snr_sim.core.authors import who_stored
 from snr_sim.core.clocks import SimClock
+from snr_sim.core.component import ComponentLog
 from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
@@ -60,7 +61,7 @@ class Misfits:
         log: where the first of other nodes is told.
     """
 
-    def __init__(self, node: Node, link: str, log: logging.Logger) -> None:
+    def __init__(self, node: Node, link: str, log: logging.Logger | ComponentLog) -> None:
         self._node = node
         self._link = link
         self._log = log

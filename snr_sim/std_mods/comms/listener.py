@@ -8,6 +8,8 @@ import socket
 from contextlib import suppress
 from typing import Any
 
+from snr_sim.core.component import ComponentLog
+
 PAUSE_S = 0.5
 
 
@@ -22,7 +24,11 @@ class Listener:
     """
 
     def __init__(
-        self, sock: socket.socket, selector: selectors.BaseSelector, log: logging.Logger, data: Any = None
+        self,
+        sock: socket.socket,
+        selector: selectors.BaseSelector,
+        log: logging.Logger | ComponentLog,
+        data: Any = None,
     ) -> None:
         self.sock = sock
         self._selector = selector

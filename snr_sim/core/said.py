@@ -1,0 +1,80 @@
+"""What components print and log, for the recorder: `print` and `self.log` in a handler, a loop or anything they call.
+
+Who prints is known by who calls: the innermost method of a component, or the machine that has called a handler which is
+no method. So nothing is kept while nobody prints, and what a thread prints is its loop's.
+"""
+
+from __future__ import annotations
+
+import io
+import sys
+from collections.abc import Container, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+from snr_sim.core.component import NodeComponent
+from snr_sim.core.machine import EventMachine
+
+if TYPE_CHECKING:
+    from snr_sim.core.node import Node
+
+
+LEVELS = ("PRINT", "INFO", "WARNING", "ERROR", "CRITICAL")
+
+
+@contextmanager
+def hearing(nodes: Container[Node]) -> Iterator[None]:
+    """Have the recorders of these nodes take down what their components print meanwhile.
+
+    Args:
+        nodes: of the run.
+    """
+    before = sys.stdout
+    sys.stdout = Heard(before, nodes)
+    try:
+        yield
+    finally:
+        sys.stdout = before
+
+
+class Heard(io.TextIOBase):
+    """Passes on what is written, and tells the node of the component that writes."""
+
+    def __init__(self, target: Any, nodes: Container[Node]) -> None:
+        self._target = target
+        self._nodes = nodes
+
+    def write(self, text: str) -> int:
+        """Pass it on."""
+        written = int(self._target.write(text))
+        component = _speaker(sys._getframe(1))
+        if component is not None and component.parent in self._nodes:
+            component.parent.said(component.name, "PRINT", text)
+        return written
+
+    def flush(self) -> None:
+        """Pass it on."""
+        self._target.flush()
+
+    def close(self) -> None:
+        """Leave everything open: the stream is only lent."""
+
+    def fileno(self) -> int:
+        """Return the descriptor, as some libraries ask for it."""
+        return int(self._target.fileno())
+
+    def isatty(self) -> bool:
+        """Return whether it is a terminal."""
+        return bool(self._target.isatty())
+
+
+def _speaker(frame: FrameType | None) -> NodeComponent | None:
+    while frame is not None:
+        owner = frame.f_locals.get("self") if "self" in frame.f_code.co_varnames else None
+        if isinstance(owner, EventMachine):  # it has called a handler that is no method
+            owner = owner.running
+        if isinstance(owner, NodeComponent):
+            return owner
+        frame = frame.f_back
+    return None

@@ -1,0 +1,142 @@
+"""What components print and log stands in the trace, in order, bounded, and changes nothing of a replay."""
+
+import logging
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim import Config, SimClock, TaskType, WallClock, tasks
+from snr_sim.program import record_program
+from snr_sim.recording import node_trace
+from snr_sim.recording.reader import read_trace
+from snr_sim.recording.records import MAX_SAID_CHARS, Record, SaidRecord
+from snr_sim.recording.replay import replay_node
+from snr_sim.recording.trace import FILE_NAME
+from snr_sim.testing.parts import PartFactory, TickerFactory
+
+
+def recorded(tmp_path: Path, config: Config, clock: Any = None) -> list[Record]:
+    folder = record_program("r", config, __file__, tmp_path, clock=clock or SimClock())
+    return read_trace(folder / FILE_NAME).records
+
+
+def said(records: list[Record]) -> list[tuple[str, str, str]]:
+    return [(one.component, one.level, one.text) for one in records if isinstance(one, SaidRecord)]
+
+
+def saying(words: Any) -> Config:
+    """One component that handles one event by saying something."""
+
+    class Part(PartFactory):
+        def get(self, parent: Any) -> Any:
+            part = super().get(parent)
+            part.task_handlers = {(TaskType.event, "start"): lambda task, task_id: words(part)}
+            part.begin = lambda: part.schedule(tasks.event("start"))
+            return part
+
+    return Config(factories={"r": [Part({})]})
+
+
+def helper(words: str) -> None:
+    print("one", words, sep="\n", end="")
+    print(" and the rest")
+
+
+def test_prints_and_logs_of_a_loop_are_recorded_with_its_name_and_its_time(tmp_path: Path) -> None:
+    def loop(loop: Any) -> None:
+        helper(f"tick {loop.get_time_s():g}")
+        loop.log.debug("not this")
+        loop.log.info("at %s", "work")
+        loop.log.warning("soon over")
+        if loop.get_time_s() >= 0.1:
+            loop.schedule(tasks.terminate("done"))
+
+    records = recorded(tmp_path, Config(factories={"r": [TickerFactory(loop, "x", 10.0)]}))
+    of_one = ("x", "PRINT", "one"), ("x", "INFO", "at work"), ("x", "WARNING", "soon over")
+    assert said(records)[:4] == [of_one[0], ("x", "PRINT", "tick 0 and the rest"), *of_one[1:]]
+    assert said(records)[4:] == [of_one[0], ("x", "PRINT", "tick 0.1 and the rest"), *of_one[1:]]
+    assert {one.t for one in records if isinstance(one, SaidRecord)} == {0.0, 0.1}
+    assert all(one.cause < one.seq for one in records if isinstance(one, SaidRecord))
+
+
+def test_what_is_not_ended_by_a_line_end_is_recorded_at_the_end(tmp_path: Path) -> None:
+    def words(part: Any) -> None:
+        print("no line end", end="")
+
+    records = recorded(tmp_path, saying(words))
+    assert said(records) == [("part", "PRINT", "no line end")]
+    assert records[-1].seq == records[-2].seq + 1
+
+
+def test_print_still_reaches_the_terminal_and_of_others_nothing_is_recorded(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def words(part: Any) -> None:
+        logging.getLogger("other").warning("of a library")
+        print("hello")
+
+    records = recorded(tmp_path, saying(words))
+    assert capsys.readouterr().out == "hello\n"
+    assert said(records) == [("part", "PRINT", "hello")]  # also by a handler that is no method
+
+
+def test_a_print_of_a_method_is_the_components_and_of_a_second_run_the_same(tmp_path: Path) -> None:
+    def loop(loop: Any) -> None:
+        print("half \udc80 a character", "x" * 5000)
+        loop.schedule(tasks.terminate("done"))
+
+    digests = []
+    for name in ("a", "b"):
+        folder = record_program(
+            "r", Config(factories={"r": [TickerFactory(loop, "x", 10.0)]}), __file__, tmp_path / name, clock=SimClock()
+        )
+        trace = read_trace(folder / FILE_NAME)
+        digests.append(trace.digest)
+        ((component, _, text),) = said(trace.records)
+        assert component == "x"
+        assert text.startswith("half \\udc80 a character x")
+        assert len(text) <= MAX_SAID_CHARS + len("\\udc80")
+    assert digests[0] == digests[1]
+
+
+def test_lines_of_a_node_are_bounded_and_that_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(node_trace, "MAX_SAID_LINES", 20)
+
+    def loop(loop: Any) -> None:
+        for number in range(50):
+            loop.log.info("%d", number)
+        if loop.get_time_s() >= 0.3:
+            loop.schedule(tasks.terminate("done"))
+
+    lines = said(recorded(tmp_path, Config(factories={"r": [TickerFactory(loop, "x", 10.0)]})))
+    assert [text for _, _, text in lines[:20]] == [str(number) for number in range(20)]
+    assert lines[20:] == [("x", "WARNING", "what is printed and logged after 20 lines is not recorded")]
+
+
+@pytest.mark.slow
+def test_a_loop_on_its_thread_is_recorded_by_the_nodes_thread(tmp_path: Path) -> None:
+    def loop(loop: Any) -> None:
+        print("from a thread")
+        if loop.get_time_s() > 0.2:
+            loop.schedule(tasks.terminate("done"))
+
+    lines = said(recorded(tmp_path, Config(factories={"r": [TickerFactory(loop, "x", 50.0)]}), WallClock()))
+    assert set(lines) == {("x", "PRINT", "from a thread")}
+    assert len(lines) >= 2
+
+
+def test_a_replay_goes_its_way_whatever_is_printed(tmp_path: Path) -> None:
+    prints = [True]
+
+    def words(part: Any) -> Any:
+        if prints[0]:
+            part.log.info("only in the first run")
+        return tasks.event("next")
+
+    config = saying(words)
+    folder = record_program("r", config, __file__, tmp_path, clock=SimClock())
+    trace = read_trace(folder / FILE_NAME)
+    assert said(trace.records) == [("part", "INFO", "only in the first run")]
+    prints[0] = False
+    assert replay_node(trace, "r", config).is_identical
