@@ -231,8 +231,7 @@ def test_snapshot_restores_in_place_what_attributes_hold() -> None:
     assert list(inner.weights) == [0.0, 0.0, 0.0]  # type: ignore[attr-defined]
 
 
-def test_handler_that_answers_a_removed_component_is_not_called() -> None:
-    """The probation's own wrapper is only there after a reload: without one a lookup calls handlers directly."""
+def test_handlers_that_are_not_on_probation_are_called_directly() -> None:
     handlers: dict[Any, Any] = {(TaskType.event, "fly"): lambda task, task_id: None}
     node, _ = run([PartFactory(handlers)], [fly])
     ((_, handler, _, _),) = node.machine.lookup.find(Task(TaskType.event, "fly"))
