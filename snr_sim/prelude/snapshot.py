@@ -57,18 +57,19 @@ def snapshot(value: Any, objects: list[Any]) -> Any:
 
 
 def _snapshot_of_other(value: Any, objects: list[Any]) -> Any:
+    kind = type(value)  # and not isinstance: that asks the object itself, whose answer may be an exception
     numpy = sys.modules.get("numpy")
-    if numpy is not None and isinstance(value, (numpy.ndarray, numpy.generic)):
-        return value.copy() if isinstance(value, numpy.ndarray) else value
-    if isinstance(value, (bool, int, float, str, bytes, frozenset, Enum)):
+    if numpy is not None and issubclass(kind, (numpy.ndarray, numpy.generic)):
+        return value.copy() if issubclass(kind, numpy.ndarray) else value
+    if issubclass(kind, (int, float, str, bytes, frozenset, Enum)):
         return value
-    if isinstance(value, (dict, list, set, bytearray)):  # also of a class of its own, which the copy has
+    if issubclass(kind, (dict, list, set, bytearray)):  # also of a class of its own, which the copy has
         return _snapshot_of_container(value, objects)
-    if isinstance(value, tuple) and hasattr(value, "_make"):
-        return value._make([snapshot(item, objects) for item in value])
-    if isinstance(value, msgspec.Struct):
+    if issubclass(kind, tuple) and hasattr(kind, "_make"):
+        return kind._make([snapshot(item, objects) for item in value])
+    if issubclass(kind, msgspec.Struct):
         return _with_fields(value, value.__struct_fields__, msgspec.structs.force_setattr, objects)
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+    if dataclasses.is_dataclass(kind):
         return _with_fields(value, [one.name for one in dataclasses.fields(value)], object.__setattr__, objects)
     objects.append(value)
     return value

@@ -210,7 +210,7 @@ def is_of_program(value: Any) -> bool:
     """Returns whether an object is no data but a part of the program: of a class of the kit's, or made from one."""
     kind = type(value)
     is_record = hasattr(kind, "__struct_fields__") or hasattr(kind, "__dataclass_fields__")
-    if is_record or isinstance(value, BaseException):
+    if is_record or issubclass(kind, BaseException):
         return False
     return any(base.__module__.startswith(_KIT) for base in kind.__mro__)
 

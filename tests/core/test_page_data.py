@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from snr_sim import Config, Node, SimClock, SimRunner, SomeTasks, Task, TaskType, tasks
+from snr_sim import Config, ListReplayerFactory, Node, SimClock, SimRunner, SomeTasks, Task, TaskType, tasks
 from snr_sim.prelude.errors import ComponentFailed
 from snr_sim.prelude.page import KINDS
 from snr_sim.prelude.values import decode_value
@@ -173,6 +173,12 @@ def test_an_object_in_a_page_is_noted_once_with_page_class_place_and_line(tmp_pa
     (end,) = (one for one in trace.records if isinstance(one, EndRecord))
     assert end.summary["notes"] == node.notes
     assert trace.path.read_bytes().count(b'"fields":{"held":{"$":"tuple","v":[1.5]}}') == 3
+
+
+def test_an_object_that_a_part_of_the_kit_passes_on_blames_no_line_of_the_program(tmp_path: Path) -> None:
+    node, trace = recorded(tmp_path, [ListReplayerFactory([Plan(1.5), 2.0], "x", exit_when_done=True)])
+    assert node.notes == []
+    assert b'"fields":{"held":{"$":"tuple","v":[1.5]}}' in trace.path.read_bytes()
 
 
 def test_a_list_that_contains_itself_is_noted_with_its_line() -> None:
