@@ -8,10 +8,12 @@ from functools import cached_property
 from types import GenericAlias, ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from snr_sim.core.page_data import data_of_page
 from snr_sim.core.thesis_members import ComponentMembers
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.retired import Retired
 from snr_sim.prelude.rng import rng_for
+from snr_sim.prelude.snapshot import IMMUTABLE
 from snr_sim.prelude.task import SomeTasks, Task, TaskType
 
 if TYPE_CHECKING:
@@ -79,8 +81,9 @@ class NodeComponent(ComponentMembers):
         raise NotImplementedError
 
     def page(self, key: DataKey, data: Any, process: bool = True) -> Page:
-        """Returns a page made by this node, now."""
-        return Page(key, data, self.parent.name, self.get_time_s(), process)
+        """Returns a page made by this node, now, of the data as they are now: see `Node.page`."""
+        kept = data if type(data) in IMMUTABLE else data_of_page(self.parent, key, data)
+        return Page(key, kept, self.parent.name, self.get_time_s(), process)
 
     def store_page(self, page: Page) -> None:
         """Queues the task that stores a page."""

@@ -21,6 +21,7 @@ from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.loose_ends import loose_ends
 from snr_sim.core.machine import EventMachine, HandlerFailed, as_tasks
 from snr_sim.core.node_core import NodeCore
+from snr_sim.core.page_data import data_of_page
 from snr_sim.core.recording_machine import RecordingMachine
 from snr_sim.core.sources import being_read
 from snr_sim.core.thesis_members import NodeMembers
@@ -99,6 +100,7 @@ class Node(NodeMembers):
         self.components: dict[str, Component] = {}  # a new dict after each change at run time: threads read it
         self.exit_reason: str | None = None
         self.notes: list[str] = []
+        self.objects_noted: set[tuple[DataKey, type]] = set()  # that pages hold and that are no data: noted once
         latch = None if isinstance(self.clock, SimClock) else self.clock.now_s
         lookup = Lookup(self.components, self.profiler)
         self._recorder = recorder.for_node(self.name) if recorder is not None else None
@@ -481,8 +483,15 @@ class Node(NodeMembers):
     # Data
 
     def page(self, key: DataKey, data: Any, process: bool = True) -> Page:
-        """Returns a page made by this node, now."""
-        return Page(key, data, self.name, self.get_time_s(), process)
+        """Returns a page made by this node, now, of the data as they are now.
+
+        Dicts, lists, arrays and dataclasses are copied, so what their owner does with them later does not change the
+        page. An object of another class is noted at the end of the run, with the line that stored it.
+
+        Raises:
+            TaskError: a part of the program, such as an endpoint, stands where data belong.
+        """
+        return Page(key, data_of_page(self, key, data), self.name, self.get_time_s(), process)
 
     def store_page(self, page: Page) -> None:
         """Queues the task that stores a page."""

@@ -17,6 +17,7 @@ from snr_sim.devices.sensor_errors import SensorErrors
 from snr_sim.devices.simulated import SimSensor
 from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
 from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.snapshot import snapshot
 
 # Axis, right and down of the picture, body frame. Looking down, what is ahead is at the top.
 LOOKS = {
@@ -141,8 +142,9 @@ class CameraLoop(SensorLoop):
     """Stores `{field: value}` of the newest picture, which stays an array."""
 
     def data_of(self, reading: CameraReading) -> dict[str, Any]:
-        """Returns what the page of a picture holds."""
-        return msgspec.structs.asdict(reading)
+        """Returns what the page of a picture holds: a copy, as a camera may use its array again."""
+        data: dict[str, Any] = snapshot(msgspec.structs.asdict(reading), [])
+        return data
 
 
 def _turned(attitude: list[float], way: tuple[float, float, float]) -> tuple[float, float, float]:

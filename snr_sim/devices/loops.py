@@ -19,6 +19,7 @@ from snr_sim.prelude.device import Actuator, Device, Sensor, Stale
 from snr_sim.prelude.errors import CommandError, DeviceError
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.promises import keeps
+from snr_sim.prelude.task import Task
 
 STALE_NOTES = 5  # a loose plug is not told of for ever
 
@@ -96,10 +97,11 @@ class SensorLoop(Loop):
         if self._is_stale:
             self._is_stale = False
             self._say("answers again")
-        self.store_data(factory.key, self.data_of(reading), factory.process)
+        data = self.data_of(reading)  # made here, so that no snapshot is needed
+        self.schedule(Task.store_page(Page(factory.key, data, self.parent.name, self.get_time_s(), factory.process)))
 
     def data_of(self, reading: Any) -> dict[str, Any]:
-        """Returns what the page of a reading holds."""
+        """Returns what the page of a reading holds, with lists and arrays of its own."""
         data: dict[str, Any] = msgspec.to_builtins(reading)
         return data
 

@@ -21,7 +21,9 @@ class Page(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MA
 
     Args:
         key: the page's name in the datastore.
-        data: plain JSON types and numpy arrays survive recording and links exactly.
+        data: plain JSON types and numpy arrays survive recording and links exactly. A component's `page` and
+            `store_data` copy them, so that a page does not change with its owner's list; a page that is made
+            directly keeps what it is given.
         origin: name of the node that made it.
         created_at_s: node time when it was made.
         process: whether a `process_data` task follows once it is stored.

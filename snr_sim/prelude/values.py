@@ -40,6 +40,7 @@ _decode = msgspec.json.Decoder().decode
 NO_JSON = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)
 
 MARK = "$"
+_KIT = "snr_sim."
 _MARK_BYTES = b'"$":'  # inside a JSON string the quotes would be escaped, so this is always a key
 _NOT_FINITE = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf}
 _HEX_INT = re.compile(r"-?0x[0-9a-f]+")
@@ -163,6 +164,8 @@ def _marked_object(value: Any) -> Any:
     if isinstance(value, (type, ModuleType)):  # what they hold is code; of a module its file tells, whoever runs it
         name = value.__qualname__ if isinstance(value, type) else Path(value.__file__ or value.__name__).stem
         return {MARK: "object", "type": f"builtins.{type(value).__name__}", "fields": {"name": name}}
+    if isinstance(value, (dict, list)):  # a class on top of one; what is plain in it was written in the fast way
+        return _marked(dict(value) if isinstance(value, dict) else list(value))
     config = getattr(type(value), "__struct_config__", None)
     if config is not None:
         if config.tag_field == MARK and config.tag == "page":
@@ -185,7 +188,14 @@ def _marked_page(page: Any) -> Any:
 
 
 def _attributes(value: Any) -> dict[str, Any]:
-    """What an object holds, whether it keeps it in a dict or in slots; an array of objects, as a list."""
+    """What an object holds, whether it keeps it in a dict or in slots; an array of objects, as a list.
+
+    Of a part of the program its name alone: from an endpoint one comes to all there is.
+    """
+    if is_of_program(value):
+        return {"name": getattr(value, "name", "")}
+    if isinstance(value, tuple) and hasattr(value, "_asdict"):
+        return dict(value._asdict())
     if hasattr(value, "dtype") and hasattr(value, "tolist"):
         return {"dtype": str(value.dtype), "values": value.tolist()}
     kept = dict(getattr(value, "__dict__", {}))
@@ -194,6 +204,15 @@ def _attributes(value: Any) -> dict[str, Any]:
         names = (slots,) if isinstance(slots, str) else slots
         kept |= {name: getattr(value, name) for name in names if name[:2] != "__" and hasattr(value, name)}
     return kept
+
+
+def is_of_program(value: Any) -> bool:
+    """Returns whether an object is no data but a part of the program: of a class of the kit's, or made from one."""
+    kind = type(value)
+    is_record = hasattr(kind, "__struct_fields__") or hasattr(kind, "__dataclass_fields__")
+    if is_record or issubclass(kind, BaseException):
+        return False
+    return any(base.__module__.startswith(_KIT) for base in kind.__mro__)
 
 
 def _plain_parent(value: Any) -> Any:

@@ -1,0 +1,86 @@
+"""What a page holds: data, as they were when it was made. Parts of the program are refused, other objects noted."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+from snr_sim.core.blame import Place, is_student_file, place_now
+from snr_sim.prelude.errors import TaskError
+from snr_sim.prelude.page import DataKey
+from snr_sim.prelude.snapshot import IMMUTABLE, snapshot
+from snr_sim.prelude.values import is_of_program
+
+if TYPE_CHECKING:
+    from snr_sim.core.node import Node
+
+_CORE = Path(__file__).parent
+_FIX = "store numbers, text, lists, dicts, numpy arrays, or dataclasses of these."
+
+
+def data_of_page(node: Node, key: DataKey, data: Any) -> Any:
+    """Returns data as a page of a node keeps them: a copy, which later changes of the original do not reach.
+
+    An object of another class stays what it is, and is noted once with the line that stores it.
+
+    Raises:
+        TaskError: a part of the program, such as an endpoint, stands where data belong.
+    """
+    if type(data) in IMMUTABLE:
+        return data
+    objects: list[Any] = []
+    try:
+        kept = snapshot(data, objects)
+    except RecursionError:
+        objects, kept = [data], data
+    for one in objects:
+        _check(node, key, data, one)
+    return kept
+
+
+def _check(node: Node, key: DataKey, data: Any, found: Any) -> None:
+    kind, is_refused = type(found), is_of_program(found)
+    if not is_refused and (key, kind) in node.objects_noted:
+        return
+    named = f"'{found.name}' of class" if is_refused and hasattr(found, "name") else "an object of class"
+    where = next(_paths_to(found, data, "data"), "data")
+    what = f"Page '{key}' holds {named} {kind.__qualname__} ({where})"
+    if is_refused:
+        raise TaskError(f"{what}, which is a part of the program and not data.", fix=_FIX)
+    node.objects_noted.add((key, kind))
+    trouble = (
+        "it contains itself or is nested too deeply, so it is not recorded, and a later change of it changes the page"
+        if found is data and kind in (dict, list, tuple)
+        else "it is recorded for people to read, a later change of it changes the page, and it can neither cross a "
+        "link nor be an input of a replay"
+    )
+    place = _storing_line()
+    if place is not None:  # what a part of the kit passes on was given to it by somebody who knows no page
+        node.note(f"{place}\n  {what}: {trouble}.\n  Try: {_FIX}")
+
+
+def _storing_line() -> Place | None:
+    """Returns the student's line that stores a page, or None if a part of the kit does."""
+    frame: FrameType | None = sys._getframe()
+    while frame is not None and Path(frame.f_code.co_filename).parent == _CORE:
+        frame = frame.f_back
+    return place_now(frame) if frame is not None and is_student_file(frame.f_code.co_filename) else None
+
+
+def _paths_to(found: Any, value: Any, path: str) -> Iterator[str]:
+    """Yields where an object is in data, as its author would write it."""
+    kind = type(value)
+    if value is found:
+        yield path
+    elif issubclass(kind, dict):
+        for key, item in value.items():
+            yield from _paths_to(found, item, f"{path}[{key!r}]")
+    elif issubclass(kind, (list, tuple)):
+        for i, item in enumerate(value):
+            yield from _paths_to(found, item, f"{path}[{i}]")
+    else:
+        for name in getattr(kind, "__struct_fields__", ()) or getattr(kind, "__dataclass_fields__", ()):
+            yield from _paths_to(found, getattr(value, name), f"{path}.{name}")
