@@ -19,7 +19,7 @@ class LoggingMembers:
     """Short ways to `log`: a message, and what its `%s` stand for."""
 
     @property
-    def log(self) -> logging.Logger:
+    def log(self) -> logging.Logger | logging.LoggerAdapter[logging.Logger]:
         """The logger."""
         raise NotImplementedError
 
