@@ -246,9 +246,9 @@ class LoopNode(Node):
         logger.setLevel(begin["log_level"])
         logger.propagate = False
 
-    def note(self, text: str) -> None:
+    def note(self, text: str, lines: str = "") -> None:
         """Sends a remark to the node."""
-        self._speaker.say("note", text)
+        self._speaker.say("note", lines + text)
 
 
 class LineHandler(logging.Handler):

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import TypeAlias
 
 from snr_sim.core.authors import Author, authors_of, place_of_attribute
 from snr_sim.core.blame import is_content, place_of
@@ -19,24 +20,30 @@ from snr_sim.prelude.task import TaskName, TaskType
 
 _STEPS = ("begin", "join", "halt", "terminate")
 NEXT_LINE = "\n  "
+Find: TypeAlias = Callable[[DataKey, Iterable[Component]], "list[Author]"]
 Seen = Mapping[TaskType, Mapping[TaskName, tuple[Entry, ...]]]
 
 
-def loose_ends(components: Mapping[str, Component], seen: Seen, datastore: Datastore) -> list[str]:
+def loose_ends(
+    components: Mapping[str, Component], seen: Seen, datastore: Datastore, find: Find | None = None
+) -> list[str]:
     """Returns a sentence for each, with the nearest known name.
 
     Args:
         components: of the node.
         seen: every task id that came by, with who handled it.
         datastore: knows which pages were asked for in vain.
+        find: returns a student's lines that name a key; those of the components' code if not given. A trace says none:
+            a graded flight, whose components are in another process, leaves the same.
     """
+    find = find or own_authors
     # The node's own endpoint waits for whatever may be asked of a node, and nothing of it has to come.
     of_the_robot = {name: component for name, component in components.items() if name != CORE_NAME}
     return [
         *_unhandled(of_the_robot, seen),
-        *_never_called(of_the_robot, seen, datastore),
-        *without_handlers(of_the_robot, seen),
-        *_never_stored(of_the_robot, datastore),
+        *_never_called(of_the_robot, seen, datastore, find),
+        *without_handlers(of_the_robot, seen, is_placed=find is own_authors),
+        *_never_stored(of_the_robot, datastore, find),
         *_named_as_previous(datastore),
     ]
 
@@ -51,7 +58,7 @@ def _unhandled(components: Mapping[str, Component], seen: Seen) -> Iterator[str]
                 yield f"Nobody handled {describe((kind, name))}; {nearest(name, known, 'handlers wait for')}"
 
 
-def _never_called(components: Mapping[str, Component], seen: Seen, datastore: Datastore) -> Iterator[str]:
+def _never_called(components: Mapping[str, Component], seen: Seen, datastore: Datastore, find: Find) -> Iterator[str]:
     for component in components.values():
         for task_id in component.task_handlers:
             if (
@@ -61,7 +68,7 @@ def _never_called(components: Mapping[str, Component], seen: Seen, datastore: Da
                 and task_id[1] != RECORDING_KEY
             ):
                 kind, name = task_id
-                line = _line_of(name, [component])
+                line = _line_of(find(name, [component]))
                 if kind is TaskType.process_data and name in datastore.pages:
                     yield (
                         f"{line}'{component.name}' waits for {describe(task_id)}, which never came: that page was "
@@ -69,38 +76,44 @@ def _never_called(components: Mapping[str, Component], seen: Seen, datastore: Da
                     )
                     continue
                 verb = "sent" if kind is TaskType.event else "stored" if kind is not TaskType.reload else "asked for"
-                near = _same_or_nearest(name, kind, seen, components, verb)
+                near = _same_or_nearest(name, kind, seen, lambda key: find(key, components.values()), verb)
                 yield f"{line}'{component.name}' waits for {describe(task_id)}, which nobody {verb}; {near}"
 
 
-def _same_or_nearest(name: TaskName, kind: TaskType, seen: Seen, components: Mapping[str, Component], verb: str) -> str:
+def _same_or_nearest(
+    name: TaskName, kind: TaskType, seen: Seen, find: Callable[[DataKey], list[Author]], verb: str
+) -> str:
     """Offers the nearest name, unless that is as likely to be the misspelt one: nobody waits for it either."""
     close = difflib.get_close_matches(name, seen[kind], n=1, cutoff=0.5)
-    is_ours = bool(close) and (kind is TaskType.event or any(map(_stores, _authors(close[0], components.values()))))
+    is_ours = bool(close) and (kind is TaskType.event or any(map(_stores, find(close[0]))))
     if not (is_ours and not seen[kind][close[0]]):
         return nearest(name, seen[kind], f"{verb} were")
-    place = _line_of(close[0], components.values()).strip()
+    place = _line_of(find(close[0])).strip()
     where = f" ({place})" if place else ""
     return f"'{close[0]}' was {verb}{where}, for which nobody waits: spell both alike."
 
 
-def without_handlers(components: Mapping[str, Component], seen: Seen | None = None) -> Iterator[str]:
+def without_handlers(
+    components: Mapping[str, Component], seen: Seen | None = None, is_placed: bool = True
+) -> Iterator[str]:
     """Yields a sentence for endpoints that do nothing at all; one that only works in `begin`, `halt` or so is well.
 
     Args:
         components: of the node.
         seen: as of `loose_ends`; before a run there is none.
+        is_placed: whether the line to mend is looked for.
     """
     called = {entry[0].name for by_name in (seen or {}).values() for entries in by_name.values() for entry in entries}
     for component in components.values():
         is_idle = isinstance(component, Endpoint) and not component.task_handlers and component.name not in called
         if is_idle and all(getattr(type(component), step) is getattr(Endpoint, step) for step in _STEPS):
             begins = difflib.get_close_matches("__init__", vars(type(component)), n=1, cutoff=0.8)
-            if begins and begins[0] != "__init__":
+            if is_placed and begins and begins[0] != "__init__":
                 place = place_of(getattr(component, begins[0]))
                 yield f"{place}{NEXT_LINE}Endpoint '{component.name}' has no handlers; did you mean '__init__'?"
                 continue
-            close = difflib.get_close_matches("task_handlers", [one for one in vars(component) if one[0] != "_"], n=1)
+            names = [one for one in vars(component) if one[0] != "_"] if is_placed else []
+            close = difflib.get_close_matches("task_handlers", names, n=1)
             place = place_of_attribute(component, close[0]) if close else None
             yield (
                 f"{f'{place}{NEXT_LINE}' if place is not None else ''}"
@@ -109,13 +122,13 @@ def without_handlers(components: Mapping[str, Component], seen: Seen | None = No
             )
 
 
-def _never_stored(components: Mapping[str, Component], datastore: Datastore) -> Iterator[str]:
+def _never_stored(components: Mapping[str, Component], datastore: Datastore, find: Find) -> Iterator[str]:
     for key in datastore.missed:
         if key in datastore.pages or key == RECORDING_KEY:  # which is only there when something is wrong
             continue
-        authors = _authors(str(key), components.values())
+        authors = find(str(key), components.values())
         if not authors:  # the kit asks for it, so its name is right
-            yield _misnamed(str(key), components, datastore)
+            yield _misnamed(str(key), components, datastore, find)
             continue
         unreturned = next((one for one in authors if _is_dropped(one.place.source)), None)
         if unreturned is not None:
@@ -131,12 +144,12 @@ def _never_stored(components: Mapping[str, Component], datastore: Datastore) -> 
         yield f"{authors[0].place}{NEXT_LINE}Page '{key}' was asked for, but nobody stored it; {near}"
 
 
-def _misnamed(key: DataKey, components: Mapping[str, Component], datastore: Datastore) -> str:
+def _misnamed(key: DataKey, components: Mapping[str, Component], datastore: Datastore, find: Find) -> str:
     """Says that a page is missing; a stored one of nearly that name, which nobody waits for, is the misspelt one."""
     waited_for = {task_id[1] for task_id in _ids(components) if isinstance(task_id, tuple)}
     said = f"Page '{key}' was asked for, but nobody stored it"
     for other in difflib.get_close_matches(key, map(str, datastore.pages), n=3, cutoff=0.5):
-        authors = _authors(other, components.values())
+        authors = find(other, components.values())
         if other not in waited_for and authors:
             return (
                 f"{authors[0].place}{NEXT_LINE}Page '{other}' is stored there, and nobody waits for it. "
@@ -154,13 +167,17 @@ def _is_dropped(source: str) -> bool:
     return source.startswith(("self.store_data_task(", "tasks.", "Task("))
 
 
-def _authors(key: DataKey, components: Iterable[Component]) -> list[Author]:
+def own_authors(key: DataKey, components: Iterable[Component]) -> list[Author]:
     """Returns the student's lines that name a key; those of our robots are not theirs to mend."""
     return [one for one in authors_of(key, components) if not is_content(one.place.file)]
 
 
-def _line_of(key: TaskName, components: Iterable[Component]) -> str:
-    authors = _authors(key, components)
+def nobody(key: DataKey, components: Iterable[Component]) -> list[Author]:
+    """Finds no lines."""
+    return []
+
+
+def _line_of(authors: list[Author]) -> str:
     return f"{authors[0].place}{NEXT_LINE}" if authors else ""
 
 

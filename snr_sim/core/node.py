@@ -18,7 +18,7 @@ from snr_sim.core.door import Door
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.handlers import Lookup, check_returns, describe
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.core.loose_ends import loose_ends
+from snr_sim.core.loose_ends import loose_ends, nobody
 from snr_sim.core.machine import EventMachine, HandlerFailed, as_tasks
 from snr_sim.core.node_core import NodeCore
 from snr_sim.core.page_data import data_of_page
@@ -101,6 +101,7 @@ class Node(NodeMembers):
         self.exit_reason: str | None = None
         self.notes: list[str] = []
         self.objects_noted: set[tuple[DataKey, type]] = set()  # that pages hold and that are no data: noted once
+        self._lines: dict[str, str] = {}  # of notes: the student's lines that they are about
         latch = None if isinstance(self.clock, SimClock) else self.clock.now_s
         lookup = Lookup(self.components, self.profiler)
         self._recorder = recorder.for_node(self.name) if recorder is not None else None
@@ -350,13 +351,18 @@ class Node(NodeMembers):
         if isinstance(failure, ComponentFailed) and failure is not error:  # of a loop's thread, perhaps in its halt
             failures.append(failure)
         self._note_overload()
+        of_the_run, told = len(self.notes), list[str]()
         if not self.never_ran:
-            self.notes.extend(loose_ends(self.components, self.machine.lookup.seen(), self.datastore))
+            ends = self.components, self.machine.lookup.seen(), self.datastore
+            self.notes.extend(loose_ends(*ends, nobody))
+            told = loose_ends(*ends)
         for failure in failures:
             self.record_failure(failure)
         self.notes.extend(failure.message for failure in failures[1:])  # the first is raised
         if self._recorder is not None:
             self._recorder.end(self.machine.now_s, self.exit_reason or "", self.summary())
+        self.notes[of_the_run : of_the_run + len(told)] = told  # with the student's lines, which a trace has not
+        self.notes = [self._lines.get(note, "") + note for note in self.notes]
         if failures:
             raise failures[0]
 
@@ -639,9 +645,16 @@ class Node(NodeMembers):
         if self._recorder is not None:
             self._recorder.error(self.machine.now_s, component_name, f"{INTERRUPTED}: {message}")
 
-    def note(self, text: str) -> None:
-        """Keeps a remark for the end of the run, once: what fails again and again must not fill the memory."""
+    def note(self, text: str, lines: str = "") -> None:
+        """Keeps a remark for the end of the run, once: what fails again and again must not fill the memory.
+
+        Args:
+            text: of the remark.
+            lines: the student's lines that it is about, to stand before it when it is told; a trace has them not.
+        """
         remark = without_addresses(text)
+        if lines:
+            self._lines.setdefault(remark, lines)
         if remark in self.notes or len(self.notes) >= MAX_NOTES:
             return
         self.notes.append(remark if len(self.notes) < MAX_NOTES - 1 else "There was more to note, which is left out.")

@@ -227,9 +227,10 @@ class ActuatorLoop(Loop):
                 lines = who_stored(self.factory.key, others)[0]
                 low, high = limits[field]
                 self.parent.note(
-                    f"{lines}Command '{self.factory.key}.{field}' = {_shown(wanted)} is outside {limits[field]} "
+                    f"Command '{self.factory.key}.{field}' = {_shown(wanted)} is outside {limits[field]} "
                     f"and was clamped to {_shown(got)} (said once; t = {self.get_time_s():.2f} s). "
-                    f"Store what is from {low:g} to {high:g}."
+                    f"Store what is from {low:g} to {high:g}.",
+                    lines,
                 )
 
     def halt(self) -> None:

@@ -201,7 +201,10 @@ def test_an_answer_of_another_form_ends_a_flight_with_its_own_hint_whatever_may_
     ("source", "told"),
     [
         ("", "mine.py has no function `factories`"),
-        ("def factories(robot):\n    return 3", "mine.py: factories(robot) returned 3, which is not a list."),
+        (
+            "def factories(robot):\n    return 3",
+            "mine.py, line 1: def factories(robot):\n  factories(robot) returned 3, which is not a list.",
+        ),
         ("def factories(robot):\n    return [3]", "returned a list with 3, which is not a factory."),
         ("def factories():\n    return []", "factories() is called with 1 argument(s)"),
         (CONTROLLER.replace("def get", "def got"), "MineFactory needs a method get"),
