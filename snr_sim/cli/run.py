@@ -78,7 +78,7 @@ def run(
     if show and not show_web:
         from snr_sim.recording.view_server import check_display
 
-        check_display("--web-view")
+        check_display("--view", "--web-view")
     shown: Shown = "browser" if show_web else "window" if show else ""
     is_live = bool(shown) and pace is not None  # a fast run is over before a window is open
     fields, status = record_run(

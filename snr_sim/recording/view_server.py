@@ -58,7 +58,7 @@ def open_view(path: str | Path, web: bool = False, say: Callable[[str], None] | 
     if not path.is_file():
         raise TraceError(f"There is no view at {path}.", fix="snr view RUN makes one of a run.")
     if not web:
-        check_display("snr view RUN --web")
+        check_display("snr view", "snr view RUN --web")
         with tempfile.TemporaryFile() as words:
             _wait_for(_window([str(path)], words), words)
         return
@@ -85,10 +85,11 @@ def live_window(url: str, say: Callable[[str], None]) -> Iterator[None]:
             say(f"{error.message} {error.fix}")
 
 
-def check_display(instead: str) -> None:
+def check_display(asked: str, instead: str) -> None:
     """Refuse a window where there is no screen to open it on.
 
     Args:
+        asked: what opens the window.
         instead: the command that shows the same in a browser.
 
     Raises:
@@ -96,7 +97,7 @@ def check_display(instead: str) -> None:
     """
     if sys.platform == "linux" and not any(os.environ.get(name) for name in _DISPLAYS):
         raise TraceError(
-            f"There is no display to open a window on: neither {' nor '.join(_DISPLAYS)} is set.",
+            f"{asked} opens a window, and there is no display: neither {' nor '.join(_DISPLAYS)} is set.",
             fix=f"{instead} shows it in a browser.",
         )
 

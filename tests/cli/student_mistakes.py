@@ -35,7 +35,6 @@ class Mistake:
         then: of a second one; {run} is the run folder.
         is_before: whether it is told before there is a run.
         elsewhere: the test that tries it, as it needs a process, a port or a disk of its own.
-        waits_for: what is not there yet, so that it cannot be tried.
     """
 
     number: int
@@ -46,7 +45,6 @@ class Mistake:
     then: tuple[str, ...] = ()
     is_before: bool = True
     elsewhere: str = ""
-    waits_for: str = ""
 
 
 def put(*changes: str) -> dict[str, Change]:
@@ -93,7 +91,8 @@ MISTAKES = [
     Mistake(9, "super().__init__ forgotten", ("line 11: ", "Gentle sets task_handlers", "before it has called", "sets task_handlers", r"super\(\).__init__\("),
             put("        super().__init__(factory, parent, name)\n", "")),
     Mistake(11, "time.sleep in a handler", ("line ", "on_radar", "2 s|return", "sleep|not returned", "Try: "),
-            put(RADAR, "        __import__('time').sleep(60.0)\n" + RADAR), is_before=False, waits_for="the watchdog"),
+            put(RADAR, "        __import__('time').sleep(60.0)\n" + RADAR), is_before=False,
+            elsewhere="tests/core/test_watchdog.py::test_a_handler_that_sleeps_a_little_each_time_is_told_once_with_its_line"),
     Mistake(12, "handler without task_id", ("line 12: ", "gentle.on_radar", r"called with \(task, task_id\)", r"takes \(task\)", r"def on_radar\(self, task, task_id\)"),
             put("on_radar(self, task, task_id)", "on_radar(self, task)")),
     Mistake(13, "a handler that is called where it is named", ("line 12: ", r"on_radar\(\)", "self.on_radar, not", "missing 2 required", "leave out the brackets"),
@@ -117,10 +116,11 @@ MISTAKES = [
     Mistake(25, "a handler returns a dict", ("line 18: ", r"on_radar\(\) of Gentle", "not a task", r"returns \{'throttle'", r"store_data_task\("),
             put(COMMAND, 'return {"throttle": 1.0}')),
     Mistake(27, "an object in a page", ("line ", "'mine'", "plain|numbers", "Gentle", "Try: "),
-            put(COMMAND, 'self.store_data("mine", self)\n        ' + COMMAND), is_before=False, waits_for="objects in pages"),
+            put(COMMAND, 'self.store_data("mine", self)\n        ' + COMMAND), is_before=False),
     Mistake(28, "a list that is changed after it was stored", ("line ", "'mine'", "changed|store", "list", "Try: "),
             put(COMMAND, 'self.way = getattr(self, "way", [])\n        self.way.append(1)\n        self.store_data("mine", self.way)\n        ' + COMMAND),
-            is_before=False, waits_for="changed pages"),
+            is_before=False,  # a page keeps what was stored, so nothing is wrong any more
+            elsewhere="tests/core/test_page_data.py::test_a_list_that_grows_is_in_prev_in_trace_and_in_replay_as_it_was_stored"),
     Mistake(29, "import of EndPoint", ("line 1: ", "EndPoint", "'Endpoint'", "cannot import name 'EndPoint'", "did you mean 'Endpoint'"),
             put("import Endpoint,", "import EndPoint,")),
     Mistake(31, "two helpers that import each other", ("two.py, line 1: ", "one", "import each other", "circular import", "into a third file"),
@@ -144,10 +144,10 @@ MISTAKES = [
             elsewhere="tests/std_mods/console/test_command_receiver.py::test_a_port_in_use_is_said_at_the_start_and_everything_halted"),
     Mistake(43, "a full disk", ("", "", "", "", ""), is_before=False,
             elsewhere="tests/cli/test_signals.py::test_a_full_disk_stops_the_run_with_a_sentence_and_a_whole_trace"),
-    Mistake(44, "no display: snr view", ("--web", "snr view", "a display|a browser", "no display", "--web"), words=("view", "runs"), waits_for="snr view without a display"),
-    Mistake(45, "no display: snr run --view", ("--view", "--view", "a display|a browser", "no display", "--web"), words=(*RUN, "--view"), waits_for="snr view without a display"),
+    Mistake(44, "no display: snr view", ("snr view", "window", "a display|a browser", "no display", "--web"), then=("view", "{run}")),
+    Mistake(45, "no display: snr run --view", ("--view", "window", "a display|a browser", "no display", "--web-view"), words=(*RUN, "--view")),
     Mistake(47, "teleoperation without a terminal", ("pilot=hands", "keyboard|keys", "a terminal|a game controller", "no terminal|nobody can steer", "Try: "),
-            words=("run", "urov_teleop", "--option", "pilot=hands"), waits_for="teleoperation"),
+            elsewhere="tests/cli/test_roles.py::test_a_pilot_without_terminal_is_told_that_nobody_can_steer"),
     Mistake(48, "division by zero", ("line 16: ", r"on_radar\(\)", "other than 0", "division by zero", "before you divide"),
             put("-1.0 - 0.05 *", "1.0 / (2 - 2) - 0.05 *"), is_before=False),
     Mistake(49, "task_handlers misspelt", ("line 12: ", "'gentle'", r"self.task_handlers = ", "no handlers", "not self.task_handler\\."),
@@ -158,7 +158,8 @@ MISTAKES = [
             put(COMMAND, "return task"), is_before=False),
     Mistake(53, "throttle 7.0", ("line 18: ", "'engine'", "from 0 to 1", "throttle = 7", "store what is from"),
             put(COMMAND, COMMAND.replace("min(max(throttle, 0.0), 1.0)", "7.0"))),
-    Mistake(55, "a loop() without an end", ("line ", "loop", "return", "not returned", "Try: "), is_before=False, waits_for="the watchdog"),
+    Mistake(55, "a loop() without an end", ("line ", "loop", "return", "not returned", "Try: "), is_before=False,
+            elsewhere="tests/core/test_watchdog.py::test_what_runs_in_begin_in_a_loop_and_in_halt_is_watched_too"),
     Mistake(56, "a misspelt attribute in begin()", ("line 15: ", "'gentle', a Gentle", "set it in __init__|did you mean", "no attribute 'gian'", "Try: "),
             put("    def on_radar", "    def begin(self):\n        self.gain = self.gian\n\n    def on_radar")),
     Mistake(57, "a page that is not there", ("line 16: ", "page 'wind'", "stored are: engine, radar", "'wind'", "Try: "),

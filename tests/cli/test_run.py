@@ -570,7 +570,7 @@ def test_a_view_without_a_display_is_refused_before_the_run(snr: Snr, here: Path
     answer = snr("run", "lander_vertical", "--view", "--speed", speed)
     assert answer.status == 2
     assert answer.err.splitlines() == [
-        "There is no display to open a window on: neither DISPLAY nor WAYLAND_DISPLAY is set.",
+        "--view opens a window, and there is no display: neither DISPLAY nor WAYLAND_DISPLAY is set.",
         "  Try: --web-view shows it in a browser.",
     ]
     assert not list(here.iterdir())

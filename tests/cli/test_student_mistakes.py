@@ -14,7 +14,7 @@ from tests.cli.student_mistakes import GENTLE, MISTAKES, Mistake
 Snr = Callable[..., Any]
 BEGINS = "=== the run begins\n"
 LEAST_MEAN, LEAST_BEFORE = 5.4, 0.6
-TRIED = [one for one in MISTAKES if not (one.elsewhere or one.waits_for)]
+TRIED = [one for one in MISTAKES if not one.elsewhere]
 
 
 @pytest.fixture(autouse=True)
@@ -86,6 +86,12 @@ def test_mistake_is_told_with_line_and_cure(mistake: Mistake, snr: Snr, here: Pa
 def test_three_of_five_mistakes_are_told_before_the_run() -> None:
     assert sum(one.is_before for one in MISTAKES) >= LEAST_BEFORE * len(MISTAKES)
     assert len({one.number for one in MISTAKES}) == len(MISTAKES)
+
+
+@pytest.mark.parametrize("place", [one.elsewhere for one in MISTAKES if "::" in one.elsewhere])
+def test_what_is_tried_elsewhere_is_tried(place: str) -> None:
+    file, _, name = place.partition("::")
+    assert f"def {name}(" in (Path(__file__).parents[2] / file).read_text()
 
 
 def test_mean_of_all_that_are_tried_is_at_least_wanted(

@@ -529,11 +529,11 @@ def test_a_window_without_a_display_is_refused_and_the_browser_named(
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     (tmp_path / "view.rrd").touch()
-    with pytest.raises(TraceError, match="There is no display") as refused:
+    with pytest.raises(TraceError, match="there is no display") as refused:
         view_server.open_view(tmp_path / "view.rrd")
     assert refused.value.fix == "snr view RUN --web shows it in a browser."
     monkeypatch.setenv("WAYLAND_DISPLAY", "wayland-0")
-    view_server.check_display("")
+    view_server.check_display("snr view", "")
 
 
 @pytest.mark.slow
