@@ -7,8 +7,8 @@ The attitude comes of what is measured, with its errors, and of nothing else: a 
 or a thruster's current nearby turns its heading, by the angle that this turns the level field. The filter is ours, as
 the part's own is not published; it runs with each reading, where the part's runs 100 times a second.
 
-[D] data sheet; [M] from memory of the field, not read again; [O] our own choice. The magnetometer tells as often as the
-rest, where the real one is five times slower.
+[D] data sheet; [O] our own choice or estimate. The magnetometer tells as often as the rest, where the real one is five
+times slower.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ BNO055 = SensorErrors(
     wander={
         "rate_radps": Wander(0.05 * _DEG, 300.0),  # what is left of the bias that its fusion takes out [O]
         # What is left after calibration [O]: at rest, up is .05 / 9.81 = 0.3 degrees off, and the heading is known to
-        # 2.5 degrees [M], taken for two standard deviations. In the field of 50 degrees north, 20 uT level and 44 down,
+        # 2.5 degrees [O], taken for two standard deviations. In the field of 50 degrees north, 20 uT level and 44 down,
         # one of them is hypot(.37 / 20, .05 / 9.81 * 44 / 20) = .0216 rad.
         "specific_force_mps2": Wander(0.05),
         "field_ut": Wander(0.37),
