@@ -91,17 +91,18 @@ class ClockBacking:
             self._clock.call_at(self._next_s(), self._tick, self._order)
 
     def _next_s(self) -> float:
-        wanted_s, now_s = self._loop.next_tick_at_s, self._clock.now_s()
-        if wanted_s is not None and wanted_s > now_s:
+        wanted_s = self._loop.next_tick_at_s
+        if wanted_s is None:
+            # A product would drift in the last digits; and equal rates must meet at equal floats.
+            return self._start_s + self.ticks / self._rate_hz
+        now_s = self._clock.now_s()
+        if wanted_s > now_s:
             self._at_once = 0
             return wanted_s
-        if wanted_s is not None:
-            self._at_once += 1
-            if self._at_once > self._loop.parent.config.max_tasks_per_moment:
-                raise self._loop.parent.failure_of(self._loop, _stands_still(wanted_s, self._at_once - 1), "loop")
-            return now_s
-        # A product would drift in the last digits; and equal rates must meet at equal floats.
-        return self._start_s + self.ticks / self._rate_hz
+        self._at_once += 1
+        if self._at_once > self._loop.parent.config.max_tasks_per_moment:
+            raise self._loop.parent.failure_of(self._loop, _stands_still(wanted_s, self._at_once - 1), "loop")
+        return now_s
 
     def hurry(self) -> None:
         """Changes nothing: what was scheduled for a moment is done before the ticks of that moment anyway."""
