@@ -1,6 +1,7 @@
 """The rerun view of a run: the body in its scene, thrust as arrows, plots of truth and belief, tasks as a log.
 
 A view is made from the records of a trace and can be made again from them, so it is never the only copy of anything.
+Angles are in degrees in it, and a depth is negative, named `-depth`, so that it goes down where the vehicle does.
 Everything lies on two timelines: `seq`, the order in which things happened, and `sim_time`.
 
     /world/<name>                          what does not move

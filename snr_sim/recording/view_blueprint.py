@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from colorsys import hsv_to_rgb
 from dataclasses import dataclass, field
+from math import degrees
 from typing import Any
 
 # Endings of names, as STYLE asks for them, and how the unit is written under a plot.
@@ -52,6 +53,7 @@ BELIEF_COLORS = (
 TRUTH_WIDTH, BELIEF_WIDTH = 1.5, 3.5
 GOLDEN_SHARE = 0.618034  # of a turn of hues from one further line to the next: none comes near one before
 IN_DEGREES = {"rad": "°", "rad/s": "°/s"}  # what people read instead
+DEPTH = "depth"
 
 
 @dataclass(frozen=True)
@@ -126,6 +128,22 @@ def name_and_unit(path: Sequence[str]) -> tuple[str, str]:
             part, unit = stem, UNITS[ending]
         words.append(part.replace("_", " "))
     return " ".join(words), unit
+
+
+def shown_as(name: str, unit: str) -> tuple[str, str, float]:
+    """Returns how a number is called in the viewer, its unit there, and by what it is multiplied.
+
+    Angles are in degrees. A depth is negative, because an axis of rerun (0.41) only grows upwards.
+
+    >>> shown_as("imu yaw rate", "rad/s")[:2], shown_as("true depth", "m")
+    (('imu yaw rate', '°/s'), ('true -depth', 'm', -1.0))
+    """
+    if unit in IN_DEGREES:
+        return name, IN_DEGREES[unit], degrees(1.0)
+    head, space, word = name.rpartition(" ")
+    if word == DEPTH and unit == "m":
+        return f"{head}{space}-{word}", unit, -1.0
+    return name, unit, 1.0
 
 
 def color_and_width(line: Line, before: Sequence[Line]) -> tuple[tuple[int, int, int, int], float]:
