@@ -151,6 +151,13 @@ def test_gates_and_the_surface_are_called_by_name_and_the_current_is_told_from_t
     assert "/world/arrows/tether" not in found
 
 
+def test_the_name_of_a_gate_hangs_above_it_and_hides_nothing_of_it(tmp_path: Path) -> None:
+    """It hung from the highest corner, down over the opening: the viewer writes down from there."""
+    found = rows(tmp_path, [truth(1)])
+    assert found["/world/gate_1/label"]["Points3D:positions"] == [[[3.0, 0.0, -0.5]]]
+    assert found["/world/surface/label"]["Points3D:positions"] == [[[5.0, 4.0, 0.0]]]
+
+
 def test_what_the_camera_saw_is_in_it_pixel_by_pixel(tmp_path: Path) -> None:
     images = [np.random.default_rng(k).integers(0, 255, (3, 4, 3), np.uint8) for k in range(3)]
     pages: list[Record] = [page(k + 1, "camera", {"rgb": image, "stamp_s": k}) for k, image in enumerate(images)]
