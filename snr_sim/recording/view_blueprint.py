@@ -90,6 +90,7 @@ class Layout:
         landmarks: corners of what stands in the world and has a name.
         body_size_m: longest edge of the largest body.
         is_in_water: whether there is a surface of water.
+        contents: entities of pages as text, one for each node.
         images: entities of pictures that a camera took.
         changed_flags: entities of what was not always yes, nor always no.
         end_s: time of the last number.
@@ -107,6 +108,7 @@ class Layout:
     landmarks: list[list[float]] = field(default_factory=list)
     body_size_m: float = 1.0
     is_in_water: bool = False
+    contents: list[str] = field(default_factory=list)
     images: list[str] = field(default_factory=list)
     changed_flags: list[str] = field(default_factory=list)
     end_s: float = 0.0
@@ -294,11 +296,19 @@ def _logs(rrb: Any, layout: Layout) -> Any:
     views = [
         rrb.TextLogView(
             name="tasks of " + log.strip("/").replace("/", " "),
-            contents=[f"+ {log}/**", f"- {log}/pages/**"],
+            contents=[f"+ {log}/**", f"- {log}/pages/**", f"- {log}/contents"],
             columns=rrb.TextLogColumns(timeline_columns=["sim_time"], text_log_columns=["LogLevel", "Body"]),
             format_options=rrb.TextLogFormat(monospace_body=True),
         )
         for log in layout.logs
+    ]
+    views += [
+        rrb.TextDocumentView(
+            name="pages of " + entity.strip("/").removesuffix("/contents").replace("/", " "),
+            contents=[f"+ {entity}"],
+            format_options=rrb.archetypes.TextDocumentFormat(monospace=True),
+        )
+        for entity in layout.contents
     ]
     if layout.has_divergences:
         views.insert(0, rrb.TextLogView(name="divergences", contents=["+ /divergences/**"]))

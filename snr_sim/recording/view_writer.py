@@ -20,6 +20,7 @@ from snr_sim.recording.view_blueprint import (
 )
 from snr_sim.recording.view_columns import BROKEN, Batch, LogRows, Series, When
 from snr_sim.recording.view_links import LinkReports, is_of_link
+from snr_sim.recording.view_pages import PageContents
 from snr_sim.recording.view_sender import Sender
 from snr_sim.recording.view_world import World
 
@@ -58,6 +59,7 @@ class Writer:
         self._factors: dict[tuple[str, ...], float] = {}  # of those known, what is shown in other numbers
         self._flags: dict[str, float] = {}
         self._links = LinkReports()
+        self._contents = PageContents()
         self._send_run()
         self._world = World(self._sender, header.scene, self.layout)
 
@@ -74,6 +76,8 @@ class Writer:
         for place, logs in (("tasks", batch.executed()), ("events", batch.events())):
             for node, rows in logs:
                 self._send_log((node, place), rows)
+        for node, when, texts in self._contents.of(batch):
+            self._send_contents(node, when, texts)
         batch.clear()
 
     def blueprint(self, follow_time: bool = False) -> Any:
@@ -191,3 +195,9 @@ class Writer:
         log = self._sender.entity(parts[0])
         if log not in self.layout.logs and not at_top:
             self.layout.logs.append(log)
+
+    def _send_contents(self, node: str, when: When, texts: list[str]) -> None:
+        entity = self._sender.entity(node, "contents")
+        self._sender.send(entity, when, [self._sender.words("TextDocument:text", texts)])
+        if entity not in self.layout.contents:
+            self.layout.contents.append(entity)
