@@ -1,6 +1,7 @@
 """The rerun view of a run: the body in its scene, thrust as arrows, plots of truth and belief, tasks as a log.
 
 A view is made from the records of a trace and can be made again from them, so it is never the only copy of anything.
+Angles are in degrees in it, and a depth is negative, named `-depth`, so that it goes down where the vehicle does.
 Everything lies on two timelines: `seq`, the order in which things happened, and `sim_time`.
 
     /world/<name>                          what does not move
@@ -12,6 +13,7 @@ Everything lies on two timelines: `seq`, the order in which things happened, and
     /world/broken/<arrow>                  where something broken should push
     /truth/<value>, /truth/poses/<body>    what was really so, in float64
     /<node>/pages/<key>/<field>            what the node believed; what its camera saw
+    /<node>/contents                       all its pages as text, once a second: fields, units, when and by whom stored
     /<node>/links/<key>/<field>            pages a second and round trip [ms], out of the page of a link
     /<node>/tasks, /<node>/events          what it did, one line per executed task; begin, errors and end
 
@@ -144,7 +146,8 @@ class LiveView:
     def flush(self) -> None:
         """Sends what has been added. Ten times a second is plenty; raises if nothing takes it in time."""
         self._writer.flush()
-        shown = len(self._writer.layout.lines) + len(self._writer.layout.logs)
+        layout = self._writer.layout
+        shown = len(layout.lines) + len(layout.logs) + len(layout.contents)
         if shown != self._shown:  # something that the layout does not know yet
             self._shown = shown
             self._stream.send_blueprint(self._writer.blueprint(follow_time=True))

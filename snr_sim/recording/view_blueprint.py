@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from colorsys import hsv_to_rgb
 from dataclasses import dataclass, field
+from math import degrees
 from typing import Any
 
 # Endings of names, as STYLE asks for them, and how the unit is written under a plot.
@@ -52,6 +53,7 @@ BELIEF_COLORS = (
 TRUTH_WIDTH, BELIEF_WIDTH = 1.5, 3.5
 GOLDEN_SHARE = 0.618034  # of a turn of hues from one further line to the next: none comes near one before
 IN_DEGREES = {"rad": "°", "rad/s": "°/s"}  # what people read instead
+DEPTH = "depth"
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,7 @@ class Layout:
         landmarks: corners of what stands in the world and has a name.
         body_size_m: longest edge of the largest body.
         is_in_water: whether there is a surface of water.
+        contents: entities of pages as text, one for each node.
         images: entities of pictures that a camera took.
         changed_flags: entities of what was not always yes, nor always no.
         end_s: time of the last number.
@@ -105,6 +108,7 @@ class Layout:
     landmarks: list[list[float]] = field(default_factory=list)
     body_size_m: float = 1.0
     is_in_water: bool = False
+    contents: list[str] = field(default_factory=list)
     images: list[str] = field(default_factory=list)
     changed_flags: list[str] = field(default_factory=list)
     end_s: float = 0.0
@@ -126,6 +130,22 @@ def name_and_unit(path: Sequence[str]) -> tuple[str, str]:
             part, unit = stem, UNITS[ending]
         words.append(part.replace("_", " "))
     return " ".join(words), unit
+
+
+def shown_as(name: str, unit: str) -> tuple[str, str, float]:
+    """Returns how a number is called in the viewer, its unit there, and by what it is multiplied.
+
+    Angles are in degrees. A depth is negative, because an axis of rerun (0.41) only grows upwards.
+
+    >>> shown_as("imu yaw rate", "rad/s")[:2], shown_as("true depth", "m")
+    (('imu yaw rate', '°/s'), ('true -depth', 'm', -1.0))
+    """
+    if unit in IN_DEGREES:
+        return name, IN_DEGREES[unit], degrees(1.0)
+    head, space, word = name.rpartition(" ")
+    if word == DEPTH and unit == "m":
+        return f"{head}{space}-{word}", unit, -1.0
+    return name, unit, 1.0
 
 
 def color_and_width(line: Line, before: Sequence[Line]) -> tuple[tuple[int, int, int, int], float]:
@@ -276,11 +296,19 @@ def _logs(rrb: Any, layout: Layout) -> Any:
     views = [
         rrb.TextLogView(
             name="tasks of " + log.strip("/").replace("/", " "),
-            contents=[f"+ {log}/**", f"- {log}/pages/**"],
+            contents=[f"+ {log}/**", f"- {log}/pages/**", f"- {log}/contents"],
             columns=rrb.TextLogColumns(timeline_columns=["sim_time"], text_log_columns=["LogLevel", "Body"]),
             format_options=rrb.TextLogFormat(monospace_body=True),
         )
         for log in layout.logs
+    ]
+    views += [
+        rrb.TextDocumentView(
+            name="pages of " + entity.strip("/").removesuffix("/contents").replace("/", " "),
+            contents=[f"+ {entity}"],
+            format_options=rrb.archetypes.TextDocumentFormat(monospace=True),
+        )
+        for entity in layout.contents
     ]
     if layout.has_divergences:
         views.insert(0, rrb.TextLogView(name="divergences", contents=["+ /divergences/**"]))

@@ -6,10 +6,11 @@ done a column at a time, and a lot if it is done a row at a time, so nothing her
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
-from operator import itemgetter
+from operator import attrgetter, itemgetter
 from typing import Any, TypeAlias
 
 import msgspec
@@ -177,10 +178,33 @@ class Batch:
             told = pushes | np.concatenate((np.array([True]), pushes[:-1]))
             yield name, when[told], arrows[told]
 
+    def pages(self) -> dict[str, dict[str, list[PageRecord]]]:
+        """Returns the pages that were stored, by node and key."""
+        by_node: dict[str, dict[str, list[PageRecord]]] = {}
+        for (node, key), records in self._pages.items():
+            by_node.setdefault(node, {})[key] = records
+        return by_node
+
+    def stored_by(self, page: PageRecord) -> str:
+        """Returns who stored a page, for example 'autopilot.steer in process_data depth', or what it came from."""
+        if source := self._sources.get(page.cause):
+            return source
+        made = _record_at(page.cause, self._executed[page.node])
+        if made is None:
+            made = _record_at(page.cause, self._events.get(page.node, ()))
+        if isinstance(made, BeginRecord):
+            return f"{made.by}.begin"
+        place = page.nth
+        for part in made.handled if isinstance(made, (TaskRecord, PageRecord)) else ():
+            if place < len(part.returned):
+                return f"{part.by}.{part.handler} in {made.type} {made.name}"
+            place -= len(part.returned)
+        return "an earlier task"
+
     def page_values(self) -> Iterator[tuple[str, Series]]:
         """Returns every number that pages carried: node and series, whose path begins with the page's key."""
         for (node, key), records in self._pages.items():
-            data = _page_data([record.values for record in records])
+            data = page_data([record.values for record in records])
             for series in _columns((key,), When.of(records), data):
                 yield node, series
 
@@ -189,7 +213,7 @@ class Batch:
         for (node, key), records in self._pages.items():
             if _IMAGE_MARK not in bytes(records[0].values):
                 continue
-            data = _page_data([record.values for record in records])
+            data = page_data([record.values for record in records])
             for field in data[0] if isinstance(data[0], dict) else ():
                 told: list[Any] = [one.get(field) if isinstance(one, dict) else None for one in data]
                 seen = [(i, image) for i, image in enumerate(told) if _is_image(image)]
@@ -202,7 +226,7 @@ class Batch:
         for (node, key), records in self._pages.items():
             if self.is_copy(node, key):
                 continue
-            data = _page_data([record.values for record in records])
+            data = page_data([record.values for record in records])
             for field in fields:
                 told = [
                     (record.t, one[field])
@@ -254,6 +278,12 @@ class Batch:
         return "; ".join([f"{part.by}: {_tasks(part.returned)}" for part in handled if part.returned])
 
 
+def _record_at(seq: int, records: Sequence[Any]) -> Any:
+    """Returns the record of this place in the order; None if it is not among them."""
+    at = bisect_left(records, seq, key=attrgetter("seq"))
+    return records[at] if at < len(records) and records[at].seq == seq else None
+
+
 def _is_image(value: Any) -> bool:
     is_array = isinstance(value, np.ndarray) and value.dtype == np.uint8
     return is_array and value.ndim == 3 and value.shape[2] == 3 and value.size > 0
@@ -273,7 +303,7 @@ def _event(record: BeginRecord | EndRecord | ErrorRecord | SaidRecord) -> tuple[
     return f"{record.node} ends: {record.reason}", "INFO"
 
 
-def _page_data(raws: Sequence[msgspec.Raw]) -> list[Any]:
+def page_data(raws: Sequence[msgspec.Raw]) -> list[Any]:
     """Returns the `data` of each page; None where it cannot be brought back.
 
     Args:
@@ -286,10 +316,10 @@ def _page_data(raws: Sequence[msgspec.Raw]) -> list[Any]:
             return [page.data for (page,) in _decode_pages(joined)]
         except NO_JSON:
             pass  # a trace that was edited: one by one, so that the other pages are still shown
-    return [_one_page_data(bytes(raw)) for raw in raws]
+    return [_onepage_data(bytes(raw)) for raw in raws]
 
 
-def _one_page_data(raw: bytes) -> Any:
+def _onepage_data(raw: bytes) -> Any:
     try:
         values = decode_value(raw, KINDS)
     except ValueEncodingError:

@@ -77,6 +77,7 @@ class Sender:
                 *vectors,
                 *rr.Scalars.columns(scalars=[0.0]),
                 *rr.LineStrips3D.columns(colors=[0]),
+                *rr.TextDocument.columns(text=["a"]),
                 *rr.TextLog.columns(text=["a"], level=["a"]),
                 *rr.SeriesLines.columns(names=["a"], colors=[0], widths=[0.0], interpolation_mode=["Linear"]),
             )

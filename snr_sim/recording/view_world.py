@@ -29,6 +29,7 @@ PATH_RGB = (120, 200, 255)
 SHEET_RGBA = (90, 170, 225, 70)  # of a surface of water
 SLACK_RGB, TAUT_RGB = (236, 214, 110), (255, 70, 60)
 HARD_PULL_N = 20.0  # at which a tether has the colour of a taut one: half of what a vehicle of its size can push
+LABEL_RISE = 0.5  # from the top of a thing to where its label hangs, as a share of its longest edge
 FLOW = "current"  # the arrow of this name is no force
 
 
@@ -78,14 +79,18 @@ class World:
         self._layout.is_in_water = "surface" in statics
 
     def _send_label(self, name: str, shape: dict[str, Any]) -> None:
-        """Writes what a thing is called at its highest corner; the surface of water becomes a sheet."""
-        rr, points = self._sender.rr, points_of(shape)
-        at = points[np.lexsort(points.T)[-1]]
+        """Writes what a thing is called above it; the surface of water becomes a sheet, and its name is at a corner."""
+        rr, points, is_surface = self._sender.rr, points_of(shape), name == "surface"
+        if is_surface:
+            at = points[np.lexsort(points.T)[-1]]
+        else:  # the viewer writes down from there
+            low, high = points.min(axis=0), points.max(axis=0)
+            at = np.array([*(low + high)[:2] / 2, high[2] + LABEL_RISE * size_of([shape])])
         label = rr.Points3D(
             [at], radii=rr.Radius.ui_points(0.5), colors=[rgb_of(shape)], labels=[shape["label"]], show_labels=True
         )
         self._sender.log(self._sender.entity("world", name, "label"), label)
-        if name == "surface":
+        if is_surface:
             sheet = rr.Mesh3D(
                 vertex_positions=points[:4], triangle_indices=[[0, 1, 2], [0, 2, 3]], albedo_factor=SHEET_RGBA
             )

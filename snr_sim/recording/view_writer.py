@@ -11,15 +11,16 @@ from snr_sim.recording.records import Header
 from snr_sim.recording.view_blueprint import (
     FAILURES,
     FLAGS,
-    IN_DEGREES,
     Layout,
     Line,
     blueprint,
     color_and_width,
     name_and_unit,
+    shown_as,
 )
 from snr_sim.recording.view_columns import BROKEN, Batch, LogRows, Series, When
 from snr_sim.recording.view_links import LinkReports, is_of_link
+from snr_sim.recording.view_pages import PageContents
 from snr_sim.recording.view_sender import Sender
 from snr_sim.recording.view_world import World
 
@@ -55,9 +56,10 @@ class Writer:
         self.batch = Batch()
         self.layout = layout or Layout(title_of(header))
         self._known: set[tuple[str, ...]] = set()
-        self._in_degrees: set[tuple[str, ...]] = set()  # of those known, what a trace holds in radians
+        self._factors: dict[tuple[str, ...], float] = {}  # of those known, what is shown in other numbers
         self._flags: dict[str, float] = {}
         self._links = LinkReports()
+        self._contents = PageContents()
         self._send_run()
         self._world = World(self._sender, header.scene, self.layout)
 
@@ -74,6 +76,8 @@ class Writer:
         for place, logs in (("tasks", batch.executed()), ("events", batch.events())):
             for node, rows in logs:
                 self._send_log((node, place), rows)
+        for node, when, texts in self._contents.of(batch):
+            self._send_contents(node, when, texts)
         batch.clear()
 
     def blueprint(self, follow_time: bool = False) -> Any:
@@ -107,7 +111,8 @@ class Writer:
             self._see_series(parts, series, is_truth)
         entity = self._sender.entity(*parts)
         self.layout.end_s = max(self.layout.end_s, float(series.when.t_s[-1]))
-        values = np.degrees(series.values) if parts in self._in_degrees else series.values
+        factor = self._factors.get(parts)
+        values = series.values if factor is None else factor * series.values
         self._sender.send(entity, series.when, [self._sender.numbers(values)])
         if series.is_flag and not is_of_link(series.path):
             self._see_flag(entity, series)
@@ -116,10 +121,9 @@ class Writer:
 
     def _see_series(self, parts: tuple[str, ...], series: Series, is_truth: bool) -> None:
         self._known.add(parts)
-        name, unit = name_and_unit(series.path)
-        if unit in IN_DEGREES:
-            unit = IN_DEGREES[unit]
-            self._in_degrees.add(parts)
+        name, unit, factor = shown_as(*name_and_unit(series.path))
+        if factor != 1.0:
+            self._factors[parts] = factor
         legend = " ".join([*self._root, *(["true"] if is_truth else []), name])
         is_failure = is_truth and parts[1].startswith(BROKEN)
         plot = FAILURES if is_failure else FLAGS if series.is_flag else ""
@@ -191,3 +195,9 @@ class Writer:
         log = self._sender.entity(parts[0])
         if log not in self.layout.logs and not at_top:
             self.layout.logs.append(log)
+
+    def _send_contents(self, node: str, when: When, texts: list[str]) -> None:
+        entity = self._sender.entity(node, "contents")
+        self._sender.send(entity, when, [self._sender.words("TextDocument:text", texts)])
+        if entity not in self.layout.contents:
+            self.layout.contents.append(entity)

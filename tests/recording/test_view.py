@@ -181,6 +181,12 @@ def test_each_executed_task_is_one_line_of_the_log_in_order(tmp_path: Path) -> N
     assert [level[0] for _, _, level in levels[:3]] == ["INFO", "DEBUG", "DEBUG"]
 
 
+def test_what_pages_hold_stands_in_it_as_text_with_who_stored_them(tmp_path: Path) -> None:
+    rows = read_rows(written(tmp_path, fall(20)), "TextDocument:text")["/lander/contents"]
+    assert len(rows) == 11
+    assert "stored by guidance.steer in process_data radar (100)\n    throttle             1.9" in rows[-1][2][0]
+
+
 def test_an_error_stands_in_the_log_as_an_error(tmp_path: Path) -> None:
     path = written(tmp_path, fall(2))
     texts = read_rows(path, "TextLog:text")["/lander/events"]

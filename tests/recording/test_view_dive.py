@@ -116,14 +116,26 @@ def test_what_is_yes_or_no_goes_in_steps_and_other_numbers_do_not(tmp_path: Path
 
 
 def test_angles_are_shown_in_degrees_as_in_pictures(tmp_path: Path) -> None:
-    angles = {"yaw_rad": 1.0, "rate_radps": [0.5, 0.0, 0.0], "depth_m": 2.0}
+    angles = {"yaw_rad": 1.0, "rate_radps": [0.5, 0.0, 0.0]}
     found = rows(tmp_path, [truth(1), page(2, "imu", angles)])
-    told = {
-        name: found[f"/urov/pages/imu/{name}"]["Scalars:scalars"] for name in ("yaw_rad", "rate_radps/0", "depth_m")
-    }
+    told = {name: found[f"/urov/pages/imu/{name}"]["Scalars:scalars"] for name in ("yaw_rad", "rate_radps/0")}
     assert told["yaw_rad"] == [[pytest.approx(57.29578)]]
     assert told["rate_radps/0"] == [[pytest.approx(28.64789)]]
-    assert told["depth_m"] == [[2.0]]
+
+
+def test_a_depth_goes_down_with_the_vehicle_and_its_sign_is_in_its_name(tmp_path: Path) -> None:
+    """It went up in rerun when the vehicle dived, and down in pictures."""
+    found = rows(tmp_path, [truth(1), page(2, "sonar", {"depth_m": 2.0, "distance_m": 4.5, "depth": 3.0})])
+    told = {
+        entity: (found[entity]["SeriesLines:names"], found[entity]["Scalars:scalars"])
+        for entity in ("/truth/depth_m", *(f"/urov/pages/sonar/{name}" for name in ("depth_m", "distance_m", "depth")))
+    }
+    assert told == {
+        "/truth/depth_m": ([["true -depth"]], [[-1.0]]),
+        "/urov/pages/sonar/depth_m": ([["sonar -depth"]], [[-2.0]]),
+        "/urov/pages/sonar/distance_m": ([["sonar distance"]], [[4.5]]),
+        "/urov/pages/sonar/depth": ([["sonar depth"]], [[3.0]]),  # nobody knows whether this is one in metres
+    }
 
 
 def test_gates_and_the_surface_are_called_by_name_and_the_current_is_told_from_thrust(tmp_path: Path) -> None:
@@ -137,6 +149,13 @@ def test_gates_and_the_surface_are_called_by_name_and_the_current_is_told_from_t
     scales = [found[f"/world/arrows/{name}/newtons"]["Transform3D:scale"][-1][0][0] for name in ("current", "T1")]
     assert scales[0] * 8.0 == pytest.approx(scales[1] * 40.0)  # each as long as the vehicle at its strongest
     assert "/world/arrows/tether" not in found
+
+
+def test_the_name_of_a_gate_hangs_above_it_and_hides_nothing_of_it(tmp_path: Path) -> None:
+    """It hung from the highest corner, down over the opening: the viewer writes down from there."""
+    found = rows(tmp_path, [truth(1)])
+    assert found["/world/gate_1/label"]["Points3D:positions"] == [[[3.0, 0.0, -0.5]]]
+    assert found["/world/surface/label"]["Points3D:positions"] == [[[5.0, 4.0, 0.0]]]
 
 
 def test_what_the_camera_saw_is_in_it_pixel_by_pixel(tmp_path: Path) -> None:
