@@ -54,12 +54,13 @@ class NodeCore(Endpoint):
 
     def store(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Puts the page in the datastore; if it asks for processing, that comes next."""
-        if not (task.val_list and isinstance(task.val_list, (list, tuple))):
+        values = task.val_list
+        if not (values and isinstance(values, (list, tuple))):
             raise TaskError(
-                f"The task store_page '{task.name}' carries {task.val_list or 'no page'!r}, not a list with a page.",
+                f"The task store_page '{task.name}' carries {values or 'no page'!r}, not a list with a page.",
                 fix="self.store_data_task(key, data).",
             )
-        page = task.val_list[0]
+        page = values[0]
         before = self._put(page)
         if page.origin != self._mine:
             self.came_s[page.key] = self.parent.machine.now_s

@@ -29,6 +29,9 @@ TaskName: TypeAlias = str
 TaskId: TypeAlias = TaskType | tuple[TaskType, TaskName]
 
 
+_STORE_PAGE = TaskType.store_page  # looked up once: in Python 3.11 a member of an Enum takes 0.1 us to find
+
+
 class Task(msgspec.Struct, frozen=True):
     """One thing to be done.
 
@@ -64,7 +67,7 @@ class Task(msgspec.Struct, frozen=True):
     @staticmethod
     def store_page(page: Page) -> Task:
         """Returns the task that stores a page."""
-        return Task(TaskType.store_page, page.key, [page])
+        return Task(_STORE_PAGE, page.key, [page])
 
     def serialize(self) -> bytes:
         """Returns the task as one line of JSON, exactly: float64, NaN and arrays survive."""
