@@ -138,7 +138,14 @@ class ComponentLog(logging.LoggerAdapter[logging.Logger]):
     def log(self, level: int, msg: object, *args: object, **options: Any) -> None:
         """Record and show a message; the other methods call this one."""
         if level >= logging.INFO:
-            text = str(msg) % args if args else str(msg)
-            self._component.parent.said(self._component.name, logging.getLevelName(level), f"{text}\n")
+            self._component.parent.said(self._component.name, logging.getLevelName(level), f"{_text_of(msg, args)}\n")
         options["stacklevel"] = options.get("stacklevel", 1) + 1
         super().log(level, msg, *args, **options)
+
+
+def _text_of(msg: object, args: tuple[object, ...]) -> str:
+    """Returns a message as logging words it. A call that is wrong ends no run: logging, too, tells it and goes on."""
+    try:
+        return logging.LogRecord("", logging.INFO, "", 0, msg, args, None).getMessage()
+    except Exception as error:  # also of an object's own __str__
+        return f"a message of {type(msg).__name__} and {len(args)} values cannot be worded: {type(error).__name__}"

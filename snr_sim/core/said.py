@@ -39,7 +39,12 @@ def hearing(nodes: Container[Node]) -> Iterator[None]:
 
 
 class Heard(io.TextIOBase):
-    """Passes on what is written, and tells the node of the component that writes."""
+    """Passes on what is written, and tells the node of the component that writes.
+
+    Args:
+        target: the stream; None where the program was started without one.
+        nodes: those that are told.
+    """
 
     def __init__(self, target: Any, nodes: Container[Node]) -> None:
         self._target = target
@@ -47,7 +52,7 @@ class Heard(io.TextIOBase):
 
     def write(self, text: str) -> int:
         """Pass it on."""
-        written = int(self._target.write(text))
+        written = len(text) if self._target is None else int(self._target.write(text))
         component = _speaker(sys._getframe(1))
         if component is not None and component.parent in self._nodes:
             component.parent.said(component.name, "PRINT", text)
@@ -55,10 +60,19 @@ class Heard(io.TextIOBase):
 
     def flush(self) -> None:
         """Pass it on."""
-        self._target.flush()
+        if self._target is not None:
+            self._target.flush()
 
     def close(self) -> None:
         """Leave everything open: the stream is only lent."""
+
+    @property
+    def encoding(self) -> str:  # type: ignore[override]
+        """Return the stream's, which libraries ask for before they draw."""
+        return getattr(self._target, "encoding", None) or "utf-8"
+
+    def __getattr__(self, name: str) -> Any:  # buffer, reconfigure: what is written there is not recorded
+        return getattr(self._target, name)
 
     def fileno(self) -> int:
         """Return the descriptor, as some libraries ask for it."""

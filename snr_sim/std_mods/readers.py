@@ -215,7 +215,7 @@ class _TasksOfTrace:
             task = self._find(record, (record.cause, record.nth))
         brought = [task.values] if record.kind in ("input", "repeat") else [values for _, _, values in record.returned]
         if record.kind == "page" and record.process:
-            brought.append([])
+            brought.append(task.values)  # its process_data carries the same page
         brought += [values for _, _, returned in record.handled for _, _, values in returned]
         for nth, values in enumerate(brought):
             self._waiting[record.seq, nth] = _Task(task.node, task.time_s, values)

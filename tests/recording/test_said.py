@@ -1,6 +1,7 @@
 """What components print and log stands in the trace, in order, bounded, and changes nothing of a replay."""
 
 import logging
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -140,3 +141,48 @@ def test_a_replay_goes_its_way_whatever_is_printed(tmp_path: Path) -> None:
     assert said(trace.records) == [("part", "INFO", "only in the first run")]
     prints[0] = False
     assert replay_node(trace, "r", config).is_identical
+
+
+def test_a_log_call_that_is_wrong_ends_no_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(logging.getLogger("snr"), "level", logging.CRITICAL)  # pytest's own handler would raise
+
+    class Unspeakable:
+        def __str__(self) -> str:
+            raise RuntimeError
+
+    def words(part: Any) -> Any:
+        part.log.info("%(a)s", {"a": 1})
+        part.log.info("one too many", 1)
+        part.log.info("%d", "no number")
+        part.log.info(Unspeakable())
+        return tasks.terminate("done")
+
+    logging.getLogger("snr").manager._clear_cache()  # type: ignore[attr-defined]
+    texts = [text for _, _, text in said(recorded(tmp_path, saying(words)))]
+    assert texts == [
+        "1",
+        "a message of str and 1 values cannot be worded: TypeError",
+        "a message of str and 1 values cannot be worded: TypeError",
+        "a message of Unspeakable and 0 values cannot be worded: RuntimeError",
+    ]
+
+
+def test_a_component_finds_stdout_as_it_was(tmp_path: Path) -> None:
+    seen: list[Any] = []
+
+    def words(part: Any) -> Any:
+        seen.append((sys.stdout.encoding, sys.stdout.buffer, sys.stdout.isatty()))
+        return tasks.terminate("done")
+
+    before = sys.stdout.encoding, sys.stdout.buffer, sys.stdout.isatty()
+    recorded(tmp_path, saying(words))
+    assert seen == [before]
+
+
+def test_a_print_without_a_stdout_is_recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def words(part: Any) -> Any:
+        print("unheard", flush=True)
+        return tasks.terminate("done")
+
+    monkeypatch.setattr(sys, "stdout", None)
+    assert said(recorded(tmp_path, saying(words))) == [("part", "PRINT", "unheard")]
