@@ -15,6 +15,7 @@ import gymnasium
 import mujoco
 import numpy as np
 from harness import Row, Trial, compare, cpu_time_of
+from landing_policies import straight_down, to_the_ground
 from mujoco.rollout import Rollout
 
 import snr_sim.learning  # noqa: F401 - makes the names known
@@ -76,27 +77,11 @@ def vector_steps_of(name: str, count: int, policy: Callable[[Any], Any] | None) 
     return trial, count * LANDERS
 
 
-def full_when_fast(seen: Any) -> Any:
-    """Returns actions that land `LanderVertical`: full throttle while it falls faster than suits the height."""
-    return np.where(seen[:, 1] < -np.sqrt(1.0 + 3.24 * np.maximum(0.0, seen[:, 0])), 3, 0)
-
-
-def to_the_ground(seen: Any) -> Any:
-    """Returns actions that land `LanderPad`, beside the pad, too."""
-    x, height, vx, vz, tilt, rate, left, right, _ = seen.T
-    goal_mps = -np.sqrt(1.0 + np.maximum(0.0, height - 2.0))
-    goal_mps = np.where(height < 30.0, np.maximum(goal_mps, -0.5 - 0.1 * height), goal_mps)
-    throttle = np.where(goal_mps - vz > 0.5, 2, np.where(goal_mps - vz > -0.7, 1, 0))
-    lean = np.clip(0.15 * vx + 0.003 * x * (height > 8.0), -0.3, 0.3) - tilt - 2.2 * rate
-    turn = np.where(lean > 0.02, 2, np.where(lean < -0.02, 0, 1))
-    return np.where((left > 0.0) | (right > 0.0), 1, 3 * throttle + turn)
-
-
 def vectors(is_quick: bool) -> Iterator[Row]:
     """Measures the vector environments beside the single ones, a row at a time."""
     for name, count, least_mps, policy, what in (
         ("LanderVertical", 700, 2.0, None, "random actions"),
-        ("LanderVertical", 700, None, full_when_fast, "a policy that lands"),
+        ("LanderVertical", 700, None, straight_down, "a policy that lands"),
         ("LanderPad", 300, 0.2, None, "random actions"),
         ("LanderPad", 400, None, to_the_ground, "a policy that lands"),
     ):

@@ -11,6 +11,7 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 import snr_sim.learning  # noqa: F401 - makes the names known
 from snr_sim.prelude.errors import ParameterError
+from tests.bench.landing_policies import straight_down, to_the_ground
 
 VERTICAL, PAD = "snr_sim/LanderVertical-v0", "snr_sim/LanderPad-v0"
 CONTINUOUS = {name: name.replace("-v0", "Continuous-v0") for name in (VERTICAL, PAD)}
@@ -24,23 +25,6 @@ def vector(name: str, count: int, **kwargs: Any) -> Any:
 def singles(name: str, count: int, mode: AutoresetMode = AutoresetMode.NEXT_STEP) -> Any:
     kwargs = {"autoreset_mode": mode}
     return gymnasium.make_vec(name, num_envs=count, vectorization_mode="sync", vector_kwargs=kwargs)
-
-
-def straight_down(seen: Any) -> Any:
-    """Full throttle while it falls faster than suits the height; lands."""
-    return np.where(seen[:, 1] < -np.sqrt(1.0 + 3.24 * np.maximum(0.0, seen[:, 0])), 3, 0)
-
-
-def to_the_ground(seen: Any) -> Any:
-    """Lands nearly always, beside the pad, too; once it touches, all is off."""
-    x, height, vx, vz, tilt, rate, left, right, _ = seen.T
-    goal_mps = -np.sqrt(1.0 + np.maximum(0.0, height - 2.0))
-    goal_mps = np.where(height < 30.0, np.maximum(goal_mps, -0.5 - 0.1 * height), goal_mps)
-    throttle = np.where(goal_mps - vz > 0.5, 2, np.where(goal_mps - vz > -0.7, 1, 0))
-    most = np.where(height > 8.0, 0.3, 0.09)
-    lean = np.clip(0.15 * vx + np.where(height > 8.0, 0.003, 0.0) * x, -most, most) - tilt - 2.2 * rate
-    turn = np.where(lean > 0.02, 2, np.where(lean < -0.02, 0, 1))
-    return np.where((left > 0.0) | (right > 0.0), 1, 3 * throttle + turn)
 
 
 def actions_for(name: str, seen: Any, rng: np.random.Generator, space: Any) -> Any:
