@@ -54,8 +54,10 @@ class Heard(io.TextIOBase):
         """Pass it on."""
         written = len(text) if self._target is None else int(self._target.write(text))
         component = _speaker(sys._getframe(1))
-        if component is not None and component.parent in self._nodes:
-            component.parent.said(component.name, "PRINT", text)
+        # One that prints before its super().__init__() has no node yet, and its words are in no trace.
+        node: Node | None = getattr(component, "parent", None)
+        if component is not None and node is not None and node in self._nodes:
+            node.said(component.name, "PRINT", text)
         return written
 
     def flush(self) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Config, SimClock, TaskType, WallClock, tasks
+from snr_sim import Config, Endpoint, SimClock, TaskType, WallClock, tasks
 from snr_sim.program import record_program
 from snr_sim.recording import node_trace
 from snr_sim.recording.reader import read_trace
@@ -186,3 +186,16 @@ def test_a_print_without_a_stdout_is_recorded(tmp_path: Path, monkeypatch: pytes
 
     monkeypatch.setattr(sys, "stdout", None)
     assert said(recorded(tmp_path, saying(words))) == [("part", "PRINT", "unheard")]
+
+
+def test_a_component_may_print_before_it_has_a_node(tmp_path: Path) -> None:
+    class Early(Endpoint):
+        def __init__(self, factory: Any, parent: Any, name: str) -> None:
+            print("early")
+            super().__init__(factory, parent, name)
+
+    def words(part: Any) -> Any:
+        Early(part.factory, part.parent, "early")
+        return tasks.terminate("done")
+
+    assert said(recorded(tmp_path, saying(words))) == []
