@@ -30,9 +30,8 @@ def view(
     from snr_sim.recording.view_server import check_display, open_view
 
     if not web and run.exists():
-        check_display(
-            "snr view", f"snr view {run} --web"
-        )  # before the view is made, which takes longer than a short run
+        # Before the view is made, which takes longer than a short run.
+        check_display("snr view", f"snr view {run} --web")
     open_view(view_of(run), web)
 
 

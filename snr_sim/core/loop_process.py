@@ -260,7 +260,12 @@ class LineHandler(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Sends one record."""
-        self._speaker.say("log", record.name, record.levelno, self.format(record))
+        try:
+            line = self.format(record)
+        except Exception:  # a log call that is wrong, or an object's own __str__
+            self.handleError(record)
+            return
+        self._speaker.say("log", record.name, record.levelno, line)
 
 
 class ProcessThread(ThreadBacking):

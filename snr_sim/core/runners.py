@@ -172,8 +172,13 @@ class _ToStderr(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Write a line."""
+        try:
+            line = self.format(record)
+        except Exception:  # a log call that is wrong, or an object's own __str__
+            self.handleError(record)
+            return
         with suppress(OSError, ValueError):  # nobody reads it any more
-            print(self.format(record), file=sys.stderr, flush=True)
+            print(line, file=sys.stderr, flush=True)
 
 
 class TestRunner:

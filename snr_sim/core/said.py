@@ -30,12 +30,14 @@ def hearing(nodes: Container[Node]) -> Iterator[None]:
     Args:
         nodes: of the run.
     """
-    before = sys.stdout
-    sys.stdout = Heard(before, nodes)
+    heard = sys.stdout = Heard(sys.stdout, nodes)
     try:
         yield
     finally:
-        sys.stdout = before
+        heard.is_over = True
+        # Runs of two threads may end in another order than one within the other: the last puts the stream back.
+        while isinstance(sys.stdout, Heard) and sys.stdout.is_over:
+            sys.stdout = sys.stdout.target
 
 
 class Heard(io.TextIOBase):
@@ -44,15 +46,21 @@ class Heard(io.TextIOBase):
     Args:
         target: the stream; None where the program was started without one.
         nodes: those that are told.
+
+    Attributes:
+        is_over: whether the run has ended. Then it only passes on.
     """
 
     def __init__(self, target: Any, nodes: Container[Node]) -> None:
-        self._target = target
+        self.is_over = False
+        self.target = target
         self._nodes = nodes
 
     def write(self, text: str) -> int:
         """Pass it on."""
-        written = len(text) if self._target is None else int(self._target.write(text))
+        written = len(text) if self.target is None else int(self.target.write(text))
+        if self.is_over:
+            return written
         component = _speaker(sys._getframe(1))
         # One that prints before its super().__init__() has no node yet, and its words are in no trace.
         node: Node | None = getattr(component, "parent", None)
@@ -62,8 +70,8 @@ class Heard(io.TextIOBase):
 
     def flush(self) -> None:
         """Pass it on."""
-        if self._target is not None:
-            self._target.flush()
+        if self.target is not None:
+            self.target.flush()
 
     def close(self) -> None:
         """Leave everything open: the stream is only lent."""
@@ -71,18 +79,18 @@ class Heard(io.TextIOBase):
     @property
     def encoding(self) -> str:  # type: ignore[override]
         """Return the stream's, which libraries ask for before they draw."""
-        return getattr(self._target, "encoding", None) or "utf-8"
+        return getattr(self.target, "encoding", None) or "utf-8"
 
     def __getattr__(self, name: str) -> Any:  # buffer, reconfigure: what is written there is not recorded
-        return getattr(self._target, name)
+        return getattr(self.target, name)
 
     def fileno(self) -> int:
         """Return the descriptor, as some libraries ask for it."""
-        return int(self._target.fileno())
+        return int(self.target.fileno())
 
     def isatty(self) -> bool:
         """Return whether it is a terminal."""
-        return bool(self._target.isatty())
+        return bool(self.target.isatty())
 
 
 def _speaker(frame: FrameType | None) -> NodeComponent | None:

@@ -316,10 +316,10 @@ def page_data(raws: Sequence[msgspec.Raw]) -> list[Any]:
             return [page.data for (page,) in _decode_pages(joined)]
         except NO_JSON:
             pass  # a trace that was edited: one by one, so that the other pages are still shown
-    return [_onepage_data(bytes(raw)) for raw in raws]
+    return [_one_page_data(bytes(raw)) for raw in raws]
 
 
-def _onepage_data(raw: bytes) -> Any:
+def _one_page_data(raw: bytes) -> Any:
     try:
         values = decode_value(raw, KINDS)
     except ValueEncodingError:

@@ -96,6 +96,16 @@ def test_with_d_the_command_line_shows_all_that_is_logged_and_the_profile(capsys
     assert "worker.<lambda>" in err
 
 
+def test_a_log_call_that_is_wrong_is_told_with_its_line_where_logs_are_shown_and_ends_no_run(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    worker = PartFactory(name="worker", begin=lambda part: part.log.warning("%d percent", "no number"))
+    CliRunner({"robot": [worker, quits()]}, ["robot.py", "-d", "robot"]).run()
+    err = capsys.readouterr().err
+    assert "TypeError: %d format: a real number is required, not str" in err
+    assert 'name="worker", begin=lambda part' in err
+
+
 def test_debug_on_the_command_line_leaves_the_config_as_it_was() -> None:
     config = Config(factories=ROLES)
     CliRunner(config, ["robot.py", "-d", "robot"]).run()

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, Endpoint, SimClock, TaskType, WallClock, tasks
+from snr_sim.core.said import hearing
 from snr_sim.program import record_program
 from snr_sim.recording import node_trace
 from snr_sim.recording.reader import read_trace
@@ -177,6 +178,17 @@ def test_a_component_finds_stdout_as_it_was(tmp_path: Path) -> None:
     before = sys.stdout.encoding, sys.stdout.buffer, sys.stdout.isatty()
     recorded(tmp_path, saying(words))
     assert seen == [before]
+
+
+def test_two_runs_that_end_in_another_order_than_they_began_leave_stdout_as_it_was() -> None:
+    before = sys.stdout
+    first, second = hearing([]), hearing([])
+    first.__enter__()
+    second.__enter__()
+    first.__exit__(None, None, None)
+    assert sys.stdout is not before
+    second.__exit__(None, None, None)
+    assert sys.stdout is before
 
 
 def test_a_print_without_a_stdout_is_recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
