@@ -11,7 +11,7 @@ from typing import Any
 from snr_sim_robot_lander.judging import judge, vertical_metrics
 from snr_sim_robot_lander.parameters import APOLLO, DRY_MASS_KG, LanderParameters
 
-from snr_sim.plants.lander_1d import Lander1D, VerticalStart
+from snr_sim.plants.lander.lander_1d import Lander1D, VerticalStart
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import Verdict
 

@@ -12,10 +12,10 @@ from snr_sim_robot_urov.judging import BODIES, Watched, judged
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
 from snr_sim_robot_urov.pilot import Cue
 
-from snr_sim.plants.dive import Dive, Leak
-from snr_sim.plants.pool import Pool
-from snr_sim.plants.propulsion import Propulsion
-from snr_sim.plants.tether import Tether
+from snr_sim.plants.urov.dive import Dive, Leak
+from snr_sim.plants.urov.pool import Pool
+from snr_sim.plants.urov.propulsion import Propulsion
+from snr_sim.plants.urov.tether import Tether
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import Verdict
 

@@ -12,14 +12,24 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from snr_sim.console.client import ConsoleClient
+    from snr_sim.console.command_receiver import CommandReceiver, CommandReceiverFactory
+    from snr_sim.console.local_console import LocalConsole, LocalConsoleFactory
+    from snr_sim.console.remote_console import RemoteConsole
     from snr_sim.core.clocks import SimClock, WallClock
     from snr_sim.core.config import ComponentsByRole, Config, Mode
     from snr_sim.core.endpoint import Endpoint, EndpointFactory
     from snr_sim.core.loop import Loop, LoopFactory, ThreadLoop
     from snr_sim.core.node import Node
     from snr_sim.core.profiler import Profiler
+    from snr_sim.core.reload.watch import WatchLoopFactory
     from snr_sim.core.runners import CliRunner, SimRunner, SynchronousRunner, TestRunner
-    from snr_sim.core.watch import WatchLoopFactory
+    from snr_sim.links.faults import Faults
+    from snr_sim.links.memory import MemoryLink
+    from snr_sim.links.pipes import PipeLoopFactory, PipesPair
+    from snr_sim.links.security import Tls, secret_from_env, secret_from_file
+    from snr_sim.links.sockets import SocketsListenerFactory, SocketsLoopFactory, SocketsPair
+    from snr_sim.links.zenoh_net import ZenohNet
     from snr_sim.prelude import tasks
     from snr_sim.prelude.device import Health, PwmOut, Stale
     from snr_sim.prelude.errors import SnrError
@@ -34,16 +44,6 @@ if TYPE_CHECKING:
         TaskName,
         TaskType,
     )
-    from snr_sim.std_mods.comms.faults import Faults
-    from snr_sim.std_mods.comms.memory import MemoryLink
-    from snr_sim.std_mods.comms.pipes import PipeLoopFactory, PipesPair
-    from snr_sim.std_mods.comms.security import Tls, secret_from_env, secret_from_file
-    from snr_sim.std_mods.comms.sockets import SocketsListenerFactory, SocketsLoopFactory, SocketsPair
-    from snr_sim.std_mods.comms.zenoh_net import ZenohNet
-    from snr_sim.std_mods.console.client import ConsoleClient
-    from snr_sim.std_mods.console.command_receiver import CommandReceiver, CommandReceiverFactory
-    from snr_sim.std_mods.console.local_console import LocalConsole, LocalConsoleFactory
-    from snr_sim.std_mods.console.remote_console import RemoteConsole
     from snr_sim.std_mods.moving_average import MovingAvgFilter, MovingAvgFilterFactory
     from snr_sim.std_mods.printer import PrinterEndpointFactory
     from snr_sim.std_mods.readers import PageReader, TextReader
@@ -119,7 +119,7 @@ _PLACES = {
     "snr_sim.core.node": ("Node",),
     "snr_sim.core.profiler": ("Profiler",),
     "snr_sim.core.runners": ("CliRunner", "SimRunner", "SynchronousRunner", "TestRunner"),
-    "snr_sim.core.watch": ("WatchLoopFactory",),
+    "snr_sim.core.reload.watch": ("WatchLoopFactory",),
     "snr_sim.prelude.device": ("Health", "PwmOut", "Stale"),
     "snr_sim.prelude.errors": ("SnrError",),
     "snr_sim.prelude.life_cycle": ("LifeCycle",),
@@ -133,16 +133,16 @@ _PLACES = {
         "TaskName",
         "TaskType",
     ),
-    "snr_sim.std_mods.comms.faults": ("Faults",),
-    "snr_sim.std_mods.comms.memory": ("MemoryLink",),
-    "snr_sim.std_mods.comms.pipes": ("PipeLoopFactory", "PipesPair"),
-    "snr_sim.std_mods.comms.security": ("Tls", "secret_from_env", "secret_from_file"),
-    "snr_sim.std_mods.comms.sockets": ("SocketsListenerFactory", "SocketsLoopFactory", "SocketsPair"),
-    "snr_sim.std_mods.comms.zenoh_net": ("ZenohNet",),
-    "snr_sim.std_mods.console.client": ("ConsoleClient",),
-    "snr_sim.std_mods.console.command_receiver": ("CommandReceiver", "CommandReceiverFactory"),
-    "snr_sim.std_mods.console.local_console": ("LocalConsole", "LocalConsoleFactory"),
-    "snr_sim.std_mods.console.remote_console": ("RemoteConsole",),
+    "snr_sim.links.faults": ("Faults",),
+    "snr_sim.links.memory": ("MemoryLink",),
+    "snr_sim.links.pipes": ("PipeLoopFactory", "PipesPair"),
+    "snr_sim.links.security": ("Tls", "secret_from_env", "secret_from_file"),
+    "snr_sim.links.sockets": ("SocketsListenerFactory", "SocketsLoopFactory", "SocketsPair"),
+    "snr_sim.links.zenoh_net": ("ZenohNet",),
+    "snr_sim.console.client": ("ConsoleClient",),
+    "snr_sim.console.command_receiver": ("CommandReceiver", "CommandReceiverFactory"),
+    "snr_sim.console.local_console": ("LocalConsole", "LocalConsoleFactory"),
+    "snr_sim.console.remote_console": ("RemoteConsole",),
     "snr_sim.std_mods.moving_average": ("MovingAvgFilter", "MovingAvgFilterFactory"),
     "snr_sim.std_mods.printer": ("PrinterEndpointFactory",),
     "snr_sim.std_mods.readers": ("PageReader", "TextReader"),

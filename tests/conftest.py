@@ -14,13 +14,13 @@ from jsonschema import Draft202012Validator, validators
 from referencing import Registry, Resource
 
 from snr_sim.devices.emulated.toolchain import ToolsMissing, require_tools
-from snr_sim.flight import Flight
-from snr_sim.grading.isolation import try_sandbox
-from snr_sim.grading.sandbox import IsolationMissing
+from snr_sim.grading.sandbox.isolation import try_sandbox
+from snr_sim.grading.sandbox.sandbox import IsolationMissing
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.scenario.flight import Flight
+from snr_sim.scenario.simulation import Request, prepare
 from snr_sim.schemas import NAMES, SUFFIX, read_schema
-from snr_sim.simulation import Request, prepare
 
 Fly = Callable[..., Trace]
 IsValid = Callable[[Any], bool]

@@ -31,7 +31,7 @@ def check() -> ModuleType:
     [
         ("tests/prelude/test_task.py", "tests/prelude/test_task.py"),
         ("snr_sim/prelude/task.py", "tests/prelude/test_task.py"),
-        ("snr_sim/core/clocks.py", "tests/std_mods/comms/test_link.py"),  # which imports it
+        ("snr_sim/core/clocks.py", "tests/links/test_link.py"),  # which imports it
         ("tests/cli/conftest.py", "tests/cli/test_run.py"),
         ("robots/urov/robot.py", "tests/robots/test_urov.py"),
         ("scenarios/urov_gate.py", "tests/scenarios/test_urov.py"),

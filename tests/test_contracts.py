@@ -5,13 +5,13 @@ from types import ModuleType
 
 import pytest
 
-from snr_sim import library
 from snr_sim.core.config import AnyFactory
 from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
-from snr_sim.devices.pwm_loop import PwmLoopFactory
+from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
 from snr_sim.prelude.device import PwmOut
 from snr_sim.prelude.scenario import Rig, Robot
 from snr_sim.prelude.signals import EngineCommand, PwmCommand
+from snr_sim.scenario import library
 from snr_sim.testing.contracts import check_actuator, check_plant, check_sensor
 from snr_sim.testing.pwm_contract import check_pwm_out
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim import library
+from snr_sim.scenario import library
 
 ROOT = Path(__file__).parents[1]
 

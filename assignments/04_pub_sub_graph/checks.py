@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from snr_sim.grading import Given, Lab, Produced, Student, Verdict, check, failed, field_of, passed
-from snr_sim.grading.parsing import MAX_PARSED_BYTES
-from snr_sim.grading.verdicts import Misbehaved
-from snr_sim.library import load_program
+from snr_sim.grading.batch.parsing import MAX_PARSED_BYTES
+from snr_sim.grading.lab.verdicts import Misbehaved
 from snr_sim.prelude.values import encode_value
+from snr_sim.scenario.library import load_program
 
 laws: Any = load_program(str(Path(__file__).parent / "starter" / "laws.py"))  # the mathematics is given, so it is ours
 

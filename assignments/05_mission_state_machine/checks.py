@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-from snr_sim import library
 from snr_sim.grading import Flown, Given, Lab, Produced, Student, Verdict, check, failed, field_of, page_of, passed
 from snr_sim.recording.records import TruthRecord
+from snr_sim.scenario import library
 
 library.load_robot(library.find("robots", "urov"))
 gate_scenario: Any = library.load_scenario(library.find("scenarios", "urov_gate"))

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from snr_sim import library
-from snr_sim.devices.camera import Camera
+from snr_sim.devices.sensors.camera import Camera
 from snr_sim.grading import Given, Lab, Student, Verdict, check, failed, field_of, passed
 from snr_sim.prelude.scenario import Robot
+from snr_sim.scenario import library
 
 HERE = Path(__file__).parent
 HOVER = str(HERE / "hover.py")

@@ -15,11 +15,11 @@ from snr_sim_robot_urov.parameters import Sensors, UrovParameters, vehicle
 from snr_sim_robot_urov.pilot import Cue
 from snr_sim_robot_urov.sight import Place, place_of
 
-from snr_sim.devices.camera import Camera
-from snr_sim.plants.dive import Current, Dive
-from snr_sim.plants.pool import Pool
-from snr_sim.plants.propulsion import Propulsion
-from snr_sim.plants.tether import Tether
+from snr_sim.devices.sensors.camera import Camera
+from snr_sim.plants.urov.dive import Current, Dive
+from snr_sim.plants.urov.pool import Pool
+from snr_sim.plants.urov.propulsion import Propulsion
+from snr_sim.plants.urov.tether import Tether
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import Verdict
 

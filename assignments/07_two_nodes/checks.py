@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from snr_sim.grading import Flown, Given, Lab, Produced, Student, Verdict, check, failed, field_of, passed
-from snr_sim.library import load_program
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.values import decode_value
 from snr_sim.recording.records import PageRecord
+from snr_sim.scenario.library import load_program
 
 thrusters: Any = load_program(str(Path(__file__).parent / "starter" / "thrusters.py"))  # that is given, so it is ours
 

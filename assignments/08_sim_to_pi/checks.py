@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from snr_sim.grading import Flown, Given, Lab, Student, Verdict, check, failed, field_of, passed
-from snr_sim.grading.parsing import MAX_PARSED_BYTES
-from snr_sim.plants.t200 import LEAST_US, MOST_US, STOP_US
+from snr_sim.grading.batch.parsing import MAX_PARSED_BYTES
+from snr_sim.plants.urov.t200 import LEAST_US, MOST_US, STOP_US
 
 SCENARIO, FILE = "urov_depth_hold", "depth_hold.py"
 CONTROLS_HZ, DEPTH_HZ, IMU_HZ = 20, 20, 50

@@ -13,15 +13,15 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from snr_sim.flight import fly_recorded
 from snr_sim.grading import Flown, Given, Lab, Student, Verdict, check, failed, partly, passed
-from snr_sim.grading.parsing import TOML
+from snr_sim.grading.batch.parsing import TOML
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.values import decode_value
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import InputRecord, PageRecord, TaskRecord
 from snr_sim.recording.trace import FILE_NAME
-from snr_sim.simulation import Request, prepare
+from snr_sim.scenario.flight import fly_recorded
+from snr_sim.scenario.simulation import Request, prepare
 
 STARTER = Path(__file__).parent / "starter"
 KEPT = ("failed.py", "repairs.py", "repaired.py", "only_1.py", "only_2.py", "only_3.py")

@@ -11,10 +11,10 @@ import msgspec
 
 from snr_sim.grading import Lab, Student, Verdict, check, failed, partly, passed
 from snr_sim.grading.evidence import Change, Evidence, Rows, changed, count_of, table_of
+from snr_sim.grading.lab.verdicts import Misbehaved
 from snr_sim.grading.learning import PILOT, ByTable, Flights, Trained, World, as_policy, fly, train
 from snr_sim.grading.pilot import ACTIONS, Table, Transition
 from snr_sim.grading.q_rule import Ledger, diagnosis, why_not
-from snr_sim.grading.verdicts import Misbehaved
 from snr_sim.learning.batch_training import ENVIRONMENT
 from snr_sim.learning.q_table import QTable
 from snr_sim.prelude.errors import RecordingError

@@ -11,9 +11,9 @@ from types import ModuleType
 from typing import Any
 
 from snr_sim.grading import Lab, Student, Verdict, check, failed, passed
+from snr_sim.grading.lab.student import MAX_SOURCE_BYTES
 from snr_sim.grading.plain_queue import PlainQueue
 from snr_sim.grading.queue_bench import QueueBench
-from snr_sim.grading.student import MAX_SOURCE_BYTES
 
 FILE, BENCH = "task_queue.py", "snr_sim.grading.queue_bench:QueueBench"
 PLAIN = "snr_sim.grading.plain_code:what_is_not_plain"

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-from snr_sim.plants.descent import Engine, Motion, cheapest_descent
-from snr_sim.plants.gear import GearLimits, Touchdown
-from snr_sim.plants.lander import Lander
-from snr_sim.plants.lander_1d import Lander1D, VerticalStart
-from snr_sim.plants.module import PlaneStart
-from snr_sim.plants.module_shapes import PADS_BELOW_M
-from snr_sim.plants.terrain import Terrain
+from snr_sim.plants.lander.descent import Engine, Motion, cheapest_descent
+from snr_sim.plants.lander.gear import GearLimits, Touchdown
+from snr_sim.plants.lander.lander import Lander
+from snr_sim.plants.lander.lander_1d import Lander1D, VerticalStart
+from snr_sim.plants.lander.module import PlaneStart
+from snr_sim.plants.lander.module_shapes import PADS_BELOW_M
+from snr_sim.plants.lander.terrain import Terrain
 from snr_sim.prelude.scenario import Verdict
 
 

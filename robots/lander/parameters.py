@@ -11,10 +11,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from snr_sim.devices.sensor_errors import SensorErrors
-from snr_sim.plants.descent import MOON_GRAVITY_MPS2, STANDARD_GRAVITY_MPS2, Engine
-from snr_sim.plants.module import Leg, LunarModule, Throttle
-from snr_sim.plants.module_shapes import JETS_OUT_M
+from snr_sim.devices.sensors.sensor_errors import SensorErrors
+from snr_sim.plants.lander.descent import MOON_GRAVITY_MPS2, STANDARD_GRAVITY_MPS2, Engine
+from snr_sim.plants.lander.module import Leg, LunarModule, Throttle
+from snr_sim.plants.lander.module_shapes import JETS_OUT_M
 
 THRUST_N = 45_040.0  # descent engine at full throttle [C]
 EXHAUST_MPS = 311.0 * STANDARD_GRAVITY_MPS2  # specific impulse 311 s [E]; at 10 % it was 285 s, which we leave out

@@ -7,7 +7,7 @@ now, had the last estimate been right, is worth more than one noisy reading.
 
 from __future__ import annotations
 
-from snr_sim.plants.descent import Motion, after
+from snr_sim.plants.lander.descent import Motion, after
 from snr_sim.prelude.signals import RadarReading
 
 from .parameters import LanderParameters

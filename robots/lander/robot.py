@@ -20,18 +20,17 @@ from typing import Any
 
 import msgspec
 
-from snr_sim import library
 from snr_sim.core.loop import LoopFactory
 from snr_sim.devices.emulated.board import Board
 from snr_sim.devices.emulated.lock_step import PlantOnBoard
 from snr_sim.devices.emulated.toolchain import firmware_elf
-from snr_sim.devices.engine_pwm import CHANNELS, EnginePwmLoopFactory, EngineServos
 from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
-from snr_sim.devices.mcu import McuPwm
-from snr_sim.devices.mcu_board import McuBoard
-from snr_sim.devices.mirror import MirrorPwm
+from snr_sim.devices.mcu.mcu import McuPwm
+from snr_sim.devices.mcu.mcu_board import McuBoard
+from snr_sim.devices.pwm.engine_pwm import CHANNELS, EnginePwmLoopFactory, EngineServos
+from snr_sim.devices.pwm.mirror import MirrorPwm
+from snr_sim.devices.pwm.sim_pwm import BenchPwm
 from snr_sim.devices.replayed import ReplayedSensor
-from snr_sim.devices.sim_pwm import BenchPwm
 from snr_sim.devices.simulated import SimActuator, SimSensor
 from snr_sim.devices.wire.mcu_messages import BAUD
 from snr_sim.devices.wire.serial_port import SerialPort
@@ -40,6 +39,7 @@ from snr_sim.prelude.device import PwmOut
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Rig
 from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
+from snr_sim.scenario import library
 
 ROLES = ("lander",)
 OPTIONS: dict[str, str] = {}

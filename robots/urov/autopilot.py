@@ -15,7 +15,7 @@ import msgspec
 
 from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
 from snr_sim.core.ages import age_s
-from snr_sim.plants.t200 import curve
+from snr_sim.plants.urov.t200 import curve
 from snr_sim.prelude.errors import CommandError, UnknownName
 from snr_sim.prelude.recorder import RECORDING_KEY
 from snr_sim.prelude.signals import RESET, STOPPED, DepthReading, ImuReading

@@ -12,11 +12,11 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
+from snr_sim.links.faults import Faults
+from snr_sim.links.security import as_networks, is_loopback, secret_from_env, secret_from_file
+from snr_sim.links.sockets import SocketsPair
 from snr_sim.prelude.errors import ConfigError, ParameterError, UnknownName, nearest
 from snr_sim.prelude.scenario import Rig
-from snr_sim.std_mods.comms.faults import Faults
-from snr_sim.std_mods.comms.security import as_networks, is_loopback, secret_from_env, secret_from_file
-from snr_sim.std_mods.comms.sockets import SocketsPair
 
 PILOTS = ("scripted", "hands")
 BUTTONS = ("stop", "reset")  # of the panel

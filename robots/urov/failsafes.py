@@ -28,7 +28,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
-from snr_sim.plants.plausible import IS_ABOVE, Limit, check_number, shown
+from snr_sim.plants.urov.plausible import IS_ABOVE, Limit, check_number, shown
 from snr_sim.prelude.errors import ParameterError, nearest
 
 ACTIONS = ("warn", "neutral", "hold", "surface")

@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.plants.vehicle import Vehicle
+from snr_sim.plants.urov.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 

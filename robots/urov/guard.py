@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from snr_sim.plants.plausible import IS_ABOVE, Limit, check_number
+from snr_sim.plants.urov.plausible import IS_ABOVE, Limit, check_number
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.signals import PowerReading
 

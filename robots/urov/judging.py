@@ -8,12 +8,12 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any, NamedTuple, overload
 
-from snr_sim.plants.dive import Dive
-from snr_sim.plants.pool import Pool
-from snr_sim.plants.t200 import STOP_US
-from snr_sim.plants.urov import Urov
-from snr_sim.plants.urov_2d import Urov2D
-from snr_sim.plants.vehicle import Vehicle
+from snr_sim.plants.urov.dive import Dive
+from snr_sim.plants.urov.pool import Pool
+from snr_sim.plants.urov.t200 import STOP_US
+from snr_sim.plants.urov.urov import Urov
+from snr_sim.plants.urov.urov_2d import Urov2D
+from snr_sim.plants.urov.vehicle import Vehicle
 from snr_sim.prelude.angles import roll_pitch_yaw_rad
 from snr_sim.prelude.scenario import Verdict
 from snr_sim.prelude.sums import ordered_sum

@@ -10,18 +10,18 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from snr_sim.devices.camera import Camera
-from snr_sim.devices.echo_sounder import EchoSounder
-from snr_sim.devices.hull_watch import LeakProbe, PowerModule
-from snr_sim.devices.imu import InertialUnit
-from snr_sim.devices.ms5837 import Ms5837
-from snr_sim.plants.plausible import DEGREES, IS_ABOVE, Limit, check_number, check_vector, check_whole, shown
-from snr_sim.plants.t200 import LEAST_V, MOST_V
-from snr_sim.plants.vehicle import Vehicle
-from snr_sim.plants.vehicle_file import read_vehicle
+from snr_sim.devices.sensors.camera import Camera
+from snr_sim.devices.sensors.echo_sounder import EchoSounder
+from snr_sim.devices.sensors.hull_watch import LeakProbe, PowerModule
+from snr_sim.devices.sensors.imu import InertialUnit
+from snr_sim.devices.sensors.ms5837 import Ms5837
+from snr_sim.links.faults import Faults
+from snr_sim.plants.urov.plausible import DEGREES, IS_ABOVE, Limit, check_number, check_vector, check_whole, shown
+from snr_sim.plants.urov.t200 import LEAST_V, MOST_V
+from snr_sim.plants.urov.vehicle import Vehicle
+from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.errors import ParameterError, nearest
 from snr_sim.prelude.wrench import AXES
-from snr_sim.std_mods.comms.faults import Faults
 
 from .failsafes import Failsafes
 from .guard import GuardLimits

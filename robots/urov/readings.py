@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from snr_sim.devices.commands import command_of
-from snr_sim.plants.plausible import Limit
+from snr_sim.plants.urov.plausible import Limit
 from snr_sim.prelude.errors import CommandError
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.signals import DepthReading, ImuReading, LeakReading, PowerReading

@@ -7,7 +7,7 @@
     lookout     altitude, power, leak
 
     controls  what the surface asks for, 20 times a second    (controls.py)
-    camera    what it sees, if it has a camera; that stays on board  (snr_sim/devices/camera.py)
+    camera    what it sees, if it has a camera; that stays on board  (snr_sim/devices/sensors/camera.py)
     place     where it is, if it is told (fix_hz in parameters.py): by somebody who sees it from above (sight.py)
     vehicle   what the vehicle is doing, and for whom          (autopilot.py, guard.py)
     pwm       pulses_us of each thruster
@@ -24,24 +24,24 @@ from typing import Any
 
 import msgspec
 
-from snr_sim.devices.camera import Camera, CameraLoopFactory
 from snr_sim.devices.emulated.board import Board
 from snr_sim.devices.emulated.lock_step import PlantOnBoard
 from snr_sim.devices.emulated.toolchain import firmware_elf
 from snr_sim.devices.loops import SensorLoopFactory
-from snr_sim.devices.mcu import McuPower, McuPwm
-from snr_sim.devices.mcu_board import McuBoard
-from snr_sim.devices.mirror import MirrorPwm
+from snr_sim.devices.mcu.mcu import McuPower, McuPwm
+from snr_sim.devices.mcu.mcu_board import McuBoard
 from snr_sim.devices.pad import PadLoopFactory
-from snr_sim.devices.pwm_backend import PwmBackend
-from snr_sim.devices.pwm_loop import PwmLoopFactory
+from snr_sim.devices.pwm.mirror import MirrorPwm
+from snr_sim.devices.pwm.pwm_backend import PwmBackend
+from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
+from snr_sim.devices.pwm.sim_pwm import BenchPwm, SimPwm
 from snr_sim.devices.pygame_pad import PygamePad
 from snr_sim.devices.replayed import ReplayedSensor
-from snr_sim.devices.sim_pwm import BenchPwm, SimPwm
+from snr_sim.devices.sensors.camera import Camera, CameraLoopFactory
 from snr_sim.devices.simulated import SimSensor
 from snr_sim.devices.wire.mcu_messages import BAUD
 from snr_sim.devices.wire.serial_port import SerialPort
-from snr_sim.plants.t200 import LEAST_US, MOST_US
+from snr_sim.plants.urov.t200 import LEAST_US, MOST_US
 from snr_sim.prelude.component import Factory
 from snr_sim.prelude.device import PwmOut
 from snr_sim.prelude.errors import UnknownName

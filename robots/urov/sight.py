@@ -6,7 +6,7 @@ from typing import Any
 
 import msgspec
 
-from snr_sim.devices.sensor_errors import SensorErrors
+from snr_sim.devices.sensors.sensor_errors import SensorErrors
 from snr_sim.prelude.angles import roll_pitch_yaw_rad
 
 # A person sees to about a hand's breadth, some times a second, and needs a moment: our own choice.

@@ -6,8 +6,8 @@ reach 80 Mbit/s at best; over a tether of full length some tens are left, and a 
 
 from __future__ import annotations
 
+from snr_sim.links.faults import Faults
 from snr_sim.prelude.errors import ParameterError
-from snr_sim.std_mods.comms.faults import Faults
 
 SIGNAL_MPS = 2.0e8  # two thirds of the speed of light, as in any cable
 MODEM_S, MODEM_JITTER_S = 0.003, 0.002  # each way, through two modems: our estimate

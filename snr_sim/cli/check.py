@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from snr_sim.grading.lab import Lab
-    from snr_sim.grading.results import CaseResult, CheckResult, Graded
+    from snr_sim.grading.lab.lab import Lab
+    from snr_sim.grading.reports.results import CaseResult, CheckResult, Graded
 
 _RUNS = Path("runs")
 
@@ -29,11 +29,11 @@ def check(
     Exit status: 0 all points, 1 not all, 2 the request was wrong.
     """
     from snr_sim.grading.grade import grade_submission
-    from snr_sim.grading.lab import find_lab
-    from snr_sim.grading.results import encode_graded
-    from snr_sim.grading.verdicts import LabFault
+    from snr_sim.grading.lab.lab import find_lab
+    from snr_sim.grading.lab.verdicts import LabFault
+    from snr_sim.grading.reports.results import encode_graded
     from snr_sim.prelude.errors import UnknownName
-    from snr_sim.source_checks import notes_on_files
+    from snr_sim.scenario.source_checks import notes_on_files
 
     found = find_lab(lab)
     if not folder.is_dir():

@@ -50,8 +50,8 @@ def compare(
     from snr_sim.recording.reader import read_trace
 
     try:
-        from snr_sim.recording.compare_picture import shown
         from snr_sim.recording.compare_runs import compare_runs
+        from snr_sim.view.compare_picture import shown
     except ImportError as error:
         raise MissingExtra("numpy", "sim") from error
     first, second = two_runs(first, second)
@@ -94,7 +94,7 @@ def _shift_s(shift: str, traces: list[Trace]) -> float:
 
 def _draw(comparison: Comparison, trace: Trace, png: str, names: list[str]) -> None:
     from snr_sim.prelude.errors import TraceError
-    from snr_sim.recording.compare_picture import draw_comparison
+    from snr_sim.view.compare_picture import draw_comparison
 
     try:
         draw_comparison(comparison, trace.header, png, names)
@@ -106,7 +106,7 @@ def _write_rrd(traces: list[Trace], rrd: str, shift_s: float) -> None:
     """Writes both runs, the second one moved in time, under /first and /second."""
     from msgspec.structs import replace
 
-    from snr_sim.recording.view import write_comparison
+    from snr_sim.view.view import write_comparison
 
     first, second = traces
     moved = [replace(record, t=record.t - shift_s) for record in second.records] if shift_s else second.records

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from snr_sim.std_mods.console.client import ConsoleClient
-    from snr_sim.std_mods.console.table import Answer
+    from snr_sim.console.client import ConsoleClient
+    from snr_sim.console.table import Answer
 
 TOKEN_VARIABLE = "SNR_TOKEN"
 
@@ -33,8 +33,8 @@ def console(
 
     Exit status: 0 all were carried out, 1 one was refused, 2 no node answered or the request was wrong.
     """
-    from snr_sim.std_mods.console.client import ConsoleClient
-    from snr_sim.std_mods.console.remote_console import RemoteConsole
+    from snr_sim.console.client import ConsoleClient
+    from snr_sim.console.remote_console import RemoteConsole
 
     server, token = _address(address), _token(token_file)
     if not command and not as_json and sys.stdin.isatty():
@@ -87,7 +87,7 @@ def _token(path: Path | None) -> bytes | None:
     """The token, from where other users of this machine do not see it: not from the command line."""
     import os
 
-    from snr_sim.std_mods.comms.security import secret_from_env, secret_from_file
+    from snr_sim.links.security import secret_from_env, secret_from_file
 
     if path is not None:
         return secret_from_file(path)

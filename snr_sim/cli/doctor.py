@@ -121,9 +121,9 @@ def packages(is_for_wires: bool, version: Callable[[str], str]) -> Iterator[Find
 
 def landing(is_for_wires: bool) -> Finding:
     """Returns whether a module lands; a computer that drives hardware may be without the physics."""
-    from snr_sim.flight import Flight
     from snr_sim.prelude.errors import MissingExtra, SnrError
-    from snr_sim.simulation import Request, prepare
+    from snr_sim.scenario.flight import Flight
+    from snr_sim.scenario.simulation import Request, prepare
 
     try:
         simulation = prepare(Request("lander_vertical"))

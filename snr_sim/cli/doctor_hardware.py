@@ -7,10 +7,10 @@ from typing import Any
 
 from snr_sim.cli.finding import Finding
 from snr_sim.cli.io_bench import Bench, bench_of, devices_of
-from snr_sim.devices.mcu_board import McuBoard
-from snr_sim.devices.mcu_greeting import FLASH
-from snr_sim.devices.mcu_identity import CHANNELS, misfits
-from snr_sim.devices.pwm_backend import STOP_US
+from snr_sim.devices.mcu.mcu_board import McuBoard
+from snr_sim.devices.mcu.mcu_greeting import FLASH
+from snr_sim.devices.mcu.mcu_identity import CHANNELS, misfits
+from snr_sim.devices.pwm.pwm_backend import STOP_US
 from snr_sim.devices.wire.mcu_messages import BAUD, Fault, Ident, ResetCause, Telemetry
 from snr_sim.devices.wire.serial_port import BytePort, SerialPort
 from snr_sim.devices.wires_here import Machine, Wire

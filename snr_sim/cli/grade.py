@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from snr_sim.grading.class_folder import ClassFolder
-    from snr_sim.grading.lab import Lab
+    from snr_sim.grading.batch.class_folder import ClassFolder
+    from snr_sim.grading.batch.stop_signals import StopSignals
+    from snr_sim.grading.batch.submissions import Submission
+    from snr_sim.grading.lab.lab import Lab
     from snr_sim.grading.reports.class_table import Summary
-    from snr_sim.grading.results import Demanded, Graded
-    from snr_sim.grading.stop_signals import StopSignals
-    from snr_sim.grading.submissions import Submission
+    from snr_sim.grading.reports.results import Demanded, Graded
 
 _MOST_SHOWN = 10
 
@@ -46,9 +46,9 @@ def grade(
     Exit status: 0 all are graded, 1 some could not be (see class.csv), 2 the request was wrong.
     """
     _refuse_windows(lab)
-    from snr_sim.grading.cluster import connected
-    from snr_sim.grading.lab import find_lab
-    from snr_sim.grading.stop_signals import StopSignals
+    from snr_sim.grading.batch.cluster import connected
+    from snr_sim.grading.batch.stop_signals import StopSignals
+    from snr_sim.grading.lab.lab import find_lab
     from snr_sim.prelude.errors import SnrError
 
     if isolation not in ("required", "none"):
@@ -96,13 +96,13 @@ def _grade_class(
     as_json: bool,
 ) -> int:
     from snr_sim import __version__
-    from snr_sim.grading.class_files import write_class_files
-    from snr_sim.grading.class_folder import ClassFolder, Terms, digest_of_folder, digest_of_secret
-    from snr_sim.grading.class_run import ClassRun
-    from snr_sim.grading.cluster import grade_on_cluster
+    from snr_sim.grading.batch.class_files import write_class_files
+    from snr_sim.grading.batch.class_folder import ClassFolder, Terms, digest_of_folder, digest_of_secret
+    from snr_sim.grading.batch.class_run import ClassRun
+    from snr_sim.grading.batch.cluster import grade_on_cluster
+    from snr_sim.grading.batch.local_workers import grade_here
+    from snr_sim.grading.batch.submissions import name_submissions
     from snr_sim.grading.grade import sandboxed
-    from snr_sim.grading.local_workers import grade_here
-    from snr_sim.grading.submissions import name_submissions
 
     if client is None:
         sandboxed(isolation)  # refuses before anything is written
@@ -145,8 +145,8 @@ def _write_container(
 ) -> int:
     import json
 
-    from snr_sim.grading.class_folder import made_secret, read_secret
-    from snr_sim.grading.gradescope import write_container
+    from snr_sim.grading.batch.class_folder import made_secret, read_secret
+    from snr_sim.grading.batch.gradescope import write_container
     from snr_sim.prelude.errors import SnrError
 
     if submissions:

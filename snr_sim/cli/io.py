@@ -74,7 +74,7 @@ def _confirm(name: str, io: str) -> None:
     Raises:
         ParameterError: something else was typed.
     """
-    from snr_sim.devices.nudge import WHOLE_S, top_us
+    from snr_sim.devices.pwm.nudge import WHOLE_S, top_us
     from snr_sim.prelude.errors import ParameterError
 
     wanted = f"{name} props off"

@@ -13,11 +13,10 @@ from typing import Any
 
 import msgspec
 
-from snr_sim import library
 from snr_sim.core.clocks import WallClock
 from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
-from snr_sim.devices.nudge import channel_of, nudge_us
-from snr_sim.devices.pwm_backend import STOP_US
+from snr_sim.devices.pwm.nudge import channel_of, nudge_us
+from snr_sim.devices.pwm.pwm_backend import STOP_US
 from snr_sim.plants.stepping import Stepper
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.device import Device, Health, PwmOut, Stale
@@ -25,7 +24,8 @@ from snr_sim.prelude.errors import ConfigError, DeviceError, SnrError, UnknownNa
 from snr_sim.prelude.io import parse_io
 from snr_sim.prelude.promises import keeps
 from snr_sim.prelude.signals import LOST, AppliedPulses
-from snr_sim.simulation import Request, Simulation, prepare
+from snr_sim.scenario import library
+from snr_sim.scenario.simulation import Request, Simulation, prepare
 
 TICK_S = 0.05
 FIRST_S = 2.0  # how long first readings may take

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from snr_sim.library import Found
+    from snr_sim.scenario.library import Found
 
 _WHAT = ("robots", "scenarios", "assignments")
 
@@ -23,9 +23,9 @@ def listing(
     was found.
     """
     from snr_sim.core.blame import short_path
-    from snr_sim.library import controllers, known
-    from snr_sim.options import written_options
     from snr_sim.prelude.errors import UnknownName, nearest
+    from snr_sim.scenario.library import controllers, known
+    from snr_sim.scenario.options import written_options
 
     if what and what not in _WHAT:
         raise UnknownName(f"There are no '{what}' to list.", fix=nearest(what, _WHAT))

@@ -30,8 +30,8 @@ def new(
 
     Makes a copy of one there is, or of the files that a lab begins with, under the current folder.
     """
-    from snr_sim.library import find, robot_of_scenario
     from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
+    from snr_sim.scenario.library import find, robot_of_scenario
 
     if what == _LAB:
         if source or robot:
@@ -69,8 +69,8 @@ def new(
 
 def _begin_lab(name: str, folder: str) -> None:
     """Copies the files that a lab begins with, and its page, into a new folder."""
-    from snr_sim.library import find_lab
     from snr_sim.prelude.errors import ParameterError, UnknownName
+    from snr_sim.scenario.library import find_lab
 
     found = find_lab(name)
     starter = found.path / "starter"

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from snr_sim.recording.checker import Divergence, NodeReplay
     from snr_sim.recording.outside import OutsideCall
     from snr_sim.recording.reader import Trace
-    from snr_sim.replay_files import ReplayFiles
+    from snr_sim.scenario.replay_files import ReplayFiles
 
 OPEN_LOOP = "after this the recorded sensors no longer answer your code"
 
@@ -55,7 +55,7 @@ def replay(
     from snr_sim.recording.compare import Tolerance
     from snr_sim.recording.folder import check_unchanged, trace_path
     from snr_sim.recording.reader import read_trace
-    from snr_sim.replay_files import files_of_replay
+    from snr_sim.scenario.replay_files import files_of_replay
 
     tolerances = [Tolerance.parse(text) for text in tolerance]
     trace = read_trace(trace_path(run_or_newest(run)))
@@ -87,7 +87,7 @@ def _replay(
 ) -> tuple[list[NodeReplay], list[OutsideCall], list[str]]:
     from contextlib import ExitStack
 
-    from snr_sim.core.source_files import reading_from
+    from snr_sim.core.reload.source_files import reading_from
     from snr_sim.recording.folder import remarks
     from snr_sim.recording.outside import watching
     from snr_sim.recording.reloads import reload_sources, reloads_in_words
@@ -114,8 +114,8 @@ def _config(trace: Trace, plan: ReplayFiles, with_file: str) -> tuple[Any, list[
     """Returns the wiring to replay with, and what is to be said about it."""
     from dataclasses import replace
 
-    from snr_sim.library import OPTION_FILE, hashes_of_files
-    from snr_sim.simulation import prepare, request_of, wiring_of_file
+    from snr_sim.scenario.library import OPTION_FILE, hashes_of_files
+    from snr_sim.scenario.simulation import prepare, request_of, wiring_of_file
 
     header, opening = trace.header, trace.opening
     if not header.scenario:
@@ -148,8 +148,8 @@ def _changed(then: dict[str, str], now: dict[str, str]) -> list[str]:
 def environment_note(trace: Trace) -> list[str]:
     """Return a note on what this run was recorded with and is not repeated with, or nothing."""
     from snr_sim import __version__
-    from snr_sim.library import package_versions
     from snr_sim.recording.environment import environment_changes
+    from snr_sim.scenario.library import package_versions
 
     changes = environment_changes(trace.header, package_versions(), __version__)
     if not changes:
@@ -163,7 +163,7 @@ def _write_comparison(trace: Trace, replays: list[NodeReplay], folder: Path) -> 
     marks = [(one.seq, one.t, _sentence(one)) for replay in replays for one in replay.divergences]
     records = [record for replay in replays for record in replay.records]
     try:
-        from snr_sim.recording.view import write_comparison
+        from snr_sim.view.view import write_comparison
 
         path = folder / "replayed.rrd"
         write_comparison(trace.header, trace.records, records, marks, path, 2 * trace.path.stat().st_size)

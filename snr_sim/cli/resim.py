@@ -12,7 +12,7 @@ import typer
 from snr_sim.cli.trust import Trust
 
 if TYPE_CHECKING:
-    from snr_sim.simulation import Request
+    from snr_sim.scenario.simulation import Request
 
 
 def resim(
@@ -41,8 +41,8 @@ def resim(
     from snr_sim.cli.trust import ask
     from snr_sim.recording.folder import records_digest, remarks, trace_path
     from snr_sim.recording.reader import read_trace
-    from snr_sim.replay_files import files_of_resim
-    from snr_sim.simulation import request_of
+    from snr_sim.scenario.replay_files import files_of_resim
+    from snr_sim.scenario.simulation import request_of
 
     trace = read_trace(trace_path(run_or_newest(run)))
     ask(trace.path.parent, files_of_resim(trace, with_file), trust)

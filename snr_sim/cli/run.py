@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 if TYPE_CHECKING:
+    from snr_sim.console.command_receiver import CommandReceiverFactory
     from snr_sim.core.config import Config
-    from snr_sim.flight import Result
     from snr_sim.recording.records import Header
     from snr_sim.recording.trace import TraceWriter
-    from snr_sim.simulation import Request, Simulation
-    from snr_sim.std_mods.console.command_receiver import CommandReceiverFactory
+    from snr_sim.scenario.flight import Result
+    from snr_sim.scenario.simulation import Request, Simulation
 
 QUIET_STALL_LIMIT_S = 60.0  # with --json: nobody reads that it stands still
 SLOW_S = 2.0  # from when on a fast run shows how far it is
@@ -64,7 +64,7 @@ def run(
 
     Exit status: 0 the scenario's criterion was met, 1 it ran and was not, 2 the request was wrong (nothing written).
     """
-    from snr_sim.simulation import Request
+    from snr_sim.scenario.simulation import Request
 
     # A file is named by its path, so that a replay from another folder finds it again.
     options = _options([*option, f"policy={Path(policy).resolve()}"] if policy else option)
@@ -76,7 +76,7 @@ def run(
         raise ParameterError("A fast run is over before a file is saved.", fix="--watch with --speed real.")
     _say_whence(context, io)
     if show and not show_web:
-        from snr_sim.recording.view_server import check_display
+        from snr_sim.view.view_server import check_display
 
         check_display("--view", "--web-view")
     shown: Shown = "browser" if show_web else "window" if show else ""
@@ -133,15 +133,15 @@ def record_run(
     from snr_sim.cli.answer import guarded
     from snr_sim.cli.progress import progress
     from snr_sim.core.interrupts import orderly
+    from snr_sim.core.reload.watch import watched
     from snr_sim.core.runners import show_log
-    from snr_sim.core.watch import watched
-    from snr_sim.flight import Flight
-    from snr_sim.library import keeping
     from snr_sim.recording.folder import discard, new_run_folder
     from snr_sim.recording.trace import FILE_NAME, TraceWriter
-    from snr_sim.role_run import RoleRun, World
-    from snr_sim.simulation import prepare
-    from snr_sim.source_checks import notes_before
+    from snr_sim.scenario.flight import Flight
+    from snr_sim.scenario.library import keeping
+    from snr_sim.scenario.role_run import RoleRun, World
+    from snr_sim.scenario.simulation import prepare
+    from snr_sim.scenario.source_checks import notes_before
 
     place, out = out, out.resolve()  # the student's code may change the current folder
     with guarded(is_quiet), ExitStack() as stack:
@@ -280,7 +280,7 @@ def _keep_result(folder: Path, fields: dict[str, Any], result: Result) -> None:
 
 
 def _console(port: int) -> CommandReceiverFactory:
-    from snr_sim.std_mods.console.command_receiver import CommandReceiverFactory
+    from snr_sim.console.command_receiver import CommandReceiverFactory
 
     return CommandReceiverFactory(port)
 
@@ -328,7 +328,7 @@ def _write_view(folder: Path, result: Result) -> None:
     from snr_sim.prelude.errors import MissingExtra, SnrError
 
     try:
-        from snr_sim.recording.view import view_of
+        from snr_sim.view.view import view_of
 
         view_of(folder)
     except MissingExtra as error:
@@ -342,8 +342,8 @@ def _write_view(folder: Path, result: Result) -> None:
 @contextmanager
 def _live_view(header: Header, recorder: TraceWriter, shown: Shown) -> Iterator[None]:
     """Shows the run as it goes, in a window that stays when it is over, or in the browser."""
-    from snr_sim.recording.view import LiveView
-    from snr_sim.recording.view_server import live_window, serve_web
+    from snr_sim.view.view import LiveView
+    from snr_sim.view.view_server import live_window, serve_web
 
     live = LiveView(header)
     with closing(live), ExitStack() as stack:

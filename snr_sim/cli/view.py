@@ -26,8 +26,8 @@ def view(
     if png:
         _draw(run, Path(png))
         return
-    from snr_sim.recording.view import view_of
-    from snr_sim.recording.view_server import check_display, open_view
+    from snr_sim.view.view import view_of
+    from snr_sim.view.view_server import check_display, open_view
 
     if not web and run.exists():
         # Before the view is made, which takes longer than a short run.
@@ -38,9 +38,9 @@ def view(
 def _draw(run: Path, png: Path) -> None:
     from snr_sim.prelude.errors import TraceError
     from snr_sim.recording.folder import measured, read_result, remarks, trace_path, why
-    from snr_sim.recording.picture import draw_run
     from snr_sim.recording.reader import read_trace
     from snr_sim.recording.records import TruthRecord
+    from snr_sim.view.picture import draw_run
 
     if run.suffix == ".rrd" and run.is_file():
         raise TraceError(

@@ -59,7 +59,7 @@ class Lookup:
     def __init__(self, components: Mapping[str, Component], profiler: Profiler | None = None) -> None:
         self.components = components
         self._profiler = profiler
-        # What is called in a handler's place, if new code is on probation (core/rollback.py). It wraps them here, too.
+        # What is called in a handler's place, while new code is on probation (core/reload/rollback.py).
         self.watched: Callable[[Component, TaskHandler], TaskHandler] | None = None
         self.cache: dict[TaskType, dict[TaskName, tuple[Entry, ...]]] = {kind: {} for kind in TaskType}
         self._seen: dict[TaskType, dict[TaskName, tuple[Entry, ...]]] = {kind: {} for kind in TaskType}

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Literal
 from snr_sim.core.backing import Backing, ClockBacking, ThreadBacking
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.component import ComponentFactory, NodeComponent
+from snr_sim.core.reload.trial import Trial
 from snr_sim.core.thesis_members import LoopMembers
-from snr_sim.core.trial import Trial
 from snr_sim.prelude.errors import ParameterError, nearest
 from snr_sim.prelude.task import SomeTasks, TaskHandlerMap
 
@@ -105,7 +105,7 @@ class Loop(LoopMembers, NodeComponent):
 
     def _own_backing(self) -> Backing:
         if self.backing == "process":
-            from snr_sim.core.process_backing import ProcessBacking  # slow to import, and few robots need it
+            from snr_sim.core.process.process_backing import ProcessBacking  # slow to import, and few robots need it
 
             return ProcessBacking(self)
         return ThreadBacking(self)

@@ -23,9 +23,9 @@ from snr_sim.core.machine import EventMachine, HandlerFailed, as_tasks
 from snr_sim.core.node_core import NodeCore
 from snr_sim.core.page_data import data_of_page
 from snr_sim.core.recording_machine import RecordingMachine
-from snr_sim.core.sources import being_read
+from snr_sim.core.reload.sources import being_read
+from snr_sim.core.reload.trial import Trial
 from snr_sim.core.thesis_members import NodeMembers
-from snr_sim.core.trial import Trial
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import Component, RoleName
 from snr_sim.prelude.errors import ComponentFailed, ConfigError, SnrError, TaskError, TraceError

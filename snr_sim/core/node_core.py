@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from snr_sim.core.component import CORE_NAME
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
-from snr_sim.core.reload import Changes, Outcome
-from snr_sim.core.rollback import Probations
+from snr_sim.core.reload.reload import Changes, Outcome
+from snr_sim.core.reload.rollback import Probations
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import TaskError
 from snr_sim.prelude.page import DataKey, Page

@@ -15,8 +15,8 @@ from snr_sim.core.interrupts import Interrupted, orderly
 from snr_sim.core.left_threads import notes_on_threads
 from snr_sim.core.lockstep import LockStep
 from snr_sim.core.node import Node
-from snr_sim.core.sources import being_read
-from snr_sim.core.watch import watched
+from snr_sim.core.reload.sources import being_read
+from snr_sim.core.reload.watch import watched
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import RoleName
 from snr_sim.prelude.errors import ConfigError, SnrError, nearest

@@ -19,18 +19,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from snr_sim.devices.gps import BAUD as GPS_BAUD
-from snr_sim.devices.gps import Gps
-from snr_sim.devices.icm20948 import Icm20948, is_right_handed
-from snr_sim.devices.maestro import MaestroPwm
-from snr_sim.devices.mcu import McuPwm
-from snr_sim.devices.mcu_board import McuBoard
-from snr_sim.devices.ms5837_i2c import Ms5837I2c
-from snr_sim.devices.pca9685 import OSCILLATOR_HZ, Pca9685Pwm
-from snr_sim.devices.plain_pwm import PlainPwm
-from snr_sim.devices.pwm_backend import LIMITS_US
-from snr_sim.devices.supervised_pwm import SupervisedPwm
-from snr_sim.devices.sysfs_pwm import ROOT, SysfsPwm
+from snr_sim.devices.mcu.mcu import McuPwm
+from snr_sim.devices.mcu.mcu_board import McuBoard
+from snr_sim.devices.pwm.maestro import MaestroPwm
+from snr_sim.devices.pwm.pca9685 import OSCILLATOR_HZ, Pca9685Pwm
+from snr_sim.devices.pwm.plain_pwm import PlainPwm
+from snr_sim.devices.pwm.pwm_backend import LIMITS_US
+from snr_sim.devices.pwm.supervised_pwm import SupervisedPwm
+from snr_sim.devices.pwm.sysfs_pwm import ROOT, SysfsPwm
+from snr_sim.devices.sensors.gps import BAUD as GPS_BAUD
+from snr_sim.devices.sensors.gps import Gps
+from snr_sim.devices.sensors.icm20948 import Icm20948, is_right_handed
+from snr_sim.devices.sensors.ms5837_i2c import Ms5837I2c
 from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.devices.wire.mcu_messages import BAUD
 from snr_sim.devices.wire.serial_port import SerialPort

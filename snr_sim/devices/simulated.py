@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import msgspec
 
-from snr_sim.devices.sensor_errors import SensorErrors, Spoiler
+from snr_sim.devices.sensors.sensor_errors import SensorErrors, Spoiler
 from snr_sim.prelude.errors import CommandError, DeviceError, ParameterError, SensorLost, nearest
 from snr_sim.prelude.life_cycle import LifeCycle
 from snr_sim.prelude.plant import Plant

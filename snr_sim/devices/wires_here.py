@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from snr_sim.devices.sysfs_pwm import CHIPS, OVERLAYS
+from snr_sim.devices.pwm.sysfs_pwm import CHIPS, OVERLAYS
 from snr_sim.devices.wire import serial_port
 from snr_sim.devices.wire.permission import Owner, how_to_use, owner_of
 from snr_sim.prelude.errors import MissingExtra

@@ -6,21 +6,21 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from snr_sim.grading.feed import Given, Produced
-    from snr_sim.grading.fields import field_of, page_of
-    from snr_sim.grading.fly import Flown
-    from snr_sim.grading.lab import Lab, check
-    from snr_sim.grading.student import Student
-    from snr_sim.grading.verdicts import Verdict, failed, partly, passed
+    from snr_sim.grading.lab.feed import Given, Produced
+    from snr_sim.grading.lab.fields import field_of, page_of
+    from snr_sim.grading.lab.fly import Flown
+    from snr_sim.grading.lab.lab import Lab, check
+    from snr_sim.grading.lab.student import Student
+    from snr_sim.grading.lab.verdicts import Verdict, failed, partly, passed
 
 # Imported when they are first used: the process of a student's program imports this package, too, and needs none of it.
 _PLACES = {
-    "snr_sim.grading.feed": ("Given", "Produced"),
-    "snr_sim.grading.fields": ("field_of", "page_of"),
-    "snr_sim.grading.fly": ("Flown",),
-    "snr_sim.grading.lab": ("Lab", "check"),
-    "snr_sim.grading.student": ("Student",),
-    "snr_sim.grading.verdicts": ("Verdict", "failed", "partly", "passed"),
+    "snr_sim.grading.lab.feed": ("Given", "Produced"),
+    "snr_sim.grading.lab.fields": ("field_of", "page_of"),
+    "snr_sim.grading.lab.fly": ("Flown",),
+    "snr_sim.grading.lab.lab": ("Lab", "check"),
+    "snr_sim.grading.lab.student": ("Student",),
+    "snr_sim.grading.lab.verdicts": ("Verdict", "failed", "partly", "passed"),
 }
 _MODULE_OF = {name: module for module, names in _PLACES.items() for name in names}
 __all__ = [

@@ -16,9 +16,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from snr_sim.grading.lab.verdicts import Misbehaved
 from snr_sim.grading.pilot import ACTIONS, MOST_STATES, MOST_WORTH, Table, states_of
 from snr_sim.grading.q_rule import Ledger, Step
-from snr_sim.grading.verdicts import Misbehaved
 from snr_sim.learning.vertical_batch import Floats
 
 ALIKE = 1e-6  # of the largest value: rounding in sums of another order is far less, one transition left out far more

@@ -11,13 +11,13 @@ from pathlib import Path
 
 from snr_sim import __version__
 from snr_sim.core.blame import describe_error, without_addresses
-from snr_sim.grading.isolation import find_isolation
-from snr_sim.grading.lab import Case, Check, Lab
-from snr_sim.grading.nursery import Nursery
-from snr_sim.grading.results import CaseResult, CheckResult, Demanded, Graded, Isolation, Status
-from snr_sim.grading.sandbox import Limits, lent
-from snr_sim.grading.student import Student
-from snr_sim.grading.verdicts import LabFault, Misbehaved, Unjudged, Verdict
+from snr_sim.grading.lab.lab import Case, Check, Lab
+from snr_sim.grading.lab.student import Student
+from snr_sim.grading.lab.verdicts import LabFault, Misbehaved, Unjudged, Verdict
+from snr_sim.grading.reports.results import CaseResult, CheckResult, Demanded, Graded, Isolation, Status
+from snr_sim.grading.sandbox.isolation import find_isolation
+from snr_sim.grading.sandbox.nursery import Nursery
+from snr_sim.grading.sandbox.sandbox import Limits, lent
 
 OnCase = Callable[[str, str], None]
 _MOST_STEPS = 10

@@ -23,14 +23,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snr_sim.grading.evidence import Asked, Evidence, Told, checked_rewards, checked_states, packed
+from snr_sim.grading.lab.verdicts import Misbehaved
 from snr_sim.grading.pilot import CRASHED, LANDED, MOST_STATES, TIMEOUT, Pilot
 from snr_sim.grading.q_rule import Step
-from snr_sim.grading.verdicts import Misbehaved
 from snr_sim.learning.batch_training import CEILING_M, MOST_STEPS, STEP_S, Course, course_of, new_table
 from snr_sim.learning.lander_envs import VERTICAL_THROTTLES, LanderVertical
 from snr_sim.learning.q_table import QTable
 from snr_sim.learning.vertical_batch import Floats, Landers, step
-from snr_sim.plants.gear import APOLLO_GEAR
+from snr_sim.plants.lander.gear import APOLLO_GEAR
 from snr_sim.prelude.structs import learned
 
 # So many fly at once in training. With fewer the pipe costs more: each message finds the caches cold. With a thousand

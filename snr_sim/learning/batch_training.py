@@ -31,8 +31,8 @@ from snr_sim.learning.lander_envs import (
 from snr_sim.learning.q_table import QTable
 from snr_sim.learning.settings import check_batch, check_learned
 from snr_sim.learning.vertical_batch import Bools, Floats, Landers, step
-from snr_sim.plants.descent import Engine
-from snr_sim.plants.gear import APOLLO_GEAR
+from snr_sim.plants.lander.descent import Engine
+from snr_sim.plants.lander.gear import APOLLO_GEAR
 from snr_sim.prelude.errors import ParameterError
 
 ENVIRONMENT = "snr_sim/LanderVertical-v0"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from snr_sim.learning.gym import box, spaces
 from snr_sim.learning.scenario_env import ScenarioEnv
-from snr_sim.plants.descent import MOON_GRAVITY_MPS2
+from snr_sim.plants.lander.descent import MOON_GRAVITY_MPS2
 from snr_sim.prelude.angles import wrap_rad
 from snr_sim.prelude.scenario import Verdict
 from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading

@@ -28,8 +28,8 @@ from snr_sim.learning.lander_envs import (
 from snr_sim.learning.scenario_env import checked_start, drawn_start, end_info
 from snr_sim.learning.sensor_batch import SensorBatch
 from snr_sim.learning.vertical_batch import Landers, step
-from snr_sim.plants.descent import Engine
-from snr_sim.plants.lander_1d import Lander1D, State
+from snr_sim.plants.lander.descent import Engine
+from snr_sim.plants.lander.lander_1d import Lander1D, State
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.scenario import Verdict
 from snr_sim.prelude.signals import EngineCommand

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from snr_sim.learning.lunar_box_world import CHUNKS, HEIGHT, HULL, LEG, PAD_Y, WIDTH, LunarBoxWorld
-from snr_sim.recording.picture_bodies import FLAME
-from snr_sim.recording.picture_canvas import PIXELS_PER_POINT, Canvas, Point, Rgb
+from snr_sim.view.picture_bodies import FLAME
+from snr_sim.view.picture_canvas import PIXELS_PER_POINT, Canvas, Point, Rgb
 
 WIDTH_PX, HEIGHT_PX = 600, 400
 SKY: Rgb = (24, 27, 38)

@@ -46,7 +46,7 @@ from snr_sim.learning.number_file import check_room, read_numbers, write_numbers
 from snr_sim.learning.plane_batch import Bools, Floats, PlaneLanders, step, touches
 from snr_sim.learning.settings import check_batch
 from snr_sim.learning.tile_coding import Axis, Ints, TileCoder, TiledValues
-from snr_sim.plants.module import LunarModule
+from snr_sim.plants.lander.module import LunarModule
 from snr_sim.prelude.errors import RecordingError
 
 ENVIRONMENT = "snr_sim/LanderPad-v0"

@@ -19,8 +19,8 @@ from snr_sim.learning.lander_envs import (
 from snr_sim.learning.lander_vector import Bools, Floats, Indices, LanderVectorEnv
 from snr_sim.learning.plane_flight import PlaneFlight
 from snr_sim.learning.sensor_batch import SensorBatch
-from snr_sim.plants.lander_2d import Lander2D
-from snr_sim.plants.module_shapes import PADS_BELOW_M
+from snr_sim.plants.lander.lander_2d import Lander2D
+from snr_sim.plants.lander.module_shapes import PADS_BELOW_M
 from snr_sim.prelude.angles import wrap_rad
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.scenario import Verdict

@@ -1,4 +1,4 @@
-"""Many landers in the plane at once, as arrays: the flight of `plants/lander_2d.py` until something touches.
+"""Many landers in the plane at once, as arrays: the flight of `plants/lander/lander_2d.py` until something touches.
 
 The engine's lag, its propellant and the jets are the plant's; the ground is level, and a touchdown is where the lower
 foot of a tilted module meets it. Steps are taken in parts of `PART_S`, position and speed by the mean acceleration of
@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.plants.legs import FEET_M
-from snr_sim.plants.module import LunarModule
-from snr_sim.plants.module_shapes import PADS_BELOW_M
+from snr_sim.plants.lander.legs import FEET_M
+from snr_sim.plants.lander.module import LunarModule
+from snr_sim.plants.lander.module_shapes import PADS_BELOW_M
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

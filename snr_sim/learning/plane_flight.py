@@ -1,4 +1,4 @@
-"""Many landers in the plane at once, in flight, step by step as `plants/lander_2d.py` flies each of them.
+"""Many landers in the plane at once, in flight, step by step as `plants/lander/lander_2d.py` flies each of them.
 
 It is that plant's own scheme in arrays, with its steps, so a flight is the same but for rounding. What meets the ground
 is not flown here: `met` says who does, and `state_of` hands it to the plant. (`plane_batch.py`, which learning uses,
@@ -13,12 +13,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.plants.lander import CEILING_M, EDGE_M, SAME
-from snr_sim.plants.lander_2d import State
-from snr_sim.plants.legs import FEET_M, REACH_M, Pose
-from snr_sim.plants.module import LunarModule, PlaneStart
-from snr_sim.plants.module_shapes import HULL_M, NOZZLE_BELOW_M
-from snr_sim.plants.terrain import HALF_WIDTH_M, ROOF_REACH_M, SPACING_M, Terrain
+from snr_sim.plants.lander.lander import CEILING_M, EDGE_M, SAME
+from snr_sim.plants.lander.lander_2d import State
+from snr_sim.plants.lander.legs import FEET_M, REACH_M, Pose
+from snr_sim.plants.lander.module import LunarModule, PlaneStart
+from snr_sim.plants.lander.module_shapes import HULL_M, NOZZLE_BELOW_M
+from snr_sim.plants.lander.terrain import HALF_WIDTH_M, ROOF_REACH_M, SPACING_M, Terrain
 from snr_sim.prelude.signals import InertialReading
 
 Floats = NDArray[np.float64]

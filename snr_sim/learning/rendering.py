@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.recording.picture_bodies import FLAME, JET, draw_flames, draw_shapes, strongest_of
-from snr_sim.recording.picture_canvas import PIXELS_PER_POINT, Canvas, Point, Rgb, mixed
-from snr_sim.recording.picture_layout import Place, feet_and_size
-from snr_sim.recording.picture_water import SURFACE, WATER
-from snr_sim.recording.picture_world import ground_cuts, within
-from snr_sim.recording.view_scene import points_of, turned
+from snr_sim.recording.scene import points_of, turned
+from snr_sim.view.picture_bodies import FLAME, JET, draw_flames, draw_shapes, strongest_of
+from snr_sim.view.picture_canvas import PIXELS_PER_POINT, Canvas, Point, Rgb, mixed
+from snr_sim.view.picture_layout import Place, feet_and_size
+from snr_sim.view.picture_water import SURFACE, WATER
+from snr_sim.view.picture_world import ground_cuts, within
 
 WIDTH_PX, HEIGHT_PX = 320, 240
 SKY: Rgb = (24, 27, 38)

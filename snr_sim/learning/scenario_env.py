@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.controller import call_student
 from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory, started
 from snr_sim.learning.copyable import CopyableEnv
 from snr_sim.learning.dispersion import factors_of
@@ -22,7 +21,8 @@ from snr_sim.plants.stepping import Stepper
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Verdict
-from snr_sim.simulation import Request, Simulation, prepare
+from snr_sim.scenario.controller import call_student
+from snr_sim.scenario.simulation import Request, Simulation, prepare
 
 MOST_STARTS = 2**31 - 1
 OPTIONS = {"start", "factors", "dispersion"}  # of `reset`

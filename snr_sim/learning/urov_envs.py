@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from snr_sim.learning.gym import box
 from snr_sim.learning.scenario_env import ScenarioEnv
-from snr_sim.plants.t200 import curve
+from snr_sim.plants.urov.t200 import curve
 from snr_sim.prelude.angles import wrap_rad
 from snr_sim.prelude.device import LEASE_S
 from snr_sim.prelude.scenario import Verdict

@@ -1,4 +1,4 @@
-"""Many vertical landers at once, as arrays: the physics of `plants/lander_1d.py`, thousands of times per step.
+"""Many vertical landers at once, as arrays: the physics of `plants/lander/lander_1d.py`, thousands of times per step.
 
 Between commands it is the same closed form. Only where a step ends in the ground, the speed there is that of constant
 acceleration over the last piece: good to a centimetre a second, or to half a metre if the tank runs dry within it; the
@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.plants.descent import Engine
+from snr_sim.plants.lander.descent import Engine
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.plants.vehicle import Matrix
+from snr_sim.plants.urov.vehicle import Matrix
 from snr_sim.prelude.errors import ParameterError
 
 

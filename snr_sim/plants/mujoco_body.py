@@ -16,7 +16,7 @@ import numpy as np
 
 from snr_sim.plants.matrices import mass_seen_by_mujoco
 from snr_sim.plants.mujoco_engine import MujocoWorld
-from snr_sim.plants.vehicle import Matrix
+from snr_sim.plants.urov.vehicle import Matrix
 from snr_sim.prelude.errors import ParameterError
 
 FREE_JOINT = 0  # MuJoCo's mjJNT_FREE

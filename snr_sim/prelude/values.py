@@ -172,7 +172,7 @@ def _marked_object(value: Any) -> Any:
             return _marked_page(value)
         if (
             config.tag_field == MARK and config.tag == "shared"
-        ):  # core/shared_arrays.py: between processes, never on disk
+        ):  # core/process/shared_arrays.py: between processes, never on disk
             return {MARK: "shared", **{name: getattr(value, name) for name in type(value).__struct_fields__}}
         fields = {name: _marked(getattr(value, name)) for name in type(value).__struct_fields__}
     else:

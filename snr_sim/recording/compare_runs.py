@@ -13,11 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from snr_sim.prelude.errors import TraceError, UnknownName, nearest
+from snr_sim.recording.columns import Floats
 from snr_sim.recording.compare_signals import APPLIED, TRUTH, Measured, Signal, between, measured, signals_of
-from snr_sim.recording.picture_flight import Rows
 from snr_sim.recording.reader import Trace
 from snr_sim.recording.records import Header
-from snr_sim.recording.view_columns import Floats
 
 LATER_MAX_S, LATER_STEP_S = 1.0, 0.005  # how far and how finely one run is moved against the other
 LATER_GAIN = 0.7  # moving it must leave no more than this share of the difference, or nobody can tell
@@ -47,7 +46,7 @@ class Compared:
     of_first: Measured
     of_second: Measured
     times_s: Floats
-    difference: Rows
+    difference: Floats
     rms: float
     largest: float
     largest_at_s: float
@@ -271,7 +270,7 @@ def _compared(
     )
 
 
-def _at(signal: Signal, times_s: Floats) -> Rows:
+def _at(signal: Signal, times_s: Floats) -> Floats:
     """Returns the values of all channels at other times, between two pages on a straight line."""
     return np.stack([np.interp(times_s, signal.times_s, column) for column in signal.values.T], axis=1)
 
@@ -284,11 +283,11 @@ def channel_of(one: Compared, channel: int) -> Compared:
     return replace(alone, channel=channel)
 
 
-def _turned(field: str, difference: Rows) -> Rows:
+def _turned(field: str, difference: Floats) -> Floats:
     """Returns differences of angles the short way round."""
     if not field.endswith("_rad"):
         return difference
-    turned: Rows = difference - 2.0 * math.pi * np.round(difference / (2.0 * math.pi))
+    turned: Floats = difference - 2.0 * math.pi * np.round(difference / (2.0 * math.pi))
     return turned
 
 

@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from snr_sim.recording.picture_flight import Rows
+from snr_sim.recording.columns import Batch, Floats, Series
 from snr_sim.recording.records import Record
-from snr_sim.recording.view_columns import Batch, Floats, Series
 
 STAMP = "stamp_s"  # the field in which readings, and answers of outputs, say when what they hold was measured or made
 TRUTH = "truth"  # key of what the plant says, in simulated runs: no node can read it
@@ -49,7 +48,7 @@ class Signal:
     key: str
     field: str
     times_s: Floats
-    values: Rows
+    values: Floats
     ages_s: Floats | None = None
 
     @property
@@ -183,7 +182,7 @@ def after_s(command: Signal, applied: Signal) -> float | None:
     return float(np.median(found)) if found else None
 
 
-def noise_of(values: Rows) -> float | None:
+def noise_of(values: Floats) -> float | None:
     """Returns the standard deviation of white noise on signals that are otherwise smooth.
 
     Third differences leave nothing of a smooth motion, and of noise 4.5 times as much. They are looked at in windows
@@ -204,7 +203,7 @@ def noise_of(values: Rows) -> float | None:
     return float(np.sqrt(np.mean(np.median(power, axis=0)) / below))
 
 
-def step_of(values: Rows) -> float | None:
+def step_of(values: Floats) -> float | None:
     """Returns the largest step of which all differences of values are multiples; None if they are continuous.
 
     >>> step_of(np.array([[1500.0], [1501.5], [1503.5]]))
@@ -231,7 +230,7 @@ def _common_divisor(a: float, b: float, nothing: float) -> float:
     return a
 
 
-def dead_band_of(offsets: Rows) -> tuple[float, float] | None:
+def dead_band_of(offsets: Floats) -> tuple[float, float] | None:
     """Returns the nearest values below and above 0 that ever occur, if a gap is between them and 0.
 
     A thruster does not turn until its pulse has left a band around neutral; whoever knows that steps over it.

@@ -12,10 +12,10 @@ from typing import Any
 
 import msgspec
 
+from snr_sim.console.wire import Command, Complete, Reply, Words
+from snr_sim.links.messages import VERSION, Control
 from snr_sim.recording.records import SCHEMA, Header, Line, Opening
 from snr_sim.schemas import SUFFIX
-from snr_sim.std_mods.comms.messages import VERSION, Control
-from snr_sim.std_mods.console.wire import Command, Complete, Reply, Words
 
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 PAGE = {"$ref": f"page{SUFFIX}"}

@@ -21,8 +21,8 @@ from typing import Any, TextIO, TypeAlias
 
 from snr_sim.core.config import Config
 from snr_sim.core.door import LOOK_UP_S
-from snr_sim.core.packing import pack
-from snr_sim.core.spawn import Spawned, how_it_ended, print_line
+from snr_sim.core.process.packing import pack
+from snr_sim.core.process.spawn import Spawned, how_it_ended, print_line
 from snr_sim.prelude.component import PortFactory, RoleName
 from snr_sim.prelude.errors import ComponentFailed, ConfigError
 from snr_sim.prelude.promises import keeps
@@ -47,7 +47,7 @@ class MultiProcRunner:
     SIGTERM, ends all in order; a second one interrupts what still runs.
 
     Args:
-        config: of the robot. Its factories must be such that they can be sent to a process: see `core/packing.py`.
+        config: of the robot. Its factories are sent to a process: see `core/process/packing.py`.
         roles: all of the config's if not given.
         seed: of the run.
         ends_all: roles that end all others when they end, such as the one with the operator's `exit`. Without it the

@@ -11,12 +11,12 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import TypeAlias
 
-from snr_sim.core import spawned
 from snr_sim.core.blame import describe_error
 from snr_sim.core.config import Config, Mode
 from snr_sim.core.interrupts import PATIENCE_S
 from snr_sim.core.node import Node
-from snr_sim.core.packing import unpack
+from snr_sim.core.process import spawned
+from snr_sim.core.process.packing import unpack
 from snr_sim.core.runners import SynchronousRunner
 from snr_sim.prelude import tasks
 from snr_sim.prelude.component import RoleName

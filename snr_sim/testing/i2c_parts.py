@@ -10,7 +10,7 @@ import os
 from collections.abc import MutableSequence
 from typing import Protocol
 
-from snr_sim.devices.pca9685 import COUNTS, FULL_OFF, LED0, MODE1, OSCILLATOR_HZ, PRE_SCALE, SLEEP
+from snr_sim.devices.pwm.pca9685 import COUNTS, FULL_OFF, LED0, MODE1, OSCILLATOR_HZ, PRE_SCALE, SLEEP
 
 _ALL_LED = 0xFA  # to 0xFD: writes here go to every channel
 _AUTO_INCREMENT = 0x20

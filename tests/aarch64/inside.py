@@ -14,12 +14,12 @@ import time
 from collections.abc import Callable
 
 import snr_sim
-import snr_sim.devices.mcu
-import snr_sim.devices.pca9685
-import snr_sim.devices.pwm_loop
-import snr_sim.devices.sysfs_pwm
-import snr_sim.role_run
-from snr_sim.devices.mirror import MirrorPwm
+import snr_sim.devices.mcu.mcu
+import snr_sim.devices.pwm.pca9685
+import snr_sim.devices.pwm.pwm_loop
+import snr_sim.devices.pwm.sysfs_pwm
+import snr_sim.scenario.role_run
+from snr_sim.devices.pwm.mirror import MirrorPwm
 from snr_sim.prelude.device import PwmOut
 from snr_sim.testing.pwm_contract import check_pwm_out
 
@@ -67,11 +67,11 @@ def doctor_says_what_is_missing() -> str:
 
 def the_vehicle_is_wired_without_physics() -> str:
     """Both roles of robots/urov can be put together, and its thrusts shared out, with numpy alone."""
-    from snr_sim.simulation import Request, prepare
+    from snr_sim.scenario.simulation import Request, prepare
 
     simulation = prepare(Request("urov_teleop", role="urov"))
     config = simulation.config(None)
-    from snr_sim.plants.t200 import curve
+    from snr_sim.plants.urov.t200 import curve
     from snr_sim.std_mods.allocation import Allocation
     from snr_sim.std_mods.thrust_curve import ThrustCurve
 

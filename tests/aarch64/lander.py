@@ -6,9 +6,9 @@ python lander.py FOLDER     simulates it, and prints where its trace is
 import sys
 from pathlib import Path
 
-from snr_sim.flight import fly_recorded
 from snr_sim.recording.trace import FILE_NAME
-from snr_sim.simulation import Request, prepare
+from snr_sim.scenario.flight import fly_recorded
+from snr_sim.scenario.simulation import Request, prepare
 
 trace = Path(sys.argv[1]).absolute() / "lander" / FILE_NAME
 trace.parent.mkdir(parents=True, exist_ok=True)

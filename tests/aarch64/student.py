@@ -14,10 +14,10 @@ from pathlib import Path
 
 from snr_sim import Config, Endpoint, EndpointFactory, Mode, SimClock, TaskType
 from snr_sim.devices.loops import SensorLoopFactory
-from snr_sim.devices.mirror import MirrorPwm
-from snr_sim.devices.pwm_loop import PwmLoopFactory
+from snr_sim.devices.pwm.mirror import MirrorPwm
+from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
 from snr_sim.prelude.signals import DepthReading
-from snr_sim.program import record_program
+from snr_sim.scenario.program import record_program
 from snr_sim.testing.fakes import FakeSensor
 
 UNTIL_S, RATE_HZ = 20.0, 50.0

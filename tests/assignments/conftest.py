@@ -21,10 +21,10 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from snr_sim.grading import child_process
 from snr_sim.grading.grade import grade_submission
-from snr_sim.grading.lab import Check, Lab, find_lab, load_lab
-from snr_sim.grading.sandbox import environment
+from snr_sim.grading.lab.lab import Check, Lab, find_lab, load_lab
+from snr_sim.grading.remote import child_process
+from snr_sim.grading.sandbox.sandbox import environment
 from tests.assignments.mistakes import write_solution, write_starter
 
 collect_ignore_glob = ["*/reference/*"]
@@ -42,9 +42,18 @@ sys.path[:] = {path!r}
 import numpy.ma, numpy.typing, tomllib
 from snr_sim import Endpoint, EndpointFactory, Loop, LoopFactory, Node, TaskType
 from snr_sim.core import lockstep, runners
-from snr_sim.devices import camera, echo_sounder, hull_watch, imu, ms5837, simulated
-from snr_sim.grading import child, child_node, node_verbs, pilot, queue_bench
-from snr_sim.plants import t200, vehicle_file
+from snr_sim.devices import simulated
+from snr_sim.devices.sensors import camera
+from snr_sim.devices.sensors import echo_sounder
+from snr_sim.devices.sensors import hull_watch
+from snr_sim.devices.sensors import imu
+from snr_sim.devices.sensors import ms5837
+from snr_sim.grading import pilot, queue_bench
+from snr_sim.grading.remote import child
+from snr_sim.grading.remote import child_node
+from snr_sim.grading.remote import node_verbs
+from snr_sim.plants.urov import t200
+from snr_sim.plants.urov import vehicle_file
 from snr_sim.std_mods import allocation, slew, thrust_curve
 signal.signal(signal.SIGCHLD, signal.SIG_IGN)
 asked = socket.socket(fileno={line})
@@ -222,6 +231,6 @@ def leave_out(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
             lab.checks = tuple(check for check in lab.checks if check.name not in names)
             return lab
 
-        monkeypatch.setattr("snr_sim.grading.lab.load_lab", load)
+        monkeypatch.setattr("snr_sim.grading.lab.lab.load_lab", load)
 
     return leave_out

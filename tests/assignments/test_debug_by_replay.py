@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from snr_sim.flight import Flight
-from snr_sim.grading.lab import find_lab
-from snr_sim.simulation import Request, Simulation, prepare
+from snr_sim.grading.lab.lab import find_lab
+from snr_sim.scenario.flight import Flight
+from snr_sim.scenario.simulation import Request, Simulation, prepare
 from tests.assignments.debug_by_replay.mistakes import MISTAKES
 
 LAB = "09_debug_by_replay"

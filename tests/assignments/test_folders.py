@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim.grading.lab import find_lab
+from snr_sim.grading.lab.lab import find_lab
 from tests.assignments.mistakes import mistakes_of
 
 HERE = Path(__file__).parent

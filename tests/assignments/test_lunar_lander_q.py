@@ -22,13 +22,13 @@ import pytest
 
 from snr_sim.grading.evidence import Evidence
 from snr_sim.grading.grade import grade_submission
-from snr_sim.grading.lab import load_lab
+from snr_sim.grading.lab.lab import load_lab
+from snr_sim.grading.lab.student import Student
+from snr_sim.grading.lab.verdicts import Misbehaved
 from snr_sim.grading.learning import LANDERS, PILOT, Budget, ByTable, Flights, Here, World, as_policy, fly, train
-from snr_sim.grading.results import Graded
-from snr_sim.grading.student import Student
-from snr_sim.grading.verdicts import Misbehaved
+from snr_sim.grading.reports.results import Graded
 from snr_sim.learning.q_table import QTable
-from snr_sim.library import load_program
+from snr_sim.scenario.library import load_program
 from tests.assignments.lunar_lander_q.mistakes import CHEATS, MISTAKES, WRONG
 from tests.assignments.mistakes import write_solution
 

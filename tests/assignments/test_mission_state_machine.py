@@ -12,10 +12,10 @@ import pytest
 from typer.main import get_command
 
 from snr_sim.cli.main import app
-from snr_sim.flight import Flight
-from snr_sim.grading.lab import Case, find_lab
-from snr_sim.grading.student import Student
-from snr_sim.simulation import Request, prepare
+from snr_sim.grading.lab.lab import Case, find_lab
+from snr_sim.grading.lab.student import Student
+from snr_sim.scenario.flight import Flight
+from snr_sim.scenario.simulation import Request, prepare
 from tests.assignments.mission_state_machine.mistakes import MISTAKES
 
 LAB = "05_mission_state_machine"

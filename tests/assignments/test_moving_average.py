@@ -13,8 +13,8 @@ from typing import Any
 
 import pytest
 
-from snr_sim.flight import Flight
-from snr_sim.simulation import Request, prepare
+from snr_sim.scenario.flight import Flight
+from snr_sim.scenario.simulation import Request, prepare
 from tests.assignments.moving_average.mistakes import MISTAKES
 
 LAB = "03_moving_average"

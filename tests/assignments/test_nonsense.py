@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from snr_sim.grading.grade import grade_submission
-from snr_sim.grading.lab import Lab, find_lab
-from snr_sim.grading.results import decode_graded, encode_graded
+from snr_sim.grading.lab.lab import Lab, find_lab
+from snr_sim.grading.reports.results import decode_graded, encode_graded
 from tests.assignments.mistakes import replace as replace_text
 from tests.assignments.mistakes import write_solution
 

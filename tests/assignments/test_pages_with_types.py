@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from snr_sim.grading.grade import grade_submission
-from snr_sim.grading.lab import find_lab
+from snr_sim.grading.lab.lab import find_lab
 from tests.assignments.mistakes import write_solution
 
 # What is changed in the reference, file by file: each text for another.

@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from snr_sim import library
-from snr_sim.flight import Flight
-from snr_sim.grading.lab import find_lab
-from snr_sim.library import load_controller
-from snr_sim.simulation import Request, prepare
+from snr_sim.grading.lab.lab import find_lab
+from snr_sim.scenario import library
+from snr_sim.scenario.flight import Flight
+from snr_sim.scenario.library import load_controller
+from snr_sim.scenario.simulation import Request, prepare
 from tests.assignments.perception_drop_in.mistakes import MISTAKES
 
 LAB = "06_perception_drop_in"

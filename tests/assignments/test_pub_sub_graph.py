@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from snr_sim.flight import Flight
-from snr_sim.grading.lab import Case, find_lab
-from snr_sim.grading.student import Student
-from snr_sim.simulation import Request, prepare
+from snr_sim.grading.lab.lab import Case, find_lab
+from snr_sim.grading.lab.student import Student
+from snr_sim.scenario.flight import Flight
+from snr_sim.scenario.simulation import Request, prepare
 from tests.assignments.mistakes import write_solution, write_starter
 from tests.assignments.pub_sub_graph.mistakes import MISTAKES
 

@@ -13,13 +13,13 @@ from typer.main import get_command
 from snr_sim import Config, Endpoint, EndpointFactory, Loop, LoopFactory, SimRunner, TaskType
 from snr_sim.cli.main import app
 from snr_sim.devices.emulated.toolchain import ToolsMissing
-from snr_sim.flight import Flight
-from snr_sim.grading.lab import Case, find_lab
-from snr_sim.grading.student import Student
-from snr_sim.grading.verdicts import LabFault
-from snr_sim.library import load_controller
+from snr_sim.grading.lab.lab import Case, find_lab
+from snr_sim.grading.lab.student import Student
+from snr_sim.grading.lab.verdicts import LabFault
 from snr_sim.prelude.scenario import Robot
-from snr_sim.simulation import Request, prepare
+from snr_sim.scenario.flight import Flight
+from snr_sim.scenario.library import load_controller
+from snr_sim.scenario.simulation import Request, prepare
 from tests.assignments.sim_to_pi.mistakes import MISTAKES
 
 ROOT = Path(__file__).parents[2]

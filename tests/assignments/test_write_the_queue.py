@@ -12,12 +12,12 @@ from typing import Any
 import pytest
 
 from snr_sim.grading.grade import grade_submission
-from snr_sim.grading.lab import load_lab
+from snr_sim.grading.lab.lab import load_lab
 from snr_sim.grading.plain_code import what_is_not_plain
 from snr_sim.grading.plain_queue import PlainQueue
 from snr_sim.grading.queue_bench import QueueBench
-from snr_sim.library import load_program
 from snr_sim.prelude.errors import SnrError
+from snr_sim.scenario.library import load_program
 from tests.assignments.mistakes import write_solution
 from tests.assignments.write_the_queue.mistakes import MISTAKES
 

@@ -31,10 +31,10 @@ from typing import Any
 import msgspec
 from harness import Row
 
-from snr_sim import library
 from snr_sim.grading import grade
-from snr_sim.grading.lab import find_lab
-from snr_sim.grading.student import Student
+from snr_sim.grading.lab.lab import find_lab
+from snr_sim.grading.lab.student import Student
+from snr_sim.scenario import library
 
 PROJECT = Path(__file__).resolve().parents[2]
 LAB, REFERENCE = "lunar_lander_q", PROJECT / "tests" / "assignments" / "lunar_lander_q" / "reference"

@@ -24,8 +24,8 @@ from snr_sim.devices.emulated.board import PINS, Board
 from snr_sim.devices.emulated.lock_step import PlantOnBoard
 from snr_sim.devices.emulated.port import EmulatedPort
 from snr_sim.devices.emulated.toolchain import firmware_elf
-from snr_sim.devices.mcu import McuPwm
-from snr_sim.devices.mcu_board import McuBoard
+from snr_sim.devices.mcu.mcu import McuPwm
+from snr_sim.devices.mcu.mcu_board import McuBoard
 from snr_sim.devices.wire.mcu_frames import encode
 from snr_sim.devices.wire.mcu_messages import (
     BAUD,

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from harness import Row
 
-from snr_sim.library import known
+from snr_sim.scenario.library import known
 
 PROJECT = Path(__file__).resolve().parents[2]
 LIMIT_S = 20.0

@@ -16,14 +16,14 @@ from typing import Any
 
 from harness import Row, Trial, compare
 
-from snr_sim import flight, library
 from snr_sim.devices.loops import started
 from snr_sim.prelude.errors import MissingExtra
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.scenario import Rig, Robot
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
-from snr_sim.simulation import Request, Simulation, prepare
+from snr_sim.scenario import flight, library
+from snr_sim.scenario.simulation import Request, Simulation, prepare
 
 SEED = 7
 PACE_SEED = 0  # of lander_vertical: the reference case
@@ -157,7 +157,7 @@ def check_same(flight: Flight, tick_of: Callable[..., Any], folder: Path) -> Non
 
 def write_view_of(path: Path) -> None:
     """Writes view.rrd as `snr view` does."""
-    from snr_sim.recording.view import write_view
+    from snr_sim.view.view import write_view
 
     trace = read_trace(path)
     view = path.parent / "view.rrd"

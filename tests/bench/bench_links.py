@@ -32,10 +32,10 @@ from snr_sim import (
     tasks,
 )
 from snr_sim import TaskType as T
-from snr_sim.std_mods.comms.frame_mac import FrameMac
-from snr_sim.std_mods.comms.frames import HEADER_BYTES, encode_frame
-from snr_sim.std_mods.comms.options import LinkOptions
-from snr_sim.std_mods.comms.pipes import PipeLoopFactory
+from snr_sim.links.frame_mac import FrameMac
+from snr_sim.links.frames import HEADER_BYTES, encode_frame
+from snr_sim.links.options import LinkOptions
+from snr_sim.links.pipes import PipeLoopFactory
 
 ROUND_TRIP_P50_US = 80.0
 ROUND_TRIP_P99_US = 300.0

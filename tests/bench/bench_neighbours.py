@@ -28,9 +28,9 @@ from statistics import mean, median
 from harness import Outcome, Row, Skipped
 
 from snr_sim.grading.grade import grade_submission, sandboxed
-from snr_sim.grading.lab import load_lab
-from snr_sim.grading.nursery import Nursery
-from snr_sim.grading.sandbox import Limits
+from snr_sim.grading.lab.lab import load_lab
+from snr_sim.grading.sandbox.nursery import Nursery
+from snr_sim.grading.sandbox.sandbox import Limits
 
 TESTS = Path(__file__).resolve().parents[1]
 ATTACKS, LABS = TESTS / "grading" / "attacks", TESTS / "grading" / "labs"

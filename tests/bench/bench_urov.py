@@ -14,18 +14,18 @@ from typing import Any
 
 from harness import Row, compare
 
-from snr_sim.flight import Flight
-from snr_sim.plants.dive import Current, Dive
 from snr_sim.plants.mujoco_engine import MujocoWorld
-from snr_sim.plants.pool import BODY, Pool
-from snr_sim.plants.propulsion import Propulsion
-from snr_sim.plants.tether import Tether
-from snr_sim.plants.urov import STEP_S, Urov
-from snr_sim.plants.urov_state import WrenchCommand
-from snr_sim.plants.vehicle_file import read_vehicle
+from snr_sim.plants.urov.dive import Current, Dive
+from snr_sim.plants.urov.pool import BODY, Pool
+from snr_sim.plants.urov.propulsion import Propulsion
+from snr_sim.plants.urov.tether import Tether
+from snr_sim.plants.urov.urov import STEP_S, Urov
+from snr_sim.plants.urov.urov_state import WrenchCommand
+from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.signals import PwmCommand
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
-from snr_sim.simulation import Request, prepare
+from snr_sim.scenario.flight import Flight
+from snr_sim.scenario.simulation import Request, prepare
 
 VEHICLE = read_vehicle(Path(__file__).parents[2] / "robots" / "urov" / "vehicles" / "benzon2022.toml")
 POOL = Pool(depth_m=60.0)

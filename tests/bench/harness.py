@@ -18,7 +18,7 @@ from statistics import median
 from typing import Any, TypeAlias
 
 from snr_sim.devices.emulated.toolchain import ToolsMissing
-from snr_sim.grading.sandbox import IsolationMissing
+from snr_sim.grading.sandbox.sandbox import IsolationMissing
 from snr_sim.prelude.errors import MissingExtra
 
 _OURS = ("snr_sim", "harness", "peers")

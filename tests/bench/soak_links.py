@@ -33,7 +33,7 @@ from snr_sim import (
     TaskType,
     tasks,
 )
-from snr_sim.std_mods.comms.faults import Faults
+from snr_sim.links.faults import Faults
 
 RATE_HZ = 500.0
 REST_S = 10.0  # the end has come when nothing has arrived for so long

@@ -141,7 +141,7 @@ MISTAKES = [
     Mistake(40, "a policy that is not there", ("none.npz", "none.npz", "file", "no file", "save it first"),
             words=("run", "lander_vertical", "--controller", "q", "--policy", "none.npz")),
     Mistake(41, "a console's port that is in use", ("", "", "", "", ""),
-            elsewhere="tests/std_mods/console/test_command_receiver.py::test_a_port_in_use_is_said_at_the_start_and_everything_halted"),
+            elsewhere="tests/console/test_command_receiver.py::test_a_port_in_use_is_said_at_the_start_and_everything_halted"),
     Mistake(43, "a full disk", ("", "", "", "", ""), is_before=False,
             elsewhere="tests/cli/test_signals.py::test_a_full_disk_stops_the_run_with_a_sentence_and_a_whole_trace"),
     Mistake(44, "no display: snr view", ("snr view", "window", "a display|a browser", "no display", "--web"), then=("view", "{run}")),

@@ -174,7 +174,7 @@ def test_a_module_that_cannot_land_for_want_of_a_package_is_a_note_where_hardwar
     def missing(*given: Any) -> Any:
         raise MissingExtra("numpy", "sim")
 
-    monkeypatch.setattr("snr_sim.simulation.prepare", missing)
+    monkeypatch.setattr("snr_sim.scenario.simulation.prepare", missing)
     assert (landing(True).tag, landing(False).tag) == ("note", "MISS")
     assert "numpy" in landing(True).what
 

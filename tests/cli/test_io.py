@@ -17,9 +17,9 @@ import pytest
 
 from snr_sim.cli.io import lines
 from snr_sim.cli.io_bench import ARMING_S, TICK_S, Bench, bench_of, devices_of, fields_of
-from snr_sim.devices.mirror import MirrorPwm
-from snr_sim.devices.nudge import WHOLE_S, nudge_us, top_us
-from snr_sim.devices.pwm_backend import PwmBackend
+from snr_sim.devices.pwm.mirror import MirrorPwm
+from snr_sim.devices.pwm.nudge import WHOLE_S, nudge_us, top_us
+from snr_sim.devices.pwm.pwm_backend import PwmBackend
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError, SensorLost, UnknownName
 from snr_sim.prelude.life_cycle import LifeCycle
@@ -271,8 +271,8 @@ ROBOT = '''
 from functools import partial
 from pathlib import Path
 
-from snr_sim.devices.mirror import MirrorPwm
-from snr_sim.devices.pwm_loop import PwmLoopFactory
+from snr_sim.devices.pwm.mirror import MirrorPwm
+from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
 
 ROLES, IO = ("rov",), ("pi",)
 LOG = Path(__file__).with_name("made.txt")

@@ -18,8 +18,8 @@ from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import PageRecord
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME
-from snr_sim.role_run import World
-from snr_sim.simulation import Request, prepare, request_of
+from snr_sim.scenario.role_run import World
+from snr_sim.scenario.simulation import Request, prepare, request_of
 
 PATIENCE_S = 60.0
 
@@ -31,9 +31,9 @@ from snr_sim_robot_urov.judging import WatchedUrov
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
 from snr_sim_robot_urov.pilot import Cue
 
-from snr_sim.plants.dive import Dive
-from snr_sim.plants.pool import Pool
-from snr_sim.plants.propulsion import Propulsion
+from snr_sim.plants.urov.dive import Dive
+from snr_sim.plants.urov.pool import Pool
+from snr_sim.plants.urov.propulsion import Propulsion
 from snr_sim.prelude.scenario import Verdict
 
 ROBOT = "urov"

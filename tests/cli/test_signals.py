@@ -94,7 +94,7 @@ def test_a_handler_that_never_returns_is_named_with_its_line_and_its_run_replays
 
 EARLY = [
     ("cli/main.py:<module>", "SIGINT"), ("typer/main.py:<module>", "SIGTERM"), ("cli/main.py:main", "SIGINT"),
-    ("snr_sim/simulation.py:<module>", "SIGTERM"), ("snr_sim/simulation.py:prepare", "SIGINT"),
+    ("snr_sim/scenario/simulation.py:<module>", "SIGTERM"), ("snr_sim/scenario/simulation.py:prepare", "SIGINT"),
     ("library.py:load_controller", "SIGTERM"), ("trace.py:__init__", "SIGINT"), ("flight.py:__init__", "SIGTERM"),
     ("interrupts.py:orderly", "SIGINT"),
 ]  # fmt: skip

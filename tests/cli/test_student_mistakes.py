@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim.flight import Flight
+from snr_sim.scenario.flight import Flight
 from tests.cli.student_mistakes import GENTLE, MISTAKES, Mistake
 
 Snr = Callable[..., Any]

@@ -21,7 +21,7 @@ from snr_sim.recording.folder import RESULT_NAME
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.records import TaskRecord
 from snr_sim.recording.trace import FILE_NAME
-from snr_sim.simulation import Request
+from snr_sim.scenario.simulation import Request
 
 Snr = Callable[..., Any]
 Mine = Callable[..., Path]
@@ -298,7 +298,7 @@ def test_a_program_without_a_scenario_replays_and_can_be_replayed_with_a_changed
     program = """
 import sys
 from snr_sim import Config, TaskType, tasks
-from snr_sim.program import record_program
+from snr_sim.scenario.program import record_program
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 ticks = []
@@ -335,7 +335,7 @@ if __name__ == "__main__":
 def test_roles_in_processes_are_recorded_side_by_side_and_each_replays(snr: Snr, here: Path) -> None:
     program = """
 from snr_sim import Config, Loop, LoopFactory, TaskType, tasks
-from snr_sim.program import record_roles
+from snr_sim.scenario.program import record_roles
 from snr_sim.testing.parts import PartFactory
 
 
@@ -387,7 +387,7 @@ def test_a_picture_of_what_has_no_trace_or_no_body_says_what_to_type(snr: Snr, h
     assert "Try: snr view alone/replayed.rrd shows it." in answer.err
     (here / "prog.py").write_text(
         "from snr_sim import Config, SimClock, TimeoutLoopFactory\n"
-        "from snr_sim.program import record_program\n"
+        "from snr_sim.scenario.program import record_program\n"
         "config = Config(factories={'r': [TimeoutLoopFactory(seconds=0.1)]})\n"
         "if __name__ == '__main__':\n    print(record_program('r', config, __file__, clock=SimClock()))\n"
     )

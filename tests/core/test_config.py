@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, Mode, Node
-from snr_sim.core.watch import watched
+from snr_sim.core.reload.watch import watched
 from snr_sim.prelude.errors import ConfigError, UnknownName
 from snr_sim.testing.parts import PartFactory
 

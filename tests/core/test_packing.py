@@ -12,9 +12,10 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Config, Loop, LoopFactory, Mode, Node, TimeoutLoopFactory, library
-from snr_sim.core.packing import pack, unpack
+from snr_sim import Config, Loop, LoopFactory, Mode, Node, TimeoutLoopFactory
+from snr_sim.core.process.packing import pack, unpack
 from snr_sim.prelude.errors import ConfigError
+from snr_sim.scenario import library
 
 TOP = Path(__file__).parents[2]
 

@@ -13,11 +13,11 @@ from snr_sim import Config, ListReplayerFactory, Node, SimClock, SimRunner, Some
 from snr_sim.prelude.errors import ComponentFailed
 from snr_sim.prelude.page import KINDS
 from snr_sim.prelude.values import decode_value
-from snr_sim.program import program_header
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import EndRecord, PageRecord
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.scenario.program import program_header
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from snr_sim import Config, Mode, Node, SimClock, TaskType, TimeoutLoopFactory, tasks
-from snr_sim.core.process_backing import ProcessBacking
-from snr_sim.library import load_program
+from snr_sim.core.process.process_backing import ProcessBacking
 from snr_sim.prelude.errors import ComponentFailed
+from snr_sim.scenario.library import load_program
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 loops: Any = load_program(str(Path(__file__).parent / "process_loops.py"))

@@ -20,13 +20,13 @@ from snr_sim import (
 )
 from snr_sim.core.config import MAX_TASKS_PER_MOMENT
 from snr_sim.core.runaway import cycle_of
+from snr_sim.links.faults import LEAST_TRANSIT_S
 from snr_sim.prelude.errors import ComponentFailed, ConfigError
-from snr_sim.program import program_header
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.records import ErrorRecord
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
-from snr_sim.std_mods.comms.faults import LEAST_TRANSIT_S
+from snr_sim.scenario.program import program_header
 from snr_sim.testing.parts import Part, PartFactory, TickerFactory
 
 BOUND = 1000

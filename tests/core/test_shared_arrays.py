@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 
 from snr_sim import Page
-from snr_sim.core.shared_arrays import SHARED, SHARED_FROM_BYTES, SLOTS, ArrayReceiver, ArraySender, make_shared_file
+from snr_sim.core.process.shared_arrays import (
+    SHARED,
+    SHARED_FROM_BYTES,
+    SLOTS,
+    ArrayReceiver,
+    ArraySender,
+    make_shared_file,
+)
 from snr_sim.prelude.page import KINDS
 from snr_sim.prelude.values import decode_value, encode_value
 

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, Node, SimClock, TimeoutLoopFactory, tasks
-from snr_sim.core.sources import Reading, modules_of, source_of
-from snr_sim.library import Found, load_controller, load_program, load_robot
+from snr_sim.core.reload.sources import Reading, modules_of, source_of
+from snr_sim.scenario.library import Found, load_controller, load_program, load_robot
 from snr_sim.testing.parts import PartFactory
 
 

@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from snr_sim.core.trial import Trial
+from snr_sim.core.reload.trial import Trial
 from snr_sim.prelude.errors import ComponentFailed
 
 

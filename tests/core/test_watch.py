@@ -10,7 +10,7 @@ import pytest
 from snr_sim import Config, Node, SimClock, TaskType, TimeoutLoopFactory, WatchLoopFactory, tasks
 from snr_sim.core.lockstep import LockStep
 from snr_sim.core.runners import CliRunner
-from snr_sim.library import load_program
+from snr_sim.scenario.library import load_program
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 PILOT = """

@@ -18,8 +18,8 @@ from snr_sim.core.overload import SAMPLES
 from snr_sim.core.standstill import SLOW_LOOKS
 from snr_sim.core.watchdog import LOOK_S, Watchdog
 from snr_sim.prelude.errors import ComponentFailed, ConfigError, SnrError
-from snr_sim.program import program_header
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.scenario.program import program_header
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 GO = (TaskType.event, "go")

@@ -14,8 +14,8 @@ import pytest
 from snr_sim.devices.emulated.board import Board
 from snr_sim.devices.emulated.port import EmulatedPort
 from snr_sim.devices.emulated.toolchain import firmware_elf
-from snr_sim.devices.mcu import McuPwm
-from snr_sim.devices.mcu_board import McuBoard
+from snr_sim.devices.mcu.mcu import McuPwm
+from snr_sim.devices.mcu.mcu_board import McuBoard
 from snr_sim.devices.wire.serial_port import SerialPort
 from snr_sim.prelude.errors import DeviceError
 

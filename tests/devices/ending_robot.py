@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from snr_sim import Config, Mode, SynchronousRunner, TaskType
-from snr_sim.devices.pwm_backend import PwmBackend
-from snr_sim.devices.pwm_loop import PwmLoopFactory
+from snr_sim.devices.pwm.pwm_backend import PwmBackend
+from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 FAST, STILL = [1900.0, 1900.0], [1500.0, 1500.0]

@@ -5,9 +5,9 @@ import sys
 import time
 from pathlib import Path
 
-from snr_sim.devices.pca9685 import Pca9685Pwm
-from snr_sim.devices.supervised_pwm import SupervisedPwm
-from snr_sim.devices.sysfs_pwm import SysfsPwm
+from snr_sim.devices.pwm.pca9685 import Pca9685Pwm
+from snr_sim.devices.pwm.supervised_pwm import SupervisedPwm
+from snr_sim.devices.pwm.sysfs_pwm import SysfsPwm
 from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.testing.i2c_parts import FakeBus, Pca9685Part
 from snr_sim.testing.pwm_tree import PwmTree

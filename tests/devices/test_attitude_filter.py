@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from snr_sim.devices.attitude_filter import AttitudeFilter, Quaternion, into_world, level_of
+from snr_sim.devices.sensors.attitude_filter import AttitudeFilter, Quaternion, into_world, level_of
 from snr_sim.prelude.angles import quaternion_of, roll_pitch_yaw_rad
 
 DEG = math.radians(1.0)

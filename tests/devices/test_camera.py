@@ -7,12 +7,12 @@ import msgspec
 import numpy as np
 import pytest
 
-from snr_sim.devices.camera import Camera, CameraReading
-from snr_sim.plants.dive import Dive
-from snr_sim.plants.pool import Gate, Pool
-from snr_sim.plants.urov_2d import Urov2D
-from snr_sim.plants.urov_outputs import Pose
-from snr_sim.plants.vehicle_file import read_vehicle
+from snr_sim.devices.sensors.camera import Camera, CameraReading
+from snr_sim.plants.urov.dive import Dive
+from snr_sim.plants.urov.pool import Gate, Pool
+from snr_sim.plants.urov.urov_2d import Urov2D
+from snr_sim.plants.urov.urov_outputs import Pose
+from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.errors import ParameterError, SnrError, UnknownName
 from snr_sim.prelude.values import decode_value, encode_value
 from snr_sim.testing.contracts import check_sensor

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from snr_sim.devices.engine_pwm import EngineServos
+from snr_sim.devices.pwm.engine_pwm import EngineServos
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.signals import EngineCommand
 

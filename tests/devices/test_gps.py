@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from snr_sim.devices.gps import Gps
+from snr_sim.devices.sensors.gps import Gps
 from snr_sim.devices.wire.nmea import checksum
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError

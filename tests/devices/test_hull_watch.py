@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from snr_sim.devices.hull_watch import LeakProbe, PowerModule
-from snr_sim.plants.urov_outputs import Leak, Power
+from snr_sim.devices.sensors.hull_watch import LeakProbe, PowerModule
+from snr_sim.plants.urov.urov_outputs import Leak, Power
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.testing.contracts import check_sensor
 from snr_sim.testing.fakes import FakePlant

@@ -5,7 +5,7 @@ import math
 import adafruit_icm20x
 import pytest
 
-from snr_sim.devices.icm20948 import Icm20948
+from snr_sim.devices.sensors.icm20948 import Icm20948
 from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError, ParameterError

@@ -5,16 +5,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from snr_sim.devices.attitude_filter import GAIN_HZ, into_world
-from snr_sim.devices.imu import InertialUnit
-from snr_sim.devices.sensor_errors import SensorErrors, Wander
-from snr_sim.plants.dive import Dive
-from snr_sim.plants.pool import Pool
-from snr_sim.plants.propulsion import Propulsion
-from snr_sim.plants.urov import Urov
-from snr_sim.plants.urov_measured import FIELD_UT_PER_A
-from snr_sim.plants.urov_outputs import Imu
-from snr_sim.plants.vehicle_file import read_vehicle
+from snr_sim.devices.sensors.attitude_filter import GAIN_HZ, into_world
+from snr_sim.devices.sensors.imu import InertialUnit
+from snr_sim.devices.sensors.sensor_errors import SensorErrors, Wander
+from snr_sim.plants.urov.dive import Dive
+from snr_sim.plants.urov.pool import Pool
+from snr_sim.plants.urov.propulsion import Propulsion
+from snr_sim.plants.urov.urov import Urov
+from snr_sim.plants.urov.urov_measured import FIELD_UT_PER_A
+from snr_sim.plants.urov.urov_outputs import Imu
+from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.angles import quaternion_of, roll_pitch_yaw_rad, wrap_rad
 from snr_sim.prelude.signals import ImuReading, PwmCommand
 from snr_sim.testing.contracts import check_sensor

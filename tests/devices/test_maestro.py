@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim.devices.maestro import MaestroPwm
+from snr_sim.devices.pwm.maestro import MaestroPwm
 from snr_sim.devices.wire.serial_port import SerialPort
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import LOST, NOT_ACTIVE
@@ -195,7 +195,7 @@ def test_noise_on_the_line_is_counted_and_too_much_of_it_is_told() -> None:
 @pytest.fixture
 def bench_on_a_line(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Bench, str]]:
     """A Maestro behind a real serial line, in a time of its own: however slow this computer is."""
-    monkeypatch.setattr("snr_sim.devices.maestro.ANSWER_S", 60.0)
+    monkeypatch.setattr("snr_sim.devices.pwm.maestro.ANSWER_S", 60.0)
     far, near = pty.openpty()
     tty.setraw(near)
     bench = Bench()

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from snr_sim.devices.emulated.board import PINS
-from snr_sim.devices.mcu import McuPower, McuPwm, PowerScale
+from snr_sim.devices.mcu.mcu import McuPower, McuPwm, PowerScale
 from snr_sim.devices.wire.mcu_messages import State
 from snr_sim.prelude.device import LEASE_S, Stale
 from snr_sim.prelude.errors import DeviceError, ParameterError

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import msgspec
 import pytest
 
-from snr_sim.devices.mcu_greeting import greet
+from snr_sim.devices.mcu.mcu_greeting import greet
 from snr_sim.devices.wire.mcu_frames import McuFrames, encode
 from snr_sim.devices.wire.mcu_messages import (
     TYPE_OF,

@@ -6,9 +6,9 @@ from typing import Any
 import msgspec
 import pytest
 
-from snr_sim.devices.mcu import McuPwm
-from snr_sim.devices.mcu_board import McuBoard
-from snr_sim.devices.mcu_identity import NAME, check_identity, misfits
+from snr_sim.devices.mcu.mcu import McuPwm
+from snr_sim.devices.mcu.mcu_board import McuBoard
+from snr_sim.devices.mcu.mcu_identity import NAME, check_identity, misfits
 from snr_sim.devices.wire.mcu_messages import Arm, Fault, Ident, ResetCause, State, Telemetry
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.testing.mcu_greeter import McuGreeter

@@ -4,12 +4,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from snr_sim.devices.ms5837 import Ms5837, depth_m
-from snr_sim.plants.dive import Dive
-from snr_sim.plants.pool import Pool
-from snr_sim.plants.urov import Urov
-from snr_sim.plants.urov_outputs import Depth
-from snr_sim.plants.vehicle_file import read_vehicle
+from snr_sim.devices.sensors.ms5837 import Ms5837, depth_m
+from snr_sim.plants.urov.dive import Dive
+from snr_sim.plants.urov.pool import Pool
+from snr_sim.plants.urov.urov import Urov
+from snr_sim.plants.urov.urov_outputs import Depth
+from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.signals import DepthReading
 from snr_sim.testing.contracts import check_sensor

@@ -2,8 +2,8 @@
 
 import pytest
 
-from snr_sim.devices.ms5837 import Ms5837
-from snr_sim.devices.ms5837_i2c import Ms5837I2c
+from snr_sim.devices.sensors.ms5837 import Ms5837
+from snr_sim.devices.sensors.ms5837_i2c import Ms5837I2c
 from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError

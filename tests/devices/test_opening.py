@@ -5,20 +5,20 @@ from typing import Any
 
 import pytest
 
-from snr_sim import library
 from snr_sim.devices import opening
-from snr_sim.devices.gps import Gps
-from snr_sim.devices.icm20948 import Icm20948
-from snr_sim.devices.maestro import MaestroPwm
-from snr_sim.devices.mcu import McuPwm
-from snr_sim.devices.ms5837_i2c import Ms5837I2c
+from snr_sim.devices.mcu.mcu import McuPwm
 from snr_sim.devices.opening import check_table, open_held, open_pwm, open_sensor
-from snr_sim.devices.pca9685 import Pca9685Pwm
-from snr_sim.devices.supervised_pwm import SupervisedPwm
+from snr_sim.devices.pwm.maestro import MaestroPwm
+from snr_sim.devices.pwm.pca9685 import Pca9685Pwm
+from snr_sim.devices.pwm.supervised_pwm import SupervisedPwm
+from snr_sim.devices.sensors.gps import Gps
+from snr_sim.devices.sensors.icm20948 import Icm20948
+from snr_sim.devices.sensors.ms5837_i2c import Ms5837I2c
 from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.prelude.errors import DeviceError, ParameterError, SnrError, UnknownName
 from snr_sim.prelude.scenario import Rig, Robot
 from snr_sim.prelude.signals import DepthReading, ImuReading
+from snr_sim.scenario import library
 from snr_sim.testing.i2c_parts import FakeBus
 from snr_sim.testing.icm20948_part import Ak09916Part, Icm20948Part
 from snr_sim.testing.ms5837_part import Ms5837Part

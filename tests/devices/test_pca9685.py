@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from adafruit_pca9685 import PCA9685
 
-from snr_sim.devices.pca9685 import PRE_SCALE, Pca9685Pwm
+from snr_sim.devices.pwm.pca9685 import PRE_SCALE, Pca9685Pwm
 from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.prelude.errors import DeviceError, ParameterError
 from snr_sim.prelude.signals import LOST

@@ -2,7 +2,7 @@
 
 import pytest
 
-from snr_sim.devices.plain_pwm import ESC_START_S, PlainPwm
+from snr_sim.devices.pwm.plain_pwm import ESC_START_S, PlainPwm
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import NOT_ACTIVE
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from snr_sim.devices.pwm_guard import Guard
+from snr_sim.devices.pwm.pwm_guard import Guard
 from snr_sim.testing.fakes import FakeSensor  # a device, whose life is enough here
 
 GENEROUS_S = 60.0

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, Node, SimClock, TimeoutLoopFactory, WallClock, tasks
-from snr_sim.devices.engine_pwm import EnginePwmLoopFactory, EngineServos
-from snr_sim.devices.pwm_backend import PwmBackend
-from snr_sim.devices.pwm_loop import REARM_AFTER_S, TIMEOUT_S, PwmLoopFactory
+from snr_sim.devices.pwm.engine_pwm import EnginePwmLoopFactory, EngineServos
+from snr_sim.devices.pwm.pwm_backend import PwmBackend
+from snr_sim.devices.pwm.pwm_loop import REARM_AFTER_S, TIMEOUT_S, PwmLoopFactory
 from snr_sim.prelude.device import LEASE_S
 from snr_sim.prelude.errors import ComponentFailed, DeviceError
 from snr_sim.prelude.signals import LOST, NOT_ACTIVE, TOO_OLD

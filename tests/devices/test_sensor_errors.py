@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from snr_sim.devices.sensor_errors import SensorErrors, Spoiler, Wander
+from snr_sim.devices.sensors.sensor_errors import SensorErrors, Spoiler, Wander
 from snr_sim.prelude.errors import ParameterError
 
 

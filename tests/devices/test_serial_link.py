@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from snr_sim.devices.serial_link import MOST_BYTES, NumberedFrames
+from snr_sim.devices.mcu.serial_link import MOST_BYTES, NumberedFrames
 from snr_sim.prelude.device import SerialLink
 from snr_sim.prelude.errors import CommandError, DeviceError
 

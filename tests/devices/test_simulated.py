@@ -5,7 +5,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from snr_sim.devices.sensor_errors import SensorErrors
+from snr_sim.devices.sensors.sensor_errors import SensorErrors
 from snr_sim.devices.simulated import SimActuator, SimSensor
 from snr_sim.prelude.device import Actuator, Sensor
 from snr_sim.prelude.errors import CommandError, DeviceError, ParameterError, SensorLost

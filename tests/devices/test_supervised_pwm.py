@@ -15,10 +15,10 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, Node, SimClock, TimeoutLoopFactory
-from snr_sim.devices.pca9685 import Pca9685Pwm
-from snr_sim.devices.pwm_loop import PwmLoopFactory
-from snr_sim.devices.pwm_supervisor import Supervisor
-from snr_sim.devices.supervised_pwm import SupervisedPwm
+from snr_sim.devices.pwm.pca9685 import Pca9685Pwm
+from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
+from snr_sim.devices.pwm.pwm_supervisor import Supervisor
+from snr_sim.devices.pwm.supervised_pwm import SupervisedPwm
 from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.devices.wire.lease_messages import LeaseFrames, Open, encode
 from snr_sim.prelude.errors import DeviceError

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from rpi_hardware_pwm import HardwarePWM
 
-from snr_sim.devices.sysfs_pwm import SysfsPwm, find_chip
+from snr_sim.devices.pwm.sysfs_pwm import SysfsPwm, find_chip
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import LOST
 from snr_sim.testing.pwm_contract import check_pwm_out

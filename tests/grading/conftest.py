@@ -13,11 +13,11 @@ from typing import Any
 
 import pytest
 
-from snr_sim.grading import child_process
-from snr_sim.grading import nursery as nursery_module
-from snr_sim.grading import sandbox as sandbox_module
-from snr_sim.grading.isolation import find_isolation
-from snr_sim.grading.sandbox import IsolationMissing
+from snr_sim.grading.remote import child_process
+from snr_sim.grading.sandbox import nursery as nursery_module
+from snr_sim.grading.sandbox import sandbox as sandbox_module
+from snr_sim.grading.sandbox.isolation import find_isolation
+from snr_sim.grading.sandbox.sandbox import IsolationMissing
 
 # They run in the sandbox, and never in pytest, which imports whatever it collects.
 collect_ignore_glob = ["attacks/*", "labs/*"]

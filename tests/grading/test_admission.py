@@ -6,7 +6,7 @@ import pytest
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.config import Config, Mode
 from snr_sim.core.node import Node
-from snr_sim.grading.admission import (
+from snr_sim.grading.remote.admission import (
     MAX_KEYS,
     MAX_NOTES,
     MAX_TASKS_AT_ONE_MOMENT,
@@ -14,7 +14,7 @@ from snr_sim.grading.admission import (
     Admission,
     NotAdmitted,
 )
-from snr_sim.grading.node_messages import Made
+from snr_sim.grading.remote.node_messages import Made
 from snr_sim.prelude import tasks
 
 

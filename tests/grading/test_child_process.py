@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.grading import child_process
-from snr_sim.grading.child_process import ChildProcess
-from snr_sim.grading.sandbox import Limits
-from snr_sim.grading.verdicts import LabFault
+from snr_sim.grading.lab.verdicts import LabFault
+from snr_sim.grading.remote import child_process
+from snr_sim.grading.remote.child_process import ChildProcess
+from snr_sim.grading.sandbox.sandbox import Limits
 
 
 @pytest.mark.slow

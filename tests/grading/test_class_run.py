@@ -18,13 +18,13 @@ from typing import Any
 
 import pytest
 
-from snr_sim.grading.class_folder import ClassFolder, Terms
-from snr_sim.grading.class_run import ClassRun
-from snr_sim.grading.intake import remove
-from snr_sim.grading.lab import load_lab
-from snr_sim.grading.local_workers import grade_here
-from snr_sim.grading.results import Graded
-from snr_sim.grading.submissions import name_submissions
+from snr_sim.grading.batch.class_folder import ClassFolder, Terms
+from snr_sim.grading.batch.class_run import ClassRun
+from snr_sim.grading.batch.intake import remove
+from snr_sim.grading.batch.local_workers import grade_here
+from snr_sim.grading.batch.submissions import name_submissions
+from snr_sim.grading.lab.lab import load_lab
+from snr_sim.grading.reports.results import Graded
 from snr_sim.prelude.errors import SnrError
 
 pytestmark = pytest.mark.slow
@@ -178,7 +178,7 @@ def test_signal_while_the_private_place_is_made_or_removed_leaves_nothing(
         "    made = raced(*args, **named) if raced.__name__ == 'mkdtemp' else None\n"
         "    signal.raise_signal(signal.SIGTERM)\n"
         "    return made or raced(*args, **named)\n"
-        f"with patch('snr_sim.grading.class_folder.{raced}', raced_by_a_signal):\n"
+        f"with patch('snr_sim.grading.batch.class_folder.{raced}', raced_by_a_signal):\n"
         "    main()\n"
     )
     done = subprocess.run(
@@ -337,7 +337,7 @@ class Class:
         self.results: list[Graded] = []
         submissions = name_submissions(given)
         terms: Any = dict.fromkeys(("lab", "lab_digest", "kit", "secret_digest", "isolation"), "")
-        from snr_sim.grading.class_folder import Terms
+        from snr_sim.grading.batch.class_folder import Terms
 
         self.folder.begin(Terms(**terms), submissions)
         told: Callable[[Graded, bool], None] = lambda graded, was_there: self.results.append(graded)  # noqa: E731
@@ -442,7 +442,7 @@ def test_a_disk_that_is_full_ends_it_with_a_sentence_and_no_worker_is_left(
         raise OSError(28, "No space left on device")
 
     with Class(double_lab, handed_in(ada="right", bob="right"), tmp_path / "out") as group:
-        monkeypatch.setattr("snr_sim.grading.class_folder.write_whole", full)
+        monkeypatch.setattr("snr_sim.grading.batch.class_folder.write_whole", full)
         with pytest.raises(OSError, match="No space left"):
             grade_here(group.run, jobs=2)
     assert group.results == []
@@ -485,7 +485,7 @@ def test_place_in_which_a_dying_program_still_writes_is_removed(
         else:
             remove(place)
 
-    monkeypatch.setattr("snr_sim.grading.class_folder.remove", remove_before_the_last_write)
+    monkeypatch.setattr("snr_sim.grading.batch.class_folder.remove", remove_before_the_last_write)
     folder.close()
     assert not folder.place.exists()
 

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 import snr_sim
-from snr_sim.grading.sandbox import WAYS_TO_RECKON
-from snr_sim.grading.throwaway_user import FIRST, LAST
+from snr_sim.grading.sandbox.sandbox import WAYS_TO_RECKON
+from snr_sim.grading.sandbox.throwaway_user import FIRST, LAST
 
 KIT = Path(snr_sim.__file__).resolve().parent
 KNOWN = {
@@ -144,8 +144,8 @@ SCRIPT = """
 import json, sys
 from pathlib import Path
 from snr_sim.grading import Student
-from snr_sim.grading.isolation import find_isolation
-from snr_sim.grading.throwaway_user import _processes
+from snr_sim.grading.sandbox.isolation import find_isolation
+from snr_sim.grading.sandbox.throwaway_user import _processes
 
 folder, secret, port = Path(sys.argv[1]), sys.argv[2], int(sys.argv[3])
 allowed = frozenset({"ctypes", "_socket"})
@@ -217,7 +217,7 @@ def test_it_is_told_nothing_but_where_python_the_kit_and_its_own_folders_are(tol
     assert set(told["who"]["environment"]) == known | (os.environ.keys() & set(WAYS_TO_RECKON))
     assert [fd for fd in told["who"]["open files"] if fd > 2] == [200]  # the conversation
     begin = told["who"]["arguments"][-1]
-    assert begin.partition("; main(")[0].endswith("from snr_sim.grading.child import main")
+    assert begin.partition("; main(")[0].endswith("from snr_sim.grading.remote.child import main")
     paths = set(re.findall(r"'(/[^']*)'", begin.partition("; main(")[2]))
     assert all(re.match(r"/(usr|lib\w*)$|/tmp/snr-(scratch|test)-", path) or path in KNOWN for path in paths), paths
 
@@ -263,7 +263,7 @@ def test_a_kit_that_other_users_cannot_reach_is_named_before_a_student_is_blamed
     closed = open_folder / "private"
     shutil.copytree(KIT, closed / "snr_sim", ignore=shutil.ignore_patterns("__pycache__"))
     closed.chmod(0o700)
-    script = "from snr_sim.grading.isolation import try_confinement; try_confinement()"
+    script = "from snr_sim.grading.sandbox.isolation import try_confinement; try_confinement()"
     words = [*docker, "env", f"PYTHONPATH={closed}", sys.executable, "-c", script]
     done = subprocess.run(words, capture_output=True, text=True, cwd=open_folder)
     assert done.returncode == 1

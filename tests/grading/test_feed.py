@@ -6,7 +6,7 @@ import pytest
 
 from snr_sim import MovingAvgFilterFactory
 from snr_sim.grading import Given, Produced, Student
-from snr_sim.grading.verdicts import Misbehaved
+from snr_sim.grading.lab.verdicts import Misbehaved
 
 pytestmark = pytest.mark.slow
 

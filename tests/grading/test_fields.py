@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from snr_sim.grading.fields import field_of
-from snr_sim.grading.verdicts import Misbehaved
+from snr_sim.grading.lab.fields import field_of
+from snr_sim.grading.lab.verdicts import Misbehaved
 
 
 @pytest.mark.parametrize("value", [np.float32(0.5), np.int64(3)])

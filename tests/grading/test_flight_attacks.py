@@ -15,8 +15,8 @@ from typing import Any
 import pytest
 
 from snr_sim.grading.grade import grade_submission
-from snr_sim.grading.lab import load_lab
-from snr_sim.grading.student import Student
+from snr_sim.grading.lab.lab import load_lab
+from snr_sim.grading.lab.student import Student
 
 IN_FLIGHT = Path(__file__).parent / "attacks" / "in_flight"
 ATTACKS = sorted(path.stem for path in IN_FLIGHT.glob("*.py") if path.stem != "falling")
@@ -104,7 +104,7 @@ while "asked" not in frame.f_locals or "child" not in frame.f_locals:
     frame = frame.f_back
 child = frame.f_locals["child"]
 if {verb!r} not in child.verbs:
-    sys.modules["snr_sim.grading.child"].node_verbs(child)
+    sys.modules["snr_sim.grading.remote.child"].node_verbs(child)
 honest = child.verbs[{verb!r}]
 
 

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.flight import fly_recorded
-from snr_sim.grading.student import Student
-from snr_sim.grading.verdicts import LabFault
+from snr_sim.grading.lab.student import Student
+from snr_sim.grading.lab.verdicts import LabFault
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.records import SaidRecord
 from snr_sim.recording.trace import FILE_NAME
-from snr_sim.simulation import Request, prepare
+from snr_sim.scenario.flight import fly_recorded
+from snr_sim.scenario.simulation import Request, prepare
 
 pytestmark = pytest.mark.slow
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim.grading.gradescope import requirements
+from snr_sim.grading.batch.gradescope import requirements
 
 HandedIn = Callable[..., list[Path]]
 

@@ -19,9 +19,9 @@ import hypothesis
 import pytest
 from hypothesis import strategies as st
 
-from snr_sim.grading import intake
-from snr_sim.grading.intake import TakenIn, remove, take_in
-from snr_sim.grading.member_names import Refused
+from snr_sim.grading.batch import intake
+from snr_sim.grading.batch.intake import TakenIn, remove, take_in
+from snr_sim.grading.batch.member_names import Refused
 
 WANTED = ["depth_hold.py"]
 CODE = b"def factories(robot):\n    return []\n"

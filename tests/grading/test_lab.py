@@ -11,10 +11,10 @@ import pytest
 
 from snr_sim.grading import Lab, Student, Verdict, check, failed, partly, passed
 from snr_sim.grading.grade import grade_submission
-from snr_sim.grading.lab import find_lab, load_lab
+from snr_sim.grading.lab.lab import find_lab, load_lab
+from snr_sim.grading.lab.verdicts import LabFault
+from snr_sim.grading.reports.results import Graded
 from snr_sim.grading.reports.told import as_text
-from snr_sim.grading.results import Graded
-from snr_sim.grading.verdicts import LabFault
 from snr_sim.prelude.errors import UnknownName
 
 

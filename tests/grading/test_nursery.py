@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from snr_sim.grading import Student
-from snr_sim.grading.nursery import Nursery
-from snr_sim.grading.sandbox import Limits, is_root
-from snr_sim.grading.verdicts import LabFault, Misbehaved
+from snr_sim.grading.lab.verdicts import LabFault, Misbehaved
+from snr_sim.grading.sandbox.nursery import Nursery
+from snr_sim.grading.sandbox.sandbox import Limits, is_root
 
 PROGRAM = '''
 import os, sys

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.grading.lab import find_lab
-from snr_sim.grading.student import Student
-from snr_sim.grading.verdicts import Misbehaved
+from snr_sim.grading.lab.lab import find_lab
+from snr_sim.grading.lab.student import Student
+from snr_sim.grading.lab.verdicts import Misbehaved
 
 pytestmark = pytest.mark.slow
 DOTTED = ".".join("a" * 20_000) + " = 1"

@@ -12,8 +12,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from snr_sim.grading import Student
-from snr_sim.grading.protocol import MAX_DEPTH, ProtocolError, check_depth, decode_answer, plain_value
-from snr_sim.grading.verdicts import Misbehaved
+from snr_sim.grading.lab.verdicts import Misbehaved
+from snr_sim.grading.remote.protocol import MAX_DEPTH, ProtocolError, check_depth, decode_answer, plain_value
 
 VALUES = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(),

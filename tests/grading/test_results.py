@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from snr_sim.grading.results import CaseResult, CheckResult, Graded, decode_graded, encode_graded
+from snr_sim.grading.reports.results import CaseResult, CheckResult, Graded, decode_graded, encode_graded
 from snr_sim.schemas import read_schema
 
 

@@ -9,13 +9,14 @@ from pathlib import Path
 import pytest
 
 import snr_sim
-from snr_sim.grading import Student, isolation
+from snr_sim.grading import Student
 from snr_sim.grading.grade import grade_submission
-from snr_sim.grading.isolation import find_isolation, forbidden, try_confinement, try_sandbox, unconfined
-from snr_sim.grading.lab import load_lab
-from snr_sim.grading.nursery import Nursery
-from snr_sim.grading.sandbox import WAYS_TO_RECKON, IsolationMissing, Limits, find_bubblewrap, is_root
-from snr_sim.grading.verdicts import Misbehaved
+from snr_sim.grading.lab.lab import load_lab
+from snr_sim.grading.lab.verdicts import Misbehaved
+from snr_sim.grading.sandbox import isolation
+from snr_sim.grading.sandbox.isolation import find_isolation, forbidden, try_confinement, try_sandbox, unconfined
+from snr_sim.grading.sandbox.nursery import Nursery
+from snr_sim.grading.sandbox.sandbox import WAYS_TO_RECKON, IsolationMissing, Limits, find_bubblewrap, is_root
 
 PROBE = '''
 import errno, os, resource, sys
@@ -321,7 +322,7 @@ def test_a_computer_that_forbids_namespaces_is_told_what_allows_them(monkeypatch
 def test_a_computer_without_seccomp_is_told_that_and_nothing_about_namespaces(
     at_first: Callable[[str], None],
 ) -> None:
-    at_first("from snr_sim.grading import seccomp; seccomp.COLUMN = {}")
+    at_first("from snr_sim.grading.sandbox import seccomp; seccomp.COLUMN = {}")
     with pytest.raises(
         IsolationMissing, match="filters besides, which are not to be had here: seccomp: the system calls of a computer"
     ) as refused:

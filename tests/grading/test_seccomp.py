@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.grading.seccomp import ALLOW, ASK, ERRNO, KILL, Instruction, allowing, asking
-from snr_sim.grading.system_calls import (
+from snr_sim.grading.sandbox.seccomp import ALLOW, ASK, ERRNO, KILL, Instruction, allowing, asking
+from snr_sim.grading.sandbox.system_calls import (
     ABSENT,
     ALLOWED,
     ARCHITECTURES,

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from snr_sim.grading.stop_signals import StopSignals
+from snr_sim.grading.batch.stop_signals import StopSignals
 
 
 @pytest.fixture(autouse=True)

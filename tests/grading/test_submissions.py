@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.grading.submissions import name_submissions
+from snr_sim.grading.batch.submissions import name_submissions
 from snr_sim.prelude.errors import SnrError
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.grading import confiner
-from snr_sim.grading.scratch import Scratch
-from snr_sim.grading.throwaway_user import FIRST, LAST, ThrowawayUser
+from snr_sim.grading.sandbox import confiner
+from snr_sim.grading.sandbox.scratch import Scratch
+from snr_sim.grading.sandbox.throwaway_user import FIRST, LAST, ThrowawayUser
 
 pytestmark = pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files and processes to other users")
 

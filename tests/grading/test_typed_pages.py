@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.flight import Flight
 from snr_sim.grading import Given, Student
-from snr_sim.grading.verdicts import Misbehaved
-from snr_sim.simulation import Request, prepare
+from snr_sim.grading.lab.verdicts import Misbehaved
+from snr_sim.scenario.flight import Flight
+from snr_sim.scenario.simulation import Request, prepare
 
 pytestmark = pytest.mark.slow
 

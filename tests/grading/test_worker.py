@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from snr_sim.grading import worker
-from snr_sim.grading.results import Demanded, Isolation
-from snr_sim.grading.sandbox import IsolationMissing
-from snr_sim.grading.worker import Job, without_marks
+from snr_sim.grading.batch import worker
+from snr_sim.grading.batch.worker import Job, without_marks
+from snr_sim.grading.reports.results import Demanded, Isolation
+from snr_sim.grading.sandbox.sandbox import IsolationMissing
 
 
 @pytest.fixture(autouse=True)

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 
 import snr_sim.learning  # noqa: F401 - makes our environments known
-from snr_sim.flight import Flight
 from snr_sim.learning.batch_training import BatchTraining, Course, course_of, new_table, train_vertical, try_table
 from snr_sim.learning.discretiser import Discretiser
 from snr_sim.learning.lander_envs import VERTICAL_THROTTLES
 from snr_sim.learning.q_table import QTable
 from snr_sim.learning.tabular import evaluate
 from snr_sim.learning.vertical_batch import Landers, step
-from snr_sim.plants.gear import GearLimits
-from snr_sim.plants.lander_1d import Lander1D, VerticalStart
+from snr_sim.plants.lander.gear import GearLimits
+from snr_sim.plants.lander.lander_1d import Lander1D, VerticalStart
 from snr_sim.prelude.errors import ParameterError, RecordingError
 from snr_sim.prelude.signals import EngineCommand
-from snr_sim.simulation import Request, prepare
+from snr_sim.scenario.flight import Flight
+from snr_sim.scenario.simulation import Request, prepare
 
 
 @pytest.fixture(scope="module")

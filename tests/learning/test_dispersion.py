@@ -9,7 +9,7 @@ import pytest
 
 import snr_sim.learning  # noqa: F401 - makes the names known
 from snr_sim.learning.dispersion import factors_of
-from snr_sim.plants.descent import Engine, Motion, after
+from snr_sim.plants.lander.descent import Engine, Motion, after
 from snr_sim.prelude.errors import ParameterError, UnknownName
 from snr_sim.prelude.signals import EngineCommand
 

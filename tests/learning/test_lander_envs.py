@@ -15,12 +15,12 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import snr_sim.learning
-from snr_sim.flight import Flight
 from snr_sim.learning.gym import ENVIRONMENTS
 from snr_sim.learning.lander_envs import VERTICAL_THROTTLES, LanderPad, seen_in_the_plane, suitable_mps
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.signals import InertialReading, RadarReading
-from snr_sim.simulation import Request, prepare
+from snr_sim.scenario.flight import Flight
+from snr_sim.scenario.simulation import Request, prepare
 
 every_environment = pytest.mark.parametrize("name", list(ENVIRONMENTS))
 

@@ -14,13 +14,13 @@ import pytest
 from msgspec import structs
 
 import snr_sim.learning  # noqa: F401 - makes the names known
-from snr_sim.flight import Flight
 from snr_sim.learning.lander_envs import PAD_THROTTLES, PAD_TURNS, pad_command
 from snr_sim.learning.pad_training import BURN_AXES, LEAN_AXES, PadPolicy, PadTraining, train_pad, try_pad
 from snr_sim.learning.q_table import QTable
 from snr_sim.learning.tabular import evaluate
 from snr_sim.prelude.errors import ParameterError, RecordingError
-from snr_sim.simulation import Request, prepare
+from snr_sim.scenario.flight import Flight
+from snr_sim.scenario.simulation import Request, prepare
 
 SHORT = PadTraining(landers=192, steps=500, tried=100)
 

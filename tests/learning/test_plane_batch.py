@@ -10,7 +10,7 @@ import pytest
 import snr_sim.learning  # noqa: F401 - makes the names known
 from snr_sim.learning.lander_envs import PAD_THROTTLES, PAD_TURNS
 from snr_sim.learning.plane_batch import FEET_OUT_M, PlaneLanders, step, touches
-from snr_sim.plants.module_shapes import PADS_BELOW_M
+from snr_sim.plants.lander.module_shapes import PADS_BELOW_M
 from snr_sim.prelude.signals import EngineCommand
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.plants.module import LunarModule
+from snr_sim.plants.lander.module import LunarModule
 
 PARAMETERS = Path(__file__).parents[2] / "robots" / "lander" / "parameters.py"
 

@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from snr_sim.plants.descent import (
+from snr_sim.plants.lander.descent import (
     Descent,
     Engine,
     Motion,

@@ -3,8 +3,8 @@ from typing import Any
 
 import pytest
 
-from snr_sim.plants.dive import Current, Dive, Leak, Load, ThrusterFault
-from snr_sim.plants.tether import Tether
+from snr_sim.plants.urov.dive import Current, Dive, Leak, Load, ThrusterFault
+from snr_sim.plants.urov.tether import Tether
 from snr_sim.prelude.errors import ParameterError
 
 CENTRE = (0.0, 0.0, 0.0)

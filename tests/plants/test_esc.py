@@ -1,6 +1,6 @@
 import pytest
 
-from snr_sim.plants.esc import ARMING_S, SILENCE_S, Esc
+from snr_sim.plants.urov.esc import ARMING_S, SILENCE_S, Esc
 
 DT_S = 0.005
 

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from snr_sim.plants.gear import APOLLO_GEAR, Touchdown
+from snr_sim.plants.lander.gear import APOLLO_GEAR, Touchdown
 
 
 def touchdown(vertical: float, lateral: float = 0.0, attitude: float = 0.0, rate: float = 0.0) -> Touchdown:

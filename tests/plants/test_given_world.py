@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.plants.dive import Dive
-from snr_sim.plants.pool import Pool
-from snr_sim.plants.urov import Urov
-from snr_sim.plants.vehicle_file import read_vehicle
+from snr_sim.plants.urov.dive import Dive
+from snr_sim.plants.urov.pool import Pool
+from snr_sim.plants.urov.urov import Urov
+from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.errors import ParameterError
 
 HEAVY = read_vehicle(Path(__file__).parents[2] / "robots" / "urov" / "vehicles" / "benzon2022.toml")

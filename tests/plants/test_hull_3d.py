@@ -4,10 +4,10 @@ import math
 
 import pytest
 
-from snr_sim.plants.hull_3d import FOOT_KG, Hull3D
-from snr_sim.plants.module import LunarModule
-from snr_sim.plants.module_shapes import PADS_BELOW_M, PADS_M
-from snr_sim.plants.terrain import FLAT, make_terrain
+from snr_sim.plants.lander.hull_3d import FOOT_KG, Hull3D
+from snr_sim.plants.lander.module import LunarModule
+from snr_sim.plants.lander.module_shapes import PADS_BELOW_M, PADS_M
+from snr_sim.plants.lander.terrain import FLAT, make_terrain
 
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 STEP_S = 0.005

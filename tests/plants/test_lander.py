@@ -12,13 +12,13 @@ from dataclasses import replace
 
 import pytest
 
-from snr_sim.plants.descent import Motion, after
-from snr_sim.plants.lander import Lander
-from snr_sim.plants.lander_2d import Lander2D
-from snr_sim.plants.lander_3d import Lander3D
-from snr_sim.plants.legs import Pose
-from snr_sim.plants.module import LunarModule, PlaneStart
-from snr_sim.plants.terrain import FLAT, Terrain, make_terrain
+from snr_sim.plants.lander.descent import Motion, after
+from snr_sim.plants.lander.lander import Lander
+from snr_sim.plants.lander.lander_2d import Lander2D
+from snr_sim.plants.lander.lander_3d import Lander3D
+from snr_sim.plants.lander.legs import Pose
+from snr_sim.plants.lander.module import LunarModule, PlaneStart
+from snr_sim.plants.lander.terrain import FLAT, Terrain, make_terrain
 from snr_sim.prelude.errors import ParameterError, PlantError, UnknownName
 from snr_sim.prelude.signals import EngineCommand, InertialReading
 

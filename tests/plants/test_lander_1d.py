@@ -2,8 +2,8 @@ import math
 
 import pytest
 
-from snr_sim.plants.descent import Engine, Motion, cheapest_descent
-from snr_sim.plants.lander_1d import Lander1D, VerticalStart
+from snr_sim.plants.lander.descent import Engine, Motion, cheapest_descent
+from snr_sim.plants.lander.lander_1d import Lander1D, VerticalStart
 from snr_sim.prelude.errors import PlantError, UnknownName
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import EngineCommand

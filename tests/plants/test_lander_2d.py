@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import pytest
 
-from snr_sim.plants.gear import GearLimits
-from snr_sim.plants.lander_2d import Lander2D
-from snr_sim.plants.legs import FEET_M, Pose
-from snr_sim.plants.module import LunarModule, PlaneStart
-from snr_sim.plants.terrain import FLAT, Terrain, make_terrain
+from snr_sim.plants.lander.gear import GearLimits
+from snr_sim.plants.lander.lander_2d import Lander2D
+from snr_sim.plants.lander.legs import FEET_M, Pose
+from snr_sim.plants.lander.module import LunarModule, PlaneStart
+from snr_sim.plants.lander.terrain import FLAT, Terrain, make_terrain
 from snr_sim.prelude.errors import MissingExtra, PlantError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import EngineCommand
@@ -102,7 +102,7 @@ def test_full_thrust_in_empty_space_gives_what_the_rocket_equation_says(apollo: 
 
 
 def test_an_upright_burn_follows_the_closed_form(apollo: LunarModule) -> None:
-    from snr_sim.plants.descent import Motion, after
+    from snr_sim.plants.lander.descent import Motion, after
 
     plant = Lander2D(replace(apollo, throttle_lag_s=0.0), start(z=500.0, vz=-30.0))
     end = run(plant, 10.0, EngineCommand(0.5))

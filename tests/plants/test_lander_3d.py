@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.plants.gear import GearLimits
-from snr_sim.plants.lander_3d import Lander3D
-from snr_sim.plants.module import LunarModule, PlaneStart
-from snr_sim.plants.terrain import FLAT, Terrain, make_terrain
+from snr_sim.plants.lander.gear import GearLimits
+from snr_sim.plants.lander.lander_3d import Lander3D
+from snr_sim.plants.lander.module import LunarModule, PlaneStart
+from snr_sim.plants.lander.terrain import FLAT, Terrain, make_terrain
 from snr_sim.prelude.errors import MissingExtra, ParameterError, PlantError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import EngineCommand, InertialReading

@@ -9,14 +9,14 @@ from typing import Any
 
 import pytest
 
-from snr_sim.plants.descent import Engine
-from snr_sim.plants.gear import GearLimits
-from snr_sim.plants.lander import Lander
-from snr_sim.plants.lander_1d import Lander1D, VerticalStart
-from snr_sim.plants.lander_2d import Lander2D
-from snr_sim.plants.lander_3d import Lander3D
-from snr_sim.plants.module import Leg, LunarModule, PlaneStart, Throttle
-from snr_sim.plants.terrain import FLAT, Terrain, make_terrain
+from snr_sim.plants.lander.descent import Engine
+from snr_sim.plants.lander.gear import GearLimits
+from snr_sim.plants.lander.lander import Lander
+from snr_sim.plants.lander.lander_1d import Lander1D, VerticalStart
+from snr_sim.plants.lander.lander_2d import Lander2D
+from snr_sim.plants.lander.lander_3d import Lander3D
+from snr_sim.plants.lander.module import Leg, LunarModule, PlaneStart, Throttle
+from snr_sim.plants.lander.terrain import FLAT, Terrain, make_terrain
 from snr_sim.prelude.errors import ParameterError
 
 NAN, INF = math.nan, math.inf

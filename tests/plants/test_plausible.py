@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from snr_sim.plants.plausible import LIMITS, check_members, check_number, check_vector, checked_matrix, is_number
+from snr_sim.plants.urov.plausible import LIMITS, check_members, check_number, check_vector, checked_matrix, is_number
 from snr_sim.prelude.errors import ParameterError
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from snr_sim.plants.mujoco_engine import MujocoWorld
-from snr_sim.plants.pool import Gate, Pool
-from snr_sim.plants.vehicle_file import read_vehicle
+from snr_sim.plants.urov.pool import Gate, Pool
+from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.errors import ParameterError
 
 HEAVY = Path(__file__).parents[2] / "robots" / "urov" / "vehicles" / "benzon2022.toml"

@@ -7,9 +7,9 @@ import pytest
 
 from snr_sim.plants.mujoco_body import MujocoBody
 from snr_sim.plants.mujoco_engine import MujocoWorld
-from snr_sim.plants.pool import BODY, Gate, Pool
-from snr_sim.plants.pool_2d import Pool2D
-from snr_sim.plants.vehicle_file import read_vehicle
+from snr_sim.plants.urov.pool import BODY, Gate, Pool
+from snr_sim.plants.urov.pool_2d import Pool2D
+from snr_sim.plants.urov.vehicle_file import read_vehicle
 
 VEHICLES = Path(__file__).parents[2] / "robots" / "urov" / "vehicles"
 HEAVY = read_vehicle(VEHICLES / "benzon2022.toml")

@@ -6,13 +6,13 @@ from typing import Any
 
 import pytest
 
-from snr_sim.plants.descent import Engine
-from snr_sim.plants.lander import Lander
-from snr_sim.plants.lander_1d import Lander1D, VerticalStart
-from snr_sim.plants.lander_2d import Lander2D
-from snr_sim.plants.lander_3d import Lander3D
-from snr_sim.plants.module import LunarModule, PlaneStart
-from snr_sim.plants.terrain import make_terrain
+from snr_sim.plants.lander.descent import Engine
+from snr_sim.plants.lander.lander import Lander
+from snr_sim.plants.lander.lander_1d import Lander1D, VerticalStart
+from snr_sim.plants.lander.lander_2d import Lander2D
+from snr_sim.plants.lander.lander_3d import Lander3D
+from snr_sim.plants.lander.module import LunarModule, PlaneStart
+from snr_sim.plants.lander.terrain import make_terrain
 from snr_sim.prelude.signals import EngineCommand
 
 

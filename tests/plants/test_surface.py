@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.plants.surface import Surface
-from snr_sim.plants.vehicle_file import read_vehicle
+from snr_sim.plants.urov.surface import Surface
+from snr_sim.plants.urov.vehicle_file import read_vehicle
 
 HEAVY = read_vehicle(Path(__file__).parents[2] / "robots" / "urov" / "vehicles" / "benzon2022.toml")
 SURFACE = Surface(HEAVY)

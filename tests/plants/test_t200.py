@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from snr_sim.plants.t200 import NEWTONS_PER_KGF, curve, measured
+from snr_sim.plants.urov.t200 import NEWTONS_PER_KGF, curve, measured
 from snr_sim.prelude.errors import ParameterError
 
 # From the maker's public performance data: [pulse us, kgf at 12 V, kgf at 16 V, A at 16 V, rpm at 16 V].

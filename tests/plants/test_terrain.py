@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from snr_sim.plants.terrain import FLAT, HALF_WIDTH_M, PAD_HALF_WIDTH_M, ROOF_REACH_M, make_terrain
+from snr_sim.plants.lander.terrain import FLAT, HALF_WIDTH_M, PAD_HALF_WIDTH_M, ROOF_REACH_M, make_terrain
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -3,7 +3,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim.plants.tether import Tether, TetherPull
+from snr_sim.plants.urov.tether import Tether, TetherPull
 from snr_sim.prelude.errors import ParameterError
 
 STILL = (0.0, 0.0, 0.0)

@@ -11,14 +11,14 @@ from pathlib import Path
 import pytest
 
 from snr_sim.plants.attitude import rotation_of
-from snr_sim.plants.dive import Current, Dive, Leak, Load, ThrusterFault
-from snr_sim.plants.pool import FRICTION, POST_M, Gate, Pool
-from snr_sim.plants.propulsion import Propulsion
-from snr_sim.plants.tether import Tether
-from snr_sim.plants.urov import Urov
-from snr_sim.plants.urov_state import WrenchCommand
-from snr_sim.plants.vehicle import Vehicle
-from snr_sim.plants.vehicle_file import read_vehicle
+from snr_sim.plants.urov.dive import Current, Dive, Leak, Load, ThrusterFault
+from snr_sim.plants.urov.pool import FRICTION, POST_M, Gate, Pool
+from snr_sim.plants.urov.propulsion import Propulsion
+from snr_sim.plants.urov.tether import Tether
+from snr_sim.plants.urov.urov import Urov
+from snr_sim.plants.urov.urov_state import WrenchCommand
+from snr_sim.plants.urov.vehicle import Vehicle
+from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.errors import CommandError, ParameterError, PlantError, UnknownName
 from snr_sim.prelude.signals import PwmCommand
 from snr_sim.testing.contracts import check_plant

@@ -15,15 +15,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from snr_sim.plants.dive import Current, Dive, Leak, Load, ThrusterFault
-from snr_sim.plants.pool import Gate, Pool
-from snr_sim.plants.propulsion import Propulsion
-from snr_sim.plants.tether import Tether
-from snr_sim.plants.urov import Urov
-from snr_sim.plants.urov_2d import Urov2D, in_plane
-from snr_sim.plants.urov_state import WrenchCommand
-from snr_sim.plants.vehicle import Vehicle
-from snr_sim.plants.vehicle_file import read_vehicle
+from snr_sim.plants.urov.dive import Current, Dive, Leak, Load, ThrusterFault
+from snr_sim.plants.urov.pool import Gate, Pool
+from snr_sim.plants.urov.propulsion import Propulsion
+from snr_sim.plants.urov.tether import Tether
+from snr_sim.plants.urov.urov import Urov
+from snr_sim.plants.urov.urov_2d import Urov2D, in_plane
+from snr_sim.plants.urov.urov_state import WrenchCommand
+from snr_sim.plants.urov.vehicle import Vehicle
+from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.angles import roll_pitch_yaw_rad
 from snr_sim.prelude.errors import PlantError
 from snr_sim.prelude.signals import PwmCommand

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from snr_sim.plants.pool import POST_M, Gate, Pool
-from snr_sim.plants.urov_shapes import pool_shapes, vehicle_shapes
-from snr_sim.plants.vehicle_file import read_vehicle
+from snr_sim.plants.urov.pool import POST_M, Gate, Pool
+from snr_sim.plants.urov.urov_shapes import pool_shapes, vehicle_shapes
+from snr_sim.plants.urov.vehicle_file import read_vehicle
 
 VEHICLES = Path(__file__).parents[2] / "robots" / "urov" / "vehicles"
 

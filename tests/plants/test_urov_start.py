@@ -5,13 +5,13 @@ from typing import Any
 
 import pytest
 
-from snr_sim.plants.dive import Dive, Load, ThrusterFault
-from snr_sim.plants.pool import Gate, Pool
-from snr_sim.plants.propulsion import Propulsion
-from snr_sim.plants.tether import Tether
-from snr_sim.plants.urov import Urov
-from snr_sim.plants.urov_2d import Urov2D
-from snr_sim.plants.vehicle_file import read_vehicle
+from snr_sim.plants.urov.dive import Dive, Load, ThrusterFault
+from snr_sim.plants.urov.pool import Gate, Pool
+from snr_sim.plants.urov.propulsion import Propulsion
+from snr_sim.plants.urov.tether import Tether
+from snr_sim.plants.urov.urov import Urov
+from snr_sim.plants.urov.urov_2d import Urov2D
+from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.errors import ParameterError
 
 HEAVY = read_vehicle(Path(__file__).parents[2] / "robots" / "urov" / "vehicles" / "benzon2022.toml")

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from snr_sim.plants.vehicle import AXES, Thruster, Vehicle, lacking_axes
-from snr_sim.plants.vehicle_file import read_vehicle
+from snr_sim.plants.urov.vehicle import AXES, Thruster, Vehicle, lacking_axes
+from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.errors import ParameterError
 
 VEHICLES = Path(__file__).parents[2] / "robots" / "urov" / "vehicles"

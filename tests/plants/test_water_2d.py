@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from snr_sim.plants.hydrodynamics import AT_REST, Hydrodynamics
-from snr_sim.plants.vehicle_file import read_vehicle
-from snr_sim.plants.water_2d import Water2D
+from snr_sim.plants.urov.hydrodynamics import AT_REST, Hydrodynamics
+from snr_sim.plants.urov.vehicle_file import read_vehicle
+from snr_sim.plants.urov.water_2d import Water2D
 
 VEHICLES = Path(__file__).parents[2] / "robots" / "urov" / "vehicles"
 HEAVY = read_vehicle(VEHICLES / "benzon2022.toml")

@@ -15,15 +15,15 @@ import msgspec
 
 from snr_sim import Config, Endpoint, EndpointFactory, LifeCycle, Mode, SimClock, TaskType, WallClock
 from snr_sim.devices.loops import SensorLoopFactory
-from snr_sim.devices.mcu import McuPwm
-from snr_sim.devices.mcu_board import McuBoard
-from snr_sim.devices.mirror import MirrorPwm
-from snr_sim.devices.pwm_loop import PwmLoopFactory
+from snr_sim.devices.mcu.mcu import McuPwm
+from snr_sim.devices.mcu.mcu_board import McuBoard
+from snr_sim.devices.pwm.mirror import MirrorPwm
+from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
 from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.devices.wire.mcu_messages import BAUD
 from snr_sim.devices.wire.serial_port import SerialPort
 from snr_sim.prelude.io import parse_io
-from snr_sim.program import record_program
+from snr_sim.scenario.program import record_program
 from snr_sim.testing.fakes import FakeSensor
 
 CHANNELS = 8

@@ -13,11 +13,11 @@ import pytest
 
 from snr_sim.prelude.errors import TraceError, UnknownName
 from snr_sim.prelude.page import Page
-from snr_sim.recording.compare_picture import draw_comparison, shown
 from snr_sim.recording.compare_runs import Compared, compare_runs, labels_of, shift_by_commands_s
 from snr_sim.recording.compare_signals import dead_band_of, noise_of, step_of
 from snr_sim.recording.reader import Trace
 from snr_sim.recording.records import By, Header, Opening, PageRecord, Record, TruthRecord
+from snr_sim.view.compare_picture import draw_comparison, shown
 
 Data = Callable[[float], dict[str, Any]]
 RNG = np.random.default_rng

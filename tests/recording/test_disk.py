@@ -17,7 +17,6 @@ import pytest
 from snr_sim import Config, Node, SimClock, SimRunner, WallClock, tasks
 from snr_sim.core.clocks import SimClock as VirtualClock
 from snr_sim.prelude.errors import TraceError
-from snr_sim.program import program_header, record_program
 from snr_sim.recording import folder as run_folder
 from snr_sim.recording import follower
 from snr_sim.recording import trace as trace_module
@@ -26,6 +25,7 @@ from snr_sim.recording.reader import read_trace
 from snr_sim.recording.records import InputRecord, Record
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
 from snr_sim.recording.trace_file import TraceFile
+from snr_sim.scenario.program import program_header, record_program
 from snr_sim.testing.parts import TickerFactory
 
 BLOCK = 4096  # what a disk writes at once

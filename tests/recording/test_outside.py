@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from snr_sim import Config, SimClock, SimRunner
-from snr_sim.library import load_program
-from snr_sim.program import program_header
 from snr_sim.recording.outside import OutsideCall, watching
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.scenario.library import load_program
+from snr_sim.scenario.program import program_header
 
 ROBOT = """
 import datetime, logging, os, random, secrets, socket, subprocess, tempfile, threading, time, traceback, uuid

@@ -5,14 +5,14 @@ from typing import Any
 
 import pytest
 
-from snr_sim.flight import Result, fly_recorded
 from snr_sim.prelude.errors import PlantError, TraceError, UnknownName
 from snr_sim.prelude.plant import Plant
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.recorded_run import RecordedRun
 from snr_sim.recording.records import InputRecord
 from snr_sim.recording.trace import FILE_NAME
-from snr_sim.simulation import Request, prepare
+from snr_sim.scenario.flight import Result, fly_recorded
+from snr_sim.scenario.simulation import Request, prepare
 
 
 def fly(folder: Path, scenario: str, **request: Any) -> tuple[Result, Trace]:

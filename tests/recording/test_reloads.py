@@ -9,9 +9,7 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, SimClock, tasks
-from snr_sim.library import load_program
 from snr_sim.prelude.errors import TraceError
-from snr_sim.program import record_program
 from snr_sim.recording.checker import NodeReplay
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import PageRecord
@@ -19,6 +17,8 @@ from snr_sim.recording.reloads import reloads_in_words
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.sources import read_kept_files
 from snr_sim.recording.trace import FILE_NAME
+from snr_sim.scenario.library import load_program
+from snr_sim.scenario.program import record_program
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 # A robot that reloads, adds and removes in the middle of its run. Its pilot counts in itself and in its factory, and
@@ -28,7 +28,7 @@ import sys
 from pathlib import Path
 
 from snr_sim import Config, Endpoint, EndpointFactory, Loop, LoopFactory, SimClock, TaskType, tasks
-from snr_sim.program import record_program
+from snr_sim.scenario.program import record_program
 
 GAIN = 1
 SCRIPT = {

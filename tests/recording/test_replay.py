@@ -11,14 +11,14 @@ import pytest
 from snr_sim import Config, SimClock, SimRunner, Task, TaskType, tasks
 from snr_sim.devices.loops import ActuatorLoopFactory
 from snr_sim.prelude.errors import ComponentFailed
-from snr_sim.program import program_header
 from snr_sim.recording.checker import MAX_FOLLOWERS, Divergence, NodeReplay
 from snr_sim.recording.compare import Tolerance
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import EndRecord, ErrorRecord, TaskRecord, encode_record
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
-from snr_sim.simulation import prepare, request_of
+from snr_sim.scenario.program import program_header
+from snr_sim.scenario.simulation import prepare, request_of
 from snr_sim.testing.parts import Part, PartFactory, TickerFactory
 
 AT = 7  # the tick at which the mutants of this file begin to differ

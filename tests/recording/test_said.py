@@ -9,12 +9,12 @@ import pytest
 
 from snr_sim import Config, Endpoint, SimClock, TaskType, WallClock, tasks
 from snr_sim.core.said import hearing
-from snr_sim.program import record_program
 from snr_sim.recording import node_trace
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.records import MAX_SAID_CHARS, Record, SaidRecord
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME
+from snr_sim.scenario.program import record_program
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 

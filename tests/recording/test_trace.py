@@ -19,10 +19,10 @@ import numpy as np
 import pytest
 
 from snr_sim import Config, Node, SimClock, SimRunner, TaskType, tasks
+from snr_sim.links.memory import MemoryLink
 from snr_sim.prelude.errors import TraceError
 from snr_sim.prelude.page import KINDS
 from snr_sim.prelude.values import decode_value
-from snr_sim.program import program_header, record_program
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import (
     EndRecord,
@@ -37,7 +37,7 @@ from snr_sim.recording.records import (
 )
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
-from snr_sim.std_mods.comms.memory import MemoryLink
+from snr_sim.scenario.program import program_header, record_program
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 VALUES: list[Any] = [
@@ -425,7 +425,7 @@ def test_a_live_view_that_fails_costs_nothing_of_the_recording(
 SLOW_PROGRAM = """
 import sys
 from snr_sim import Config, WallClock
-from snr_sim.program import record_program
+from snr_sim.scenario.program import record_program
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 config = Config(factories={"r": [TickerFactory(lambda loop: loop.store_data("x", loop.get_time_s()), rate_hz=500)]})

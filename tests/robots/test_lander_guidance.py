@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim.plants.descent import Motion, cheapest_descent
+from snr_sim.plants.lander.descent import Motion, cheapest_descent
 from snr_sim.prelude.scenario import Rig, Robot
 from snr_sim.prelude.signals import EngineCommand
 

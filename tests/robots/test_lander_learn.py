@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.library import find
+from snr_sim.scenario.library import find
 
 pytestmark = pytest.mark.slow
 

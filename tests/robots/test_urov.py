@@ -7,14 +7,15 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Config, Endpoint, EndpointFactory, Mode, Node, SimRunner, Task, TaskId, TaskType, library
+from snr_sim import Config, Endpoint, EndpointFactory, Mode, Node, SimRunner, Task, TaskId, TaskType
 from snr_sim.core.clocks import SimClock
-from snr_sim.plants.battery import Battery
 from snr_sim.plants.stepping import Stepper
+from snr_sim.plants.urov.battery import Battery
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import CommandError, ParameterError, SnrError, UnknownName
 from snr_sim.prelude.scenario import Rig, Robot
 from snr_sim.prelude.signals import DepthReading, ImuReading, PadReading, PowerReading
+from snr_sim.scenario import library
 from snr_sim.testing.fakes import FakeSensor
 from snr_sim.testing.parts import Ticker, TickerFactory
 

@@ -7,10 +7,11 @@ from typing import Any
 import msgspec
 import pytest
 
-from snr_sim import Page, SimRunner, library
+from snr_sim import Page, SimRunner
 from snr_sim.core.config import Config
 from snr_sim.prelude.signals import DepthReading, ImuReading
 from snr_sim.prelude.task import Task, TaskType
+from snr_sim.scenario import library
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 library.load_robot(library.find("robots", "urov"))

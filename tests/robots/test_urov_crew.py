@@ -6,13 +6,13 @@ from typing import Any
 
 import pytest
 
-from snr_sim.flight import fly_recorded
 from snr_sim.prelude.errors import ConfigError, ParameterError, UnknownName
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import PageRecord
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME
-from snr_sim.simulation import Request, prepare
+from snr_sim.scenario.flight import fly_recorded
+from snr_sim.scenario.simulation import Request, prepare
 
 # Somebody at the surface who goes ahead a little, and stops as the buttons say.
 SURFACE = """

@@ -14,21 +14,22 @@ from typing import Any
 import msgspec
 import pytest
 
-from snr_sim import Config, SimRunner, library
+from snr_sim import Config, SimRunner
 from snr_sim.core.clocks import SimClock
 from snr_sim.devices.emulated.lock_step import PlantOnBoard
 from snr_sim.devices.emulated.port import EmulatedPort
 from snr_sim.devices.loops import SensorLoop, SensorLoopFactory
-from snr_sim.devices.mcu_board import McuBoard
-from snr_sim.devices.sim_pwm import SimPwm
+from snr_sim.devices.mcu.mcu_board import McuBoard
+from snr_sim.devices.pwm.sim_pwm import SimPwm
 from snr_sim.plants.stepping import Stepper
-from snr_sim.plants.t200 import LEAST_US, MOST_US
+from snr_sim.plants.urov.t200 import LEAST_US, MOST_US
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.scenario import Rig, Robot
 from snr_sim.prelude.signals import RESET, LeakReading
 from snr_sim.prelude.task import Task, TaskType
+from snr_sim.scenario import library
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 robot = library.load_robot(library.find("robots", "urov"))

@@ -8,12 +8,13 @@ from typing import Any
 import msgspec
 import pytest
 
-from snr_sim import Config, Mode, SimRunner, TaskType, TestRunner, TimeoutLoopFactory, library, tasks
+from snr_sim import Config, Mode, SimRunner, TaskType, TestRunner, TimeoutLoopFactory, tasks
 from snr_sim.devices.pad import PadLoopFactory
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import MissingExtra, SensorLost
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.signals import PadReading
+from snr_sim.scenario import library
 from snr_sim.testing.contracts import check_sensor
 from snr_sim.testing.fakes import FakeSensor
 from snr_sim.testing.parts import Part, PartFactory, TickerFactory

@@ -4,11 +4,11 @@ import tracemalloc
 
 import pytest
 
-from snr_sim import library
-from snr_sim.plants.dive import Dive
-from snr_sim.plants.pool import Pool
-from snr_sim.plants.propulsion import Propulsion
+from snr_sim.plants.urov.dive import Dive
+from snr_sim.plants.urov.pool import Pool
+from snr_sim.plants.urov.propulsion import Propulsion
 from snr_sim.prelude.signals import PwmCommand
+from snr_sim.scenario import library
 
 library.load_robot(library.find("robots", "urov"))
 

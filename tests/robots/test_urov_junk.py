@@ -11,10 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from snr_sim import SimRunner, library
+from snr_sim import SimRunner
 from snr_sim.core.config import Config
 from snr_sim.prelude.signals import DepthReading, ImuReading, LeakReading, PowerReading
 from snr_sim.prelude.task import TaskType
+from snr_sim.scenario import library
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 library.load_robot(library.find("robots", "urov"))

@@ -6,18 +6,18 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.flight import Flight
-from snr_sim.simulation import Request, prepare
+from snr_sim.scenario.flight import Flight
+from snr_sim.scenario.simulation import Request, prepare
 
 HOUR_S = 3600.0
 WARM_UP_S = 300.0  # until the thrusters' curves have been looked up at nearly all pulses
 MOST_KIB = 4096  # 3244 were measured; 2.1 MB of that are the course: eight numbers, ten times a second
 
 SCENARIO = f"""
-from snr_sim.plants.dive import Dive
-from snr_sim.plants.pool import Pool
-from snr_sim.plants.propulsion import Propulsion
-from snr_sim.plants.tether import Tether
+from snr_sim.plants.urov.dive import Dive
+from snr_sim.plants.urov.pool import Pool
+from snr_sim.plants.urov.propulsion import Propulsion
+from snr_sim.plants.urov.tether import Tether
 from snr_sim_robot_urov.judging import WatchedUrov
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
 from snr_sim_robot_urov.pilot import Cue

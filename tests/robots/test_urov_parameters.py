@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from snr_sim import library
 from snr_sim.prelude.errors import ParameterError
+from snr_sim.scenario import library
 
 library.load_robot(library.find("robots", "urov"))
 

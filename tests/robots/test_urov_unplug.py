@@ -8,15 +8,16 @@ import pytest
 
 pytest.importorskip("pygame", reason="the extra 'pad' is not installed")
 
-from snr_sim import SimRunner, TaskType, library
+from snr_sim import SimRunner, TaskType
 from snr_sim.core.clocks import SimClock
-from snr_sim.devices.mirror import MirrorPwm
+from snr_sim.devices.pwm.mirror import MirrorPwm
 from snr_sim.devices.pygame_pad import PygamePad
 from snr_sim.plants.stepping import Stepper
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import UnknownName
 from snr_sim.prelude.scenario import Rig
-from snr_sim.simulation import Request, prepare
+from snr_sim.scenario import library
+from snr_sim.scenario.simulation import Request, prepare
 from snr_sim.testing.contracts import check_sensor
 from snr_sim.testing.parts import PartFactory, TickerFactory
 from snr_sim.testing.virtual_pad import VirtualPad

@@ -16,11 +16,11 @@ from typing import Any
 
 import pytest
 
-from snr_sim import library
-from snr_sim.flight import fly_recorded
 from snr_sim.recording.folder import records_digest
 from snr_sim.recording.trace import FILE_NAME
-from snr_sim.simulation import Request, prepare
+from snr_sim.scenario import library
+from snr_sim.scenario.flight import fly_recorded
+from snr_sim.scenario.simulation import Request, prepare
 
 DIGESTS = Path(__file__).with_name("digests.json")
 SEEDS = (0, 1, 2)

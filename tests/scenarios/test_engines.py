@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.flight import Result, fly_recorded
 from snr_sim.prelude.errors import UnknownName
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import PageRecord
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME
-from snr_sim.simulation import Request, Simulation, prepare
+from snr_sim.scenario.flight import Result, fly_recorded
+from snr_sim.scenario.simulation import Request, Simulation, prepare
 
 ENGINES = ("pymunk", "mujoco")
 

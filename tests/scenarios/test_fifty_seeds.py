@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from snr_sim import library
-from snr_sim.flight import Flight
-from snr_sim.simulation import Request, prepare
+from snr_sim.scenario import library
+from snr_sim.scenario.flight import Flight
+from snr_sim.scenario.simulation import Request, prepare
 
 SEEDS = 50
 SCENARIOS = [found.name for found in library.known("scenarios") if library.robot_of_scenario(found) == "urov"]

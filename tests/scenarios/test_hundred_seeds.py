@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from snr_sim.flight import Flight
-from snr_sim.simulation import Request, prepare
+from snr_sim.scenario.flight import Flight
+from snr_sim.scenario.simulation import Request, prepare
 
 SEEDS = range(100)
 

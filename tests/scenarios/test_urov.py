@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim import library
-from snr_sim.flight import Flight, Result, fly_recorded
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME
-from snr_sim.simulation import Request, Simulation, prepare
+from snr_sim.scenario import library
+from snr_sim.scenario.flight import Flight, Result, fly_recorded
+from snr_sim.scenario.simulation import Request, Simulation, prepare
 
 
 def fly(scenario: str, seed: int) -> Result:

@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 
 from snr_sim import Config, SimClock, SimRunner, TaskType
+from snr_sim.links.memory import MemoryLink
 from snr_sim.prelude.errors import ComponentFailed, SnrError, ValueEncodingError
 from snr_sim.prelude.page import KINDS
 from snr_sim.prelude.values import decode_value
-from snr_sim.program import program_header
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import Record, encode_record
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
-from snr_sim.std_mods.comms.memory import MemoryLink
+from snr_sim.scenario.program import program_header
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 Validator = Callable[..., Callable[[Any], bool]]

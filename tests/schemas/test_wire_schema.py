@@ -7,13 +7,8 @@ from typing import Any
 import msgspec
 import pytest
 
-from snr_sim.prelude.errors import SnrError
-from snr_sim.prelude.page import Page
-from snr_sim.std_mods.comms.frames import FrameReader, encode_frame
-from snr_sim.std_mods.comms.messages import decode_message
-from snr_sim.std_mods.comms.session import Session, Terms
-from snr_sim.std_mods.console.table import Answer
-from snr_sim.std_mods.console.wire import (
+from snr_sim.console.table import Answer
+from snr_sim.console.wire import (
     Command,
     Complete,
     Reply,
@@ -24,6 +19,11 @@ from snr_sim.std_mods.console.wire import (
     decode_asked,
     replied,
 )
+from snr_sim.links.frames import FrameReader, encode_frame
+from snr_sim.links.messages import decode_message
+from snr_sim.links.session import Session, Terms
+from snr_sim.prelude.errors import SnrError
+from snr_sim.prelude.page import Page
 
 Validator = Callable[..., Callable[[Any], bool]]
 SECRET = b"correct horse battery staple"

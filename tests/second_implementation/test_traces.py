@@ -15,10 +15,10 @@ import pytest
 from snr_sim import Config, SimClock, SimRunner
 from snr_sim.prelude.page import KINDS
 from snr_sim.prelude.values import decode_value, encode_value
-from snr_sim.program import program_header
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.records import PageRecord
 from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.scenario.program import program_header
 from snr_sim.testing.parts import PartFactory
 
 CLIENT = Path(__file__).parent / "plain_client.py"

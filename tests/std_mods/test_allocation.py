@@ -168,7 +168,7 @@ def test_it_is_the_pseudo_inverse_and_the_thrusts_are_those_of_numpy(off: tuple[
 
 DIGEST = """
 import hashlib, sys
-from snr_sim import library
+from snr_sim.scenario import library
 library.load_robot(library.find("robots", "urov"))
 from snr_sim.std_mods.allocation import Allocation
 scenario = library.load_scenario(library.find("scenarios", "urov_depth_hold"))

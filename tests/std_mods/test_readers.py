@@ -23,8 +23,8 @@ from snr_sim import (
 from snr_sim.core.config import Config
 from snr_sim.core.runners import SimRunner
 from snr_sim.prelude.errors import RecordingError
-from snr_sim.program import program_header
 from snr_sim.recording.trace import TraceWriter
+from snr_sim.scenario.program import program_header
 from snr_sim.std_mods.replayer import ListReplayerFactory
 
 

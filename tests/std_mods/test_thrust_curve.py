@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from snr_sim.plants.t200 import NEWTONS_PER_KGF, curve
+from snr_sim.plants.urov.t200 import NEWTONS_PER_KGF, curve
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.std_mods.thrust_curve import ThrustCurve
 

@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from snr_sim.devices.pwm_backend import PlainlyArmed
+from snr_sim.devices.pwm.pwm_backend import PlainlyArmed
 from snr_sim.prelude.device import LEASE_S, Health
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import CLAMPED, NO_PULSE, NOT_ACTIVE, STOPPED, TOO_OLD, AppliedPulses

@@ -38,9 +38,9 @@ from snr_sim import (
     ThreadLoop,
     tasks,
 )
-from snr_sim.flight import Flight, Result
 from snr_sim.prelude.errors import ComponentFailed, ConfigError
-from snr_sim.simulation import Request, prepare
+from snr_sim.scenario.flight import Flight, Result
+from snr_sim.scenario.simulation import Request, prepare
 
 ACTIONS = (0.0, 0.15, 0.3, 0.45, 0.6, 1.0)  # throttle
 State: TypeAlias = tuple[float, float]  # altitude_m, velocity_mps

@@ -11,8 +11,8 @@ import sys
 from pathlib import Path
 
 from snr_sim.grading.learning import ByTable, Here, as_policy, fly, train
-from snr_sim.library import load_program
 from snr_sim.prelude.errors import SnrError
+from snr_sim.scenario.library import load_program
 
 HERE = Path(__file__).parent
 TRIES = 1_000_000  # seeds of the flights begin here: training never sees them

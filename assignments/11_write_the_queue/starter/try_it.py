@@ -7,8 +7,8 @@ import sys
 from pathlib import Path
 
 from snr_sim.grading.queue_bench import QueueBench
-from snr_sim.library import load_program
 from snr_sim.prelude.errors import SnrError
+from snr_sim.scenario.library import load_program
 
 MOST = 5
 FIRST = [["event", "tick"], ["process_data", "depth"], ["event", "tock"], ["event", "late"]]

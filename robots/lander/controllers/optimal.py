@@ -6,7 +6,7 @@ from snr_sim_robot_lander.parameters import LanderParameters
 from snr_sim_robot_lander.reckoning import Reckoning
 
 from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
-from snr_sim.plants.descent import Engine, Motion, after, find_root, stop_height
+from snr_sim.plants.lander.descent import Engine, Motion, after, find_root, stop_height
 from snr_sim.prelude.scenario import Robot
 from snr_sim.prelude.signals import EngineCommand, RadarReading
 

@@ -13,7 +13,7 @@ import math
 from snr_sim_robot_lander.parameters import LanderParameters
 
 from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
-from snr_sim.plants.module_shapes import PADS_BELOW_M
+from snr_sim.plants.lander.module_shapes import PADS_BELOW_M
 from snr_sim.prelude.scenario import Robot
 from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
 

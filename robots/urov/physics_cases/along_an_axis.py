@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from snr_sim.plants.urov import Urov
-from snr_sim.plants.vehicle import Vector, Vehicle
+from snr_sim.plants.urov.urov import Urov
+from snr_sim.plants.urov.vehicle import Vector, Vehicle
 from snr_sim.prelude.wrench import AXES
 
 from .case import Case

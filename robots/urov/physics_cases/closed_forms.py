@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from snr_sim.plants.vehicle import Vehicle
+from snr_sim.plants.urov.vehicle import Vehicle
 
 from .swimming import mass_along
 

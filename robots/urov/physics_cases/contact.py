@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from snr_sim.plants.vehicle import Vehicle
+from snr_sim.plants.urov.vehicle import Vehicle
 
 from .case import Case
 from .swimming import BASIN, DEEP, SETS, along, go, mass_along, swim, undamped, vehicle, weightless

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import cache, partial
 
-from snr_sim.plants.urov import Urov
-from snr_sim.plants.vehicle import Vehicle
+from snr_sim.plants.urov.urov import Urov
+from snr_sim.plants.urov.vehicle import Vehicle
 
 from .case import SECOND_ORDER, Case
 from .closed_forms import rk4

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from snr_sim.plants.dive import Current
-from snr_sim.plants.vehicle import Vehicle
+from snr_sim.plants.urov.dive import Current
+from snr_sim.plants.urov.vehicle import Vehicle
 
 from .case import Case
 from .closed_forms import coasting, terminal_speed

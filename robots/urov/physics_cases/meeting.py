@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache
 
-from snr_sim.plants.dive import Load
-from snr_sim.plants.pool import Gate
-from snr_sim.plants.urov import Urov
-from snr_sim.plants.vehicle import Vehicle
+from snr_sim.plants.urov.dive import Load
+from snr_sim.plants.urov.pool import Gate
+from snr_sim.plants.urov.urov import Urov
+from snr_sim.plants.urov.vehicle import Vehicle
 
 from .case import Case
 from .swimming import BASIN, SETS, along, go, swim, undamped, vehicle, weightless

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from snr_sim.plants.dive import Current
-from snr_sim.plants.tether import Tether
+from snr_sim.plants.urov.dive import Current
+from snr_sim.plants.urov.tether import Tether
 
 from .case import Case
 from .swimming import SEA, along, go, mass_along, swim, weightless

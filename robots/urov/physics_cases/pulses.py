@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from snr_sim.plants.battery import Battery, BenchSupply
-from snr_sim.plants.dive import Dive
-from snr_sim.plants.propulsion import Propulsion
-from snr_sim.plants.urov import Urov
-from snr_sim.plants.vehicle import Vehicle
+from snr_sim.plants.urov.battery import Battery, BenchSupply
+from snr_sim.plants.urov.dive import Dive
+from snr_sim.plants.urov.propulsion import Propulsion
+from snr_sim.plants.urov.urov import Urov
+from snr_sim.plants.urov.vehicle import Vehicle
 from snr_sim.prelude.signals import PwmCommand
 from snr_sim.prelude.sums import ordered_sum
 

@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator
 from functools import cache
 
-from snr_sim.plants.dive import Current, Load
-from snr_sim.plants.urov import Urov
-from snr_sim.plants.vehicle import Vehicle
+from snr_sim.plants.urov.dive import Current, Load
+from snr_sim.plants.urov.urov import Urov
+from snr_sim.plants.urov.vehicle import Vehicle
 
 from .case import Case
 from .closed_forms import sliding, terminal_speed

@@ -11,12 +11,12 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from snr_sim.plants.dive import Dive
-from snr_sim.plants.pool import Pool
-from snr_sim.plants.urov import Urov
-from snr_sim.plants.urov_state import WrenchCommand
-from snr_sim.plants.vehicle import Six, Vector, Vehicle
-from snr_sim.plants.vehicle_file import read_vehicle
+from snr_sim.plants.urov.dive import Dive
+from snr_sim.plants.urov.pool import Pool
+from snr_sim.plants.urov.urov import Urov
+from snr_sim.plants.urov.urov_state import WrenchCommand
+from snr_sim.plants.urov.vehicle import Six, Vector, Vehicle
+from snr_sim.plants.urov.vehicle_file import read_vehicle
 
 SETS = ("benzon2022", "wu2018")
 SEA = Pool(length_m=2000.0, width_m=2000.0, depth_m=200.0)

@@ -10,8 +10,8 @@ from functools import cache
 import numpy as np
 from fossen_rk4 import Fossen, rotation
 
-from snr_sim.plants.dive import Current
-from snr_sim.plants.vehicle import Six, Vehicle
+from snr_sim.plants.urov.dive import Current
+from snr_sim.plants.urov.vehicle import Six, Vehicle
 
 from .case import Case
 from .swimming import CORNER, SETS, go, neutral, swim

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from fossen_rk4 import rotation
 
-from snr_sim.plants.vehicle import Vehicle
+from snr_sim.plants.urov.vehicle import Vehicle
 
 from .case import ROUNDING, Case
 from .closed_forms import steady_circle

@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 from fossen_rk4 import rotation
 
-from snr_sim.plants.dive import Load
-from snr_sim.plants.urov import Urov
-from snr_sim.plants.vehicle import Vehicle
+from snr_sim.plants.urov.dive import Load
+from snr_sim.plants.urov.urov import Urov
+from snr_sim.plants.urov.vehicle import Vehicle
 from snr_sim.prelude.angles import roll_pitch_yaw_rad
 from snr_sim.prelude.wrench import AXES
 

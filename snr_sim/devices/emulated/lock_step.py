@@ -13,9 +13,9 @@ from typing import Any
 
 from snr_sim.devices.emulated.board import Board
 from snr_sim.devices.emulated.port import EmulatedPort
-from snr_sim.devices.mcu import PowerScale
-from snr_sim.devices.mcu_board import McuBoard
-from snr_sim.devices.pwm_backend import STOP_US
+from snr_sim.devices.mcu.mcu import PowerScale
+from snr_sim.devices.mcu.mcu_board import McuBoard
+from snr_sim.devices.pwm.pwm_backend import STOP_US
 from snr_sim.prelude.errors import PlantError
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import PwmCommand

@@ -10,7 +10,7 @@ import subprocess
 import sys
 from contextlib import suppress
 
-from snr_sim.core import spawned
+from snr_sim.core.process import spawned
 from snr_sim.prelude.errors import DeviceError
 
 END_S = 5.0

@@ -1,1 +1,1 @@
-"""What graded submissions are shown as: pages for people, files for the systems that courses use."""
+"""Results as they are handed out."""

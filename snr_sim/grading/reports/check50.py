@@ -7,7 +7,7 @@ from typing import Any
 
 from snr_sim.grading.reports import told
 from snr_sim.grading.reports.plain import one_line, plain
-from snr_sim.grading.results import CheckResult, Graded
+from snr_sim.grading.reports.results import CheckResult, Graded
 
 
 def check50(graded: Graded) -> str:

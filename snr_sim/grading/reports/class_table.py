@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from typing import TextIO
 
 from snr_sim.grading.reports.plain import cell
+from snr_sim.grading.reports.results import Graded, Order
 from snr_sim.grading.reports.told import number
-from snr_sim.grading.results import Graded, Order
 
 Again = Callable[[], Iterable[Graded]]
 

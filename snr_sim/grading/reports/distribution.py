@@ -8,7 +8,7 @@ from pathlib import Path
 from snr_sim.grading.reports.class_table import Summary
 from snr_sim.grading.reports.plain import one_line
 from snr_sim.grading.reports.told import number
-from snr_sim.recording.picture_canvas import Canvas, Rgb
+from snr_sim.view.picture_canvas import Canvas, Rgb
 
 _BINS = 10
 _WIDTH, _MARGIN, _BARS_HEIGHT, _ROW_HEIGHT = 640, 40, 190, 22

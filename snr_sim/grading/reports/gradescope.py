@@ -12,8 +12,8 @@ from typing import Any
 
 from snr_sim.grading.reports import told
 from snr_sim.grading.reports.plain import one_line, plain
+from snr_sim.grading.reports.results import CheckResult, Graded
 from snr_sim.grading.reports.student_page import FAULT
-from snr_sim.grading.results import CheckResult, Graded
 
 _MAX_OUTPUT_CHARS = 20_000
 

@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 
 from snr_sim.grading.reports import told
 from snr_sim.grading.reports.plain import one_line, plain
-from snr_sim.grading.results import Graded
+from snr_sim.grading.reports.results import Graded
 
 
 def junit(graded: Graded) -> str:

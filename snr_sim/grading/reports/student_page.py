@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from snr_sim.grading.reports import told
 from snr_sim.grading.reports.plain import fenced, markdown
-from snr_sim.grading.results import CaseResult, CheckResult, Graded
+from snr_sim.grading.reports.results import CaseResult, CheckResult, Graded
 
 _SIGNS = {"passed": "yes", "partly": "in part", "failed": "no", "skipped": "not tried"}
 FAULT = "Your teacher was told what happened. It costs you nothing."

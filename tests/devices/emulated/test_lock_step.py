@@ -6,14 +6,14 @@ import pytest
 
 from snr_sim.devices.emulated.board import Board
 from snr_sim.devices.emulated.toolchain import ToolsMissing
-from snr_sim.devices.mcu import McuPower
-from snr_sim.flight import Result, fly_recorded
+from snr_sim.devices.mcu.mcu import McuPower
 from snr_sim.prelude.errors import PlantError, UnknownName
 from snr_sim.prelude.signals import PowerReading
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.replay import replay_node
 from snr_sim.recording.trace import FILE_NAME
-from snr_sim.simulation import Request, prepare, request_of
+from snr_sim.scenario.flight import Result, fly_recorded
+from snr_sim.scenario.simulation import Request, prepare, request_of
 
 pytestmark = pytest.mark.usefixtures("emulators")
 

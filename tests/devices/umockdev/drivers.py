@@ -3,8 +3,8 @@
 import json
 import time
 
-from snr_sim.devices.ms5837_i2c import Ms5837I2c
-from snr_sim.devices.pca9685 import Pca9685Pwm
+from snr_sim.devices.pwm.pca9685 import Pca9685Pwm
+from snr_sim.devices.sensors.ms5837_i2c import Ms5837I2c
 from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.prelude.errors import DeviceError
 

@@ -20,8 +20,8 @@ from snr_sim.grading.reports.distribution import draw_distribution
 from snr_sim.grading.reports.gradescope import gradescope_results
 from snr_sim.grading.reports.junit import junit
 from snr_sim.grading.reports.plain import cell, fenced, markdown, plain
+from snr_sim.grading.reports.results import CaseResult, CheckResult, Graded
 from snr_sim.grading.reports.student_page import student_page
-from snr_sim.grading.results import CaseResult, CheckResult, Graded
 
 FOR_STUDENTS: dict[str, Callable[[Graded], str]] = {
     "markdown": student_page,

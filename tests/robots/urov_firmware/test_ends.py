@@ -20,9 +20,9 @@ FULL_AHEAD = """
 import sys, time
 
 from snr_sim import CliRunner, Config, Loop, LoopFactory
-from snr_sim.devices.mcu import McuPwm
-from snr_sim.devices.mcu_board import McuBoard
-from snr_sim.devices.pwm_loop import PwmLoopFactory
+from snr_sim.devices.mcu.mcu import McuPwm
+from snr_sim.devices.mcu.mcu_board import McuBoard
+from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
 from snr_sim.devices.wire.serial_port import SerialPort
 
 PORT, HOW = sys.argv[1:]

@@ -7,6 +7,7 @@ import time
 
 from falling import falling
 
+ROOMS = ("snr_sim.plants", "snr_sim.scenario.flight", "snr_sim.scenario.simulation", "snr_sim_robot_")
 time.monotonic = time.perf_counter = lambda: 0.0
 
 
@@ -14,7 +15,7 @@ def act(pilot):
     if pilot.times > 3:
         return
     for name, module in list(sys.modules.items()):
-        if name.startswith(("snr_sim.plants", "snr_sim.flight", "snr_sim.simulation", "snr_sim_robot_")):
+        if name.startswith(ROOMS):
             for word in dir(module):
                 if word.lower() in ("verdict", "judge", "landed", "stepper", "gravity_mps2", "metrics"):
                     with contextlib.suppress(Exception):

@@ -1,0 +1,267 @@
+"""ConsoleClient: the far end of a console's line, for programs: ask, and get the answer."""
+
+from __future__ import annotations
+
+import selectors
+import socket
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+from snr_sim.console.table import Answer
+from snr_sim.console.wire import (
+    PURPOSE,
+    SECRET_IS,
+    Command,
+    Complete,
+    Reply,
+    Words,
+    answer_of,
+    asked,
+    decode_answered,
+)
+from snr_sim.console.words import LINE_MAX_CHARS
+from snr_sim.links.security import as_secret
+from snr_sim.links.session import Session, Terms
+from snr_sim.prelude.errors import LinkError, ValueEncodingError
+
+CONNECT_TIMEOUT_S = 3.0
+ANSWER_TIMEOUT_S = 10.0
+TEND_EVERY_S = 0.1
+LINGER_S = 0.3  # how long the last words may take
+_READ_BYTES = 1 << 16
+
+
+class ConsoleClient:
+    """Keeps a line to a node, and calls again when it is lost. Use it in a `with`.
+
+    Args:
+        server_tuple: host and port of the node's CommandReceiver.
+        token: the one the node was given, if any.
+        retry_wait_s: between two calls.
+        on_change: is called with the answer of a watched page, on another thread.
+        on_state: is called with a sentence when the line is up or lost, on another thread.
+
+    Example:
+        with ConsoleClient(("127.0.0.1", 54321)) as console:
+            print(console.ask("dump depth_m").data["data"])
+
+    Raises:
+        ConfigError: the token is too short.
+    """
+
+    def __init__(
+        self,
+        server_tuple: tuple[str, int],
+        token: str | bytes | None = None,
+        retry_wait_s: float = 0.5,
+        on_change: Callable[[Answer], None] = lambda answer: None,
+        on_state: Callable[[str], None] = lambda sentence: None,
+    ) -> None:
+        self.host, self.port = server_tuple
+        self.reason = "nobody has been called yet."  # why there is no line
+        self.was_refused = False  # the node does not want us: calling again is of no use
+        self.node = ""  # name of the node at the other end
+        self._terms = Terms(
+            "console", is_server=False, secret=as_secret(token, "token="), purpose=PURPOSE, secret_is=SECRET_IS
+        )
+        self._retry_wait_s = retry_wait_s
+        self._on_change = on_change
+        self._on_state = on_state
+        self._changed = threading.Condition()  # guards what follows, and tells of changes to it
+        self._asked: set[int] = set()
+        self._answers: dict[int, Reply | Words] = {}
+        self._number = 0
+        self._outbox: list[bytes] = []
+        self._is_up = False
+        self._has_met = False  # what refused us, or was refused, is a console
+        self._calls = 0  # that have come to an end, whichever
+        self._line = 0  # how many had when `wait_until_up` returned
+        self._is_ending = False
+        self._thread = threading.Thread(target=self._run, name="console client", daemon=True)
+
+    def __enter__(self) -> ConsoleClient:
+        self._wake_in, self._wake_out = socket.socketpair()
+        self._wake_out.setblocking(False)
+        self._selector = selectors.DefaultSelector()
+        self._selector.register(self._wake_out, selectors.EVENT_READ)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *about: object) -> None:
+        self._is_ending = True
+        self._wake()
+        self._thread.join(CONNECT_TIMEOUT_S)
+
+    def wait_until_up(self, timeout_s: float) -> None:
+        """Returns once the line is up.
+
+        Raises:
+            LinkError: it is not after that time, or the node refused.
+        """
+        with self._changed:
+            self._changed.wait_for(lambda: self._is_up or self.was_refused, timeout_s)
+            if not self._is_up and self._has_met:
+                raise LinkError(f"The console at {self.host}:{self.port} cannot be used: {self.reason}")
+            if not self._is_up:
+                raise LinkError(
+                    f"No console at {self.host}:{self.port}: {self.reason}",
+                    fix="does the node run, with CommandReceiverFactory(port)? The same port?",
+                )
+            self._line = self._calls
+
+    def wait_until_lost(self) -> None:
+        """Returns once the line that `wait_until_up` waited for is gone, also if there is another one by now."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._calls != self._line)
+
+    def ask(self, line: str, timeout_s: float = ANSWER_TIMEOUT_S) -> Answer:
+        """Has a line carried out, and returns the answer.
+
+        Raises:
+            LinkError: there is no line, it was lost, or no answer came in time. What was asked may have been done.
+        """
+        if len(line) > LINE_MAX_CHARS:
+            return Answer(f"This line has {len(line)} characters; {LINE_MAX_CHARS} is the most.", is_error=True)
+        try:
+            line.encode()
+        except UnicodeEncodeError:
+            return Answer("This line holds text that UTF-8 cannot carry.", is_error=True)
+        reply = self._exchange(lambda number: asked(Command(number, line)), timeout_s)
+        assert isinstance(reply, Reply)
+        return answer_of(reply)
+
+    def complete(self, line: str, timeout_s: float = 1.0) -> list[str]:
+        """Returns the words that can stand where the line ends; none if there is no line to the node."""
+        try:
+            words = self._exchange(lambda number: asked(Complete(number, line[:LINE_MAX_CHARS])), timeout_s)
+        except (LinkError, UnicodeEncodeError):
+            return []
+        return words.words if isinstance(words, Words) else []
+
+    def _exchange(self, frame_of: Callable[[int], bytes], timeout_s: float) -> Reply | Words:
+        with self._changed:
+            if not self._is_up:
+                raise LinkError(f"There is no line to {self.host}:{self.port}: {self.reason}")
+            self._number += 1
+            number, calls = self._number, self._calls
+            self._outbox.append(frame_of(number))
+            self._asked.add(number)
+            self._wake()
+            self._changed.wait_for(lambda: number in self._answers or self._calls != calls, timeout_s)
+            self._asked.discard(number)
+            if number in self._answers:
+                return self._answers.pop(number)
+            why = self.reason if self._calls != calls else f"no answer came within {timeout_s:g} s."
+            raise LinkError(f"The line to {self.host}:{self.port} was lost before the answer: {why}")
+
+    def _wake(self) -> None:
+        with suppress(OSError):
+            self._wake_in.send(b"\0")
+
+    # On the client's own thread
+
+    def _run(self) -> None:
+        while not self._is_ending:
+            sentence = self._call()
+            with self._changed:
+                was_up, self._is_up = self._is_up, False
+                self._calls += 1
+                self._outbox.clear()  # but not the answers: whoever asked may not have looked yet
+                self.reason = sentence
+                self._changed.notify_all()
+            if was_up and not self._is_ending:
+                self._on_state(f"lost {self.host}:{self.port}: {sentence}")
+            if self.was_refused:
+                break
+            self._rest()
+        self._selector.close()
+        self._wake_in.close()
+        self._wake_out.close()
+
+    def _call(self) -> str:
+        """Calls once and serves the line while it lasts; returns why it ended."""
+        try:
+            sock = socket.create_connection((self.host, self.port), CONNECT_TIMEOUT_S)
+        except (OSError, UnicodeError) as error:
+            return f"{getattr(error, 'strerror', None) or error}."
+        with sock:
+            sock.setblocking(False)
+            with suppress(OSError):
+                sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            session = Session(self._terms, time.monotonic(), decode_answered)
+            self._selector.register(sock, selectors.EVENT_READ)
+            try:
+                self._serve(sock, session)
+            finally:
+                self._selector.unregister(sock)
+            self.was_refused, self._has_met = session.was_refused, session.was_refused and session.peer is not None
+            return session.reason or "the connection was closed."
+
+    def _rest(self) -> None:
+        until_s = time.monotonic() + self._retry_wait_s
+        while not self._is_ending and (spare_s := until_s - time.monotonic()) > 0:
+            if self._selector.select(spare_s):
+                self._wake_out.recv(4096)
+
+    def _serve(self, sock: socket.socket, session: Session) -> None:
+        output = bytearray()
+        give_up_s: float | None = None
+        while give_up_s is None or (output and time.monotonic() < give_up_s):
+            if self._is_ending:
+                session.bye("the console was closed.")
+            if session.is_closed and give_up_s is None:
+                give_up_s = time.monotonic() + LINGER_S
+            output += b"".join(map(session.seal, session.take_output()))
+            with self._changed:
+                output += b"".join(map(session.seal, self._outbox))
+                self._outbox.clear()
+            try:
+                if output:
+                    del output[: sock.send(output)]
+            except BlockingIOError:
+                pass
+            except OSError as error:
+                session.lost(f"{error.strerror or error}.")
+                return
+            if session.is_closed and not output:
+                return
+            self._selector.modify(sock, selectors.EVENT_READ | (selectors.EVENT_WRITE if output else 0))
+            for key, events in self._selector.select(TEND_EVERY_S):
+                if key.fileobj is self._wake_out:
+                    self._wake_out.recv(4096)
+                elif events & selectors.EVENT_READ:
+                    self._read(sock, session)
+            session.tick(time.monotonic())
+
+    def _read(self, sock: socket.socket, session: Session) -> None:
+        try:
+            data = sock.recv(_READ_BYTES)
+        except BlockingIOError:
+            return
+        except OSError as error:
+            session.lost(f"{error.strerror or error}.")
+            return
+        if not data:
+            session.lost("the node closed it.")
+        for message in session.receive(data, time.monotonic()):
+            try:
+                self._take(message)
+            except ValueEncodingError as error:
+                session.refuse(str(error))
+        if session.is_up and not self._is_up:
+            with self._changed:
+                self.node = session.peer_node
+                self._is_up = True
+                self._changed.notify_all()
+            self._on_state(f"connected to {self.node} at {self.host}:{self.port}")
+
+    def _take(self, message: Reply | Words) -> None:
+        if isinstance(message, Reply) and not message.number:
+            self._on_change(answer_of(message))
+            return
+        with self._changed:
+            if message.number in self._asked:  # and not given up in the meantime
+                self._answers[message.number] = message
+                self._changed.notify_all()

@@ -1,0 +1,206 @@
+"""CommandProcessor: one line of text in, an answer out. Owns no port, so a test needs none."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from snr_sim.console import introspection
+from snr_sim.console.commands import TABLE
+from snr_sim.console.readable import cut_text
+from snr_sim.console.table import Answer, completions, parse
+from snr_sim.console.words import LINE_MAX_CHARS, CommandRefused
+from snr_sim.prelude.errors import SnrError, nearest
+from snr_sim.prelude.page import Page
+from snr_sim.prelude.task import Task
+
+if TYPE_CHECKING:
+    from snr_sim.core.node import Node
+
+# Every name that comes by stays in the node (a page, a looked-up handler), so consoles may not bring any number.
+NEW_NAMES_MAX = 1000
+WAITING_MAX = 1000  # tasks at the door from which on a console's are refused: the node does not keep up
+WATCHES_MAX = 16
+WATCH_PERIOD_S = 0.1
+OUTCOME_WAIT_S = 5.0  # for what comes of a command, before a console is told that nothing has come yet
+
+log = logging.getLogger("snr.console")
+
+
+class CommandProcessor:
+    """Carries out commands on a node, from any thread.
+
+    Args:
+        node: which runs.
+        source: whose its tasks are in the trace: the name of the console.
+    """
+
+    def __init__(self, node: Node, source: str = "console") -> None:
+        self.node = node
+        self.source = source
+        self._new_names: set[str] = set()
+
+    def session(self) -> Session:
+        """Returns a conversation with one console."""
+        return Session(self)
+
+    def admit_name(self, name: str, is_known: bool) -> None:
+        """Counts a name that the node has not heard before.
+
+        Raises:
+            CommandRefused: consoles have brought too many.
+        """
+        if is_known or name in self._new_names:
+            return
+        if len(self._new_names) >= NEW_NAMES_MAX:
+            raise CommandRefused(f"Consoles have brought {NEW_NAMES_MAX} new names, which is enough.")
+        self._new_names.add(name)
+
+    def bring(self, task: Task) -> None:
+        """Puts a task at the node's door.
+
+        Raises:
+            CommandRefused: the node has ended, or too many tasks wait.
+        """
+        if self.node.is_over:
+            raise CommandRefused(f"Node '{self.node.name}' has ended.")
+        waiting = len(self.node.door.waiting)
+        if waiting >= WAITING_MAX:
+            raise CommandRefused(f"{waiting} tasks wait at the node's door: it does not keep up.", fix="again, later.")
+        self.node.enter(task, self.source)
+
+
+@dataclass
+class _Watch:
+    """A page that is shown when it changes, and when it may be shown next."""
+
+    shown: Page | None
+    next_s: float = 0.0
+
+
+@dataclass
+class _Awaited:
+    """What a command has asked for: how to see what came of it, and until when to look."""
+
+    what: str
+    look: Callable[[], Answer | None]
+    until_s: float | None = None
+
+
+class Session:
+    """One console's conversation: its lines, and the pages it watches."""
+
+    def __init__(self, processor: CommandProcessor) -> None:
+        self.processor = processor
+        self.node = processor.node
+        self.source = processor.source
+        self.bring = processor.bring
+        self._watches: dict[str, _Watch] = {}
+        self._awaited: _Awaited | None = None
+
+    @property
+    def is_watching(self) -> bool:
+        """Whether `changes` or `outcome` may have something to say."""
+        return bool(self._watches) or self.is_waiting
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether the last command has been answered only in part: `outcome` will have the rest."""
+        return self._awaited is not None
+
+    def answer(self, line: str) -> Answer:
+        """Carries out a line. Never raises: a console must not end the node it looks at."""
+        try:
+            command, given = parse(TABLE, line)
+            answer = command.run(self, given)
+            return Answer(cut_text(answer.text), answer.data)
+        except SnrError as error:
+            return Answer(cut_text(str(error)), is_error=True)
+        except Exception as error:
+            log.exception("a console's command failed")
+            return Answer(f"The command failed, which is a mistake in snr_sim: {type(error).__name__}.", is_error=True)
+
+    def complete(self, line: str) -> list[str]:
+        """Returns the words that can stand where the line ends."""
+        try:
+            return completions(TABLE, line[-LINE_MAX_CHARS:], self.node)
+        except Exception:
+            log.exception("a console's completion failed")
+            return []
+
+    def expect(self, task: Task, what: str, look: Callable[[], Answer | None]) -> None:
+        """Brings a task of which something will come that can be seen.
+
+        Args:
+            task: to bring.
+            what: was asked for, in words.
+            look: returns what came of it, or None as long as nothing has.
+        """
+        self.bring(task)
+        self._awaited = _Awaited(what, look)
+
+    def outcome(self, now_s: float) -> Answer | None:
+        """Returns what came of the last command, once that is known, or that nothing has come of it so far.
+
+        Args:
+            now_s: as of `changes`.
+        """
+        awaited = self._awaited
+        if awaited is None:
+            return None
+        if awaited.until_s is None:
+            awaited.until_s = now_s + OUTCOME_WAIT_S
+        answer = awaited.look()
+        if answer is None and now_s >= awaited.until_s:
+            text = f"{awaited.what} is queued, and nothing has come of it in {OUTCOME_WAIT_S:g} s."
+            answer = Answer(text, is_error=True)
+        if answer is not None:
+            self._awaited = None
+        return answer
+
+    def changes(self, now_s: float) -> list[Answer]:
+        """Returns an answer for each watched page that is another than the one shown last.
+
+        Args:
+            now_s: of any clock that goes on while the node runs; each page is shown at most every 0.1 s of it.
+        """
+        answers = []
+        for key, watch in self._watches.items():
+            page = self.node.datastore.pages.get(key)
+            if page is not None and page is not watch.shown and now_s >= watch.next_s:
+                watch.shown, watch.next_s = page, now_s + WATCH_PERIOD_S
+                answers.append(self._shown(page))
+        return answers
+
+    def _shown(self, page: Page) -> Answer:
+        text, data = introspection.page(self.node, page)
+        return Answer(cut_text(text), data, about=page.key)
+
+    def watch(self, key: str) -> Answer:
+        """Begins to show a page, with what it holds now.
+
+        Raises:
+            CommandRefused: too many are watched.
+        """
+        if key not in self._watches and len(self._watches) >= WATCHES_MAX:
+            raise CommandRefused(f"This console watches {WATCHES_MAX} pages, which is the most.", fix="unwatch KEY.")
+        pages = self.node.datastore.pages.copy()
+        page = pages.get(key)
+        self._watches[key] = _Watch(page)
+        if page is None:
+            return Answer(f"Nothing has stored a page '{key}' (yet): {nearest(key, pages)}", {"watch": key})
+        return self._shown(page)
+
+    def unwatch(self, key: str | None) -> Answer:
+        """Ends showing one page, or all.
+
+        Raises:
+            CommandRefused: that page is not watched.
+        """
+        if key is None:
+            self._watches.clear()
+        elif self._watches.pop(key, None) is None:
+            raise CommandRefused(f"Page '{key}' is not watched.", fix=nearest(key, self._watches))
+        return Answer(f"watched: {', '.join(self._watches) or 'nothing'}", {"watched": list(self._watches)})

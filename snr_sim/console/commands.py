@@ -1,0 +1,208 @@
+"""The commands of the console: the table, and what each does. A console reaches as far as this page and no further.
+
+What changes something goes through the node's door as a task, like any other input: recorded and replayed. What
+only looks reads copies and touches nothing. What a task or a page then brings about is the robot's own code: a
+handler that fails on a value fails as it would on any other day.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from snr_sim.console import introspection
+from snr_sim.console.readable import bounded, cut_text, short
+from snr_sim.console.table import Answer, Argument, Command, Given, help_text
+from snr_sim.console.words import CommandRefused, shown
+from snr_sim.core.component import CORE_NAME
+from snr_sim.prelude import tasks
+from snr_sim.prelude.errors import nearest
+from snr_sim.prelude.page import Page
+from snr_sim.prelude.task import Task, TaskType
+from snr_sim.prelude.text import printable
+
+if TYPE_CHECKING:
+    from snr_sim.console.command_processor import Session
+    from snr_sim.core.node import Node
+
+ALL = "all"
+LISTS = ("components", "pages", "links", "loops")
+ALSO_LISTED = ("commands", "endpoints")  # by the thesis' names: `help`, and the components
+DUMPS = ("profiler", "datastore", "links", "loops")
+
+
+def _exit(session: Session, given: Given) -> Answer:
+    reason = given["REASON"] or session.source
+    session.bring(tasks.terminate(reason))
+    return Answer(f"{session.node.name} is asked to end: {reason}", {"exit": reason})
+
+
+def _task(session: Session, given: Given) -> Answer:
+    kind, name, values = TaskType(given.get("TYPE", TaskType.event)), given["NAME"], given["JSON"]
+    if kind is TaskType.event:
+        return _event(session, name, values)
+    if kind is TaskType.store_page:
+        if len(values) != 1:
+            raise CommandRefused(f"store_page takes one value, not {len(values)}.", fix="store KEY JSON.")
+        return _store(session, {"KEY": name, "JSON": values[0]})
+    if values:
+        raise CommandRefused(f"A {kind.value} task carries no values.", fix=f"task {kind.value} {name}")
+    if kind is TaskType.terminate:
+        return _exit(session, {"REASON": name})
+    if kind is TaskType.reload:
+        return _reload(session, {"NAME": name})
+    _page_of(session.node, name)
+    session.bring(Task(kind, name))
+    return Answer(f"process_data '{name}' is queued.", {"task": [kind.value, name]})
+
+
+def _event(session: Session, name: str, values: list[object]) -> Answer:
+    known = events_of(session.node)
+    if (TaskType.event, name) in session.node.components[CORE_NAME].task_handlers:
+        raise CommandRefused(f"The event '{name}' is the node's own.", fix=nearest(name, known))
+    if name not in known and not _takes_every_event(session.node):
+        fix = nearest(name, known) if known else "list, which shows who is here."
+        raise CommandRefused(f"Nobody here handles an event '{name}'.", fix=fix)
+    session.processor.admit_name(f"event {name}", name in known)
+    session.bring(tasks.event(name, values))
+    return Answer(f"event '{name}' is queued.", {"task": ["event", name, values]})
+
+
+def _store(session: Session, given: Given) -> Answer:
+    key, value = given["KEY"], given["JSON"]
+    session.processor.admit_name(f"page {key}", key in session.node.datastore.pages)
+    pages = session.node.datastore.pages
+    before = pages.get(key)
+
+    def stored() -> Answer | None:
+        return None if pages.get(key) is before else Answer(f"{key} = {short(value)} is stored.", {"store": key})
+
+    session.expect(session.node.store_data_task(key, value), f"{key} = {short(value)}", stored)
+    return Answer(f"{key} = {short(value)} is queued.", {"store": key})
+
+
+def _reload(session: Session, given: Given) -> Answer:
+    name, known = given["NAME"], components_of(session.node)
+    if name not in (ALL, *known):
+        raise CommandRefused(f"There is no component '{name}' to reload.", fix=nearest(name, [ALL, *known]))
+    pages, key = session.node.datastore.pages, TaskType.reload.value
+    before = pages.get(key)
+
+    def reloaded() -> Answer | None:
+        page = pages.get(key)
+        told = page.data if page is not None and page is not before else None
+        if not isinstance(told, dict) or told.get("component") != name:
+            return None
+        return Answer(cut_text(printable(str(told.get("message")))), bounded(told), is_error=not told.get("ok"))
+
+    session.expect(tasks.reload_component(name), f"reload of '{name}'", reloaded)
+    return Answer(f"reload of '{name}' is queued.", {"reload": name})
+
+
+def _list(session: Session, given: Given) -> Answer:
+    if given.get("WHAT") == "commands":
+        return _help(session, {})
+    return Answer(*introspection.views(session.node, (given["WHAT"],) if "WHAT" in given else LISTS))
+
+
+def _dump(session: Session, given: Given) -> Answer:
+    what = given.get("WHAT")
+    if what is None or what in DUMPS:
+        return Answer(*introspection.views(session.node, DUMPS if what is None else (what,)))
+    return Answer(*introspection.page(session.node, _page_of(session.node, what)))
+
+
+def _watch(session: Session, given: Given) -> Answer:
+    return session.watch(given["KEY"])
+
+
+def _unwatch(session: Session, given: Given) -> Answer:
+    return session.unwatch(given.get("KEY"))
+
+
+def _help(session: Session, given: Given) -> Answer:
+    name = given.get("COMMAND")
+    if name is None:
+        return Answer(help_text(TABLE), sorted(TABLE))
+    if name not in TABLE:
+        raise CommandRefused(f"There is no command {shown(name)}.", fix=nearest(name, TABLE))
+    return Answer(help_text({name: TABLE[name]}), [name])
+
+
+def _page_of(node: Node, key: str) -> Page:
+    pages = node.datastore.pages.copy()
+    found = pages.get(key)
+    if found is None:
+        raise CommandRefused(f"Nothing has stored a page '{key}' (yet).", fix=nearest(key, [*pages, *DUMPS]))
+    return found
+
+
+# Names to complete with, and to look up.
+
+
+def components_of(node: Node) -> list[str]:
+    """Returns the names of a node's components without its own, which nobody may take out."""
+    return [name for name in node.components.copy() if name != CORE_NAME]
+
+
+def pages_of(node: Node) -> list[str]:
+    """Returns the keys of all pages."""
+    return list(node.datastore.pages.copy())
+
+
+def events_of(node: Node) -> set[str]:
+    """Returns the names of events that somebody handles."""
+    return {
+        task_id[1]
+        for component in node.components.copy().values()
+        if component.name != CORE_NAME
+        for task_id in tuple(component.task_handlers)
+        if isinstance(task_id, tuple) and task_id[0] is TaskType.event
+    }
+
+
+def _takes_every_event(node: Node) -> bool:
+    return any(TaskType.event in component.task_handlers for component in node.components.copy().values())
+
+
+def _reloadable(node: Node) -> Iterable[str]:
+    return [ALL, *components_of(node)]
+
+
+def _commands(node: Node) -> Iterable[str]:
+    return TABLE
+
+
+TYPE = Argument("TYPE", is_optional=True, choices=tuple(kind.value for kind in TaskType))
+KEY = Argument("KEY", known=pages_of)
+VALUE = Argument("JSON", "value")
+
+TABLE: dict[str, Command] = {
+    command.name: command
+    for command in (
+        Command("exit", (Argument("REASON", "text", is_optional=True),), "ends the node, in order", _exit),
+        Command(
+            "task",
+            (TYPE, Argument("NAME", known=events_of), Argument("JSON", "value", is_optional=True, is_many=True)),
+            "queues a task, an event if no type is given; values are JSON",
+            _task,
+        ),
+        Command("store", (KEY, VALUE), "stores a page", _store),
+        Command("reload", (Argument("NAME", known=_reloadable),), "makes a component anew from its file", _reload),
+        Command(
+            "list",
+            (Argument("WHAT", is_optional=True, choices=(*LISTS, *ALSO_LISTED)),),
+            "what there is: " + ", ".join(LISTS),
+            _list,
+        ),
+        Command(
+            "dump",
+            (Argument("WHAT", is_optional=True, known=lambda node: [*DUMPS, *pages_of(node)]),),
+            f"how it does: {', '.join(DUMPS)}, or all of a page",
+            _dump,
+        ),
+        Command("watch", (KEY,), "shows a page whenever it changes", _watch),
+        Command("unwatch", (Argument("KEY", is_optional=True),), "no longer shows a page, or any", _unwatch),
+        Command("help", (Argument("COMMAND", is_optional=True, known=_commands),), "says what there is", _help),
+    )
+}

@@ -1,0 +1,114 @@
+"""Conversation: a node's end of the line to one remote console. Owns no port: bytes in, bytes out, time given.
+
+Everything in it is bounded: bytes that came and are not understood yet, lines that wait, answers that are not read.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+from snr_sim.console.command_processor import Session
+from snr_sim.console.table import Answer
+from snr_sim.console.wire import Command, Complete, completed, decode_asked, replied
+from snr_sim.links.allowance import Allowance
+from snr_sim.links.session import Session as WireSession
+from snr_sim.links.session import Terms
+
+OUTPUT_MAX_BYTES = 1 << 17  # from which on no more lines are answered, nor bytes read, until the console has read
+LINES_PER_S = 500.0  # of all consoles together: so much of the node's computer they get
+LINES_AT_ONCE = 100.0
+
+
+class Conversation:
+    """One console's line.
+
+    Args:
+        terms: of the node's end.
+        session: carries out commands.
+        now_s: the time; of any clock, but always the same one.
+        allowance: shared with other conversations.
+    """
+
+    def __init__(self, terms: Terms, session: Session, now_s: float, allowance: Allowance) -> None:
+        self.wire = WireSession(terms, now_s, decode_asked)
+        self.output = bytearray()
+        self._session = session
+        self._allowance = allowance
+        self._waiting_number = 0  # of the command whose outcome is not known yet
+        self._asked: deque[Command | Complete] = deque()
+        self._flush()
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing more is to be read; what is in `output` may still be sent."""
+        return self.wire.is_closed
+
+    @property
+    def wants_bytes(self) -> bool:
+        """Whether it has worked off what came before, and the console has read the answers."""
+        return not (self._asked or self.is_over or len(self.output) > OUTPUT_MAX_BYTES)
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether there is something to do as soon as it is allowed."""
+        return bool(self._asked) and len(self.output) <= OUTPUT_MAX_BYTES and not self._session.is_waiting
+
+    def receive(self, data: bytes, now_s: float) -> None:
+        """Takes bytes as they come."""
+        self._asked += self.wire.receive(data, now_s)
+        self._flush()
+
+    def work(self, now_s: float) -> None:
+        """Answers what waits, shows watched pages that have changed, and does what time asks for."""
+        outcome = self._session.outcome(now_s)
+        if outcome is not None:
+            self._send(replied(self._waiting_number, outcome))
+        while self.is_busy and not self.is_over and self._allowance.take(now_s):
+            self._answer(self._asked.popleft())
+        if self._asked and len(self.output) <= OUTPUT_MAX_BYTES:
+            self.wire.forgive_silence(now_s)  # it is we who do not read
+        if self.wire.is_up and len(self.output) <= OUTPUT_MAX_BYTES:
+            for answer in self._session.changes(now_s):
+                self._send(replied(0, answer))
+        self.wire.tick(now_s)
+        self._flush()
+
+    def end(self, reason: str) -> None:
+        """Says goodbye; whoever waits for what comes of a command is told that it will not come this way."""
+        if self.wire.is_up and self.is_waiting:
+            text = f"This line ends before it is known what came of the command; {reason} Try: dump, on a new line."
+            self._send(replied(self._waiting_number, Answer(text, is_error=True)))
+        self.wire.bye(reason)
+        self._flush()
+
+    def refuse(self, reason: str) -> None:
+        """Ends it, with a reason."""
+        self.wire.refuse(reason)
+        self._flush()
+
+    @property
+    def is_watching(self) -> bool:
+        """Whether it has to look at pages now and then."""
+        return self._session.is_watching
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether the node has been asked for something, and what came of it is not known yet."""
+        return self._session.is_waiting
+
+    def _answer(self, asked: Command | Complete) -> None:
+        if isinstance(asked, Command):
+            answer = self._session.answer(asked.line)
+            if self._session.is_waiting:
+                self._waiting_number = asked.number
+            else:
+                self._send(replied(asked.number, answer))
+        else:
+            self._send(completed(asked.number, self._session.complete(asked.line)))
+
+    def _flush(self) -> None:
+        for frame in self.wire.take_output():
+            self._send(frame)
+
+    def _send(self, frame: bytes) -> None:
+        self.output += self.wire.seal(frame)

@@ -1,0 +1,138 @@
+"""What a node is made of and how it does, read while it runs. Nothing here asks the machine for anything.
+
+All this is read from another thread than the node's: copies of dicts are taken in one step, and what changes while
+it is read is shown as it was a moment ago.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import islice
+from typing import TYPE_CHECKING, Any
+
+from snr_sim.console.readable import ITEMS_MAX, bounded, in_words, name, short, table
+from snr_sim.core.ages import LINK_PREFIX, age_s
+from snr_sim.core.loop import Loop
+from snr_sim.core.profiler import Profiler
+from snr_sim.prelude.page import Page
+
+if TYPE_CHECKING:
+    from snr_sim.core.node import Node
+
+ROWS_MAX = 500
+
+Rows = list[dict[str, Any]]
+View = tuple[str, Any]  # text for a person, plain data for a program
+
+
+def components(node: Node) -> View:
+    """Returns each component's name, kind, class, handlers, rate and ticks."""
+    rows: Rows = []
+    for key, component in node.components.copy().items():
+        row: dict[str, Any] = {"component": name(key), "class": type(component).__name__}
+        if isinstance(component, Loop):
+            row |= {"kind": "loop", "rate_hz": component.max_tick_rate_hz, **_pulse(component)}
+        else:
+            row |= {"kind": "endpoint", "handlers": len(component.task_handlers)}
+        rows.append(row)
+    return _rows(rows, ("component", "kind", "class", "handlers", "rate_hz", "ticks"), "components")
+
+
+def loops(node: Node) -> View:
+    """Returns each loop's rate, ticks and largest lag; of one in a process also how many pages it was not sent."""
+    rows: Rows = [
+        {
+            "loop": name(key),
+            "rate_hz": loop.max_tick_rate_hz,
+            **_pulse(loop),
+            "runs": "no" if loop.is_terminated() else "yes",
+        }
+        for key, loop in node.components.copy().items()
+        if isinstance(loop, Loop)
+    ]
+    return _rows(rows, ("loop", "rate_hz", "ticks", "late_s", "skipped", "runs"), "loops")
+
+
+def _pulse(loop: Loop) -> dict[str, Any]:
+    backing = loop.caller
+    if backing is None:
+        return {}
+    skipped = {"skipped": backing.skipped} if hasattr(backing, "skipped") else {}
+    return {"ticks": backing.ticks, "late_s": backing.late_s, **skipped}
+
+
+def pages(node: Node) -> View:
+    """Returns each page's key, age, origin, and what it holds in short."""
+    rows: Rows = [
+        {
+            "page": name(key),
+            "age_s": _age_s(node, page),
+            "origin": name(str(page.origin)),
+            "holds": short(page.data),
+        }
+        for key, page in islice(node.datastore.pages.copy().items(), ROWS_MAX)
+        if type(page) is Page
+    ]
+    return _rows(rows, ("page", "age_s", "origin", "holds"), "pages", len(node.datastore.pages))
+
+
+def links(node: Node) -> View:
+    """Returns the state of each link, as it stores it itself."""
+    fields = ("up", "age_s", "dropped", "rtt_s")
+    rows: Rows = []
+    for key, page in node.datastore.pages.copy().items():
+        if key.startswith(LINK_PREFIX):
+            state = page.data if isinstance(page.data, dict) else {}
+            rows.append({"link": name(key.removeprefix(LINK_PREFIX)), **{f: bounded(state.get(f), 4) for f in fields}})
+    return _rows(rows, ("link", *fields), "links")
+
+
+def profile(node: Node) -> View:
+    """Returns what each handler and loop took."""
+    if node.profiler is None:
+        return "This node has no profiler: its config has one with Mode.DEBUG (`-d` on the command line).", []
+    still = Profiler()
+    still.timings = node.profiler.timings.copy()
+    return still.dump(), still.rows()
+
+
+def page(node: Node, page: Page) -> View:
+    """Returns all of a page, cut where it is long."""
+    data = bounded(page.data, ITEMS_MAX)
+    fields = {"key": page.key, "data": data, "origin": bounded(page.origin), "created_at_s": bounded(page.created_at_s)}
+    seconds = _age_s(node, page)
+    when = f"{seconds:.2f} s ago" if seconds is not None else "nobody knows when"
+    return f"{name(page.key)} = {in_words(data)}  ({when}, from {short(page.origin)})", fields
+
+
+def _age_s(node: Node, page: Page) -> float | None:
+    if type(page.created_at_s) not in (int, float):
+        return None
+    seconds = age_s(node, page)
+    return seconds if math.isfinite(seconds) else None
+
+
+# What `list` and `dump` know by name.
+VIEWS: dict[str, Callable[[Node], View]] = {
+    "components": components,
+    "endpoints": components,
+    "loops": loops,
+    "links": links,
+    "pages": pages,
+    "datastore": pages,
+    "profiler": profile,
+}
+
+
+def views(node: Node, names: tuple[str, ...]) -> View:
+    """Returns several views, one after another."""
+    seen = {each: VIEWS[each](node) for each in names}
+    return "\n\n".join(text for text, _ in seen.values()), {each: data for each, (_, data) in seen.items()}
+
+
+def _rows(rows: Rows, columns: tuple[str, ...], what: str, count: int | None = None) -> View:
+    if not rows:
+        return f"no {what}", rows
+    hidden = (len(rows) if count is None else count) - len(rows[:ROWS_MAX])
+    return table(rows[:ROWS_MAX], columns) + (f"\n... {hidden} more" if hidden > 0 else ""), rows[:ROWS_MAX]

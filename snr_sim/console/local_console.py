@@ -1,0 +1,165 @@
+"""LocalConsole: commands typed at the terminal in which the node runs."""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+import threading
+import time
+from collections import deque
+from queue import Empty, SimpleQueue
+from typing import TextIO
+
+from snr_sim.console.command_processor import CommandProcessor
+from snr_sim.console.table import Answer
+from snr_sim.console.words import LINE_MAX_CHARS
+from snr_sim.core.backing import ThreadBacking
+from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.node import Node
+from snr_sim.prelude.errors import ConfigError
+
+LOOK_S = 0.05  # how long a node's end may have to wait for us
+SOON_S = 0.005
+_READ_BYTES = 4096
+
+
+class LocalConsoleFactory(LoopFactory):
+    """Reads commands from the node's own terminal and prints their answers there; `help` says which there are.
+
+    Args:
+        reads: where lines come from; standard input if not given. It needs a descriptor.
+        prints: where answers go; standard output if not given.
+        name: of the loop, and the source of its tasks.
+    """
+
+    def __init__(self, reads: TextIO | None = None, prints: TextIO | None = None, name: str = "local_console") -> None:
+        super().__init__()
+        self.reads = reads
+        self.prints = prints
+        self.name = name
+
+    def __reduce__(self) -> str:
+        """Refuse to be sent to a process.
+
+        Raises:
+            ConfigError: always.
+        """
+        raise ConfigError(
+            "LocalConsoleFactory reads from the terminal, which only the program that starts the processes has.",
+            fix="CommandReceiverFactory(54321) in this role, and `snr console 54321` in another terminal.",
+        )
+
+    def get(self, parent: Node) -> LocalConsole:
+        """Returns the loop."""
+        return LocalConsole(self, parent, self.name)
+
+
+class LocalConsole(Loop):
+    """A loop on a thread of its own, in lock step too: a person types in no virtual time."""
+
+    factory: LocalConsoleFactory
+    is_reloaded_with_all = False
+
+    def __init__(self, factory: LocalConsoleFactory, parent: Node, name: str = "local_console") -> None:
+        if not isinstance(parent, Node):
+            raise ConfigError(
+                "A LocalConsole is a loop of the node, in the node's own terminal.",
+                fix="RemoteConsole(('127.0.0.1', port), commands).run(), or `snr console PORT`.",
+            )
+        super().__init__(factory, parent, name, max_tick_rate_hz=0)
+        self._session = CommandProcessor(parent, name).session()
+        self._rest = b""
+        self._lines: deque[str] = deque()
+        self._is_at_end = False
+
+    def begin(self) -> None:
+        """Starts the thread."""
+        self.begin_on(ThreadBacking(self))
+
+    def setup(self) -> None:
+        """Finds out how to read without waiting for ever."""
+        stream = self.factory.reads or sys.stdin
+        try:
+            self._read = _reader_of(stream.fileno())
+        except (AttributeError, OSError, ValueError):
+            self.log.warning("there is no terminal to read commands from")
+            self.stop()
+
+    def loop(self) -> None:
+        """Answers what has been typed, and shows watched pages that have changed."""
+        if self._lines or self._is_at_end:
+            time.sleep(SOON_S)  # what was typed before has not been carried out yet
+        else:
+            self._take(self._read())
+        now_s = time.monotonic()
+        self._show(self._session.outcome(now_s))
+        while self._lines and not self._session.is_waiting:
+            answer = self._session.answer(self._lines.popleft())
+            self._show(None if self._session.is_waiting else answer)
+        if self._is_at_end and not (self._lines or self._session.is_waiting):
+            self.stop()  # the terminal is gone, or the file at its end; the node goes on
+        for answer in self._session.changes(now_s):
+            self._show(answer)
+
+    def _take(self, data: bytes | None) -> None:
+        self._is_at_end = data == b""
+        *lines, self._rest = (self._rest + (data or b"")).split(b"\n")
+        if self._is_at_end:
+            lines.append(self._rest)
+        self._rest = self._rest[: LINE_MAX_CHARS + 1]  # one too many is refused; more is only more
+        self._lines += [line.decode(errors="replace") for line in lines if line.strip()]
+
+    def _show(self, answer: Answer | None) -> None:
+        if answer is not None:
+            self._say(answer.text)
+
+    def _say(self, text: str) -> None:
+        try:
+            print(text, file=self.factory.prints or sys.stdout, flush=True)
+        except (OSError, ValueError):
+            self.stop()  # nobody is there to read it
+
+
+class _SelectReader:
+    """Waits a moment for bytes; returns None if none came, and b"" at the end."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+
+    def __call__(self) -> bytes | None:
+        try:
+            is_ready, _, _ = select.select([self._descriptor], [], [], LOOK_S)
+            return os.read(self._descriptor, _READ_BYTES) if is_ready else None
+        except OSError:  # the terminal was taken away
+            return b""
+
+
+class _ThreadReader:
+    """The same where a terminal cannot be selected, as on Windows: by a thread that waits, and is left behind.
+
+    It reads the descriptor and not `sys.stdin`, whose lock it would hold while Python ends.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        self._came: SimpleQueue[bytes] = SimpleQueue()
+        threading.Thread(target=self._run, args=(descriptor,), name="stdin", daemon=True).start()
+
+    def _run(self, descriptor: int) -> None:
+        data = b"-"
+        while data:
+            try:
+                data = os.read(descriptor, _READ_BYTES)
+            except OSError:
+                data = b""
+            self._came.put(data)
+
+    def __call__(self) -> bytes | None:
+        try:
+            return self._came.get(timeout=LOOK_S)
+        except Empty:
+            return None
+
+
+def _reader_of(descriptor: int) -> _SelectReader | _ThreadReader:
+    return _ThreadReader(descriptor) if sys.platform == "win32" else _SelectReader(descriptor)

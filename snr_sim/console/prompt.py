@@ -1,0 +1,109 @@
+"""Prompt: where a person types, with history and completion. The one place that knows prompt_toolkit."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+from prompt_toolkit import PromptSession
+from prompt_toolkit.completion import CompleteEvent, Completer, Completion
+from prompt_toolkit.document import Document
+from prompt_toolkit.history import History
+from prompt_toolkit.patch_stdout import patch_stdout
+
+from snr_sim.console.client import ConsoleClient
+from snr_sim.prelude.user_folder import user_folder
+
+HISTORY_MAX_LINES = 1000
+WELCOME = "help says what there is, Tab completes, Ctrl-D leaves. (The command exit ends the node.)"
+
+
+class Prompt:
+    """Lines that a person types, one after another; use it in a `with`, so that what others print stands above.
+
+    Args:
+        client: knows the node's name, and how to complete.
+        history: the file of earlier lines; one in the user's folder for such things if not given.
+    """
+
+    def __init__(self, client: ConsoleClient, history: Path | None = None) -> None:
+        self._client = client
+        self._session: PromptSession[str] = PromptSession(
+            history=FileOfLines(history or history_file()),
+            completer=NodeCompleter(client),
+            complete_while_typing=False,
+            complete_in_thread=True,
+        )
+        self._patched = patch_stdout()
+
+    def __enter__(self) -> Iterator[str]:
+        self._patched.__enter__()
+        print(WELCOME)
+        return self._lines()
+
+    def __exit__(self, *about: object) -> None:
+        self._patched.__exit__(None, None, None)
+
+    def _lines(self) -> Iterator[str]:
+        while True:
+            try:
+                line = self._session.prompt(lambda: f"{self._client.node or '...'}> ")
+            except KeyboardInterrupt:
+                continue  # drops what was begun, as in a shell
+            except EOFError:
+                return
+            if line.strip():
+                yield line.strip()
+
+
+class NodeCompleter(Completer):
+    """Asks the node what can stand there: its commands, components, pages and events."""
+
+    def __init__(self, client: ConsoleClient) -> None:
+        self._client = client
+
+    def get_completions(self, document: Document, complete_event: CompleteEvent) -> Iterable[Completion]:
+        """Yields words for the place of the cursor."""
+        before = document.text_before_cursor
+        begun = before.split()[-1] if before and not before[-1].isspace() else ""
+        for word in self._client.complete(before):
+            yield Completion(word, start_position=-len(begun))
+
+
+class FileOfLines(History):
+    """History in a file, one line each, readable by its owner only; never more than a bounded number of lines.
+
+    Args:
+        path: of the file. If it cannot be written, history lasts as long as the console.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self._path = path
+
+    def load_history_strings(self) -> Iterable[str]:
+        """Returns the lines of earlier consoles, newest first; what is too old is taken out of the file."""
+        try:
+            lines = self._path.read_text(encoding="utf-8", errors="replace").splitlines()
+        except OSError:
+            return []
+        if len(lines) > HISTORY_MAX_LINES:
+            lines = lines[-HISTORY_MAX_LINES:]
+            with suppress(OSError):
+                self._path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        return reversed(lines)
+
+    def store_string(self, string: str) -> None:
+        """Adds a line to the file."""
+        with suppress(OSError):
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            descriptor = os.open(self._path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
+            with os.fdopen(descriptor, "a", encoding="utf-8", errors="replace") as file:
+                file.write(" ".join(string.splitlines()) + "\n")
+
+
+def history_file() -> Path:
+    """Returns where the lines are kept that were typed."""
+    return user_folder() / "console_history"

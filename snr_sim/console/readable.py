@@ -1,0 +1,181 @@
+"""Any value, in a bounded space: what a page holds goes to a console cut to what a person can read.
+
+No code of the value's class is called: a student's `__repr__` may raise, or take for ever.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+from snr_sim.console.words import DEPTH_MAX, NAME_MAX_CHARS
+from snr_sim.prelude.text import escaped
+
+TEXT_MAX_CHARS = 64 * 1024  # of one answer
+ITEMS_MAX = 1000  # of one value, all its levels together
+_SHORT_ITEMS = 12
+_STRING_MAX_CHARS = 2000
+_STRINGS_MAX_CHARS = 20_000  # of one value, all its texts together
+_INT_MAX_BITS = 256
+
+
+def bounded(value: Any, items: int = ITEMS_MAX) -> Any:
+    """Returns the value as plain numbers, text, lists and dicts, of at most so many items, cut with a remark.
+
+    >>> bounded(list(range(1000)), items=3)
+    [0, 1, 2, '... 997 more']
+    """
+    return _Cutter(items).cut(value, 0)
+
+
+class _Cutter:
+    def __init__(self, items: int) -> None:
+        self._left = items
+        self._chars_left = _STRINGS_MAX_CHARS
+
+    def cut(self, value: Any, depth: int) -> Any:
+        kind = type(value)
+        if value is None or kind is bool or kind is float:
+            return value
+        if isinstance(value, str):
+            return self._cut_text(str.__str__(value))
+        if isinstance(value, int):
+            return _cut_int(int.__int__(value))
+        if isinstance(value, float):
+            return float.__float__(value)
+        if isinstance(value, (bytes, bytearray)):
+            return self._cut_text(f"{len(value)} bytes {bytes(value[:_STRING_MAX_CHARS]).hex()}")
+        if kind is complex:
+            return repr(value)
+        if depth >= DEPTH_MAX:
+            return "... nested deeper"
+        try:
+            return self._cut_container(value, depth)
+        except RuntimeError:  # the node changed it under our eyes
+            return "... it changed while it was read"
+
+    def _cut_container(self, value: Any, depth: int) -> Any:
+        if isinstance(value, dict):
+            return self._cut_fields(dict.items(value), dict.__len__(value), depth)
+        if isinstance(value, (list, tuple, set, frozenset)):
+            kind: Any = next(parent for parent in (list, tuple, set, frozenset) if isinstance(value, parent))
+            return self._cut_items(kind.__iter__(value), kind.__len__(value), depth)
+        numpy = sys.modules.get("numpy")
+        if numpy is not None and isinstance(value, numpy.generic):
+            return self.cut(value.item(), depth + 1)
+        if numpy is not None and isinstance(value, numpy.ndarray):
+            return self._cut_array(value, depth)
+        return self._cut_object(value, depth)
+
+    def _cut_text(self, text: str) -> str:
+        limit = min(_STRING_MAX_CHARS, self._chars_left)
+        self._chars_left -= min(len(text), limit)
+        clean = text[:limit].encode(errors="backslashreplace").decode()  # half a surrogate pair is no UTF-8
+        return clean if len(text) <= limit else f"{clean}... {len(text)} characters"
+
+    def _cut_fields(self, fields: Iterable[tuple[Any, Any]], count: int, depth: int) -> dict[str, Any]:
+        cut: dict[str, Any] = {}
+        for seen, (key, item) in enumerate(fields):
+            if self._left <= 0:
+                cut["..."] = f"{count - seen} more"
+                break
+            self._left -= 1
+            field = self.cut(key, depth + 1)
+            cut[field if isinstance(field, str) else in_words(field)] = self.cut(item, depth + 1)
+        return cut
+
+    def _cut_items(self, items: Iterable[Any], count: int, depth: int) -> list[Any]:
+        cut: list[Any] = []
+        for seen, item in enumerate(items):
+            if self._left <= 0:
+                cut.append(f"... {count - seen} more")
+                break
+            self._left -= 1
+            cut.append(self.cut(item, depth + 1))
+        return cut
+
+    def _cut_array(self, array: Any, depth: int) -> dict[str, Any]:
+        is_whole = array.size <= self._left
+        values = array.tolist() if is_whole else array.flat[: max(self._left, 0)].tolist()
+        shape = " x ".join(map(str, array.shape))
+        data = self.cut(values, depth + 1)
+        if not is_whole:
+            data.append(f"... {array.size - len(values)} more")
+        return {"array": f"{array.dtype} {shape}".rstrip(), "data": data}
+
+    def _cut_object(self, value: Any, depth: int) -> Any:
+        kind = type(value)
+        names = getattr(kind, "__struct_fields__", None)
+        if names is not None:
+            fields = {name: getattr(value, name) for name in names}
+        else:
+            try:
+                fields = dict(object.__getattribute__(value, "__dict__"))
+            except (AttributeError, TypeError):
+                fields = {}
+        return {"object": kind.__qualname__, **self._cut_fields(fields.items(), len(fields), depth)}
+
+
+def _cut_int(number: int) -> int | str:
+    """JSON holds 64 bits; and to write out a number of a million digits takes minutes."""
+    if -(2**63) <= number < 2**64:
+        return number
+    return str(number) if number.bit_length() <= _INT_MAX_BITS else f"a whole number of {number.bit_length()} bits"
+
+
+def in_words(value: Any) -> str:
+    """Returns a bounded value on one line.
+
+    >>> in_words({"depth_m": 1.5, "ok": True, "rates": [0.1, float("nan")], "who": "me"})
+    '{depth_m: 1.5, ok: true, rates: [0.1, nan], who: "me"}'
+    """
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{escaped(str(key))}: {in_words(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(in_words, value)) + "]"
+    if isinstance(value, str):
+        return f'"{escaped(value)}"'
+    if isinstance(value, bool) or value is None:
+        return {True: "true", False: "false", None: "null"}[value]
+    return repr(value)
+
+
+def name(text: str) -> str:
+    """Returns a name, cut if somebody gave a very long one."""
+    return text if len(text) <= NAME_MAX_CHARS else f"{text[:NAME_MAX_CHARS]}..."
+
+
+def short(value: Any, limit: int = 100) -> str:
+    """Returns a value on one short line: what it is about, not all of it."""
+    line = in_words(bounded(value, _SHORT_ITEMS))
+    return line if len(line) <= limit else f"{line[: limit - 3]}..."
+
+
+def table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> str:
+    """Returns rows as text in columns; numbers stand to the right."""
+    lines = [[_cell(row.get(column)) for column in columns] for row in rows]
+    widths = [max(map(len, column)) for column in zip(columns, *lines, strict=True)]
+    sides: list[Callable[..., str]] = [
+        str.rjust if any(isinstance(row.get(column), (int, float)) for row in rows) else str.ljust for column in columns
+    ]
+    return "\n".join(
+        "  ".join(side(cell, width) for side, cell, width in zip(sides, line, widths, strict=True)).rstrip()
+        for line in [list(columns), *lines]
+    )
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, float):
+        return f"{value:.4g}" if math.isfinite(value) else str(value)
+    return escaped(str(value))
+
+
+def cut_text(text: str) -> str:
+    """Returns an answer's text, cut with a remark if it is too long."""
+    if len(text) <= TEXT_MAX_CHARS:
+        return text
+    return f"{text[:TEXT_MAX_CHARS]}\n... cut: {len(text)} characters"

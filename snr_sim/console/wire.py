@@ -1,0 +1,95 @@
+"""What consoles and nodes say to each other, once a session of `comms/session.py` is up between them.
+
+Frames, greeting, proof of the token and keep-alive are those of links; only the purpose is another. A token never
+crosses the wire: both ends prove that they know it.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, TypeAlias
+
+import msgspec
+
+from snr_sim.console.table import Answer
+from snr_sim.console.words import LINE_MAX_CHARS
+from snr_sim.links.frames import MAX_FRAME_BYTES, encode_frame
+from snr_sim.links.messages import decoder_of
+from snr_sim.links.wire_bounds import WIRE_KINDS, check_bounds
+from snr_sim.prelude.values import MARK, decode_value, encode_value
+
+SECRET_IS = ("token", "the node's token, by --token-file FILE or the variable SNR_TOKEN; in a program by token=")
+PURPOSE = "console"
+DEFAULT_PORT = 54321
+LINE_FRAME_MAX_BYTES = 8 * LINE_MAX_CHARS  # six bytes at most for a character in JSON, and what stands around them
+
+Number: TypeAlias = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
+Line: TypeAlias = Annotated[str, msgspec.Meta(max_length=LINE_MAX_CHARS)]
+Value: TypeAlias = Annotated[msgspec.Raw, msgspec.Meta(extra_json_schema={"$ref": "value.schema.json"})]
+
+
+class Command(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="command"):
+    """A line to carry out; a Reply with the same number follows."""
+
+    number: Number
+    line: Line
+
+
+class Complete(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="complete"):
+    """A line to complete; Words with the same number follow."""
+
+    number: Number
+    line: Line
+
+
+class Reply(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="reply"):
+    """An answer; number 0 is of a watched page, which nobody asked for just now."""
+
+    number: Number
+    text: str
+    data: Value
+    is_error: bool
+    about: str
+
+
+class Words(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="words"):
+    """What can stand where a line ends."""
+
+    number: Number
+    words: list[str]
+
+
+decode_asked = decoder_of(Command, Complete)
+decode_answered = decoder_of(Reply, Words)
+_encode = msgspec.json.Encoder().encode
+
+
+def asked(message: Command | Complete) -> bytes:
+    """Returns the frame of a question."""
+    return encode_frame(_encode(message), LINE_FRAME_MAX_BYTES)
+
+
+def replied(number: int, answer: Answer) -> bytes:
+    """Returns the frame of an answer; without its data if both together were too much for a frame."""
+    for data in (answer.data, None):
+        reply = Reply(number, answer.text, msgspec.Raw(encode_value(data)), answer.is_error, answer.about)
+        payload = _encode(reply)
+        if len(payload) <= MAX_FRAME_BYTES:
+            break
+    return encode_frame(payload)
+
+
+def completed(number: int, words: list[str]) -> bytes:
+    """Returns the frame of a completion."""
+    return encode_frame(_encode(Words(number, words)))
+
+
+def answer_of(reply: Reply) -> Answer:
+    """Returns the answer in a reply.
+
+    Raises:
+        ValueEncodingError: its data is damaged, or beyond the bounds of `comms/wire_bounds.py`.
+    """
+    raw = bytes(reply.data)
+    data: Any = decode_value(raw, WIRE_KINDS)
+    check_bounds(raw)
+    return Answer(reply.text, data, reply.is_error, reply.about)

@@ -1,0 +1,104 @@
+"""A line of text to words and values. Values are JSON, bounded in depth, and nothing else: nothing is evaluated."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+
+from snr_sim.links.wire_bounds import MAX_INT, MIN_INT
+from snr_sim.prelude.errors import SnrError
+
+LINE_MAX_CHARS = 16 * 1024
+NAME_MAX_CHARS = 200
+DEPTH_MAX = 32  # of values: what lies deeper than a student's eye also chokes recorders and links
+
+_decode = msgspec.json.Decoder().decode
+
+
+class CommandRefused(SnrError):
+    """A line that is no command, or a command that cannot be carried out."""
+
+
+def split_line(line: str) -> list[str]:
+    """Returns the words of a line: they end at a space that stands in no bracket and in no quotes.
+
+    Raises:
+        CommandRefused: the line is too long, or has a bracket or a quote that does not end.
+
+    >>> split_line('task start [1, 2] "a b" {"k": "]"}')
+    ['task', 'start', '[1, 2]', '"a b"', '{"k": "]"}']
+    """
+    if len(line) > LINE_MAX_CHARS:
+        raise CommandRefused(
+            f"This line has {len(line)} characters; the console takes up to {LINE_MAX_CHARS}.",
+            fix="send large values over a link.",
+        )
+    words: list[str] = []
+    start, depth, in_quotes, is_escaped = -1, 0, False, False
+    for i, character in enumerate(line):
+        if in_quotes:
+            in_quotes = is_escaped or character != '"'
+            is_escaped = character == "\\" and not is_escaped
+            continue
+        if not depth and character.isspace():
+            if start >= 0:
+                words.append(line[start:i])
+            start = -1
+            continue
+        if start < 0:
+            start = i
+        in_quotes = character == '"'
+        depth = max(depth + (character in "[{") - (character in "]}"), 0)
+        if depth > DEPTH_MAX:
+            raise CommandRefused(f"A value here is nested more than {DEPTH_MAX} deep.", fix="a flatter value.")
+    if in_quotes or depth:
+        raise CommandRefused(f"A {'quote' if in_quotes else 'bracket'} is opened and not closed: {shown(line)}")
+    if start >= 0:
+        words.append(line[start:])
+    return words
+
+
+def value_of(word: str) -> Any:
+    """Returns the value a word stands for in JSON.
+
+    Raises:
+        CommandRefused: it is not JSON, or a number that 64 bits do not hold.
+    """
+    try:
+        value = _decode(word.encode())
+    except (msgspec.DecodeError, UnicodeEncodeError, RecursionError, ValueError) as error:
+        raise CommandRefused(
+            f"{shown(word)} is not JSON: {error}.",
+            fix=f'text needs quotes: "{word}".' if word.isidentifier() else '1.5, true, "text", [1, 2], {"key": 1}.',
+        ) from None
+    _check_numbers(value)
+    return value
+
+
+def _check_numbers(value: Any) -> None:
+    if isinstance(value, int) and not MIN_INT <= value <= MAX_INT:
+        raise CommandRefused("A whole number is too large: -2^63 to 2^64-1 are taken.", fix="a number with a point.")
+    if isinstance(value, (list, dict)):
+        for item in value.values() if isinstance(value, dict) else value:
+            _check_numbers(item)
+
+
+def name_of(word: str, what: str) -> str:
+    """Returns the name a word stands for: the word itself, or what is in its quotes.
+
+    Raises:
+        CommandRefused: it is empty, too long, or holds what cannot be printed.
+    """
+    name = value_of(word) if word.startswith('"') else word
+    if not isinstance(name, str) or not 0 < len(name) <= NAME_MAX_CHARS or not name.isprintable():
+        raise CommandRefused(
+            f"{shown(word)} is no {what}.", fix=f"1 to {NAME_MAX_CHARS} characters that can be printed."
+        )
+    return name
+
+
+def shown(text: str, limit: int = 80) -> str:
+    """Returns text in quotes, cut if it is long, with what cannot be printed escaped."""
+    cut = text[:limit]
+    return (f"'{cut}'" if cut.isprintable() else ascii(cut)) + ("..." if len(text) > limit else "")

@@ -1,0 +1,206 @@
+"""A fresh Python that runs one function of the kit: started, talked to, listened to, ended.
+
+Loops and roles in processes stand on it. It is `subprocess` and not `multiprocessing`, because so: what the process
+prints is heard from its first byte, also when it cannot even import; no tracker process stays beside it; and it is born
+with signals held back, in a group of its own, so that Ctrl-C at a terminal reaches only the one who ends it in order.
+What is said between the two are bytes on a socket pair. When either side dies, however it does, the other one sees the
+end of that line. Linux and macOS.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from functools import partial
+from multiprocessing.connection import Pipe, wait
+from typing import TextIO
+
+from snr_sim.core.process import spawned
+from snr_sim.core.standard_streams import open_closed_streams
+from snr_sim.prelude.errors import ConfigError
+
+LAST_LINES = 20
+_LINE_MAX_BYTES = 64 * 1024  # a longer one is passed on in pieces
+# A process that has closed its line has this long to end.
+_END_S = 1.0
+
+_printing = threading.Lock()
+
+
+class Printed:
+    """What a process prints on one of its outputs: passed on line by line.
+
+    Args:
+        pipe: to read from.
+        pass_on: gets each line, without its end.
+    """
+
+    def __init__(self, pipe: int, pass_on: Callable[[str], None]) -> None:
+        self._pipe = pipe
+        self._pass_on = pass_on
+        self._rest = b""
+
+    def fileno(self) -> int:
+        """Returns the pipe, to wait for."""
+        return self._pipe
+
+    def read(self) -> bool:
+        """Passes on what there is; returns False at the end of the output."""
+        data = os.read(self._pipe, _LINE_MAX_BYTES)
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        if self._rest and (not data or len(self._rest) >= _LINE_MAX_BYTES):
+            lines.append(self._rest)
+            self._rest = b""
+        for line in lines:
+            self._pass_on(line.decode(errors="replace").rstrip("\r"))
+        return bool(data)
+
+
+class Spawned:
+    """A running process of the kit's own.
+
+    Args:
+        target: "module:function" of the kit; called there with the `Connection` to here.
+        fds: further file descriptors that it gets, under the same numbers.
+        out: where its lines go that it prints on stdout; to our own stdout, untouched, if not given.
+        err: where its lines on stderr go; to our own stderr if not given.
+
+    Raises:
+        ConfigError: processes cannot be started here.
+    """
+
+    def __init__(
+        self,
+        target: str,
+        fds: Sequence[int] = (),
+        out: Callable[[str], None] | None = None,
+        err: Callable[[str], None] | None = None,
+    ) -> None:
+        if spawned.is_reading_main:
+            raise ConfigError(
+                "The program starts a process again while that process still reads the program.",
+                fix="let what runs the robot stand under: if __name__ == '__main__':",
+            )
+        if os.name != "posix":
+            raise ConfigError("Loops and roles in processes need Linux or macOS.", fix="let them be threads here.")
+        open_closed_streams()  # else the line would get their numbers
+        self.line, far = Pipe()
+        self.last: deque[str] = deque(maxlen=LAST_LINES)
+        self._err = err or partial(print_line, sys.stderr)
+        with far, _signals_held_back():
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", spawned.command(target, far.fileno())],
+                stdin=subprocess.DEVNULL,
+                stdout=None if out is None else subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                pass_fds=(far.fileno(), *fds),
+                process_group=0,
+            )
+        # Elsewhere the end of the line has to do, which a grandchild that was forked may keep open.
+        self._death = os.pidfd_open(self.pid) if hasattr(os, "pidfd_open") else None
+        self._outputs = [
+            Printed(pipe.fileno(), pass_on)
+            for pipe, pass_on in ((self._process.stdout, out), (self._process.stderr, self._keep))
+            if pipe is not None and pass_on is not None
+        ]
+
+    @property
+    def pid(self) -> int:
+        """Its number."""
+        return self._process.pid
+
+    def _keep(self, line: str) -> None:
+        self.last.append(line)
+        self._err(line)
+
+    def say(self, message: bytes) -> bool:
+        """Sends a message; returns whether somebody was there to get it. Waits while the line is full."""
+        try:
+            self.line.send_bytes(message)
+        except OSError:
+            return False
+        return True
+
+    def listen(self, hear: Callable[[bytes], None]) -> int:
+        """Hears the process out until it has ended; returns its exit status, or a signal's number, negative.
+
+        Args:
+            hear: gets each message, in order.
+        """
+        line, outputs = self.line.fileno(), {output.fileno(): output for output in self._outputs}
+        ends = [line] if self._death is None else [line, self._death]
+        while True:
+            ready = wait([*ends, *outputs])
+            for pipe in [pipe for pipe in outputs if pipe in ready]:
+                if not outputs[pipe].read():
+                    del outputs[pipe]
+            if line in ready:
+                try:
+                    message = self.line.recv_bytes()
+                except (EOFError, OSError):
+                    break
+                hear(message)
+            elif self._death in ready:
+                break
+        return self._bury()
+
+    def _bury(self) -> int:
+        try:
+            status = self._process.wait(_END_S)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            status = self._process.wait()
+        # What it printed last. Not to the end of the pipe: somebody it has started may hold that open.
+        for output in self._outputs:
+            while wait([output.fileno()], 0) and output.read():
+                pass
+        self.line.close()
+        for pipe in (self._process.stdout, self._process.stderr):
+            if pipe is not None:
+                pipe.close()
+        if self._death is not None:
+            os.close(self._death)
+        return status
+
+    def kill(self) -> None:
+        """Ends it at once, whatever it does."""
+        with suppress(ProcessLookupError):
+            self._process.kill()
+
+
+def how_it_ended(status: int) -> str:
+    """Returns an exit status in words.
+
+    >>> how_it_ended(3), how_it_ended(-9)
+    ('ended with exit status 3', 'was ended by SIGKILL')
+    """
+    if status >= 0:
+        return f"ended with exit status {status}"
+    try:
+        return f"was ended by {signal.Signals(-status).name}"
+    except ValueError:
+        return f"was ended by signal {-status}"
+
+
+def print_line(stream: TextIO, line: str) -> None:
+    """Prints a line, whole, from any thread; nothing happens if nobody reads any more."""
+    # One at a time: Python's text streams have lost a line when a second thread wrote while the first one flushed.
+    with _printing, suppress(ValueError, OSError):
+        stream.write(line + "\n")
+        stream.flush()
+
+
+@contextmanager
+def _signals_held_back() -> Iterator[None]:
+    """Has a process that is started meanwhile begin life deaf to Ctrl-C and SIGTERM: see `spawned.hear_signals`."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, spawned.HELD_BACK)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

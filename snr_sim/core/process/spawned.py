@@ -1,0 +1,57 @@
+"""Inside a process that `core/process/spawn.py` has started: its first steps."""
+
+from __future__ import annotations
+
+import faulthandler
+import importlib
+import os
+import signal
+import sys
+from contextlib import suppress
+from multiprocessing.connection import Connection
+
+HELD_BACK = (signal.SIGINT, signal.SIGTERM)
+
+# Whether this process is reading the program it was started from: that must not start it again.
+is_reading_main = False
+
+
+def command(target: str, line: int) -> str:
+    """Returns the Python text that a process begins with; `target` is "module:function", `line` its end of the line."""
+    begin = f"import sys; sys.path[:] = {sys.path!r}; from snr_sim.core.process.spawned import main"
+    return f"{begin}; main({target!r}, {line})"
+
+
+def main(target: str, line: int) -> None:
+    """Runs the target; does not return."""
+    status = 1
+    try:
+        os.set_inheritable(line, False)
+        faulthandler.enable(all_threads=False)  # a crash in a library's C code then names the line that called it
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # until somebody here wants it
+        for stream in (sys.stdout, sys.stderr):
+            stream.reconfigure(line_buffering=True, errors="backslashreplace")  # type: ignore[union-attr]
+        module, _, function = target.partition(":")
+        status = getattr(importlib.import_module(module), function)(Connection(line)) or 0
+    except BaseException:
+        import traceback
+
+        traceback.print_exc()
+    finally:
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(OSError, ValueError):  # nobody reads it any more
+                stream.flush()
+        os._exit(status)  # not by sys.exit: a thread that hangs must not keep the process
+
+
+def go_quiet() -> None:
+    """Prints to nobody from now on: with the reader gone a `print` in a student's `halt` would raise."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for output in (1, 2):
+        os.dup2(nowhere, output)
+    os.close(nowhere)
+
+
+def hear_signals() -> None:
+    """Lets in the signals that were held back since before this process began."""
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, HELD_BACK)

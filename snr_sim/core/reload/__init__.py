@@ -1,0 +1,1 @@
+"""Change a running node: reload a component from its source, try it, and put back the old one."""

@@ -1,0 +1,370 @@
+"""Components come, go and are made anew while their node runs, each between two tasks, on the node's thread.
+
+A reload reads the files of a component again and has its factory, which keeps its state, make it anew. Whatever goes
+wrong is undone: the old code goes on, and the outcome says why. The queue is not touched, so nothing queued is lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
+
+from snr_sim.core.blame import describe_error
+from snr_sim.core.component import CORE_NAME
+from snr_sim.core.endpoint import Endpoint
+from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.reload.rollback import Probations, Snapshot
+from snr_sim.core.reload.sources import Reading, modules_of, show_source_in_use
+from snr_sim.prelude.errors import ComponentFailed, ConfigError, SnrError, UnknownName, nearest
+
+if TYPE_CHECKING:
+    from snr_sim.core.node import Node
+
+AnyComponent: TypeAlias = Endpoint | Loop
+T = TypeVar("T")
+ALL = "all"
+
+
+@dataclass
+class Outcome:
+    """What came of a change, as it stands in the page that tells of it.
+
+    Args:
+        component: as asked for: a name, or "all".
+        ok: whether everything asked for was done.
+        message: in words; of a failure the student's line first.
+        made: names of the components that were made.
+        sources: sha256 of each file that was read anew, by its name and its folder's; also of one that is not Python.
+    """
+
+    component: str
+    ok: bool
+    message: str
+    made: list[str] = field(default_factory=list)
+    sources: dict[str, str] = field(default_factory=dict)
+
+
+class Changes:
+    """Adds, removes and reloads the components of one node.
+
+    In a replay the node has no loops, as the trace brings what they brought. They are made here if one of them is
+    asked for, so that the answer is the recorded one, but never begun.
+
+    Args:
+        node: theirs.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
+        self.probations: Probations  # new code that may still fail; node_core gives it, who also tells of it
+        self._absent: dict[str, AnyComponent] | None = None  # the loops of a replay, once somebody asked
+
+    def reload(self, asked: str, more: Sequence[str] = ()) -> Outcome:
+        """Makes components anew from the code that stands in their files now; each file is read once.
+
+        Args:
+            asked: a component's name, or "all": then without consoles, which can be named.
+            more: further names.
+        """
+        try:
+            chosen = self._chosen([asked, *more])
+        except SnrError as error:
+            return Outcome(asked, False, str(error))
+        return _Reload(self, asked, chosen).run()
+
+    def add(self, factory: Any, is_started: bool) -> Outcome:
+        """Adds what a factory makes, as the last of the components."""
+        node = self.node
+        asked = type(factory).__name__
+        try:
+            component = node.make(factory)
+            asked = component.name
+            other = node.components.get(asked) or self._absent_ones().get(asked)
+            if other is not None:
+                raise ConfigError(
+                    f"A component '{asked}' is to be added, but there is one: a {type(other).__name__}. It stays.",
+                    fix="remove the other one first, or give the new one a name of its own in its factory.",
+                )
+            self.exchange(None, component)
+            if is_started:
+                self._begin_added(component)
+        except (Exception, SystemExit) as error:
+            return Outcome(asked, False, _words(error, "while it was added; the node goes on without it"))
+        return Outcome(asked, True, f"'{asked}' was added.", [asked])
+
+    def _begin_added(self, component: AnyComponent) -> None:
+        try:
+            self.begin(component)
+        except BaseException:
+            self.node.end_early(component)
+            self.exchange(component, None)
+            raise
+
+    def remove(self, name: str) -> Outcome:
+        """Halts a component, and takes it out of the node."""
+        try:
+            component = self.find(name)
+        except SnrError as error:
+            return Outcome(name, False, str(error))
+        self.exchange(component, None)  # first of all: nothing is handled by what is being halted
+        failures = self.node.end_early(component)
+        return Outcome(name, not failures, "\n".join([f"'{name}' was removed.", *(one.message for one in failures)]))
+
+    # The steps of all three
+
+    def all(self) -> dict[str, AnyComponent]:
+        """Returns every component of the robot, in their order; in a replay the loops as well."""
+        node = self.node
+        known: dict[str, AnyComponent] = {
+            name: one for name, one in node.components.items() if isinstance(one, (Endpoint, Loop)) and one.is_of_robot
+        }
+        known |= self._absent_ones()
+        return {name: known[name] for name in sorted(known, key=node.order_of)}
+
+    def find(self, name: Any) -> AnyComponent:
+        """Returns a component.
+
+        Raises:
+            UnknownName: there is none of that name, or it is the node's own.
+        """
+        if name == CORE_NAME:
+            raise UnknownName(
+                f"'{CORE_NAME}' is the node itself: it can be neither reloaded nor removed.",
+                fix="tasks.terminate('why') ends the node.",
+            )
+        known = self.all()
+        if not isinstance(name, str) or name not in known:
+            raise UnknownName(
+                f"Node '{self.node.name}' has no component '{str(name)[:80]}'.", fix=nearest(str(name), known)
+            )
+        return known[name]
+
+    def _chosen(self, names: Sequence[str]) -> list[AnyComponent]:
+        known = self.all()
+        if list(names) == [ALL] and ALL not in known:
+            return [one for one in known.values() if one.is_reloaded_with_all]
+        found = [self.find(name) for name in names]
+        return [one for i, one in enumerate(found) if one not in found[:i]]
+
+    def is_absent(self, component: AnyComponent) -> bool:
+        """Returns whether a component is only there in name: a loop in a replay."""
+        return self.node.is_replay and isinstance(component, Loop)
+
+    def _absent_ones(self) -> dict[str, AnyComponent]:
+        if not self.node.is_replay:
+            return {}
+        if self._absent is None:
+            self._absent = {}
+            for place, factory in enumerate(self.node.config.get(self.node.role), 1):
+                if isinstance(factory, LoopFactory):
+                    loop = self.node.make(factory)
+                    self._absent[loop.name] = loop
+                    self.node.give_place(loop.name, place)
+        return self._absent
+
+    def exchange(self, old: AnyComponent | None, new: AnyComponent | None) -> None:
+        """Puts a component in the place of another; None: last, or nothing."""
+        one = new or old
+        assert one is not None
+        if not self.is_absent(one):
+            self.node.exchange(old, new)
+            return
+        absent = self._absent_ones()
+        if new is None:
+            del absent[one.name]
+            return
+        absent[one.name] = new
+        if old is None:
+            self.node.give_place(one.name)
+
+    def begin(self, component: AnyComponent) -> None:
+        """Begins a component, if it is there.
+
+        Raises:
+            ComponentFailed: it raised.
+        """
+        if not self.is_absent(component):
+            self.node.begin_late(component)
+
+    def begin_again(self, old: AnyComponent) -> list[str]:
+        """Begins a component that is in its old place again; if it cannot, it goes, and that is returned in words."""
+        try:
+            self.begin(old)
+        except ComponentFailed as failure:
+            self.node.end_early(old)
+            self.exchange(old, None)
+            return [f"{failure.message}\n  so '{old.name}' could not go on either, and is gone."]
+        return []
+
+
+class _Reload:
+    """One reload of some components: read, make, check, and only then exchange."""
+
+    def __init__(self, changes: Changes, asked: str, components: Sequence[AnyComponent]) -> None:
+        self._changes = changes
+        self._asked = asked
+        self._components = components
+        self._readings: dict[ModuleType, Reading | BaseException] = {}
+        self._users: dict[ModuleType, set[str]] = {}  # whose new code stands in a module, as far as all went well
+        self._before: dict[str, tuple[type[Any], dict[str, Any]]] = {}  # by component: class and state of its factory
+        self._failures: dict[str, list[str]] = {}  # by message: which components go on with their old code
+        self._sources: dict[str, str] = {}
+        self._remarks: list[str] = []
+        self._made: list[str] = []
+        self._old: dict[str, AnyComponent] = {}  # those that have begun and were exchanged, by name
+        self._new: dict[str, AnyComponent] = {}
+        self._undo: list[Callable[[], None]] = []  # what puts their factories back
+
+    def run(self) -> Outcome:
+        wanted = [(old, self._try(old, self._modules, old)) for old in self._components]
+        for old, modules in wanted:
+            for module in modules or ():
+                self._users.setdefault(module, set()).add(old.name)
+        self._changes.probations.begin(self._old, self._new, self._roll_back)
+        made = [(old, self._try(old, self._make, old, modules)) for old, modules in wanted if modules is not None]
+        for old, new in made:
+            if new is not None:
+                self._try(old, self._swap, old, new)
+        self._show_sources()
+        return self._outcome()
+
+    def _show_sources(self) -> None:
+        for module in self._readings:
+            show_source_in_use(module)
+
+    def _try(self, component: AnyComponent, step: Callable[..., T], *args: Any) -> T | None:
+        """Does a step for a component; if that fails, it goes on with its old code, and that is told."""
+        try:
+            return step(*args)
+        except (Exception, SystemExit) as error:
+            self._keep(component)
+            names = self._failures.setdefault(_words(error, "while it was read again for a reload"), [])
+            names.append(component.name)
+        except BaseException:
+            self._keep(component)
+            raise
+        return None
+
+    def _modules(self, component: AnyComponent) -> list[ModuleType]:
+        modules = modules_of(component.factory, component)
+        factory = type(component.factory)
+        if "<locals>" in factory.__qualname__ and any(one.__name__ == factory.__module__ for one in modules):
+            raise ConfigError(
+                f"{factory.__qualname__} is defined inside a function, where a reload cannot find it.",
+                fix=f"define the class {factory.__name__} at the top level of its file.",
+            )
+        return modules
+
+    def _make(self, old: AnyComponent, modules: Sequence[ModuleType]) -> AnyComponent:
+        for module in modules:
+            self._read(module)
+        factory = old.factory
+        self._before[old.name] = type(factory), dict(vars(factory))
+        factory.__class__ = _newest(type(factory), modules)
+        new = self._changes.node.make(factory)
+        if new.name != old.name:
+            raise ConfigError(
+                f"{type(factory).__name__}.get() now makes a component '{new.name}' in the place of '{old.name}'.",
+                fix="the name of a component stays; a new name needs a new start.",
+            )
+        return new
+
+    def _read(self, module: ModuleType) -> None:
+        """Reads a module anew, if that has not been done. Raises what that raised, also if it was before."""
+        if module not in self._readings:
+            try:
+                reading = self._readings[module] = Reading(module)
+                self._sources[reading.name] = reading.sha256
+                try:
+                    reading.execute()
+                except BaseException:
+                    reading.undo()
+                    raise
+            except (Exception, SystemExit) as error:
+                self._readings[module] = error
+        reading_or_error = self._readings[module]
+        if isinstance(reading_or_error, BaseException):
+            raise reading_or_error
+
+    def _swap(self, old: AnyComponent, new: AnyComponent) -> None:
+        changes = self._changes
+        self._made.append(new.name)
+        if not (changes.node.has_begun(old) or changes.is_absent(old)):
+            changes.exchange(old, new)
+            return
+        self._before[old.name] = self._before[old.name][0], {}  # what the old one leaves in its factory is for the next
+        self._remarks += [failure.message for failure in changes.node.end_early(old)]
+        state = Snapshot(old.factory, [module.__name__ for module in self._readings])
+        changes.exchange(old, new)
+        self._old[old.name], self._new[old.name] = old, new
+        self._undo.append(lambda: self._put_back(old, state))
+        try:
+            changes.begin(new)
+        except (Exception, SystemExit):
+            del self._old[old.name], self._new[old.name], self._undo[-1]
+            changes.node.end_early(new)
+            changes.exchange(new, old)
+            self._made.remove(new.name)
+            self._keep(old)
+            self._remarks += changes.begin_again(old)
+            raise
+
+    def _put_back(self, old: AnyComponent, state: Snapshot) -> None:
+        old.factory.__class__ = self._before[old.name][0]
+        state.restore()
+
+    def _roll_back(self) -> None:
+        """Puts back the code of all that was read, and what the factories held."""
+        for reading in self._readings.values():
+            if isinstance(reading, Reading):
+                reading.undo()
+        for undo in self._undo:
+            undo()
+        self._show_sources()
+
+    def _keep(self, component: AnyComponent) -> None:
+        """Undoes what was done for a component, but not what others of this reload need."""
+        if component.name in self._before:
+            component.factory.__class__, state = self._before.pop(component.name)
+            vars(component.factory).update(state)
+        for module, users in self._users.items():
+            if component.name in users:
+                users.remove(component.name)
+                reading = self._readings.get(module)
+                if not users and isinstance(reading, Reading):
+                    reading.undo()
+
+    def _outcome(self) -> Outcome:
+        told = [f"{message}\n  Kept as before: {', '.join(names)}." for message, names in self._failures.items()]
+        if self._made or not told:
+            told.append(f"Made anew: {', '.join(self._made) or 'nothing'}.")
+        told += self._remarks
+        is_ok = not self._failures and not self._remarks
+        return Outcome(self._asked, is_ok, "\n".join(told), self._made, self._sources)
+
+
+def _newest(kind: type[Any], modules: Sequence[ModuleType]) -> type[Any]:
+    """Returns the class of that name in the module that was read anew, or the class itself if its module was not.
+
+    Raises:
+        ConfigError: the new code has no such class.
+    """
+    for module in modules:
+        if module.__name__ != kind.__module__:
+            continue
+        found: Any = module
+        for name in kind.__qualname__.split("."):
+            found = getattr(found, name, None)
+        if isinstance(found, type):
+            return found
+        classes = [name for name, one in vars(module).items() if isinstance(one, type)]
+        raise ConfigError(
+            f"{Reading(module).name} no longer has the class {kind.__qualname__}.", fix=nearest(kind.__name__, classes)
+        )
+    return kind
+
+
+def _words(error: BaseException, while_doing: str) -> str:
+    return error.message if isinstance(error, ComponentFailed) else describe_error(error, while_doing)

@@ -1,0 +1,210 @@
+"""New code on probation: if what a reload has made fails in its first calls, the reload is rolled back.
+
+    a handler, called through `Probations.watched` --> raises -----------> rolled back, and the old one answers the task
+    a loop that failed --> `Probations.has_taken` --> task roll_back, an input --> rolled back
+
+The old components begin again as they were, and their factories hold what they held at the reload. All of it happens
+on the node's thread, between two calls, and follows from tasks and their times: so a replay does the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import wraps
+from typing import TYPE_CHECKING, Any
+
+from snr_sim.core.loop import Loop
+from snr_sim.core.machine import as_tasks
+from snr_sim.prelude import tasks
+from snr_sim.prelude.component import Component
+from snr_sim.prelude.errors import ComponentFailed
+from snr_sim.prelude.task import SomeTasks, Task, TaskHandler, TaskId
+
+if TYPE_CHECKING:
+    from snr_sim.core.reload.reload import AnyComponent, Changes
+
+# New code is on probation until so much of the node's time has passed and its component's handlers have been called so
+# often. A loop, of whose calls a replay knows nothing, is on probation for that time alone.
+PROBATION_S = 3.0
+PROBATION_CALLS = 100
+
+
+@dataclass
+class Probation:
+    """A reload whose new code may still fail.
+
+    Args:
+        number: which of the node's reloads it was.
+        began_s: the node's time of it.
+        old, new: the components that were exchanged, by name.
+        undo: puts the code, and what the factories hold, back.
+        calls: of the handlers of each new component, by its name.
+    """
+
+    number: int
+    began_s: float
+    old: dict[str, AnyComponent]
+    new: dict[str, AnyComponent]
+    undo: Callable[[], None]
+    calls: dict[str, int] = field(default_factory=dict)
+
+    def is_on(self, name: str, now_s: float) -> bool:
+        """Returns whether a component that it made is still on probation."""
+        if name not in self.new:
+            return False
+        has_time = now_s - self.began_s < PROBATION_S
+        return has_time or (not isinstance(self.new[name], Loop) and self.calls.get(name, 0) < PROBATION_CALLS)
+
+
+class Probations:
+    """The reloads of one node whose new code is on probation, the newest last.
+
+    Args:
+        changes: has exchanged the components, and exchanges them back.
+        tell: says what came of it: the component's name and the words; returns the tasks that tell it.
+    """
+
+    def __init__(self, changes: Changes, tell: Callable[[str, str], Sequence[Task]]) -> None:
+        self._changes = changes
+        self._node = changes.node
+        self._tell = tell
+        self._probations: list[Probation] = []
+        self._reloads = 0
+
+    def begin(self, old: dict[str, AnyComponent], new: dict[str, AnyComponent], undo: Callable[[], None]) -> None:
+        """Puts what a reload makes on probation; arguments as of `Probation`. The reload adds to them as it goes on."""
+        self._reloads += 1
+        now_s = self._node.machine.now_s
+        self._probations = [one for one in self._probations if one.new]  # not those that came to nothing
+        over = [not any(one.is_on(name, now_s) for name in one.new) for one in self._probations]
+        passed = max((place for place, is_over in enumerate(over, 1) if is_over), default=0)
+        del self._probations[:passed]  # nothing goes back behind code that has passed
+        self._probations.append(Probation(self._reloads, now_s, old, new, undo))
+        self._node.machine.lookup.watched = self.watched
+
+    def watched(self, component: Component, handler: TaskHandler) -> TaskHandler:
+        """Returns what is called for a handler: as long as its component is on probation, failures do not pass it."""
+        probation = self._probation_of(component)
+        name, node = component.name, self._node
+        if probation is None or not probation.is_on(name, node.machine.now_s):
+            return handler
+
+        @wraps(handler)
+        def call(task: Task, task_id: TaskId) -> SomeTasks:
+            if node.components.get(name) is not component:  # another component has failed on this very task
+                return self._old_answer(name, task)
+            probation.calls[name] = probation.calls.get(name, 0) + 1
+            if not probation.is_on(name, node.machine.now_s):
+                node.handlers_changed()  # from the next task on it is called directly
+                return handler(task, task_id)
+            try:
+                return as_tasks(handler(task, task_id), component, handler)
+            except (Exception, SystemExit) as error:
+                failure = node.failure_in_handler(component, task, error)
+            told = self._roll_back(probation, name, failure.message)
+            return [*told, *as_tasks(self._old_answer(name, task), component, handler)]
+
+        return call
+
+    def has_taken(self, loop: Loop, failure: ComponentFailed) -> bool:
+        """Returns whether the failure of a loop, on whatever thread, leads to a rollback; if so, it does."""
+        probation = self._probation_of(loop)
+        if probation is None or self._node.is_over or not probation.is_on(loop.name, self._node.clock.now_s()):
+            return False
+        loop.is_taken_out = True
+        self._node.enter(tasks.roll_back(loop.name, probation.number, failure.message), loop.name)
+        return True
+
+    def roll_back(self, name: str, number: int, message: str) -> Sequence[Task]:
+        """Rolls back the reload of that number, if the loop it has made is still the one that is there."""
+        probation = next((one for one in reversed(self._probations) if name in one.new), None)
+        return [] if probation is None or probation.number != number else self._roll_back(probation, name, message)
+
+    def _probation_of(self, component: Component) -> Probation | None:
+        return next((one for one in self._probations if one.new.get(component.name) is component), None)
+
+    def _roll_back(self, failed: Probation, name: str, message: str) -> Sequence[Task]:
+        """Goes back to the newest code of a component that has passed its probation, or was there at first."""
+        first = next(place for place, one in enumerate(self._probations) if name in one.new)
+        undone = self._probations[first:]
+        old: dict[str, AnyComponent] = {}
+        new: dict[str, AnyComponent] = {}
+        remarks = []
+        for probation in reversed(undone):
+            for made in probation.new.values():
+                remarks += [failure.message for failure in self._node.end_early(made)]
+            probation.undo()
+            old |= probation.old
+            new = probation.new | new
+        del self._probations[first:]  # not before: until it is taken out, a loop may fail on its thread
+        there = self._changes.all()
+        back = [one for one in there if new.get(one) is there[one]]  # the others have been removed since
+        for one in back:
+            self._changes.exchange(new[one], old[one])
+            remarks += self._changes.begin_again(old[one])
+        after_s = self._node.machine.now_s - failed.began_s
+        what, _, fix = message.partition("\n  Try: ")
+        words = f"{after_s:.3f} s after its reload, which was rolled back: {', '.join(back)} as before it."
+        fix = fix or "mend this line and save the file again."
+        return self._tell(name, "\n  ".join([what, words, *remarks, f"Try: {fix}"]))
+
+    def _old_answer(self, name: str, task: Task) -> SomeTasks:
+        """Returns what the component that is there again answers to a task."""
+        machine = self._node.machine
+        for component, handler, task_id, _ in machine.lookup.find(task):
+            if component.name == name:
+                machine.running = component
+                return handler(task, task_id)
+        return None
+
+
+class Snapshot:
+    """An object's attributes, and what their lists, dicts, sets, arrays and objects of some modules' classes hold.
+
+    Containers are restored in place, so whoever shares one sees it as it was.
+
+    Args:
+        thing: whose attributes.
+        kinds: the names of these modules.
+    """
+
+    def __init__(self, thing: Any, kinds: Collection[str] = ()) -> None:
+        self._kinds = kinds
+        self._kept: dict[int, tuple[Any, Any]] = {}  # by identity: a container and a copy of what stands in it
+        self._keep(vars(thing))
+
+    def _keep(self, container: Any) -> None:
+        left = [container]
+        while left:
+            one = left.pop()
+            if id(one) in self._kept:
+                continue
+            inside: Iterable[Any] = ()
+            if type(one) is dict:
+                inside = one.values()
+            elif type(one) is list:
+                inside = one
+            elif type(one) is tuple:
+                left.extend(one)
+                continue
+            elif type(one).__module__ in self._kinds and hasattr(one, "__dict__"):
+                left.append(vars(one))
+                continue
+            elif type(one) is not set and not _is_array(one):
+                continue
+            self._kept[id(one)] = one, one.copy()
+            left.extend(inside)
+
+    def restore(self) -> None:
+        """Puts all of it back."""
+        for container, copy in self._kept.values():
+            if type(container) is list or _is_array(container):
+                container[... if _is_array(container) else slice(None)] = copy
+            else:
+                container.clear()
+                container.update(copy)
+
+
+def _is_array(value: Any) -> bool:
+    return type(value).__module__ == "numpy" and type(value).__name__ == "ndarray"

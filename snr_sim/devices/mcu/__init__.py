@@ -1,0 +1,1 @@
+"""Microcontroller boards on a serial line: pulses, battery, watchdog."""

@@ -1,0 +1,332 @@
+"""Outputs of servo pulses and a power monitor on a microcontroller, over a serial port or an emulated one.
+
+What is told to outputs is what the microcontroller says stands at its pins, not what it was asked for. It watches for
+itself: without commands that somebody has *computed* lately, its outputs are neutral (docs/formats.md, section 8).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from snr_sim.devices.mcu.mcu_board import SILENT_S, McuBoard
+from snr_sim.devices.mcu.mcu_greeting import FLASH
+from snr_sim.devices.mcu.mcu_identity import check_identity
+from snr_sim.devices.pwm.pwm_backend import STOP_US, PwmBackend
+from snr_sim.devices.wire.mcu_messages import (
+    TYPE_OF,
+    Answer,
+    Arm,
+    ClearStop,
+    Disarm,
+    EmergencyStop,
+    Fault,
+    ResetCause,
+    Result,
+    SetWidths,
+    State,
+    Telemetry,
+)
+from snr_sim.prelude.device import LEASE_S, Stale
+from snr_sim.prelude.errors import DeviceError, ParameterError, SensorLost
+from snr_sim.prelude.life_cycle import LifeCycle
+from snr_sim.prelude.signals import NOT_ACTIVE, RESET, SLEWING, STOPPED, TOO_OLD, AppliedPulses, PowerReading
+
+RESOLUTION_US = 0.5
+_ASK_EVERY_S = 0.05
+_RESETS = {
+    ResetCause.WATCHDOG: "its watchdog: the firmware had hung",
+    ResetCause.BROWN_OUT: "its supply was too low for a moment",
+    ResetCause.EXTERNAL: "its reset pin, as when somebody opens the port",
+    ResetCause.POWER_ON: "its power came back",
+}
+
+
+class McuPwm(PwmBackend):
+    """Outputs on the microcontroller. Keeps the promise of PwmOut.
+
+    Args:
+        board: where they are.
+        now_s: the clock that commands are stamped by.
+        channels: how many of its outputs are used, from the first on.
+    """
+
+    fails_safe_alone = True
+
+    def __init__(self, board: McuBoard, now_s: Callable[[], float], channels: int) -> None:
+        super().__init__(now_s, channels, resolution_us=RESOLUTION_US)
+        self.board = board
+        self.title = "The microcontroller"
+        self._seq = 0
+        self._widths_us = self.still_us
+        self._is_disarming = False
+        self._asked_s = 0.0
+
+    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
+        """Sends pulses and returns those of the newest telemetry."""
+        try:
+            self._listen(why)
+            if self.state not in ("activating", "active"):
+                return self.still_us
+            if lease_s > 0.0:
+                self._command(pulses_us, stamp_s, lease_s)
+            if self.state == "activating" and self.asks_neutral:
+                self._ask_to_arm()
+        except DeviceError as error:
+            self._lose(error)
+            raise
+        if self._widths_us != pulses_us:
+            why.append(SLEWING)
+        return list(self._widths_us)
+
+    def write_us(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float = LEASE_S) -> AppliedPulses:
+        """Asks for pulses. One that is not active only listens, and so finds out if the wire is pulled."""
+        if self.state == "inactive":
+            try:
+                self._listen([])
+            except DeviceError as error:
+                self._lose(error)
+        return super().write_us(pulses_us, stamp_s, lease_s)
+
+    def _command(self, pulses_us: list[float], stamp_s: float, lease_s: float) -> None:
+        """Sends them with the age that they have now: the lease counts from when they were computed."""
+        board = self.board
+        assert board.ident is not None
+        spare = [STOP_US] * (board.ident.channels - self.channels)
+        age_ms = min(0xFFFF, max(0, round((self.now_s() - stamp_s) * 1e3)))
+        lease_ms = min(0xFFFF, age_ms + int(lease_s * 1e3 + 1e-6))
+        self._seq = (self._seq + 1) & 0xFFFF
+        stamp_ms = round(stamp_s * 1e3) & 0xFFFFFFFF
+        board.send(SetWidths(board.session, self._seq, stamp_ms, age_ms, lease_ms, (*pulses_us, *spare)))
+
+    # -- what is heard ------------------------------------------------------------------------------------------------
+
+    def _listen(self, why: list[str]) -> None:
+        """Takes in what the board has said since.
+
+        Raises:
+            DeviceError: the wire is gone, the board is silent, or it has forgotten us.
+        """
+        board = self.board
+        board.poll()
+        for message in board.news():
+            if isinstance(message, Telemetry):
+                self._hear_telemetry(message, why)
+            elif isinstance(message, Answer):
+                self._hear_answer(message, why)
+        if board.silent_s > SILENT_S:
+            raise DeviceError(
+                f"{board.name}: no telemetry for {board.silent_s:.2f} s, though the port is open.",
+                fix="look at the board's plug and supply.",
+            )
+
+    def _hear_telemetry(self, telemetry: Telemetry, why: list[str]) -> None:
+        if telemetry.session != self.board.session:
+            self.let_go_for = [] if telemetry.session else [RESET]
+            raise DeviceError(self._forgotten(telemetry), fix="it is greeted again, and armed after neutral.")
+        told = len(telemetry.widths_us)
+        if told < self.channels:
+            raise DeviceError(
+                f"{self.board.name}: its telemetry tells of {told} outputs; {self.channels} are used.", fix=FLASH
+            )
+        self._widths_us = list(telemetry.widths_us[: self.channels])
+        if self.state != "active" or telemetry.state == State.ARMED:
+            return
+        if telemetry.state == State.STOPPED:
+            self._let_go("emergency stop", why, STOPPED)
+        elif telemetry.faults & Fault.LEASE_EXPIRED:
+            self._let_go("no new command in time: the microcontroller went to neutral by itself", why, TOO_OLD)
+        else:
+            self._let_go("the microcontroller has disarmed by itself", why)
+
+    def _hear_answer(self, answer: Answer, why: list[str]) -> None:
+        if answer.to == TYPE_OF[Disarm]:
+            self._is_disarming = False
+        elif answer.to == TYPE_OF[EmergencyStop] or answer.result == Result.STOPPED:
+            self._let_go("emergency stop", why, STOPPED)
+        elif answer.to == TYPE_OF[Arm] and answer.result == Result.DONE and self._is_asking:
+            self.state, self.why = "active", ""
+
+    @property
+    def _is_asking(self) -> bool:
+        """Whether a yes is an answer to what is asked now, and not to what was asked before."""
+        return self.state == "activating" and not self._is_disarming
+
+    def _let_go(self, what: str, why: list[str], *words: str) -> None:
+        if self.state in ("activating", "active"):
+            self.state, self.why = "inactive", what
+            self.let_go_for = [word for word in words if word == STOPPED]
+            why += [word for word in (NOT_ACTIVE, *words) if word not in why]
+
+    def _forgotten(self, telemetry: Telemetry) -> str:
+        if telemetry.session:
+            return f"{self.board.name}: another program has greeted the microcontroller."
+        causes = [words for cause, words in _RESETS.items() if telemetry.reset_cause & cause]
+        return f"{self.board.name}: the microcontroller has started anew ({', '.join(causes) or 'its boot loader'})."
+
+    # -- life cycle ---------------------------------------------------------------------------------------------------
+
+    def on_configure(self) -> None:
+        """Opens the board and asks who it is.
+
+        Raises:
+            DeviceError: see `McuBoard.open` and `check_identity`; or an emergency stop is set.
+        """
+        ident = self.board.open(self)
+        self.board.poll()
+        self.title = f"The microcontroller at {self.board.name}"
+        check_identity(self.board.name, ident, self.channels)
+        self.limits_us = (ident.lowest_us, ident.highest_us)
+        self.resolution_us = ident.resolution_ns / 1000.0
+        self._widths_us, self._is_disarming = self.still_us, False
+        self._check_not_stopped()
+
+    def on_activate(self) -> None:
+        """Asks to be armed: with neutral commands, until the speed controllers have seen enough of them.
+
+        Raises:
+            DeviceError: an emergency stop is set.
+        """
+        self._check_not_stopped()
+        self.state, self.why = "activating", "the speed controllers are shown neutral"
+        self.let_go_for = []
+        self._asked_s = -math.inf
+
+    def _check_not_stopped(self) -> None:
+        telemetry = self.board.telemetry
+        if telemetry is not None and telemetry.state == State.STOPPED:
+            raise DeviceError(
+                f"{self.board.name}: its emergency stop is set.",
+                fix="make it safe; then clear the stop, or switch it off and on.",
+            )
+
+    def on_deactivate(self, reason: str) -> None:
+        """Disarms."""
+        if self.board.is_open:
+            self._is_disarming = True
+            self._asked_s = self.now_s()
+            self._say(Disarm(self.board.session))
+
+    def on_close(self) -> None:
+        """Lets go of the board."""
+        self.board.leave(self)
+
+    def counts(self) -> dict[str, int]:
+        """Returns what the board has counted."""
+        return self.board.counts()
+
+    def on_stop(self) -> None:
+        """Has the microcontroller keep the stop, also if this program dies: until it is cleared, or off and on."""
+        self.board.open(self)
+        self._say(EmergencyStop(self.board.session))
+
+    def on_clear_stop(self) -> None:
+        """Has the microcontroller end it."""
+        self.board.open(self)
+        self._say(ClearStop(self.board.session))
+
+    def _ask_to_arm(self) -> None:
+        now_s = self.now_s()
+        if now_s >= self._asked_s + _ASK_EVERY_S:
+            self._asked_s = now_s
+            session = self.board.session
+            # Not before it has said that it is disarmed: what is still on its way tells of before.
+            self.board.send(Disarm(session) if self._is_disarming else Arm(session))
+
+    def _say(self, message: Disarm | EmergencyStop | ClearStop) -> None:
+        try:
+            self.board.send(message)
+        except DeviceError as error:
+            self._lose(error)
+
+    def _lose(self, error: DeviceError) -> None:
+        self.board.lose(str(error))
+        self.fail(str(error))
+
+
+@dataclass(frozen=True)
+class PowerScale:
+    """What volt and ampere the voltages at the pins A0 and A1 stand for.
+
+    Args:
+        volts_per_volt: of the battery, at A0.
+        amps_per_volt: at A1, over `offset_v`.
+        offset_v: at A1 when no current flows.
+
+    Source of the numbers: Blue Robotics, Power Sense Module R2, technical details.
+    """
+
+    volts_per_volt: float = 11.0
+    amps_per_volt: float = 37.8788
+    offset_v: float = 0.330
+
+    def __post_init__(self) -> None:
+        if not (self.volts_per_volt > 0.0 and self.amps_per_volt > 0.0):
+            raise ParameterError(f"A power module with {self}.", fix="scales above 0.")
+
+    def reading(self, battery_pin_mv: float, current_pin_mv: float, stamp_s: float) -> PowerReading:
+        """Returns what the pins mean.
+
+        >>> PowerScale().reading(1400, 990, 0.0)
+        PowerReading(voltage_v=15.4, current_a=25.0, stamp_s=0.0)
+        """
+        amps = (current_pin_mv / 1000.0 - self.offset_v) * self.amps_per_volt
+        return PowerReading(round(battery_pin_mv / 1000.0 * self.volts_per_volt, 3), round(amps, 3), stamp_s)
+
+    def pins_mv(self, voltage_v: float, current_a: float) -> tuple[float, float]:
+        """Returns what the module puts on the pins, 0 to 5000 each."""
+        pins_v = voltage_v / self.volts_per_volt, current_a / self.amps_per_volt + self.offset_v
+        volts, amps = (min(5000.0, max(0.0, pin_v * 1000.0)) for pin_v in pins_v)
+        return volts, amps
+
+
+class McuPower(LifeCycle):
+    """A power module at the pins A0 and A1 of the microcontroller. Keeps the promise of PowerMonitor.
+
+    Args:
+        board: where it is.
+        scale: of the module that is soldered there.
+    """
+
+    title = "The power module at the microcontroller"
+
+    def __init__(self, board: McuBoard, scale: PowerScale = PowerScale()) -> None:
+        self._board, self._scale = board, scale
+
+    def read(self) -> PowerReading | Stale:
+        """Returns what the newest telemetry says.
+
+        Raises:
+            SensorLost: it was closed.
+        """
+        board = self._board
+        if self.state == "closed":
+            raise SensorLost(f"{self.title} was closed.", fix="open another.")
+        if board.is_open:
+            try:
+                board.poll()
+            except DeviceError as error:
+                board.lose(str(error))
+        telemetry, measured_s = board.telemetry, board.measured_s
+        if not board.is_open or telemetry is None or measured_s is None:
+            return Stale(board.fault, measured_s)
+        if board.silent_s > SILENT_S:
+            return Stale(f"{board.name}: no telemetry for {board.silent_s:.2f} s.", measured_s)
+        return self._scale.reading(telemetry.battery_pin_mv, telemetry.current_pin_mv, measured_s)
+
+    def on_configure(self) -> None:
+        """Opens the board.
+
+        Raises:
+            DeviceError: see `McuBoard.open`.
+        """
+        self._board.open(self)
+
+    def on_close(self) -> None:
+        """Lets go of the board."""
+        self._board.leave(self)
+
+    def counts(self) -> dict[str, int]:
+        """Returns what the board has counted."""
+        return self._board.counts()

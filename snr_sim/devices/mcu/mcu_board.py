@@ -1,0 +1,201 @@
+"""The microcontroller's board as the computer sees it: one owner of the port, for all devices that are on the board.
+
+McuPwm --.                       .--> greeting (mcu_greeting.py)
+McuPower --> McuBoard --> port --+
+                                 '--> telemetry, answers
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+import weakref
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+
+from snr_sim.devices.mcu.mcu_greeting import greet
+from snr_sim.devices.wire.mcu_frames import McuFrames, encode
+from snr_sim.devices.wire.mcu_messages import Answer, Disarm, FromMcu, Ident, Telemetry, ToMcu
+from snr_sim.devices.wire.serial_port import BytePort
+from snr_sim.prelude.errors import DeviceError, SnrError
+
+PATIENCE_S = 4.0  # for the first answer: opening the port resets most boards, whose boot loaders take up to 2 s
+SILENT_S = 0.25  # without telemetry, which comes every 50 ms at least, somebody has pulled a wire
+_FIRST_TELEMETRY_S = 0.5
+
+
+class McuBoard:
+    """Opens the port when the first device needs it, and lets go with the last one. For several threads.
+
+    Args:
+        open_port: opens the port.
+        now_s: the clock that readings are stamped by.
+        line_s: the clock that the wire goes by; the computer's for a real one.
+        patience_s: how long to wait for the answer to a greeting.
+        session: the first number to greet with; by chance if not given, as two programs must not take the same.
+
+    Attributes:
+        ident: who answered; None if nobody has.
+        telemetry: the newest.
+        measured_s: when it came, by `now_s`.
+        fault: why the port is not open, in words.
+    """
+
+    def __init__(
+        self,
+        open_port: Callable[[], BytePort],
+        now_s: Callable[[], float],
+        line_s: Callable[[], float] = time.monotonic,
+        patience_s: float = PATIENCE_S,
+        session: int | None = None,
+    ) -> None:
+        self._open_port, self.now_s, self._line_s, self._patience_s = open_port, now_s, line_s, patience_s
+        self.session = int.from_bytes(os.urandom(2)) % 0xFFFF if session is None else session - 1
+        self.ident: Ident | None = None
+        self.telemetry: Telemetry | None = None
+        self.measured_s: float | None = None
+        self.fault = "The microcontroller's port has not been opened."
+        self.name = "the microcontroller"
+        self._heard_s = 0.0
+        self._port: BytePort | None = None
+        self._frames = McuFrames()
+        self._news: deque[FromMcu] = deque(maxlen=64)
+        self._users: set[int] = set()
+        self._farewell: weakref.finalize[..., McuBoard] | None = None
+        self._lock = threading.RLock()
+        self._counts = {"crc_errors": 0, "gaps": 0, "frames": 0, "bytes": 0, "reopened": -1}
+
+    @property
+    def is_open(self) -> bool:
+        """Whether somebody answered, and the wire has not been lost since."""
+        return self._port is not None
+
+    @property
+    def silent_s(self) -> float:
+        """How long nothing has been heard."""
+        return self._line_s() - self._heard_s
+
+    def open(self, user: object) -> Ident:
+        """Opens the port and greets, if nobody has.
+
+        Args:
+            user: the device that needs it.
+
+        Raises:
+            DeviceError: the port cannot be opened, or nobody or somebody else answers.
+        """
+        with self._lock:
+            self._users.add(id(user))
+            if self._port is None or self.ident is None:
+                self._greet()
+            assert self.ident is not None
+            return self.ident
+
+    def leave(self, user: object) -> None:
+        """A device needs it no more. Safe to call twice."""
+        with self._lock:
+            self._users.discard(id(user))
+            if not self._users:
+                self.lose(f"{self.name} was closed.")
+
+    def send(self, message: ToMcu) -> None:
+        """Sends a message.
+
+        Raises:
+            DeviceError: the wire is gone.
+        """
+        with self._lock:
+            self._opened().write(encode(message))
+
+    def poll(self) -> None:
+        """Takes in what has come.
+
+        Raises:
+            DeviceError: the wire is gone.
+        """
+        with self._lock:
+            self._take(self._opened().read())
+
+    def news(self) -> list[FromMcu]:
+        """Returns what has come since, for the one device that acts."""
+        with self._lock:
+            news = list(self._news)
+            self._news.clear()
+            return news
+
+    def lose(self, why: str) -> None:
+        """Lets go of the port. Never raises."""
+        with self._lock:
+            port, self._port = self._port, None
+            self.fault = why
+            self._news.clear()
+            if self._farewell is not None:
+                self._farewell.detach()
+            if port is not None:
+                port.close()
+
+    def counts(self) -> dict[str, int]:
+        """Returns what has been counted: 'bytes', 'frames', 'crc_errors', 'gaps' at this end, 'reopened', 'silent_ms'.
+
+        'refused_there' are frames that came to the microcontroller damaged.
+        """
+        there = {} if self.telemetry is None else {"refused_there": self.telemetry.crc_errors}
+        frames, before = self._frames, self._counts
+        return {
+            "bytes": before["bytes"],
+            "frames": before["frames"] + frames.frames,
+            "crc_errors": before["crc_errors"] + frames.crc_errors + frames.overlong,
+            "gaps": before["gaps"] + frames.gaps,
+            "reopened": max(0, before["reopened"]),
+            "silent_ms": int(self.silent_s * 1e3) if self.is_open else 0,
+            **there,
+        }
+
+    def _greet(self) -> None:
+        port = self._open_port()
+        self.name = port.name
+        self._counts = {**self.counts(), "reopened": self._counts["reopened"] + 1}
+        self._frames = McuFrames()  # whose count of gaps begins anew, too
+        self.session = self.session % 0xFFFF + 1
+        self.telemetry = None
+        try:
+            self.ident, after = greet(port, self._frames, self.session, self._patience_s, self._line_s)
+            self._port = port
+            self._farewell = weakref.finalize(self, _say_farewell, port, self.session)
+            self._heard_s = self._line_s()
+            for message in after:
+                self._note(message)
+            while self.telemetry is None and self.silent_s < _FIRST_TELEMETRY_S:
+                port.wait(_FIRST_TELEMETRY_S)
+                self._take(port.read())
+        except BaseException as error:
+            self._port = port  # to be let go of in the same way
+            self.lose(str(error))
+            raise
+
+    def _take(self, data: bytes) -> None:
+        if data:
+            self._counts["bytes"] += len(data)
+            for message in self._frames.feed(data):
+                if isinstance(message, Telemetry | Answer):
+                    self._note(message)
+
+    def _note(self, message: FromMcu) -> None:
+        self._heard_s = self._line_s()
+        self._news.append(message)
+        if isinstance(message, Telemetry):
+            self.telemetry, self.measured_s = message, self.now_s()
+
+    def _opened(self) -> BytePort:
+        if self._port is None:
+            raise DeviceError(self.fault)
+        return self._port
+
+
+def _say_farewell(port: BytePort, session: int) -> None:
+    """Disarms at the end of a program that has not closed its devices, or has forgotten them: the lease is longer."""
+    with suppress(SnrError):
+        port.write(encode(Disarm(session)))
+    port.close()

@@ -1,0 +1,1 @@
+"""PWM outputs: backends, their supervisor, and the loops that drive them."""

@@ -1,0 +1,113 @@
+"""An engine whose throttle valve, nozzle and jets are servos: its commands as pulses on three channels, and back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from snr_sim.core.node import Node
+from snr_sim.devices.commands import command_of
+from snr_sim.devices.pwm.pwm_backend import STOP_US
+from snr_sim.devices.pwm.pwm_loop import TIMEOUT_S, PwmLoop, PwmLoopFactory
+from snr_sim.prelude.device import LEASE_S, PwmOut
+from snr_sim.prelude.errors import CommandError, ParameterError
+from snr_sim.prelude.page import Page
+from snr_sim.prelude.signals import EngineCommand, PwmCommand
+
+CHANNELS = 3  # throttle, nozzle, jets
+_SPAN_US = 400.0
+
+
+@dataclass(frozen=True)
+class EngineServos:
+    """How far each servo goes: 1500 us is shut, straight and still; 400 us more is all there is.
+
+    In steps of half a microsecond, as a microcontroller makes them, that is 1/800 of the throttle, 1/800 of the turn to
+    either side and 1/800 of the jets.
+
+    Args:
+        gimbal_rad: how far the nozzle turns.
+    """
+
+    gimbal_rad: float
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.gimbal_rad < math.pi:
+            raise ParameterError(f"A nozzle that turns by {self.gimbal_rad} rad.", fix="more than 0.")
+
+    @property
+    def limits(self) -> dict[str, tuple[float, float]]:
+        """Lowest and highest value of each field of an `EngineCommand`."""
+        turn = self.gimbal_rad
+        return {"throttle": (0.0, 1.0), "gimbal_rad": (-turn, turn), "attitude": (-1.0, 1.0)}
+
+    def pulses_us(self, command: EngineCommand) -> list[float]:
+        """Returns the pulses for a command inside the limits.
+
+        >>> EngineServos(0.1).pulses_us(EngineCommand(throttle=0.5, gimbal_rad=-0.1))
+        [1700.0, 1100.0, 1500.0]
+        """
+        shares = (command.throttle, command.gimbal_rad / self.gimbal_rad, command.attitude)
+        return [STOP_US + _SPAN_US * share for share in shares]
+
+    def command(self, pulses_us: list[float]) -> EngineCommand:
+        """Returns what pulses mean to the servos."""
+        throttle, turn, attitude = ((pulse_us - STOP_US) / _SPAN_US for pulse_us in pulses_us)
+        return EngineCommand(max(0.0, throttle), turn * self.gimbal_rad, attitude)
+
+
+class EnginePwmLoopFactory(PwmLoopFactory):
+    """Writes the newest engine command to three servo outputs, and neutral when there is none or it is too old.
+
+    Args:
+        key: of the command page (`EngineCommand`); `<key>_applied` tells what becomes of it, see `PwmLoopFactory`.
+        servos: what pulses mean.
+        open_device, rate_hz, timeout_s, lease_s: see `PwmLoopFactory`.
+    """
+
+    def __init__(
+        self,
+        key: str,
+        servos: EngineServos,
+        open_device: Callable[[], PwmOut],
+        rate_hz: float,
+        timeout_s: float = TIMEOUT_S,
+        lease_s: float = LEASE_S,
+    ) -> None:
+        super().__init__(key, open_device, rate_hz, timeout_s, lease_s)
+        self.servos = servos
+
+    def get(self, parent: Node) -> EnginePwmLoop:
+        """Returns the loop `<key>_actuator`."""
+        return EnginePwmLoop(self, parent, f"{self.key}_actuator", self.rate_hz)
+
+
+class EnginePwmLoop(PwmLoop):
+    """Writes engine commands as pulses. A lander has nobody who could arm it: it arms itself as it begins."""
+
+    factory: EnginePwmLoopFactory
+    arms_by_itself = True
+
+    def read_command(self, page: Page) -> PwmCommand:
+        """Returns the pulses for a page, clamped to what the engine can do.
+
+        Raises:
+            CommandError: the page holds no engine command.
+        """
+        servos = self.factory.servos
+        limits = servos.limits
+        command: EngineCommand = command_of(page.data, EngineCommand, limits)
+        clamped = {}
+        for field, (low, high) in limits.items():
+            value = getattr(command, field)
+            if not math.isfinite(value):
+                raise CommandError(
+                    f"{field} = {value!r} is no finite number.",
+                    fix=f"a number from {low:g} to {high:g}; look for a division by zero or an overflow before it.",
+                )
+            clamped[field] = min(high, max(low, value))
+        inside = EngineCommand(**clamped)
+        if inside != command:
+            self._say_clamped(command, inside, limits)
+        return PwmCommand(servos.pulses_us(inside))

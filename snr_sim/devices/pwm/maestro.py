@@ -1,0 +1,231 @@
+"""A Pololu Maestro: servo pulses from a small board on USB, in steps of a quarter microsecond.
+
+It goes to its home positions when commands stop coming, but only if its owner has set it up so: its serial timeout is
+off when it is new, and a channel's home may be "ignore". Neither can be read. So `configure` tries it: all channels are
+told 1501 us, which no speed controller takes for more than stop, then nothing; a quarter of a second later the board
+must tell of its timeout, and of channels at 1500 us. That is why it counts as failing safe alone.
+
+In Maestro Control Center: Serial mode "USB Dual Port", Timeout 0.20 s; each channel "Servo", 8-bit neutral and
+"On startup or error: Go to" 1500. The port is its command port, the first of the two that appear.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable
+
+from snr_sim.devices.pwm.plain_pwm import ESC_START_S, PlainPwm
+from snr_sim.devices.pwm.pwm_backend import LIMITS_US, STOP_US
+from snr_sim.devices.wire import maestro as wire
+from snr_sim.devices.wire.maestro import MaestroError
+from snr_sim.devices.wire.serial_port import ANSWER_S, BytePort, ask
+from snr_sim.prelude.device import LEASE_S
+from snr_sim.prelude.errors import DeviceError
+from snr_sim.prelude.signals import NOT_ACTIVE
+
+PROBE_US = STOP_US + 1.0
+SILENCE_S = LEASE_S + 0.04  # after which a timeout that is set as above has come up
+MOST_ERRORS = 5  # in a row
+_ALL_ERRORS = sum(MaestroError)  # exact: integers
+
+
+class MaestroPwm(PlainPwm):
+    """The channels of a Maestro, from 0 on. Keeps the promise of PwmOut.
+
+    Args:
+        open_port: opens the port.
+        now_s, channels, limits_us, esc_start_s: as in PlainPwm.
+        has_crc: whether "Enable CRC" is on in its settings.
+        sleep: waits, while it is being tried.
+    """
+
+    fails_safe_alone = True
+
+    def __init__(
+        self,
+        open_port: Callable[[], BytePort],
+        now_s: Callable[[], float],
+        channels: int,
+        limits_us: tuple[float, float] = LIMITS_US,
+        has_crc: bool = False,
+        esc_start_s: float = ESC_START_S,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        super().__init__(now_s, channels, limits_us, 1.0 / wire.QUARTERS_PER_US, esc_start_s)
+        self.title = "The Maestro"
+        self._open_port, self._sleep, self._has_crc = open_port, sleep, has_crc
+        self._port: BytePort | None = None
+        self._counts: Counter[str] = Counter()
+        self._asked_s: list[float] = []  # when questions for errors were asked that are not answered yet
+        self._heard = b""
+        self._errors = MaestroError(0)
+        self._in_a_row = 0
+        self._sent_s = now_s()
+
+    def counts(self) -> dict[str, int]:
+        """Returns how often each error came up."""
+        return dict(self._counts)
+
+    def on_configure(self) -> None:
+        """Opens the port, asks who is there, and tries whether it fails safe.
+
+        Raises:
+            DeviceError: nobody answers, or no Maestro; or it would go on if this program were killed.
+        """
+        self.on_close()
+        self._port = self._open_port()
+        self.title = f"The Maestro on {self._port.name}"
+        try:
+            self._meet()
+            self._try_timeout()
+        except BaseException:
+            self.on_close()
+            raise
+        self._forget()
+        self._command(self.still_us)
+
+    def on_activate(self) -> None:
+        """Forgets what happened while nobody sent commands, and begins to show neutral."""
+        self._ask(wire.get_errors(), wire.ERRORS_BYTES, "its errors")
+        self._forget()
+        super().on_activate()
+
+    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
+        """Sends pulses, unless the board went home meanwhile: then it is inactive."""
+        silent_s = self.now_s() - self._sent_s
+        if silent_s > LEASE_S:
+            self._let_go(f"it was sent nothing for {silent_s:.2f} s, so its timeout came", why)
+            return self.send(self.still_us)
+        made = super().put(pulses_us, stamp_s, lease_s, why)
+        if self._errors & MaestroError.TIMEOUT:
+            self._let_go("its serial timeout came: it went to its home positions by itself", why)
+            return self.send(self.still_us)
+        return made
+
+    def send(self, pulses_us: list[float]) -> list[float]:
+        """Sends targets and asks for errors; hears the answers that have come to earlier questions."""
+        self._command(pulses_us)
+        self._write(wire.get_errors())
+        self._asked_s.append(self.now_s())
+        self._hear()
+        return pulses_us
+
+    def on_close(self) -> None:
+        """Lets go of the port."""
+        port, self._port = self._port, None
+        if port is not None:
+            port.close()
+
+    def _meet(self) -> None:
+        """Sees whether it answers as a Maestro does, and has as many channels."""
+        self._ask(wire.get_errors(), wire.ERRORS_BYTES, "its errors")
+        errors = self._ask(wire.get_errors(), wire.ERRORS_BYTES, "its errors")  # the first ones may be of long ago
+        if errors & ~_ALL_ERRORS:
+            raise DeviceError(
+                f"{self.title} answers 0x{errors:04x} for its errors, which has bits that no Maestro has: "
+                "it is another device.",
+                fix="`snr doctor` lists the ports and what is behind each.",
+            )
+        if errors:
+            raise DeviceError(
+                f"{self.title} takes this program's commands for wrong. {wire.in_words(errors)}.",
+                fix="has_crc here as 'Enable CRC' in its settings, and nobody else on the port.",
+            )
+        self._ask(wire.get_position(self.channels - 1), wire.POSITION_BYTES, f"channel {self.channels - 1}")
+
+    def _try_timeout(self) -> None:
+        """Tries whether all channels go to neutral when commands stop coming."""
+        self._command([PROBE_US] * self.channels)
+        for channel in range(self.channels):
+            self._check_channel(channel, PROBE_US, "its mode is not 'Servo', or a speed or acceleration limits it")
+        self._sleep(SILENCE_S)
+        errors = self._ask(wire.get_errors(), wire.ERRORS_BYTES, "its errors")
+        if not errors & MaestroError.TIMEOUT:
+            raise DeviceError(
+                f"{self.title} was sent nothing for {SILENCE_S:.2f} s and did not mind: if this program were killed, "
+                "its motors would run on.",
+                fix="in Maestro Control Center, Serial Settings: Timeout 0.20 s, Apply Settings. It is off when new.",
+            )
+        for channel in range(self.channels):
+            self._check_channel(channel, STOP_US, "on an error it goes elsewhere, off, or nowhere ('Ignore')")
+
+    def _check_channel(self, channel: int, wanted_us: float, otherwise: str) -> None:
+        made_us = self._ask(wire.get_position(channel), wire.POSITION_BYTES, f"channel {channel}") / 4.0
+        if made_us != wanted_us:
+            raise DeviceError(
+                f"{self.title}: channel {channel} makes {made_us:g} us, not {wanted_us:g}: {otherwise}.",
+                fix="in Maestro Control Center, Channel Settings: mode Servo, speed and acceleration 0, "
+                "On startup or error: Go to 1500.",
+            )
+
+    def _ask(self, question: bytes, length: int, about: str) -> int:
+        port = self._opened()
+        answer = ask(port, self._framed(question), length, ANSWER_S)
+        self._sent_s = self.now_s()
+        if not answer:
+            raise DeviceError(
+                f"{self.title} does not answer when asked for {about}: 0 bytes in {ANSWER_S:g} s.",
+                fix="its other port (the command port is the first of two), serial mode 'USB Dual Port', power, "
+                "'Enable CRC' as here; and does it have so many channels?",
+            )
+        if len(answer) != length:
+            raise DeviceError(
+                f"{self.title} answers {len(answer)} bytes when asked for {about}, a Maestro {length}: "
+                f"{answer[:16].hex(' ')}.",
+                fix="another device is on this port, or another program uses it, too: `snr doctor`.",
+            )
+        return wire.number_of(answer)
+
+    def _command(self, pulses_us: list[float]) -> None:
+        self._write(*wire.set_targets(pulses_us))
+
+    def _write(self, *commands: bytes) -> None:
+        self._opened().write(b"".join(map(self._framed, commands)))
+        self._sent_s = self.now_s()
+
+    def _framed(self, command: bytes) -> bytes:
+        return wire.with_crc(command) if self._has_crc else command
+
+    def _hear(self) -> None:
+        """Takes the answers to the questions for errors; none waits for them."""
+        self._heard += self._opened().read()
+        self._errors = MaestroError(0)
+        while len(self._heard) >= wire.ERRORS_BYTES:
+            number = wire.number_of(self._heard)
+            self._heard = self._heard[wire.ERRORS_BYTES :]
+            if not self._asked_s or number & ~_ALL_ERRORS:
+                raise DeviceError(
+                    f"{self.title} sends what nobody asked for.", fix="does another program use this port, too?"
+                )
+            self._asked_s.pop(0)
+            self._take(MaestroError(number))
+        if self._asked_s and self.now_s() > self._asked_s[0] + ANSWER_S:
+            raise DeviceError(
+                f"{self.title} has not answered for {ANSWER_S:g} s.", fix="is the cable in, and does it have power?"
+            )
+
+    def _take(self, errors: MaestroError) -> None:
+        self._errors |= errors
+        self._counts.update(bit.name.lower() for bit in MaestroError if bit & errors and bit.name)
+        self._in_a_row = self._in_a_row + 1 if errors & ~MaestroError.TIMEOUT else 0
+        if self._in_a_row >= MOST_ERRORS:
+            raise DeviceError(
+                f"{self.title} takes command after command for wrong. {wire.in_words(errors)}.",
+                fix="a shorter cable, and nobody else on the port.",
+            )
+
+    def _let_go(self, reason: str, why: list[str]) -> None:
+        if self.state == "active":
+            self.state, self.why = "inactive", reason
+            why.append(NOT_ACTIVE)
+
+    def _forget(self) -> None:
+        self._sent_s = self.now_s()
+        self._asked_s, self._heard = [], b""
+        self._errors, self._in_a_row = MaestroError(0), 0
+
+    def _opened(self) -> BytePort:
+        if self._port is None:
+            raise DeviceError(f"{self.title} is not open.", fix="configure() it first.")
+        return self._port

@@ -1,0 +1,51 @@
+"""One thruster moved a little, once, for the bench: is it this one, and does it turn the right way?
+
+0.5 s up, 1 s held, 0.5 s down; all other channels at neutral.
+"""
+
+from __future__ import annotations
+
+from snr_sim.devices.pwm.pwm_backend import LIMITS_US, STOP_US
+from snr_sim.prelude.errors import UnknownName, nearest
+
+SHARE = 0.05  # of what the thruster can do
+# Speed controllers of this kit stop within 1475 to 1525 us (Blue Robotics, Basic ESC): less would move nothing.
+DEAD_BAND_US = 25.0
+RAMP_S, HOLD_S = 0.5, 1.0
+WHOLE_S = 2 * RAMP_S + HOLD_S
+
+
+def top_us(limits_us: tuple[float, float] = LIMITS_US) -> float:
+    """Returns the longest pulse of a nudge.
+
+    >>> top_us()
+    1543.75
+    """
+    return STOP_US + DEAD_BAND_US + SHARE * (limits_us[1] - STOP_US - DEAD_BAND_US)
+
+
+def nudge_us(
+    channel: int, channels: int, since_s: float, limits_us: tuple[float, float] = LIMITS_US
+) -> list[float] | None:
+    """Returns the pulses at a time after its beginning; None when it is over.
+
+    >>> [nudge_us(1, 2, t) for t in (0.0, 0.25, 1.0, 2.0)]
+    [[1500.0, 1500.0], [1500.0, 1521.875], [1500.0, 1543.75], None]
+    """
+    if not 0.0 <= since_s < WHOLE_S:
+        return None
+    share = min(1.0, since_s / RAMP_S, (WHOLE_S - since_s) / RAMP_S)
+    pulses_us = [STOP_US] * channels
+    pulses_us[channel] += share * (top_us(limits_us) - STOP_US)
+    return pulses_us
+
+
+def channel_of(name: str, names: list[str]) -> int:
+    """Returns which channel a name means.
+
+    Raises:
+        UnknownName: none.
+    """
+    if name not in names:
+        raise UnknownName(f"There is no channel '{name}'.", fix=nearest(name, names))
+    return names.index(name)

@@ -1,0 +1,160 @@
+"""A PCA9685: sixteen servo pulses from a chip on I2C, in 4096 steps of a period.
+
+Its steps are 4.88 us at 50 Hz, so 1500 us become 1498.2: what is told is what is made. How long a step really is
+depends on its oscillator, which may be 8 % off: measure a pulse of 1500 us once and give `oscillator_hz`, or clock it
+from outside. It keeps its last pulses for ever when this program is killed, or the wire is pulled: so it is armed only
+behind the supervisor, and for real water its OE pin belongs to something that lets go by itself.
+
+Source of registers and sequences: NXP, PCA9685 product data sheet, section 7.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from snr_sim.devices.pwm.plain_pwm import ESC_START_S, PlainPwm
+from snr_sim.devices.pwm.pwm_backend import LIMITS_US, STOP_US
+from snr_sim.devices.wire.i2c_bus import MOST_BYTES, I2cBus
+from snr_sim.prelude.errors import DeviceError, ParameterError
+
+COUNTS = 4096
+OSCILLATOR_HZ = 25_000_000.0
+RATE_HZ = 50.0
+MOST_CHANNELS = 16
+WAKE_S = 0.0005  # until its oscillator runs
+
+MODE1, MODE2, LED0, ALL_LED_OFF_H, PRE_SCALE = 0x00, 0x01, 0x06, 0xFD, 0xFE
+EXTCLK, AUTO_INCREMENT, SLEEP = 0x40, 0x20, 0x10  # in MODE1
+TOTEM_POLE = 0x04  # in MODE2; all channels change together, at the end of a transfer
+FULL_OFF = 0x10  # in the high byte of an OFF count
+_BYTES_PER_CHANNEL = 4
+_BLOCK = MOST_BYTES // _BYTES_PER_CHANNEL  # channels
+
+
+class Pca9685Pwm(PlainPwm):
+    """The first channels of a chip. Keeps the promise of PwmOut.
+
+    Args:
+        open_bus: opens the bus.
+        address: 0x40, if no solder bridge is closed.
+        now_s, channels, limits_us, esc_start_s, is_supervised: as in PlainPwm.
+        oscillator_hz: as measured, or of the clock outside.
+        has_external_clock: that clock is at its EXTCLK pin. Only power off and on brings the chip back from it.
+        sleep: waits for its oscillator.
+
+    Raises:
+        ParameterError: it has not so many channels, or a clock gives no 50 Hz.
+    """
+
+    fails_safe_alone = False
+
+    def __init__(
+        self,
+        open_bus: Callable[[], I2cBus],
+        address: int,
+        now_s: Callable[[], float],
+        channels: int,
+        limits_us: tuple[float, float] = LIMITS_US,
+        esc_start_s: float = ESC_START_S,
+        is_supervised: bool = False,
+        oscillator_hz: float = OSCILLATOR_HZ,
+        has_external_clock: bool = False,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        if not 1 <= channels <= MOST_CHANNELS:
+            raise ParameterError(f"A PCA9685 with {channels} channels.", fix=f"1 to {MOST_CHANNELS}.")
+        self.prescale = round(oscillator_hz / (COUNTS * RATE_HZ)) - 1
+        if not 3 <= self.prescale <= 255:
+            raise ParameterError(
+                f"A clock of {oscillator_hz:g} Hz gives a PCA9685 no {RATE_HZ:g} Hz.", fix="0.8 to 52 MHz."
+            )
+        self.count_us = (self.prescale + 1) / oscillator_hz * 1e6
+        super().__init__(now_s, channels, limits_us, self.count_us, esc_start_s, is_supervised)
+        self.title = f"The PCA9685 at 0x{address:02x}"
+        self.still_us = self._made([self.count_of(STOP_US)] * channels)
+        self._address, self._open_bus, self._sleep = address, open_bus, sleep
+        self._mode = AUTO_INCREMENT | (EXTCLK if has_external_clock else 0)
+        self._bus: I2cBus | None = None
+
+    def count_of(self, pulse_us: float) -> int:
+        """Returns the count of steps that makes the nearest pulse inside the limits."""
+        low, high = self.limits_us
+        count = round(pulse_us / self.count_us)
+        if count * self.count_us > high:
+            return count - 1
+        return count + 1 if count * self.count_us < low else count
+
+    def on_configure(self) -> None:
+        """Sets it up: all outputs off, asleep, the rate, awake, neutral.
+
+        Raises:
+            DeviceError: nobody is there, or what was written is not there afterwards.
+        """
+        self.on_close()
+        self._bus = self._open_bus()
+        self._write(ALL_LED_OFF_H, FULL_OFF)  # first of all, for it may be pushing; so it falls asleep in order, too
+        self._write(MODE1, AUTO_INCREMENT | SLEEP)  # only asleep it takes a rate or another clock
+        if self._mode & EXTCLK:
+            self._write(MODE1, self._mode | SLEEP)
+        self._write(PRE_SCALE, self.prescale)
+        self._write(MODE2, TOTEM_POLE)
+        self._write(MODE1, self._mode)
+        self._sleep(WAKE_S)
+        for register, name, wanted in (
+            (MODE1, "MODE1", self._mode),
+            (MODE2, "MODE2", TOTEM_POLE),
+            (PRE_SCALE, "PRE_SCALE", self.prescale),
+        ):
+            self._check(register, name, wanted)
+        self.send(self.still_us)
+
+    def send(self, pulses_us: list[float]) -> list[float]:
+        """Writes counts, and looks whether the chip is still awake."""
+        counts = [self.count_of(pulse) for pulse in pulses_us]
+        for first in range(0, len(counts), _BLOCK):
+            self._write(
+                LED0 + _BYTES_PER_CHANNEL * first,
+                *(byte for count in counts[first : first + _BLOCK] for byte in (0, 0, count & 0xFF, count >> 8)),
+            )
+        mode = self._opened().read(self._address, MODE1, 1)[0]
+        if mode != self._mode:
+            raise DeviceError(
+                f"{self.title} on {self._opened().name} shows 0x{mode:02x} in MODE1, not 0x{self._mode:02x}: "
+                "it was reset, so it makes no pulses.",
+                fix="its power: a brown-out? Or a second program that sets it up.",
+            )
+        return self._made(counts)
+
+    def on_close(self) -> None:
+        """Lets go of the bus; the pulses go on, at neutral."""
+        bus, self._bus = self._bus, None
+        if bus is not None:
+            bus.close()
+
+    def _made(self, counts: list[int]) -> list[float]:
+        return [count * self.count_us for count in counts]
+
+    def _write(self, register: int, *data: int) -> None:
+        self._opened().write(self._address, register, bytes(data))
+
+    def _check(self, register: int, name: str, wanted: int) -> None:
+        bus = self._opened()
+        found = bus.read(self._address, register, 1)[0]
+        if found == wanted:
+            return
+        if register == MODE1 and found == wanted | EXTCLK:
+            raise DeviceError(
+                f"{self.title} on {bus.name} still goes by a clock at its EXTCLK pin.",
+                fix="power off and on: nothing else brings it back to its own.",
+            )
+        raise DeviceError(
+            f"What answers at 0x{self._address:02x} on {bus.name} is no PCA9685: {name} was written "
+            f"0x{wanted:02x} and shows 0x{found:02x}.",
+            fix="another part has this address, too (an INA219 is at 0x40 as well): close a solder bridge of one.",
+        )
+
+    def _opened(self) -> I2cBus:
+        if self._bus is None:
+            raise DeviceError(f"{self.title} is not open.", fix="configure() it first.")
+        return self._bus

@@ -1,0 +1,192 @@
+"""The PWM pins of a Raspberry Pi, through the kernel's files: two or four exact pulses without any other part.
+
+The chip is found by what its `device` link points to, never by its number: a Pi 5's was pwmchip2 with kernel 6.6 and is
+pwmchip0 with 6.12. The kernel goes on making the last pulse when this program is killed, so these outputs are armed
+only behind the supervisor.
+
+    /sys/class/pwm/pwmchip0/device -> .../1f00098000.pwm
+                            npwm, export, unexport
+                            pwm0/period, duty_cycle [ns], enable, polarity
+
+Source of the files and their rules: the kernel's Documentation/driver-api/pwm.rst. Addresses: Raspberry Pi 5 measured
+by users (raspberrypi/linux#6818), 4 and 3 from their device trees.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from snr_sim.devices.pwm.plain_pwm import ESC_START_S, PlainPwm
+from snr_sim.devices.pwm.pwm_backend import LIMITS_US, STOP_US
+from snr_sim.devices.wire.permission import how_to_use
+from snr_sim.prelude.errors import DeviceError
+
+ROOT = Path("/sys/class/pwm")
+CHIPS = {"1f00098000.pwm": "Raspberry Pi 5", "fe20c000.pwm": "Raspberry Pi 4", "3f20c000.pwm": "Raspberry Pi 3"}
+PERIOD_NS = 20_000_000
+OVERLAYS = (
+    "in config.txt dtoverlay=pwm-2chan (Raspberry Pi 3, 4), or "
+    "dtoverlay=pwm-2chan,pin=12,func=4,pin2=13,func2=4 (5); then restart."
+)
+HOLD_S = 0.1  # five pulses: a speed controller that just loses its signal may push on for seconds
+PERMISSION_S = 1.0  # udev gives new files to their group a moment after they appear
+
+
+def write_file(path: Path, text: str) -> None:
+    """Writes one of the kernel's files, in one go."""
+    with path.open("w", encoding="ascii") as file:
+        file.write(text)
+
+
+class SysfsPwm(PlainPwm):
+    """The first channels of the Pi's PWM chip. Keeps the promise of PwmOut.
+
+    Args:
+        now_s, channels, limits_us, esc_start_s, is_supervised: as in PlainPwm.
+        root: where the kernel's files are.
+        takes_over: pins that are in use already are those of a supervisor of ours that was killed.
+        write: writes a file.
+        sleep: waits for udev.
+    """
+
+    fails_safe_alone = False
+
+    def __init__(
+        self,
+        now_s: Callable[[], float],
+        channels: int,
+        limits_us: tuple[float, float] = LIMITS_US,
+        esc_start_s: float = ESC_START_S,
+        is_supervised: bool = False,
+        root: Path = ROOT,
+        takes_over: bool = False,
+        write: Callable[[Path, str], None] = write_file,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        super().__init__(now_s, channels, limits_us, 0.001, esc_start_s, is_supervised)
+        self.title = "The PWM chip"
+        self._root, self._takes_over = root, takes_over
+        self._write_file, self._sleep = write, sleep
+        self._chip: Path | None = None
+        self._pins: list[Path] = []
+
+    def on_configure(self) -> None:
+        """Finds the chip, takes its channels, and has them make neutral pulses.
+
+        Raises:
+            DeviceError: there is no such chip, it has too few channels, somebody else has one, or we may not.
+        """
+        takes_over = self._takes_over or self._chip is not None
+        self._chip, self._pins = find_chip(self._root), []
+        self._check_count(self._chip)
+        for channel in range(self.channels):
+            self._take(self._chip, channel, takes_over)
+
+    def send(self, pulses_us: list[float]) -> list[float]:
+        """Writes how long each pulse is, and looks whether it is still made."""
+        if len(self._pins) < self.channels:
+            raise DeviceError(f"{self.title} is not open.", fix="configure() it first.")
+        for pin, pulse_us in zip(self._pins, pulses_us, strict=True):
+            self._write(pin / "duty_cycle", str(round(pulse_us * 1000.0)))
+            if self._read(pin / "enable") != "1":
+                raise DeviceError(f"{pin} was switched off by somebody else.", fix="`sudo fuser -v` on it names who.")
+        return pulses_us
+
+    def on_close(self) -> None:
+        """Ends the pulses, once neutral has been shown, and gives the channels back."""
+        pins, self._pins = self._pins, []
+        if pins:
+            self._sleep(HOLD_S)
+        for pin in pins:
+            self._write(pin / "enable", "0")
+            self._write(pin.parent / "unexport", pin.name.removeprefix("pwm"))
+
+    def _check_count(self, chip: Path) -> None:
+        count = int(self._read(chip / "npwm") or 0)
+        if count < self.channels:
+            raise DeviceError(
+                f"{chip.name} has {count} channels; {self.channels} are needed.",
+                fix="--io mcu:PORT or --io pca9685:BUS:ADDR, which have more.",
+            )
+
+    def _take(self, chip: Path, channel: int, takes_over: bool) -> None:
+        pin = chip / f"pwm{channel}"
+        if not pin.exists():
+            self._write(chip / "export", str(channel))
+        elif not takes_over:
+            raise DeviceError(
+                f"{pin} is in use: another program has exported it, or left it so when it was killed.",
+                fix=f"end that program; then: echo {channel} | sudo tee {chip}/unexport",
+            )
+        self._wait_for_permission(pin)
+        self._pins.append(pin)
+        neutral = str(round(STOP_US * 1000.0))
+        if self._read(pin / "period") != str(PERIOD_NS):
+            self._write(pin / "duty_cycle", "0")  # never longer than the period
+            self._write(pin / "period", str(PERIOD_NS))
+        self._write(pin / "duty_cycle", neutral)
+        if self._read(pin / "polarity") not in ("normal", ""):
+            self._write(pin / "enable", "0")  # it changes only at rest
+            self._write(pin / "polarity", "normal")
+        self._write(pin / "enable", "1")  # after the pulse's length, so that the first one is neutral
+        if self._read(pin / "enable") != "1":
+            raise DeviceError(f"{pin} was enabled and is not: the kernel did not take it.", fix="`dmesg | tail`.")
+
+    def _wait_for_permission(self, pin: Path) -> None:
+        until_s = self.now_s() + PERMISSION_S
+        while self.now_s() < until_s and not os.access(pin / "enable", os.W_OK):
+            self._sleep(0.01)
+
+    def _write(self, path: Path, text: str) -> None:
+        try:
+            self._write_file(path, text)
+        except OSError as error:
+            raise _why_not(path, text, error) from error
+
+    def _read(self, path: Path) -> str:
+        try:
+            return path.read_text(encoding="ascii").strip()
+        except FileNotFoundError:
+            if path.name == "polarity":
+                return ""  # not every chip has it
+            raise _why_not(path, "", FileNotFoundError(errno.ENOENT, "No such file")) from None
+        except OSError as error:
+            raise _why_not(path, "", error) from error
+
+
+def find_chip(root: Path = ROOT) -> Path:
+    """Returns the folder of the Pi's PWM chip.
+
+    Raises:
+        DeviceError: there is none, with the line that is missing in config.txt.
+    """
+    found = {chip: os.path.basename(os.path.realpath(chip / "device")) for chip in sorted(root.glob("pwmchip*"))}
+    for chip, device in found.items():
+        if device in CHIPS:
+            return chip
+    others = ", ".join(f"{chip.name} is {device}" for chip, device in found.items()) or "nothing"
+    raise DeviceError(f"No PWM chip of a Raspberry Pi in {root}; there is: {others}.", fix=OVERLAYS)
+
+
+def _why_not(path: Path, text: str, error: OSError) -> DeviceError:
+    if error.errno in (errno.EACCES, errno.EPERM):
+        return DeviceError(
+            f"{path} may not be written by this user: it belongs to group '{_group_of(path)}'.",
+            fix=how_to_use(path, "gpio"),
+        )
+    if error.errno == errno.EBUSY:
+        return DeviceError(f"{path}: the kernel says that it is in use.", fix="a dtoverlay or a driver has this pin.")
+    if error.errno == errno.EINVAL:
+        return DeviceError(f"{path} did not take '{text}': Invalid argument.", fix="`dmesg | tail`; another dtoverlay?")
+    return DeviceError(f"{path}: {error.strerror}.", fix="was the overlay taken away? `ls /sys/class/pwm`.")
+
+
+def _group_of(path: Path) -> str:
+    try:
+        return path.group()
+    except (OSError, KeyError):
+        return "unknown"

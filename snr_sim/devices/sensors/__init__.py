@@ -1,0 +1,1 @@
+"""Sensors, simulated and real."""

@@ -1,0 +1,156 @@
+"""A small camera that looks ahead or down, without noise. Its picture is a numpy array in the page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from snr_sim.core.node import Node
+from snr_sim.devices.loops import SensorLoop, SensorLoopFactory
+from snr_sim.devices.sensors.ray_casting import VEILED_PER_M, Image, Rays, meet_scene
+from snr_sim.devices.sensors.sensor_errors import SensorErrors
+from snr_sim.devices.simulated import SimSensor
+from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
+from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.snapshot import snapshot
+
+# Axis, right and down of the picture, body frame. Looking down, what is ahead is at the top.
+LOOKS = {
+    "ahead": ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)),
+    "down": ((0.0, 0.0, -1.0), (0.0, -1.0, 0.0), (-1.0, 0.0, 0.0)),
+}
+
+
+class CameraReading(msgspec.Struct, frozen=True, eq=False):
+    """A picture.
+
+    Args:
+        rgb: uint8, shape (height, width, 3): the top row first, its left pixel first; read-only.
+        field_of_view_rad: from the left edge to the right one.
+        stamp_s: when it was taken.
+    """
+
+    rgb: Image
+    field_of_view_rad: float
+    stamp_s: float
+
+
+@dataclass(frozen=True)
+class Camera:
+    """The part: a pinhole without distortion. All numbers are our own choice; a bigger picture takes longer.
+
+    Args:
+        looks: "ahead" or "down".
+        width_px, height_px: of the picture.
+        field_of_view_rad: from the left edge to the right one.
+        period_s: between two pictures.
+        place_m: where it is, body frame.
+        veiled_per_m: what the water between it and what it sees scatters; murky water has 1 and more.
+        clouds: (from_s, until_s, veiled_per_m) of each time when the water is other than that.
+
+    Raises:
+        UnknownName: it looks elsewhere.
+        ParameterError: the numbers make no sense.
+    """
+
+    looks: str = "ahead"
+    width_px: int = 64
+    height_px: int = 48
+    field_of_view_rad: float = math.radians(80.0)
+    period_s: float = 0.2
+    place_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    veiled_per_m: float = VEILED_PER_M
+    clouds: tuple[tuple[float, float, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.looks not in LOOKS:
+            raise UnknownName(f"A camera that looks {self.looks!r}.", fix=nearest(self.looks, LOOKS))
+        if not (1 <= self.width_px <= 1024 and 1 <= self.height_px <= 1024):
+            raise ParameterError(f"A camera of {self.width_px} x {self.height_px} pixels.", fix="such as 64 x 48.")
+        if not 0.0 < self.field_of_view_rad < math.radians(170.0):
+            raise ParameterError(
+                f"A camera with field_of_view_rad={self.field_of_view_rad!r}.", fix="more than 0, less than 2.96."
+            )
+        if not 0.0 < self.period_s < math.inf:
+            raise ParameterError(f"A camera with a picture each {self.period_s!r} s.", fix="such as 0.2 s.")
+        for veiled_per_m in (self.veiled_per_m, *(cloud[2] for cloud in self.clouds)):
+            if not 0.0 <= veiled_per_m < math.inf:
+                raise ParameterError(f"A camera with veiled_per_m={veiled_per_m!r}.", fix="0.06 is a clean pool.")
+
+    @property
+    def pixel(self) -> float:
+        """Width of a pixel, 1 m away."""
+        return 2.0 * math.tan(0.5 * self.field_of_view_rad) / self.width_px
+
+    def picture(
+        self, statics: dict[str, Any], position_m: list[float], attitude: list[float], time_s: float = -math.inf
+    ) -> Image:
+        """Returns what it sees of a scene's `statics` from a vehicle at a place.
+
+        Args:
+            statics: shapes by name, as `Plant.scene()` gives them.
+            position_m: of the vehicle, world frame.
+            attitude: [w, x, y, z] unit quaternion that turns vectors of the body into the world's.
+            time_s: when, which tells whether there is a cloud.
+        """
+        clouds = [veil for from_s, until_s, veil in self.clouds if from_s <= time_s < until_s]
+        rights = (np.arange(self.width_px) - 0.5 * (self.width_px - 1)) * self.pixel
+        downs = (np.arange(self.height_px) - 0.5 * (self.height_px - 1)) * self.pixel
+        along, down = np.tile(rights, self.height_px), np.repeat(downs, self.width_px)
+        axis, right, below = (_turned(attitude, way) for way in LOOKS[self.looks])
+        x, y, z = (axis[i] + along * right[i] + down * below[i] for i in range(3))
+        place = _turned(attitude, self.place_m)
+        eye = position_m[0] + place[0], position_m[1] + place[1], position_m[2] + place[2]
+        with np.errstate(divide="ignore", invalid="ignore"):  # rays that are level with a face
+            rays = Rays(eye, (x, y, z), self.pixel)
+            meet_scene(rays, statics)
+            rgb = rays.through_water(clouds[0] if clouds else self.veiled_per_m).reshape(
+                self.height_px, self.width_px, 3
+            )
+        rgb.flags.writeable = False
+        return rgb
+
+    def senses(self, statics: dict[str, Any]) -> Callable[[Any], CameraReading]:
+        """Returns what makes a picture of a plant's output with `position_m`, `attitude` and `stamp_s`."""
+
+        def see(pose: Any) -> CameraReading:
+            rgb = self.picture(statics, pose.position_m, pose.attitude, pose.stamp_s)
+            return CameraReading(rgb, self.field_of_view_rad, pose.stamp_s)
+
+        return see
+
+    def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
+        """Opens the camera in a plant; it sees what of its scene does not move."""
+        errors = SensorErrors(period_s=self.period_s)
+        return SimSensor(plant, output, errors, rng, self.senses(plant.scene()["statics"]))
+
+
+class CameraLoopFactory(SensorLoopFactory):
+    """Reads a camera at a rate and stores each picture as a page; arguments are those of `SensorLoopFactory`."""
+
+    def get(self, parent: Node) -> CameraLoop:
+        """Returns the loop `<key>_sensor`."""
+        return CameraLoop(self, parent, f"{self.key}_sensor", self.rate_hz)
+
+
+class CameraLoop(SensorLoop):
+    """Stores `{field: value}` of the newest picture, which stays an array."""
+
+    def data_of(self, reading: CameraReading) -> dict[str, Any]:
+        """Returns what the page of a picture holds: a copy, as a camera may use its array again."""
+        data: dict[str, Any] = snapshot(msgspec.structs.asdict(reading), [])
+        return data
+
+
+def _turned(attitude: list[float], way: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Returns a vector of the body's frame in the world's."""
+    w, x, y, z = attitude
+    a, b, c = way
+    # v + 2 q x (q x v + w v)
+    i, j, k = y * c - z * b + w * a, z * a - x * c + w * b, x * b - y * a + w * c
+    return a + 2.0 * (y * k - z * j), b + 2.0 * (z * i - x * k), c + 2.0 * (x * j - y * i)

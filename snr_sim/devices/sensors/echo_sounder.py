@@ -1,0 +1,97 @@
+"""The Ping echo sounder: distance to the floor, and how sure it is.
+
+It sends a cone of sound and takes the strongest echo. A level floor answers strongest from straight below, as long as
+that is in the cone; tilted further, it hears the nearest edge of the cone's footprint, and less of it. So a vehicle
+that rolls a little reads the same height, and one that rolls a lot reads too much.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from snr_sim.devices.sensors.sensor_errors import SensorErrors
+from snr_sim.devices.simulated import SimSensor
+from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.signals import EchoReading
+
+if TYPE_CHECKING:
+    import numpy as np
+
+SOUND_MPS = 1500.0  # what it takes for the speed of sound in water
+
+
+@dataclass(frozen=True)
+class EchoSounder:
+    """The part. Range, cone and resolution are those of the Ping1D; the rest is our own choice.
+
+    Args:
+        least_m: nearer than this it hears its own voice.
+        most_m: farther than this it hears nothing.
+        cone_rad: angle of the whole cone.
+        deaf_rad: tilt at which the confidence has fallen to 0.
+        noise_m: standard deviation of a distance.
+        period_s: between two pings.
+
+    Raises:
+        ParameterError: the numbers make no sense.
+    """
+
+    least_m: float = 0.3
+    most_m: float = 100.0
+    cone_rad: float = math.radians(25.0)
+    deaf_rad: float = math.radians(60.0)
+    noise_m: float = 0.01
+    period_s: float = 0.1
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.least_m < self.most_m:
+            raise ParameterError(
+                f"An echo sounder from {self.least_m!r} m to {self.most_m!r} m.", fix="such as 0.3 to 100 m."
+            )
+        if not 0.0 < 0.5 * self.cone_rad < self.deaf_rad < 0.5 * math.pi:
+            raise ParameterError(
+                f"An echo sounder with cone_rad={self.cone_rad!r} and deaf_rad={self.deaf_rad!r}.",
+                fix="half of the cone is less than deaf_rad, and that is less than a quarter turn.",
+            )
+
+    def heard(self, altitude_m: float, tilt_rad: float) -> tuple[float, float]:
+        """Returns distance [m] and confidence at a height over a level floor and a tilt from straight down."""
+        beyond = tilt_rad - 0.5 * self.cone_rad
+        if beyond <= 0.0:
+            distance, confidence = altitude_m, 1.0
+        elif tilt_rad < self.deaf_rad:
+            distance = altitude_m / math.cos(beyond)
+            confidence = 1.0 - beyond / (self.deaf_rad - 0.5 * self.cone_rad)
+        else:
+            return 0.0, 0.0
+        return (distance, confidence) if self.least_m <= distance <= self.most_m else (0.0, 0.0)
+
+    @property
+    def errors(self) -> SensorErrors:
+        """How it measures: in whole millimetres, as it tells them."""
+        return SensorErrors(
+            noise={"distance_m": self.noise_m},
+            resolution={"distance_m": 0.001, "confidence": 0.01},
+            limits={"distance_m": (0.0, self.most_m)},
+            period_s=self.period_s,
+        )
+
+    def senses(self) -> Callable[[Any], EchoReading]:
+        """Returns what makes an echo of a plant's output with `altitude_m`, `tilt_rad` and `stamp_s`."""
+
+        def echo(below: Any) -> EchoReading:
+            return EchoReading(*self.heard(below.altitude_m, below.tilt_rad), below.stamp_s)
+
+        return echo
+
+    def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
+        """Opens the sounder in a plant."""
+        return SimSensor(plant, output, self.errors, rng, self.senses(), _silent_if_unsure)
+
+
+def _silent_if_unsure(reading: EchoReading) -> EchoReading:
+    return reading if reading.confidence > 0.0 else EchoReading(0.0, 0.0, reading.stamp_s)

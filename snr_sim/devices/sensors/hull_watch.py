@@ -1,0 +1,67 @@
+"""What watches over a hull and its battery: a power module that measures voltage and current, and a leak probe."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from snr_sim.devices.sensors.sensor_errors import SensorErrors
+from snr_sim.devices.simulated import SimSensor
+from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.signals import LeakReading, PowerReading
+
+if TYPE_CHECKING:
+    import numpy as np
+
+# A module for 60 V and 120 A at a 12-bit converter: its steps follow, its noise is about one of them (our own choice).
+POWER_MODULE = SensorErrors(
+    noise={"voltage_v": 0.015, "current_a": 0.03},
+    resolution={"voltage_v": 60.0 / 4096, "current_a": 120.0 / 4096},
+    limits={"voltage_v": (0.0, 60.0), "current_a": (0.0, 120.0)},
+)
+
+
+@dataclass(frozen=True)
+class PowerModule:
+    """Measures at the battery. More than 120 A it shows as 120 A.
+
+    Args:
+        errors: how it measures, by field of a `PowerReading`.
+    """
+
+    errors: SensorErrors = POWER_MODULE
+
+    def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
+        """Opens it in a plant, at an output with `voltage_v`, `current_a` and `stamp_s`."""
+        return SimSensor(plant, output, self.errors, rng, _felt)
+
+
+def _felt(battery: Any) -> PowerReading:
+    return PowerReading(battery.voltage_v, battery.current_a, battery.stamp_s)
+
+
+@dataclass(frozen=True)
+class LeakProbe:
+    """A sponge between two contacts, low in the hull. Once wet it stays wet.
+
+    Args:
+        wets_at_l: litres in the hull that reach it: our own choice.
+    """
+
+    wets_at_l: float = 0.02
+
+    def __post_init__(self) -> None:
+        if not self.wets_at_l > 0.0:
+            raise ParameterError(f"A leak probe that is wet at {self.wets_at_l!r} l.", fix="more than 0.")
+
+    def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
+        """Opens it in a plant, at an output with `water_l` and `stamp_s`."""
+        was_wet = False
+
+        def feel(hull: Any) -> LeakReading:
+            nonlocal was_wet
+            was_wet = was_wet or hull.water_l >= self.wets_at_l
+            return LeakReading(was_wet, hull.stamp_s)
+
+        return SimSensor(plant, output, SensorErrors(), rng, feel)

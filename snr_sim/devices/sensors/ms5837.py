@@ -1,0 +1,152 @@
+"""The MS5837-30BA pressure sensor (Bar30): what it resolves, how long it takes, and depth from its pressure.
+
+More oversampling takes longer and is less noisy. A sensor is off by up to a fifth of a bar when it is new, which is two
+metres of water: so whoever dives sets it to zero first.
+
+Source: TE Connectivity, MS5837-30BA data sheet (10/2015; C2 of 12/2019): conversion times, and "resolution RMS" of
+pressure by oversampling, which is the standard deviation here. That of 512 and 1024 is from memory, the other four were
+read again. Temperature's, 2 to 9 thousandths of a degree, is less than the step that it is told in and left out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import msgspec
+
+from snr_sim.devices.sensors.sensor_errors import SensorErrors, Wander
+from snr_sim.devices.simulated import SimSensor
+from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.signals import DepthReading
+from snr_sim.prelude.water import AIR_PA, FRESH_KGM3, GRAVITY_MPS2
+
+if TYPE_CHECKING:
+    import numpy as np
+
+NOISE_PA = {256: 157.0, 512: 84.0, 1024: 54.0, 2048: 38.0, 4096: 28.0, 8192: 20.0}  # by oversampling
+OVERSAMPLING = tuple(NOISE_PA)
+CONVERSION_S_PER_SAMPLE = 2.2e-6  # one conversion, at most; a measurement is two: pressure, then temperature
+RESOLUTION_PA = 10.0  # a tenth of a millibar, the last digit of the data sheet's P: 1 mm of water
+RESOLUTION_C = 0.01
+LIMITS_PA = (0.0, 3_000_000.0)
+OFFSET_PA = 5_000.0  # half of the usual range: our estimate
+
+
+class Water(Protocol):
+    """What a plant's output must tell of the water at the sensor."""
+
+    @property
+    def pressure_pa(self) -> float:
+        """Absolute."""
+        ...
+
+    @property
+    def temperature_c(self) -> float:
+        """Of the water."""
+        ...
+
+    @property
+    def stamp_s(self) -> float:
+        """When."""
+        ...
+
+
+class Pressure(msgspec.Struct, frozen=True):
+    """What the sensor feels."""
+
+    pressure_pa: float
+    temperature_c: float
+    stamp_s: float
+
+
+def depth_m(
+    pressure_pa: float,
+    surface_pa: float = AIR_PA,
+    density_kgm3: float = FRESH_KGM3,
+    gravity_mps2: float = GRAVITY_MPS2,
+) -> float:
+    """Returns the depth at a pressure, positive down, in water that does not give way.
+
+    >>> round(depth_m(399_980.0, 101_300.0, 997.0, 9.80665), 3)  # with the numbers of its maker's own library
+    30.549
+    """
+    return (pressure_pa - surface_pa) / (density_kgm3 * gravity_mps2)
+
+
+@dataclass(frozen=True)
+class Ms5837:
+    """How the sensor is used.
+
+    It reads the true depth where it is told the water that it is in. Surface, density and gravity are those of a pool
+    unless either is told otherwise: to a `Pool(density_kgm3=1026.0)` belongs an `Ms5837(density_kgm3=1026.0)`.
+
+    Args:
+        oversampling: samples that make a measurement; more are slower and less noisy.
+        is_zeroed: somebody set it to zero at the surface, before the dive. If not, it has the offset it was made with.
+        surface_pa: what it takes for the pressure at the surface.
+        density_kgm3: what it takes for the water's density.
+        gravity_mps2: what it takes for gravity.
+        noise_pa: standard deviation of a measurement; None: the data sheet's for the oversampling.
+
+    Raises:
+        ParameterError: the sensor has no such oversampling, or there is no such water.
+    """
+
+    oversampling: int = 8192
+    is_zeroed: bool = True
+    surface_pa: float = AIR_PA
+    density_kgm3: float = FRESH_KGM3
+    gravity_mps2: float = GRAVITY_MPS2
+    noise_pa: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.oversampling not in OVERSAMPLING:
+            raise ParameterError(
+                f"An MS5837 with oversampling {self.oversampling!r}.",
+                fix=f"one of {', '.join(map(str, OVERSAMPLING))}.",
+            )
+        for name in ("density_kgm3", "gravity_mps2"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise ParameterError(
+                    f"An MS5837 with {name} = {getattr(self, name)!r}.",
+                    fix=f"what its pool has; usual are {FRESH_KGM3:g} kg/m3 and {GRAVITY_MPS2:g} m/s2.",
+                )
+
+    @property
+    def period_s(self) -> float:
+        """How long one measurement of pressure and temperature takes."""
+        return 2.0 * CONVERSION_S_PER_SAMPLE * self.oversampling
+
+    @property
+    def errors(self) -> SensorErrors:
+        """How it measures. What is told was measured while the conversions ran, so it is a conversion old."""
+        return SensorErrors(
+            noise={"pressure_pa": NOISE_PA[self.oversampling] if self.noise_pa is None else self.noise_pa},
+            resolution={"pressure_pa": RESOLUTION_PA, "temperature_c": RESOLUTION_C},
+            delay_s=0.5 * self.period_s,
+            wander={} if self.is_zeroed else {"pressure_pa": Wander(OFFSET_PA, math.inf)},
+            limits={"pressure_pa": LIMITS_PA},
+            period_s=self.period_s,
+        )
+
+    def tells(self) -> Callable[[Pressure], DepthReading]:
+        """Returns what makes a reading of a measurement."""
+        water = self.surface_pa, self.density_kgm3, self.gravity_mps2
+
+        def reading(felt: Pressure) -> DepthReading:
+            depth = depth_m(felt.pressure_pa, *water)
+            return DepthReading(depth, felt.pressure_pa, felt.temperature_c, felt.stamp_s)
+
+        return reading
+
+    def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
+        """Opens the sensor in a plant, at an output that tells of the water (`Water`)."""
+        return SimSensor(plant, output, self.errors, rng, _felt, self.tells())
+
+
+def _felt(water: Any) -> Pressure:
+    return Pressure(water.pressure_pa, water.temperature_c, water.stamp_s)

@@ -1,0 +1,178 @@
+"""The real MS5837-30BA on an I2C bus: the part that `devices/sensors/ms5837.py` describes, and simulates.
+
+A conversion takes 18 ms at the highest oversampling, and nobody waits for it: each `read` takes what has been converted
+and starts the next one. Temperature, which changes slowly, is measured in one of ten. The surface is where it is
+switched on: the first measurement is taken for it, if it can be one of air.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import count
+
+from snr_sim.devices.sensors.ms5837 import OVERSAMPLING, Ms5837, Pressure
+from snr_sim.devices.wire import ms5837_bytes as wire
+from snr_sim.devices.wire.i2c_bus import I2cBus
+from snr_sim.prelude.device import Stale
+from snr_sim.prelude.errors import DeviceError
+from snr_sim.prelude.life_cycle import SensorLife
+from snr_sim.prelude.signals import DepthReading
+
+ADDRESS = 0x76
+CONVERSION_S_PER_SAMPLE = 2.5e-6  # 2.2 at most, and a little
+RESET_S = 0.01
+STALE_S = 0.5
+TEMPERATURE_EVERY = 10
+AIR_PA = (85_000.0, 108_500.0)  # of the sea's highest, and of a town at 1400 m
+_NOTHING, _RESET, _PRESSURE, _TEMPERATURE = "nothing", "reset", "pressure", "temperature"  # what it is busy with
+_PLAUSIBLE_PA = (20_000.0, 3_100_000.0)
+
+
+class Ms5837I2c(SensorLife):
+    """The sensor. Keeps the promise of Sensor; reads `DepthReading`.
+
+    Args:
+        open_bus: opens the bus.
+        now_s: the clock that readings are stamped by.
+        part: how it is used. If it `is_zeroed`, the pressure at the start is taken for the surface's.
+        address: it has only one.
+        sleep: waits at the start.
+    """
+
+    def __init__(
+        self,
+        open_bus: Callable[[], I2cBus],
+        now_s: Callable[[], float],
+        part: Ms5837 | None = None,
+        address: int = ADDRESS,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self.title = f"The depth sensor MS5837 at 0x{address:02x}"
+        self._open_bus, self._now_s, self._sleep = open_bus, now_s, sleep
+        self._address, self._part = address, part or Ms5837()
+        self._conversion_s = CONVERSION_S_PER_SAMPLE * self._part.oversampling
+        self._bus: I2cBus | None = None
+        self._tells = self._part.tells()
+        self._surface_pa: float | None = None
+        self._newest: DepthReading | None = None
+        self._errors = 0
+        self._why = ""
+
+    def counts(self) -> dict[str, int]:
+        """Returns how often it did not answer, or with what cannot be."""
+        return {"errors": self._errors}
+
+    def on_configure(self) -> None:
+        """Resets it and reads its calibration.
+
+        Raises:
+            DeviceError: nobody answers, or the calibration's check sum is wrong.
+        """
+        self.on_close()
+        self._bus = self._open_bus()
+        self._command(wire.RESET)
+        self._sleep(RESET_S)
+        words = []
+        for register in range(wire.READ_PROM, wire.READ_PROM + 2 * wire.PROM_WORDS, 2):
+            words.append(int.from_bytes(self._bus.read(self._address, register, 2), "big"))
+        try:
+            self._calibration = wire.calibration(words)
+        except DeviceError as error:
+            raise DeviceError(f"{self.title} on {self._bus.name}: {error.message}", fix=error.fix) from None
+        self._convert(_TEMPERATURE)
+        self._d2 = self._waited_for()
+        self._nth = count(1)
+        self._convert(_PRESSURE)
+        self._newest = None
+
+    def on_activate(self) -> None:
+        """Takes the first measurement, and it for the surface if it can be that."""
+        felt = self._felt(self._waited_for())
+        if self._surface_pa is None and self._part.is_zeroed and AIR_PA[0] <= felt.pressure_pa <= AIR_PA[1]:
+            self._surface_pa = felt.pressure_pa
+            self._tells = replace(self._part, surface_pa=felt.pressure_pa).tells()
+        self._newest = self._tells(felt)
+        self._convert(_PRESSURE)
+
+    def read(self) -> DepthReading | Stale:
+        """Returns the newest reading; takes what has been converted since, and starts the next one.
+
+        Raises:
+            SensorLost: it was closed.
+        """
+        idle = self.idle(self._newest.stamp_s if self._newest else None)
+        if idle is not None:
+            return idle
+        try:
+            self._look()
+        except DeviceError as error:
+            self._errors += 1
+            self._why = str(error)
+            self._waits_for(_NOTHING, self._conversion_s)
+        newest = self._newest
+        if newest is None or self._now_s() > newest.stamp_s + STALE_S:
+            return Stale(self._why or f"{self.title} has measured nothing.", newest.stamp_s if newest else None)
+        return newest
+
+    def on_close(self) -> None:
+        """Lets go of the bus."""
+        bus, self._bus = self._bus, None
+        if bus is not None:
+            bus.close()
+
+    def _look(self) -> None:
+        if self._now_s() < self._due_s:
+            return
+        if self._pending == _NOTHING:  # it may have lost its power, so it is begun with anew
+            self._command(wire.RESET)
+            self._waits_for(_RESET, RESET_S)
+            return
+        if self._pending == _RESET:
+            self._convert(_PRESSURE)
+            return
+        raw = self._raw()
+        if self._pending == _TEMPERATURE:
+            self._d2 = raw
+        else:
+            self._newest = self._tells(self._felt(raw))
+        self._why = ""
+        self._convert(_TEMPERATURE if next(self._nth) % TEMPERATURE_EVERY == 0 else _PRESSURE)
+
+    def _felt(self, d1: int) -> Pressure:
+        pressure_pa, temperature_c = wire.compensated(self._calibration, d1, self._d2)
+        if not _PLAUSIBLE_PA[0] <= pressure_pa <= _PLAUSIBLE_PA[1]:
+            raise DeviceError(
+                f"{self.title} tells {pressure_pa:.0f} Pa, which cannot be.",
+                fix="its wires; then switch it off and on.",
+            )
+        return Pressure(pressure_pa, temperature_c, self._started_s + 0.5 * self._conversion_s)
+
+    def _waited_for(self) -> int:
+        self._sleep(self._conversion_s)
+        return self._raw()
+
+    def _raw(self) -> int:
+        raw = int.from_bytes(self._opened().read(self._address, wire.READ_ADC, wire.ADC_BYTES), "big")
+        if raw == 0:  # what it answers when there is no finished conversion
+            raise DeviceError(f"{self.title} has converted nothing.", fix="its power: was it reset under way?")
+        return raw
+
+    def _convert(self, what: str) -> None:
+        base = wire.CONVERT_TEMPERATURE if what == _TEMPERATURE else wire.CONVERT_PRESSURE
+        self._command(base + 2 * OVERSAMPLING.index(self._part.oversampling))
+        self._waits_for(what, self._conversion_s)
+
+    def _waits_for(self, what: str, seconds: float) -> None:
+        self._pending = what
+        self._started_s = self._now_s()
+        self._due_s = self._started_s + seconds
+
+    def _command(self, byte: int) -> None:
+        self._opened().command(self._address, byte)
+
+    def _opened(self) -> I2cBus:
+        if self._bus is None:
+            raise DeviceError(f"{self.title} is not open.", fix="configure() it first.")
+        return self._bus

@@ -1,0 +1,1 @@
+"""A class: submissions in, workers, results out."""

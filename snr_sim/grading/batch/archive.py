@@ -1,0 +1,138 @@
+"""A zip archive that a stranger made: its plain files, one after the other, never more than was agreed in memory.
+
+Nothing in the archive is believed: not the sizes it claims, not the names, not how much a piece unpacks to.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import stat
+import zipfile
+import zlib
+from collections.abc import Iterator
+from typing import Any, BinaryIO, TypeAlias, cast
+
+from snr_sim.grading.batch.member_names import Refused, is_litter, parts_of, shown
+
+MAX_ARCHIVE_BYTES = 32 * 2**20
+MAX_DIRECTORY_BYTES = 2**19  # of the archive's list of contents, some 50 to 300 bytes a file
+MAX_RATIO = 200  # unpacked to packed; text is about 5, and the densest that deflate can write is 1032
+_RATIO_FROM_BYTES = 2**20  # small files of zeros are nobody's bomb
+_ENCRYPTED = 1
+Member: TypeAlias = tuple[tuple[str, ...], BinaryIO | None]
+_DAMAGES = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, ValueError, OverflowError)
+
+
+def members_of(file: BinaryIO, notes: list[str]) -> Iterator[Member]:
+    """Yield each plain file by the parts of its path, open for reading; of a folder None in the file's place.
+
+    Args:
+        file: the archive.
+        notes: what is left out is added here.
+
+    Raises:
+        Refused: it is no archive, a damaged one, one that means harm, or one that cannot be opened.
+    """
+    if os.fstat(file.fileno()).st_size > MAX_ARCHIVE_BYTES:
+        raise Refused(
+            f"Your archive is larger than {MAX_ARCHIVE_BYTES // 2**20} MB.",
+            fix="zip only what the lab asks for, without recorded runs.",
+        )
+    try:
+        with zipfile.ZipFile(cast(Any, _Bounded(file))) as archive:
+            for info in archive.infolist():
+                parts = parts_of(info.filename)
+                if any(is_litter(part) for part in parts):
+                    continue
+                mode = info.external_attr >> 16
+                if stat.S_IFMT(mode) not in (0, stat.S_IFREG, stat.S_IFDIR):
+                    what = "a symbolic link" if stat.S_ISLNK(mode) else "not a plain file"
+                    notes.append(f"'{shown(info.filename)}' is {what} and was left out: hand in the file itself.")
+                elif info.filename.endswith(("/", "\\")):
+                    yield parts, None
+                else:
+                    _check_packing(info)
+                    with archive.open(info) as source:
+                        yield parts, cast(BinaryIO, _Measured(source, max(1, info.compress_size)))
+    except _DAMAGES as error:
+        raise _damaged(error) from error
+
+
+def _damaged(error: Exception) -> Refused:
+    return Refused(
+        f"Your submission is not a zip archive that can be opened ({error or 'it is cut off'}).",
+        fix="if it is something else, a program or another kind of archive, zip it; else zip your folder again, and "
+        "look into the archive before you hand it in.",
+    )
+
+
+def _check_packing(info: zipfile.ZipInfo) -> None:
+    if info.flag_bits & _ENCRYPTED:
+        raise Refused("Your archive has a password.", fix="zip it without one.")
+    # The others unpack as much as they like at once, whatever one asks for.
+    if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise Refused("Your archive is packed in an unusual way.", fix="zip it with the usual method (deflate).")
+
+
+class _Measured:
+    """A file in the archive, read as long as it does not unpack to absurdly more than it was."""
+
+    def __init__(self, source: Any, packed_bytes: int) -> None:
+        self._source = source
+        self._packed_bytes = packed_bytes
+        self._read_bytes = 0
+
+    def read(self, size: int) -> bytes:
+        """Returns the next bytes, none at the end."""
+        try:
+            data: bytes = self._source.read(size)
+        except _DAMAGES as error:
+            raise _damaged(error) from error
+        self._read_bytes += len(data)
+        if self._read_bytes > max(_RATIO_FROM_BYTES, MAX_RATIO * self._packed_bytes):
+            raise Refused(
+                "Your archive unpacks to hundreds of times its size.", fix="hand in only what the lab asks for."
+            )
+        return data
+
+
+class _Bounded(io.RawIOBase):
+    """The archive's bytes, never many at a time: so a list of a million contents is refused before it is read."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+
+    def read(self, size: int = -1) -> bytes:
+        """Returns so many bytes.
+
+        Raises:
+            Refused: they are more than any honest archive makes one read at once.
+        """
+        wanted = size if size >= 0 else MAX_DIRECTORY_BYTES + 1  # the end of the archive is read without a size
+        data = b"" if wanted > MAX_DIRECTORY_BYTES + 1 else self._file.read(wanted)
+        if max(size, len(data)) > MAX_DIRECTORY_BYTES:
+            raise Refused("Your archive has too many files in it.", fix="hand in only what the lab asks for.")
+        return data
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        """Goes to a place.
+
+        Raises:
+            ValueError: it lies before the beginning, as in a damaged archive.
+        """
+        if whence == 0 and offset < 0:
+            raise ValueError("a place before its beginning")
+        return self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        """Returns the place."""
+        return self._file.tell()
+
+    def seekable(self) -> bool:
+        """It is."""
+        return True
+
+    def readable(self) -> bool:
+        """It is."""
+        return True

@@ -1,0 +1,291 @@
+"""The folder of a class: what was asked, what is done so far, and nothing that is half done.
+
+    class.json                 the lab, its digest, kit, secret's digest; the submissions and their names
+    secret                     from which hidden cases are drawn, if none was given (mode 0600)
+    results/<name>.json        the record of a submission; it is there exactly if the submission is done
+    students/<name>/           its reports, and the recorded runs of visible cases
+    class.csv ...              made at the end
+
+A submission's reports come first and its record last, so whoever is interrupted anywhere finds a submission done or
+not begun. One process at a time works in the folder, which a lock says that dies with it.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import os
+import secrets
+import shutil
+import stat
+import tempfile
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import msgspec
+
+from snr_sim.grading.batch.intake import remove
+from snr_sim.grading.batch.submissions import Submission
+from snr_sim.grading.reports.results import Graded
+from snr_sim.prelude.errors import SnrError
+from snr_sim.prelude.values import NO_JSON
+from snr_sim.recording.whole_files import sync_folder, write_whole
+
+MIN_SECRET_BYTES = 16
+_PLACE = "snr_grade_"
+_REMOVE_TIMEOUT_S = 2.0
+_MADE_AT_THE_END = ("class.csv", "cases.csv", "leaderboard.csv", "distribution.png")
+
+
+class Terms(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What must be the same for marks to be of one class.
+
+    Args:
+        lab: its name.
+        lab_digest: over all its files.
+        kit: version of snr_sim.
+        secret_digest: of the secret, which it does not give away.
+        isolation: "required" or "none".
+    """
+
+    lab: str
+    lab_digest: str
+    kit: str
+    secret_digest: str
+    isolation: str
+
+
+class _Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    terms: Terms
+    submissions: list[tuple[str, str]]
+
+
+class _Kept(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    digest: str
+    graded: Graded
+
+
+_decode_manifest = msgspec.json.Decoder(_Manifest).decode
+_decode_kept = msgspec.json.Decoder(_Kept).decode
+
+
+class ClassFolder:
+    """A class's folder, opened to work in.
+
+    Args:
+        path: made if it is not there.
+        is_resumed: whether it may hold results already.
+
+    Raises:
+        SnrError: it holds results and is not resumed, another process works in it, or it cannot be written.
+    """
+
+    def __init__(self, path: Path, is_resumed: bool) -> None:
+        self.path = path
+        self._manifest: _Manifest | None = None
+        try:
+            path.mkdir(mode=0o700, parents=True, exist_ok=True)  # hidden cases stand in its tables
+            if any(path.iterdir()) and not (path / "class.json").is_file() and not _only_ours(path):
+                raise SnrError(f"{path} holds something else than results.", fix="name a new folder with --out.")
+            if (path / "class.json").exists() and not is_resumed:
+                raise SnrError(
+                    f"{path} holds the results of a class.", fix="go on with --resume, or name a new folder with --out."
+                )
+            self._lock = os.open(path / ".lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
+        except OSError as error:
+            raise SnrError(f"{path} cannot be written: {error.strerror}.", fix="name another folder.") from error
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            os.close(self._lock)
+            raise SnrError(f"Another snr grade works in {path}.", fix="wait for it, or name another folder.") from error
+        try:
+            self._tidy_up()
+            self._manifest = self._read_manifest()
+            self.place = self._make_place()
+        except BaseException:
+            os.close(self._lock)
+            raise
+
+    def _tidy_up(self) -> None:
+        """Removes what a process that was killed has left."""
+        left = Path(os.pread(self._lock, 4096, 0).decode(errors="replace"))
+        if left.name.startswith(_PLACE) and left.is_absolute() and left.is_dir() and left.stat().st_uid == os.getuid():
+            remove(left)
+        shutil.rmtree(self.path / ".staged", ignore_errors=True)
+        for folder in (self.path, self.path / "results"):
+            for part in folder.glob(".*.part"):
+                part.unlink(missing_ok=True)
+
+    def _make_place(self) -> Path:
+        """Returns a private place for submissions: nobody can list it, but a sandbox of another user can enter."""
+        place = Path(tempfile.mkdtemp(prefix=_PLACE))
+        try:
+            place.chmod(stat.S_IRWXU | stat.S_IXGRP | stat.S_IXOTH)
+            os.ftruncate(self._lock, 0)
+            os.pwrite(self._lock, os.fsencode(place), 0)
+        except OSError:  # the disk of the class's folder is full
+            remove(place)
+            raise
+        return place
+
+    def _read_manifest(self) -> _Manifest | None:
+        try:
+            return _decode_manifest((self.path / "class.json").read_bytes())
+        except FileNotFoundError:
+            return None
+        except (OSError, *NO_JSON) as error:
+            raise SnrError(f"{self.path / 'class.json'} cannot be read: {error}.", fix="name a new folder.") from error
+
+    def close(self) -> None:
+        """Leave it, and remove what was private. Safe to call twice.
+
+        Whatever writes into the private place has ended: all threads, and all workers.
+        """
+        if self._lock < 0:
+            return
+        _remove_wholly(self.place)
+        if not self.place.exists():  # else the next run in this folder removes it
+            os.ftruncate(self._lock, 0)
+        os.close(self._lock)
+        self._lock = -1
+
+    @property
+    def known(self) -> list[Submission]:
+        """The submissions that it was asked for before, by name."""
+        return [Submission(name, Path(given)) for name, given in self._manifest.submissions] if self._manifest else []
+
+    def secret(self, given: Path | None) -> tuple[bytes, bool]:
+        """Returns the secret, and whether it was made just now.
+
+        Raises:
+            SnrError: it cannot be read, or is so short that it could be guessed.
+        """
+        path = given or self.path / "secret"
+        if given is None and not path.exists():
+            write_whole(path, made_secret() + b"\n", mode=0o600)
+            return read_secret(path), True
+        return read_secret(path), False
+
+    def begin(self, terms: Terms, submissions: Sequence[Submission]) -> None:
+        """Notes what is asked for; what is made at the end of a run is taken away, as it will not be true any more.
+
+        Raises:
+            SnrError: it was begun with other terms.
+        """
+        if self._manifest is not None and self._manifest.terms != terms:
+            before = msgspec.structs.asdict(self._manifest.terms)
+            now = msgspec.structs.asdict(terms)
+            raise SnrError(
+                f"{self.path} was begun with another {_changed(before, now)}: the marks would not be of one class.",
+                fix="grade into a new folder with --out, or go back to what was.",
+            )
+        for name in _MADE_AT_THE_END:
+            (self.path / name).unlink(missing_ok=True)
+        every = {one.id: (one.id, str(one.given)) for one in [*self.known, *submissions]}
+        self._manifest = _Manifest(terms, list(every.values()))
+        # Before the folders: by it whoever is killed here finds the folder to be a class's.
+        write_whole(self.path / "class.json", msgspec.json.format(msgspec.json.encode(self._manifest), indent=1))
+        for folder in ("results", "students", ".staged"):
+            (self.path / folder).mkdir(exist_ok=True)
+
+    def done(self, name: str, digest: str) -> Graded | None:
+        """Returns the result of a submission, if it is done and still the same."""
+        kept = self._kept(name)
+        return kept.graded if kept is not None and kept.digest == digest else None
+
+    def every_result(self) -> Iterator[Graded]:
+        """Yields what is done, one by one, in the order in which it was asked for."""
+        for name, _ in self._manifest.submissions if self._manifest else []:
+            kept = self._kept(name)
+            if kept is not None:
+                yield kept.graded
+
+    def _kept(self, name: str) -> _Kept | None:
+        try:
+            return _decode_kept((self.path / "results" / f"{name}.json").read_bytes())
+        except (OSError, *NO_JSON):
+            return None
+
+    def stage(self, name: str) -> Path:
+        """Returns an empty folder in which a submission's reports can be made."""
+        folder = self.path / ".staged" / name
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir()
+        return folder
+
+    def keep(self, graded: Graded, digest: str, reports: Mapping[str, str]) -> None:
+        """Writes a result: the reports, with what else was staged, then the record by which it is done."""
+        staged = self.path / ".staged" / graded.submission
+        staged.mkdir(exist_ok=True)
+        for name, text in reports.items():
+            write_whole(staged / name, text.encode())
+        final = self.path / "students" / graded.submission
+        (self.path / "results" / f"{graded.submission}.json").unlink(missing_ok=True)
+        shutil.rmtree(final, ignore_errors=True)
+        staged.rename(final)
+        sync_folder(final.parent)
+        record = msgspec.json.encode(_Kept(digest, graded), order="deterministic")
+        write_whole(self.path / "results" / f"{graded.submission}.json", record + b"\n", mode=0o600)
+
+
+def _remove_wholly(place: Path) -> None:
+    """Remove a folder, and what a program that is dying puts there meanwhile."""
+    # The kernel kills a student's process with the worker that started it, but the grader cannot wait for what is not
+    # its child. Such a process may finish one system call, and a folder with a new file in it is not removed.
+    give_up_s = time.monotonic() + _REMOVE_TIMEOUT_S
+    remove(place)
+    while place.exists() and time.monotonic() < give_up_s:
+        time.sleep(0.01)
+        remove(place)
+
+
+def made_secret() -> bytes:
+    """Returns a new secret."""
+    return secrets.token_hex(32).encode()
+
+
+def read_secret(path: Path) -> bytes:
+    """Returns the secret in a file.
+
+    Raises:
+        SnrError: it cannot be read, or is so short that it could be guessed.
+    """
+    try:
+        secret = path.read_bytes().strip()
+    except OSError as error:
+        raise SnrError(f"The secret {path} cannot be read: {error.strerror}.", fix="--secret FILE.") from error
+    if len(secret) < MIN_SECRET_BYTES:
+        raise SnrError(
+            f"The secret in {path} has {len(secret)} bytes: it could be guessed, and with it the hidden cases.",
+            fix="leave --secret out, and one is made; keep it for next time.",
+        )
+    return secret
+
+
+def _only_ours(path: Path) -> bool:
+    """Returns whether nothing is there but what a run leaves that was killed before it had begun."""
+    return {entry.name for entry in path.iterdir()} <= {".lock", "secret", ".secret.part", ".class.json.part"}
+
+
+def _changed(before: Mapping[str, str], now: Mapping[str, str]) -> str:
+    words = {"lab": "lab", "lab_digest": "version of the lab", "kit": "version of snr_sim", "secret_digest": "secret"}
+    name = next(name for name in now if before[name] != now[name])
+    shown = f" ({before[name]}, now {now[name]})" if name in ("lab", "kit", "isolation") else ""
+    return words.get(name, name) + shown
+
+
+def digest_of_folder(folder: Path) -> str:
+    """Returns a digest over the names and contents of all files in a folder, bytecode left out."""
+    digest = hashlib.sha256()
+    for path in sorted(folder.rglob("*")):
+        if path.is_file() and "__pycache__" not in path.parts:
+            digest.update(f"{path.relative_to(folder)}\0{path.stat().st_size}\0".encode())
+            digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def digest_of_secret(secret: bytes) -> str:
+    """Returns what says whether two secrets are the same, and nothing else."""
+    return hashlib.sha256(b"snr_sim grading\0" + secret).hexdigest()[:32]

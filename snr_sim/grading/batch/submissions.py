@@ -1,0 +1,100 @@
+"""The submissions of a class: each has a name of its own, which stays when the class is graded again."""
+
+from __future__ import annotations
+
+import os
+import stat
+import unicodedata
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from snr_sim.grading.batch.member_names import is_litter
+from snr_sim.prelude.errors import SnrError
+
+_MAX_ID_CHARS = 60
+
+
+class Submission(NamedTuple):
+    """A submission and the name it goes by."""
+
+    id: str
+    given: Path
+
+
+def name_submissions(
+    given: Iterable[Path], known: Sequence[Submission] = (), wanted_files: Sequence[str] = ()
+) -> list[Submission]:
+    """Returns each submission, once, with a name that is safe in paths and tables and that no other has.
+
+    Args:
+        given: folders and archives, by path.
+        known: what was named before, as by an interrupted run: keeps its names.
+        wanted_files: the lab's. If one folder alone is given, with none of them at its top but folders, it is a
+            class's, though a file lies about in it. (Among many it is one student's, who must not stop the others.)
+
+    Raises:
+        SnrError: one is not there, cannot be read, or is a folder of submissions.
+    """
+    named = {submission.given: submission for submission in known}
+    taken = {submission.id.casefold() for submission in known}
+    # The class's folder may have been moved since: then who is gone from there is who comes from here.
+    moved = {_safe_name(one.given): one for one in reversed(known) if not one.given.exists()}
+    wanted = list(dict.fromkeys(Path(os.path.abspath(path)) for path in given))
+    for path in wanted:
+        _need_submission(path, wanted_files if len(wanted) == 1 else ())
+        if path not in named and (before := moved.pop(_safe_name(path), None)):
+            named[path] = Submission(before.id, path)
+        if path not in named:
+            named[path] = Submission(_free_name(_safe_name(path), taken), path)
+            taken.add(named[path].id.casefold())
+    return [named[path] for path in wanted]
+
+
+def _need_submission(path: Path, wanted_files: Sequence[str]) -> None:
+    try:
+        mode = path.stat().st_mode
+    except (OSError, ValueError) as error:
+        raise SnrError(f"There is no submission '{path}'.", fix="give folders and .zip files by path.") from error
+    if not (stat.S_ISDIR(mode) or stat.S_ISREG(mode)):
+        raise SnrError(f"'{path}' is neither a folder nor a file.", fix="give folders and .zip files by path.")
+    if stat.S_ISDIR(mode):
+        inside = _inside(path)
+        many = [one.name for one in inside if one.is_dir() or one.name.lower().endswith(".zip")]
+        is_students = any((path / name).is_file() for name in wanted_files)
+        if len(many) > 1 and (len(many) == len(inside) or (wanted_files and not is_students)):
+            raise SnrError(
+                f"'{path}' is not a submission, but holds {len(many)}: {many[0]}, {many[1]}, ...",
+                fix=f"give what is in it: {path}/*.",
+            )
+
+
+def _inside(folder: Path) -> list[Path]:
+    """Returns what is in a folder, litter left out, in order."""
+    try:
+        return sorted(path for path in folder.iterdir() if not is_litter(path.name))
+    except OSError as error:
+        raise SnrError(f"'{folder}' cannot be read: {error.strerror}.", fix="is it yours to read?") from error
+
+
+def _safe_name(path: Path) -> str:
+    """Returns letters, digits and - _ . of a file's name, so that it is one folder's name everywhere.
+
+    >>> _safe_name(Path("/class/Zoë Müller (late).zip"))
+    'Zoë_Müller_late'
+    >>> _safe_name(Path(".zip")), _safe_name(Path("=cmd|x"))
+    ('zip', 'cmd_x')
+    """
+    name = path.stem if path.suffix.lower() == ".zip" else path.name
+    name = unicodedata.normalize("NFC", name.encode(errors="replace").decode())
+    kept = "".join(char if char.isalnum() or char in "-._" else " " for char in name)
+    return "_".join(kept.split())[:_MAX_ID_CHARS].strip("-._") or "submission"
+
+
+def _free_name(name: str, taken: set[str]) -> str:
+    number = 1
+    free = name
+    while free.casefold() in taken:
+        number += 1
+        free = f"{name}-{number}"
+    return free

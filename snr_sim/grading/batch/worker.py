@@ -1,0 +1,175 @@
+"""A process that grades one submission after the other. It belongs to the grader: students' programs run below it.
+
+It is asked on the line to its parent and answers there. If the parent is gone, so is it, at once.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import queue
+import resource
+import signal
+import tempfile
+import threading
+from contextlib import suppress
+from functools import cache
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+import msgspec
+
+from snr_sim import __version__
+from snr_sim.core.blame import describe_error
+from snr_sim.grading.grade import grade_submission, sandboxed
+from snr_sim.grading.lab.lab import Lab, load_lab
+from snr_sim.grading.reports.results import Demanded, Graded, Isolation, Status, encode_graded
+from snr_sim.grading.sandbox.nursery import Nursery
+from snr_sim.grading.sandbox.sandbox import Limits
+from snr_sim.prelude.errors import SnrError
+
+# Of the grader's own process, for one submission. Lab 10, which trains, takes 1.3 s of it with its reference (and 2.2 s
+# in students' processes, which have limits of their own): room for a hundredfold slower computer, and for hard cases.
+JOB_CPU_S = 900
+MEMORY_BYTES = 8 << 30  # of address space, of which every thread of numpy's reserves some
+
+
+class Job(msgspec.Struct, frozen=True):
+    """A submission to grade.
+
+    Args:
+        name: what it is called.
+        lab: path of the lab's checks.py.
+        folder: of the submission, taken in.
+        secret: from which hidden cases are drawn.
+        isolation: "required" or "none".
+        runs: where recorded runs go.
+    """
+
+    name: str
+    lab: str
+    folder: str
+    secret: bytes
+    isolation: Demanded
+    runs: str
+
+
+_decode_job = msgspec.json.Decoder(Job).decode
+
+
+def serve(line: Connection) -> int:
+    """Answers jobs until nobody asks any more; `Spawned` calls it."""
+    jobs: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    threading.Thread(target=_listen, args=(line, jobs), daemon=True).start()
+    nursery: Nursery | None = None
+    while True:
+        job = _decode_job(jobs.get())
+        # A worker may be killed at any moment and then removes nothing. So all its temporary folders are in the
+        # class's place, which the grader removes.
+        tempfile.tempdir = str(Path(job.folder).parent)
+        nursery = nursery or _nursery(job)
+        bound_job()
+        line.send_bytes(encode_graded(grade(job, nursery)))
+
+
+def bound_job() -> None:
+    """Bound the CPU time and memory that this process takes for its next job; the wall time is for `local_workers.py`.
+
+    Students' programs have limits of their own, far lower. Whatever holds the grader itself costs its submission a
+    mark, then, and not the class: the kernel ends the worker with SIGXCPU, and memory that is refused is a fault.
+    """
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    cpu_s = math.ceil(used.ru_utime + used.ru_stime) + JOB_CPU_S
+    for limit, most in ((resource.RLIMIT_CPU, cpu_s), (resource.RLIMIT_AS, MEMORY_BYTES)):
+        hard = resource.getrlimit(limit)[1]
+        with suppress(OSError, ValueError):  # a system that has no such limit
+            resource.setrlimit(limit, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+
+
+def ended_by_its_job(job: Job, status: int) -> Graded | None:
+    """Return the result of a submission if its worker was ended for the CPU time; it is not worth another try.
+
+    Args:
+        job: whose.
+        status: of the worker's process, as `subprocess` has it.
+    """
+    if status != -signal.SIGXCPU:
+        return None
+    return without_marks(job, "fault", f"The grader worked on it for more than {JOB_CPU_S} s, and was ended.")
+
+
+def _nursery(job: Job) -> Nursery | None:
+    """Return where all submissions of a class get their processes, which die with this one.
+
+    None where programs cannot be kept apart: each grading says so.
+    """
+    try:
+        return Nursery(sandboxed(job.isolation), Limits())
+    except (SnrError, OSError):
+        return None
+
+
+def _listen(line: Connection, jobs: queue.SimpleQueue[bytes]) -> None:
+    while True:
+        try:
+            jobs.put(line.recv_bytes())
+        except (EOFError, OSError):
+            os._exit(0)  # the sandboxes die with us
+
+
+def grade(job: Job, nursery: Nursery | None = None) -> Graded:
+    """Returns what a job's submission comes to; a failure that is not the student's is in it, as a fault.
+
+    Args:
+        job: the submission.
+        nursery: of the class, if there is one.
+    """
+    title = ""
+    try:
+        lab = _lab(job.lab)
+        title = lab.title
+        runs = Path(job.runs)
+        graded = grade_submission(
+            lab, Path(job.folder), job.secret, job.isolation, name=job.name, out=runs, nursery=nursery
+        )
+    except Exception as error:
+        return without_marks(
+            job, "fault", describe_error(error, f"while the submission '{job.name}' was graded"), title
+        )
+    return graded
+
+
+@cache
+def _lab(path: str) -> Lab:
+    return load_lab(Path(path))
+
+
+def without_marks(job: Job, status: Status, error: str, title: str = "") -> Graded:
+    """Returns the result of a submission of which nothing was tried; its program would have been kept as it says.
+
+    Args:
+        job: whose.
+        status: "refused" if that is the student's doing, "fault" if it is ours.
+        error: why.
+        title: of the lab, if it is known.
+    """
+    name = Path(job.lab).parent.name
+    return Graded(
+        submission=job.name,
+        lab=name,
+        title=title or name,
+        isolation=_kept_here(job.isolation),
+        is_hidden_included=True,
+        kit=__version__,
+        status=status,
+        error=error,
+    )
+
+
+@cache
+def _kept_here(demanded: Demanded) -> Isolation:
+    """Returns how programs are kept on this computer; where that cannot be found out, what was wanted."""
+    try:
+        return sandboxed(demanded)
+    except (SnrError, OSError):  # what has ended a grading may stop this, too: no memory, no processes
+        return "sandbox"

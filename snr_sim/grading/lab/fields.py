@@ -1,0 +1,85 @@
+"""Fields of pages that a student's program stored, read for what they should be: what is not so is told by its name.
+
+moment_nm = field_of(page, "turn", "moment_nm", float)
+pulses = field_of(page, "pwm", "pulses_us", list[float], count=8)
+"""
+
+from __future__ import annotations
+
+import reprlib
+from typing import Any, TypeVar, cast
+
+import numpy as np
+
+from snr_sim.grading.lab.verdicts import Misbehaved
+
+MOST = 1e12  # what is larger is no measure of anything, and no number to reckon with
+
+Kind = TypeVar("Kind", float, str, bool, list[float])
+
+
+def page_of(page: Any, key: str) -> dict[str, Any]:
+    """Returns a page's data, which must be a dict.
+
+    Raises:
+        Misbehaved: it is something else.
+    """
+    if isinstance(page, dict):
+        return page
+    hint = f"The page '{key}' is no dict. Store a dict in it, with the fields that the README names."
+    raise _told(page, hint, "a dict")
+
+
+def field_of(page: Any, key: str, name: str, kind: type[Kind], count: int | None = None) -> Kind:
+    """Returns a field of a page.
+
+    Args:
+        page: its data.
+        key: under which it was stored.
+        name: of the field.
+        kind: `float` (a whole number will do), `str`, `bool` or `list[float]` (a tuple or an array will do).
+        count: how many are in a list; any number if not given.
+
+    Raises:
+        Misbehaved: it is not there, is of another kind, or is a number that nobody can reckon with.
+    """
+    fields = page_of(page, key)
+    if name not in fields:
+        hint = f"The page '{key}' has no field '{name}'. Does your program call it so, letter by letter?"
+        raise _told(sorted(map(str, fields)), hint, f"the field '{name}'")
+    found: Any = fields[name]
+    wanted = _words(kind, count)
+    if kind is str or kind is bool:
+        if type(found) is not kind:
+            raise _told(found, f"'{name}' of the page '{key}' is not {wanted}.", wanted)
+        return found
+    numbers = [found] if kind is float else _listed(found)
+    if any(isinstance(number, np.generic) and not _is_number(number) for number in numbers or ()):
+        hint = f"'{name}' of the page '{key}' holds a number of numpy's, not of Python's: write float(...) around it."
+        raise _told(found, hint, wanted)
+    if numbers is None or count not in (None, len(numbers)) or not all(map(_is_number, numbers)):
+        raise _told(found, f"'{name}' of the page '{key}' is not {wanted}.", wanted)
+    if not all(-MOST < number < MOST for number in numbers):
+        hint = f"'{name}' of the page '{key}' is nothing to reckon with. What was divided by zero, or grows for ever?"
+        raise _told(found, hint, wanted)
+    return cast(Kind, numbers[0] if kind is float else numbers)
+
+
+def _listed(found: Any) -> list[Any] | None:
+    if isinstance(found, np.ndarray):
+        found = found.tolist()
+    return list(found) if isinstance(found, (list, tuple)) else None
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _words(kind: type[Any], count: int | None) -> str:
+    simple = {float: "a number", str: "a text", bool: "True or False"}
+    return simple.get(kind) or f"a list of {'' if count is None else f'{count} '}numbers"
+
+
+def _told(found: Any, hint: str, expected: str) -> Misbehaved:
+    """Returns what there is to say; the hint is shown of hidden cases, too, so what was found is not in it."""
+    return Misbehaved("A page is not as the lab asks for it.", hint, expected, reprlib.repr(found))

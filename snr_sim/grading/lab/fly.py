@@ -1,0 +1,274 @@
+"""Flies a scenario with a student's controller: plant, clock, chance and judgement here, the components elsewhere."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Callable
+from contextlib import suppress
+from functools import lru_cache, partial
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from snr_sim.devices.loops import SensorLoopFactory
+from snr_sim.grading.lab.verdicts import ENDED_EARLY, LabFault, Misbehaved, Unjudged
+from snr_sim.grading.remote.node_messages import SUBMISSION
+from snr_sim.grading.remote.remote import Remote
+from snr_sim.prelude.errors import SnrError
+from snr_sim.prelude.page import Page
+from snr_sim.prelude.values import decode_value
+from snr_sim.recording.folder import write_result
+from snr_sim.recording.reader import Trace, read_trace
+from snr_sim.recording.records import ErrorRecord, PageRecord, TruthRecord
+from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.scenario import library
+from snr_sim.scenario.flight import Flight, Result
+from snr_sim.scenario.options import check_options
+from snr_sim.scenario.simulation import Request, Simulation, controlled_roles, prepare
+
+if TYPE_CHECKING:
+    from snr_sim.grading.lab.student import Student
+
+
+class Flown:
+    """A flight that is over.
+
+    Args:
+        result: of the flight.
+        trace: what was recorded of it.
+        folder: where that is kept; None if it is not.
+    """
+
+    def __init__(self, result: Result, trace: Trace, folder: Path | None) -> None:
+        self.success = result.success
+        self.outcome = result.outcome
+        self.metrics = result.metrics
+        self.sim_time_s = result.sim_time_s
+        self.error = result.error
+        self.notes = result.notes
+        self.folder = folder
+        self.trace = trace
+
+    def pages(self, key: str) -> list[tuple[float, Any]]:
+        """Returns when a page was stored, in the grader's time, and its data; in order."""
+        return [
+            (record.t, decode_value(bytes(record.values), {"page": Page})[0].data)
+            for record in self.trace.records
+            if isinstance(record, PageRecord) and record.name == key
+        ]
+
+    def truth(self) -> list[tuple[float, dict[str, Any]]]:
+        """Returns the plant's true values, 20 times a second: `{"depth_m": 1.0, ...}`, and its poses under "poses"."""
+        return [
+            (record.t, {**record.values, "poses": record.poses})
+            for record in self.trace.records
+            if isinstance(record, TruthRecord)
+        ]
+
+
+def fly(
+    student: Student,
+    scenario: str,
+    seed: int,
+    controller: str,
+    options: dict[str, str],
+    io: str,
+    engine: str | None,
+    record: bool,
+    may_fail: bool,
+) -> Flown:
+    """Flies; the run is the same, to the last bit, as that of `snr run` with the same file.
+
+    Args:
+        student: whose submission.
+        scenario, seed, options, io, engine: as for `snr run`.
+        controller: file of the submission.
+        record: whether the run is kept for the student to see, if the grader keeps any.
+        may_fail: whether a flight that the student's program ended, by itself or with an error, is returned, too.
+
+    Raises:
+        Misbehaved: the student's program failed, or ended the run by itself.
+        Unjudged: the scenario failed.
+        LabFault: it could not even be put together.
+    """
+    robot = _robot_of(scenario)
+    child = student.new_child(controller, [robot.path])
+    try:
+        remote = Remote(child, controller)
+        request = Request(scenario, seed, engine, str(student.folder / controller), None, io, options)
+        flight_of = _prepared(request, remote, [(robot.name, robot.path)])
+        if record and student.record_to is not None:
+            folder = student.record_to / f"flight-{student.flights + 1}"
+            folder.mkdir(parents=True)
+            # What ran on this computer without a wall may be replayed here without a question.
+            files = flight_of[0].files().values() if student.isolation == "none" else ()
+            with library.keeping(folder, files):
+                flown = _flown(flight_of, remote, folder, is_kept=True)
+            student.run_folder = folder
+        else:
+            with tempfile.TemporaryDirectory(prefix="snr-grading-") as name:
+                flown = _flown(flight_of, remote, Path(name), is_kept=False)
+        student.flights += 1
+    finally:
+        student.done_with(child)
+    return _judged(flown, remote, may_fail)
+
+
+_Prepared = tuple[Simulation, Callable[[TraceWriter], Flight], Callable[[Path], TraceWriter]]
+
+
+def _prepared(
+    request: Request,
+    remote: Remote,
+    robots: list[tuple[str, Path]],
+) -> _Prepared:
+    """Puts the flight together; the student's file is read, and its components are made.
+
+    Raises:
+        Misbehaved: that failed.
+    """
+    try:
+        path = Path(str(request.controller))
+        module = remote.controller(path, robots)
+        base, standard = _base(request, getattr(module, "ROLES", None))
+        _check_names(base, module, request.options)
+        read = partial(_read_files, remote, path.parent, robots)
+        simulation = base.with_controller(module, standard, request, read)
+        plant = simulation.plant()
+        config = simulation.config(plant)
+    except Misbehaved:
+        raise
+    except SnrError as error:
+        raise LabFault(f"The scenario could not be put together: {error}") from error
+    for factories in config.factories.values():
+        remote.admission.of_others |= {one.key for one in factories if isinstance(one, SensorLoopFactory)}
+    return (
+        simulation,
+        lambda recorder: Flight(simulation, plant, config, recorder),
+        lambda folder: TraceWriter(folder / FILE_NAME, simulation.header(plant, config), simulation.opening()),
+    )
+
+
+def _check_names(base: Simulation, module: ModuleType, options: dict[str, str]) -> None:
+    """Checks the student's ROLES, and its OPTIONS with what is asked for.
+
+    Raises:
+        Misbehaved: they are not what they should be.
+    """
+    try:
+        roles = controlled_roles(module, base.robot_file)
+        check_options(options, base.robot_file, module)
+    except SnrError as error:
+        raise Misbehaved(str(error), "Look at ROLES and OPTIONS of your file.") from error
+    if len(set(roles)) < len(roles):
+        raise Misbehaved(f"ROLES is {roles!r}.", "Name each role once in ROLES.")
+
+
+def _read_files(remote: Remote, submission: Path, robots: list[tuple[str, Path]]) -> dict[str, Path]:
+    """Returns the files that the student's process says it has read, as far as they are there."""
+    folders = {SUBMISSION: ("controller", submission)} | {name: ("robot", folder) for name, folder in robots}
+    read = {}
+    for name, below in remote.files:
+        label, folder = folders.get(name, ("", submission))
+        with suppress(OSError, ValueError):  # what is no path is no file
+            file = (folder / below).resolve()
+            if label and file.is_relative_to(folder) and file.is_file():
+                read[f"{label}/{below}"] = file
+    return read
+
+
+def _flown(prepared: _Prepared, remote: Remote, folder: Path, is_kept: bool) -> Flown:
+    simulation, flight_with, record_in = prepared
+    recorder = record_in(folder)
+    try:
+        try:
+            flight = flight_with(recorder)
+        except Misbehaved:
+            raise
+        except SnrError as error:  # a component could not be made
+            raise remote.misbehaved or Misbehaved(str(error), _HINT_MADE) from error
+        result = flight.run()
+    finally:
+        recorder.close()
+    if result.signal:
+        raise KeyboardInterrupt
+    trace = read_trace(folder / FILE_NAME)
+    if is_kept:
+        fields = {
+            "scenario": simulation.request.scenario,
+            "seed": simulation.request.seed,
+            "engine": simulation.request.engine,
+            "controller": simulation.request.controller,
+            "success": result.success,
+            "outcome": result.outcome,
+            **result.metrics,
+            "sim_time_s": result.sim_time_s,
+            "tasks": result.tasks,
+            "pages": result.pages,
+            "notes": result.notes,
+            "trace_digest": trace.digest,
+            "run_dir": str(folder),
+        }
+        write_result(folder, fields | ({"error": result.error} if result.error else {}))
+    return Flown(result, trace, folder if is_kept else None)
+
+
+_HINT_MADE = "Your components could not be made: look at the line named."
+_HINT_RAISED = "Your program ended the run with an error: look at the line named."
+
+
+def _judged(flown: Flown, remote: Remote, may_fail: bool) -> Flown:
+    """Returns a flight that has not failed; else says whose fault it was."""
+    if remote.misbehaved is not None:
+        raise remote.misbehaved
+    if flown.outcome == "ended" and not may_fail:
+        raise Misbehaved(f"Your program ended the run at {flown.sim_time_s:.2f} s.", ENDED_EARLY, "a whole run")
+    if not flown.error or may_fail:
+        return flown
+    if any(isinstance(record, ErrorRecord) for record in flown.trace.records):
+        raise Misbehaved(flown.error, _HINT_RAISED)
+    raise Unjudged(f"The flight ended with an error that no line of the student's raised: {flown.error}")
+
+
+def _robot_of(scenario: str) -> library.Found:
+    """Returns the robot of a scenario.
+
+    Raises:
+        LabFault: there is none.
+    """
+    try:
+        return library.find("robots", library.robot_of_scenario(library.find("scenarios", scenario)))
+    except SnrError as error:
+        raise LabFault(f"The scenario '{scenario}' cannot be flown: {error}") from error
+
+
+def _base(request: Request, roles: Any) -> tuple[Simulation, ModuleType | None]:
+    """Returns a scenario with its robot, loaded once for many flights, and who controls what the student does not."""
+    named = tuple(map(str, roles)) if isinstance(roles, list) else None
+    what = (request.scenario, request.engine, request.io, named)
+    base, standard = _loaded(*what)
+    if sys.modules.get(base.robot_file.__name__) is not base.robot_file:  # somebody has loaded another one since
+        _loaded.cache_clear()
+        base, standard = _loaded(*what)
+    return base, standard
+
+
+@lru_cache(maxsize=1)
+def _loaded(
+    scenario: str, engine: str | None, io: str, roles: tuple[str, ...] | None
+) -> tuple[Simulation, ModuleType | None]:
+    try:
+        base = prepare(Request(scenario, engine=engine, io=io), _nobody)
+        if roles is None or base.robot_file.ROLES[0] in roles:
+            return base, None
+        return base, library.load_controller(_robot_of(scenario), base.scenario.CONTROLLER)
+    except SnrError as error:
+        raise LabFault(f"The scenario '{scenario}' cannot be flown: {error}") from error
+
+
+def _nobody(robot: library.Found, name: str) -> ModuleType:
+    """Returns a controller that makes nothing: the student's takes its place."""
+    module = ModuleType("nobody")
+    module.__file__ = name
+    return module

@@ -1,0 +1,257 @@
+"""A lab: its checks, the cases each is tried on, and its points. `assignments/<lab>/checks.py` defines one as `lab`.
+
+Visible cases stand in checks.py. Hidden ones are drawn from a secret that only the instructor has, so reading
+checks.py helps nobody.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import inspect
+import random
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+from snr_sim.core.blame import describe_error
+from snr_sim.grading.lab.student import Student
+from snr_sim.grading.lab.verdicts import LabFault, Unjudged, Verdict
+from snr_sim.grading.remote.packing import LAB_MODULE
+from snr_sim.grading.reports.results import Order
+from snr_sim.prelude.errors import UnknownName, nearest
+from snr_sim.scenario import library
+
+Draw = Callable[[random.Random], Sequence[Any]]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One thing a check is tried on.
+
+    Args:
+        value: what the check's function gets.
+        is_visible: whether students see it.
+        name: what the check's function calls it.
+    """
+
+    value: Any
+    is_visible: bool
+    name: str = ""
+
+    @property
+    def label(self) -> str:
+        """What it is about, in a few words: its own `label`, or its fields; a bare number is called by its name."""
+        label = getattr(self.value, "label", None)
+        if isinstance(label, str):
+            return label
+        if is_dataclass(self.value):
+            pairs = [(one.name, getattr(self.value, one.name)) for one in fields(self.value)]
+            return ", ".join(_in_words(name, value) for name, value in pairs)
+        if isinstance(self.value, (int, float)):
+            return _in_words(self.name, self.value)
+        return "" if self.value is None else _value_in_words(self.value)
+
+
+_UNITS = {"m": "m", "s": "s", "n": "N", "v": "V", "hz": "Hz", "mps": "m/s", "rad": "rad", "deg": "deg"}
+
+
+def _in_words(name: str, value: Any) -> str:
+    """Return a field and its value as one says them.
+
+    >>> _in_words("depth_m", 3.0), _in_words("is_armed", (True, False)), _in_words("seed", 4)
+    ('depth 3 m', 'armed yes / no', 'seed 4')
+    """
+    words = name.removeprefix("is_").split("_")
+    unit = f" {_UNITS[words.pop()]}" if len(words) > 1 and words[-1] in _UNITS else ""
+    return f"{' '.join(words)} {_value_in_words(value)}{unit}".strip()
+
+
+def _value_in_words(value: Any) -> str:
+    if isinstance(value, (list, tuple)):
+        return " / ".join(map(_value_in_words, value))
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if value is None:
+        return "-"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+@dataclass(frozen=True)
+class Check:
+    """A function of checks.py with its points and cases; `check` makes it.
+
+    Args:
+        function: takes the student, and a case if there are cases; returns a Verdict.
+        points: what it is worth; shared equally by its cases.
+        visible: cases that `snr check` shows.
+        hidden: draws the cases that only the instructor has.
+        needs: names of checks without whose full points this one is not tried.
+        all_or_nothing: whether one case that is not all right costs all points.
+    """
+
+    function: Callable[..., Verdict]
+    points: float
+    visible: Sequence[Any]
+    hidden: Draw | None
+    needs: tuple[str, ...]
+    all_or_nothing: bool
+
+    @property
+    def name(self) -> str:
+        """The function's name."""
+        return self.function.__name__
+
+    @property
+    def title(self) -> str:
+        """The first line of the function's docstring."""
+        return (inspect.getdoc(self.function) or self.name).partition("\n")[0]
+
+    def cases(self, lab: str, secret: bytes | None) -> list[Case]:
+        """Returns the cases, visible ones first; without a secret only those.
+
+        Raises:
+            LabFault: drawing them failed.
+        """
+        name = next(iter([*inspect.signature(self.function).parameters][1:]), "")
+        found = [Case(value, True, name) for value in self.visible]
+        if self.hidden is None:
+            return found or [Case(None, True)]
+        if secret is None:
+            return found
+        try:
+            drawn = [Case(value, False, name) for value in self.hidden(chance(secret, lab, self.name))]
+        except Exception as error:
+            what = f"while hidden cases were drawn for the check '{self.name}'"
+            raise LabFault(describe_error(error, what)) from error
+        if not found + drawn:
+            raise LabFault(f"The check '{self.name}' has no case.", fix="give it visible cases, or draw hidden ones.")
+        return found + drawn
+
+    def judge(self, student: Student, case: Case) -> Verdict:
+        """Tries a case.
+
+        Raises:
+            Misbehaved: the student's program did what no check can answer.
+            Unjudged: the check's function returned something else than a Verdict.
+        """
+        takes_case = len(inspect.signature(self.function).parameters) > 1
+        verdict = self.function(student, case.value) if takes_case else self.function(student)
+        if not isinstance(verdict, Verdict):
+            raise Unjudged(
+                f"The check '{self.name}' returned {verdict!r}, which is no Verdict.",
+                fix="end it with: return passed().",
+            )
+        return verdict
+
+
+def check(
+    points: float,
+    visible: Sequence[Any] = (),
+    hidden: Draw | None = None,
+    needs: Sequence[str] = (),
+    all_or_nothing: bool = False,
+) -> Callable[[Callable[..., Verdict]], Check]:
+    """Returns a decorator that makes a check of a function; arguments as for `Check`."""
+    return lambda function: Check(function, points, tuple(visible), hidden, tuple(needs), all_or_nothing)
+
+
+def chance(secret: bytes, lab: str, check: str) -> random.Random:
+    """Returns the generator of a check's hidden cases: from the secret, the lab's name and the check's."""
+    digest = hashlib.blake2b("\0".join((lab, check)).encode(), key=hashlib.sha256(secret).digest()).digest()
+    return random.Random(int.from_bytes(digest, "big"))
+
+
+class Lab:
+    """What a submission is tried by.
+
+    Args:
+        title: what the lab is called.
+        files: what a submission must hold.
+        checks: in the order in which they are tried and shown.
+        may_import: modules that are else refused, such as "socket".
+        refused: modules that are refused here, each with the reason: what solves the lab, for one.
+        leaderboard: metrics that are ranked, "<check>.<metric>", and whether the least ("asc") or the most is best.
+
+    Raises:
+        LabFault: points do not sum to 100, or a check needs one that does not come before it.
+    """
+
+    def __init__(
+        self,
+        title: str,
+        files: Sequence[str],
+        checks: Sequence[Check],
+        may_import: Sequence[str] = (),
+        refused: Mapping[str, str] | None = None,
+        leaderboard: Mapping[str, Order] | None = None,
+    ) -> None:
+        self.title = title
+        self.files = tuple(files)
+        self.checks = tuple(checks)
+        self.may_import = frozenset(may_import)
+        self.refused = dict(refused or {})
+        self.leaderboard = dict(leaderboard or {})
+        self.name = title  # of its folder, once it was found
+        self.folder: Path | None = None
+        total = sum(one.points for one in checks)
+        if abs(total - 100.0) > 1e-9:
+            raise LabFault(f"The checks of '{title}' give {total:g} points.", fix="make it 100.")
+        before: list[str] = []
+        for one in checks:
+            for need in one.needs:
+                if need not in before:
+                    raise LabFault(
+                        f"The check '{one.name}' needs '{need}', which does not come before it.",
+                        fix=nearest(need, before),
+                    )
+            if one.name in before:
+                raise LabFault(f"Two checks are called '{one.name}'.", fix="give each a name of its own.")
+            before.append(one.name)
+        for metric, order in self.leaderboard.items():
+            if metric.partition(".")[0] not in before or order not in ("asc", "desc"):
+                raise LabFault(
+                    f"The leaderboard ranks '{metric}' by '{order}'.",
+                    fix='a check and its metric, and which is best: {"lands.fuel_kg": "asc"} ranks the least first.',
+                )
+
+
+def find_lab(name: str) -> Lab:
+    """Finds a lab by its name, "02_depth_hold" or "depth_hold", or by a path, and reads its checks.
+
+    Raises:
+        UnknownName: there is none, or it has no checks.
+        LabFault: its checks cannot be read.
+    """
+    found = library.find_lab(name)
+    path = found.path / "checks.py"
+    if not path.is_file():
+        raise UnknownName(f"The lab '{found.name}' has no checks: there is no {path}.", fix="snr list assignments")
+    return load_lab(path)
+
+
+def load_lab(path: Path) -> Lab:
+    """Reads the checks of a lab from its checks.py.
+
+    Raises:
+        LabFault: they cannot be read.
+    """
+    name = path.resolve().parent.name
+    spec = importlib.util.spec_from_file_location(LAB_MODULE + name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    try:
+        spec.loader.exec_module(module)
+    except LabFault:
+        raise
+    except Exception as error:
+        raise LabFault(describe_error(error, f"while the checks of '{name}' were read")) from error
+    lab = getattr(module, "lab", None)
+    if not isinstance(lab, Lab):
+        raise LabFault(f"{path} has no `lab` that is a Lab.", fix='lab = Lab("Title", files=[...], checks=[...]).')
+    lab.name, lab.folder = name, path.resolve().parent
+    return lab

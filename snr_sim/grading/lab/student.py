@@ -1,0 +1,373 @@
+"""The student's submission as a check sees it: texts to read, functions to call, components to feed and to fly.
+
+Nothing here runs the student's code; that happens in a process of its own (`child.py`), made when it is first needed.
+Whatever it does wrong is raised as `Misbehaved`, which the grader turns into a failed case: a check need not catch it.
+"""
+
+from __future__ import annotations
+
+import reprlib
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from snr_sim.grading.batch.parsing import MAX_PARSED_BYTES
+from snr_sim.grading.lab.verdicts import LabFault, Misbehaved
+from snr_sim.grading.remote.child_process import ChildProcess
+from snr_sim.grading.remote.endings import misbehaved
+from snr_sim.grading.remote.imports import check_imports
+from snr_sim.grading.remote.piped_process import begin_process
+from snr_sim.grading.remote.protocol import ProtocolError, decode_as, plain_value
+from snr_sim.grading.reports.results import Isolation
+from snr_sim.grading.sandbox.nursery import Nursery
+from snr_sim.grading.sandbox.sandbox import Limits
+from snr_sim.prelude.structs import learned
+from snr_sim.prelude.values import encode_value, may_have_marks
+
+if TYPE_CHECKING:
+    from snr_sim.grading.lab.feed import Given, Produced
+    from snr_sim.grading.lab.fly import Flown
+
+MAX_SOURCE_BYTES = 1 << 20
+CALL_CPU_S = 10.0
+
+
+class Student:
+    """One submission, for one case; close it in the end, or use `with`.
+
+    Args:
+        folder: of the submission.
+        isolation: "sandbox", "confined", or "none".
+        may_import: modules that are else refused.
+        limits: of each of its processes.
+        record_to: where runs are recorded that the student may see; nowhere if not given.
+        nursery: where its processes may be copies.
+        refused: modules that the lab refuses besides, with the reasons.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        isolation: Isolation = "none",
+        may_import: frozenset[str] = frozenset(),
+        limits: Limits | None = None,
+        record_to: Path | None = None,
+        nursery: Nursery | None = None,
+        refused: Mapping[str, str] | None = None,
+    ) -> None:
+        self.folder = folder.resolve()
+        self.isolation = isolation
+        self.limits = limits or Limits()
+        self.record_to = record_to
+        self.run_folder: Path | None = None  # of the last flight, if it was recorded
+        self.flights = 0
+        self.met = ""  # which of its files was read last, by whoever called, fed or flew it
+        self._may_import = may_import
+        self._refused = refused or {}
+        self._nursery = nursery
+        self._child: ChildProcess | None = None
+        self._printed: list[str] = []
+
+    def __enter__(self) -> Student:
+        return self
+
+    def __exit__(self, *why: object) -> None:
+        self.close()
+
+    def source(self, file: str, max_bytes: int = MAX_SOURCE_BYTES) -> str:
+        """Return the text of a submitted file.
+
+        Args:
+            file: of the submission.
+            max_bytes: of the file. What is parsed by whoever asks is short (`MAX_PARSED_BYTES`), or see `parse`.
+
+        Raises:
+            Misbehaved: it is missing, too long, or no text.
+        """
+        path = self._path(file)
+        try:
+            with path.open("rb") as opened:
+                data = opened.read(max_bytes + 1)
+        except OSError:
+            raise Misbehaved(f"There is no file {file}.", f"Hand in a file called {file}.", expected=file) from None
+        self.met = file
+        if len(data) > max_bytes:
+            hint = "Hand in the program alone." if file.endswith(".py") else "Write less: some pages are enough."
+            raise Misbehaved(f"{file} has more than {max_bytes} bytes.", hint)
+        try:
+            return data.decode()
+        except UnicodeDecodeError as error:
+            line = data.count(b"\n", 0, error.start) + 1
+            raise Misbehaved(f"{file}, line {line}: this is not text.", "Save it as UTF-8 text.") from None
+
+    def parse(self, file: str, parser: str, max_bytes: int = MAX_PARSED_BYTES) -> Any:
+        """Return what a parser makes of a submitted file, in a process that runs nothing of the submission.
+
+        Args:
+            file: of the submission.
+            parser: "module:function" of the kit; it gets the bytes, and returns what can cross, as for `call`.
+            max_bytes: of the file.
+
+        Raises:
+            Misbehaved: the file is missing, too long, or has another form.
+        """
+        data = self.source(file, max_bytes).encode()
+        child = begin_process(self.folder, self.isolation, self.limits, (), self._nursery)
+        try:
+            return _parsed(child, parser, data)
+        except Misbehaved as wrong:
+            raise Misbehaved(f"{file}: {wrong.message}", f"{file} cannot be read: keep its form.") from wrong
+        finally:
+            self.done_with(child)
+
+    def call(
+        self,
+        file: str,
+        function: str,
+        *args: Any,
+        returns: Any = Any,
+        finite: bool = True,
+        budget_s: float = CALL_CPU_S,
+    ) -> Any:
+        """Calls a function of a submitted file, in the student's process, and returns what it returns.
+
+        Several calls in one case meet the same process, so what the file keeps it keeps.
+
+        Args:
+            file: of the submission.
+            function: its name.
+            args: numbers, texts, lists, tuples, dicts, arrays.
+            returns: what must come back, such as `float`, `list[float]` or `dict[str, int]`; else it misbehaves.
+            finite: whether nan and inf are refused.
+            budget_s: CPU time it may take.
+
+        Returns:
+            numbers, texts, lists or dicts of these: a tuple comes back as a list, an array as lists.
+
+        Raises:
+            Misbehaved: the program raised, was too slow, or returned something else.
+        """
+        values = msgspec.Raw(encode_value(list(args)))
+        self.child(file)
+        raw = self._ask("call", {"file": file, "function": function, "args": values}, budget_s)
+        return _checked(f"{file}: {function}(...)", raw, returns, finite)
+
+    def host(self, file: str, host: str, *args: Any, budget_s: float = CALL_CPU_S) -> Host:
+        """Makes an object of the kit's in the student's process, around the student's module.
+
+        For what has to be said often and briefly: the object loops there, over many observations in one message.
+
+        Args:
+            file: of the submission; the class gets it as a module, first.
+            host: "module:Class" of the kit.
+            args: further values for the class.
+            budget_s: CPU time it may take.
+
+        Raises:
+            Misbehaved: as for `call`.
+        """
+        if not host.startswith("snr_sim."):
+            raise LabFault(f"The host {host!r} is not of the kit.", fix="snr_sim.grading.module:Class")
+        self.child(file)
+        args_raw = msgspec.Raw(encode_value(list(args)))
+        raw = self._ask("host", {"file": file, "host": host, "args": args_raw}, budget_s)
+        try:
+            return Host(self, decode_as(_decode_number, raw), file)
+        except ProtocolError as error:
+            raise nonsense(error) from error
+
+    def feed(self, file: str, pages: Sequence[Given], **details: Any) -> list[Produced]:
+        """Brings pages and tasks to the components of a submitted file; see `feed.feed`."""
+        from snr_sim.grading.lab.feed import feed  # with fly, it takes long to import, and many checks need neither
+
+        return feed(self, file, pages, **details)
+
+    def fly(
+        self,
+        scenario: str,
+        seed: int,
+        controller: str,
+        options: dict[str, str] | None = None,
+        io: str = "sim",
+        engine: str | None = None,
+        record: bool = True,
+        may_fail: bool = False,
+    ) -> Flown:
+        """Flies a scenario with the components of a submitted file as its controller; see `fly.fly`."""
+        from snr_sim.grading.lab.fly import fly
+
+        return fly(self, scenario, seed, controller, options or {}, io, engine, record, may_fail)
+
+    @property
+    def printed(self) -> str:
+        """What the program has printed so far, in all its processes."""
+        return "\n".join(text for text in [*self._printed, self._child.printed if self._child else ""] if text)
+
+    @property
+    def worked_s(self) -> float | None:
+        """CPU time of the process of this case's calls, as the kernel counts it; None where nothing tells."""
+        return None if self._child is None else self._child.worked_s
+
+    def child(self, file: str) -> ChildProcess:
+        """Returns the process of this case's calls, made when it is first needed."""
+        if self._child is None:
+            self._child = self.new_child(file)
+        return self._child
+
+    def new_child(self, file: str, readable: Sequence[Path] = ()) -> ChildProcess:
+        """Returns a process of its own, which has not read the submission yet; `done_with` ends it.
+
+        Raises:
+            Misbehaved: the file is missing, or imports what it may not.
+        """
+        self.source(file)
+        child = begin_process(self.folder, self.isolation, self.limits, readable, self._nursery)
+        try:
+            check_imports(self.folder, file, self._may_import, self._refused, partial(_parsed, child))
+        except BaseException:
+            self.done_with(child)
+            raise
+        return child
+
+    def done_with(self, child: ChildProcess) -> None:
+        """Ends a process, and keeps what it printed."""
+        try:
+            child.close()
+        finally:
+            if child.printed:
+                self._printed.append(child.printed)
+
+    def close(self) -> None:
+        """Ends the process of this case's calls.
+
+        Raises:
+            Misbehaved: it had printed too much.
+        """
+        if self._child is not None:
+            child, self._child = self._child, None
+            self.done_with(child)
+
+    def _path(self, file: str) -> Path:
+        if Path(file).is_absolute() or ".." in Path(file).parts:
+            raise LabFault(f"A check asks for {file!r}, which is outside of the submission.")
+        path = (self.folder / file).resolve()
+        if not path.is_relative_to(self.folder):
+            raise Misbehaved(f"{file} is a link to elsewhere.", f"Hand in {file} itself, not a link.")
+        return path
+
+    def _ask(self, do: str, args: Any, budget_s: float) -> msgspec.Raw:
+        assert self._child is not None
+        try:
+            answer = self._child.ask(do, args, budget_s)
+        except ProtocolError as error:
+            raise nonsense(error) from error
+        if answer.error is not None:
+            raise misbehaved(answer.error)
+        return answer.value
+
+
+class Host:
+    """An object of the kit's in the student's process; `Student.host` makes it."""
+
+    def __init__(self, student: Student, number: int, file: str) -> None:
+        self._student = student
+        self._number = number
+        self._file = file
+
+    def ask(
+        self, method: str, *args: Any, returns: Any = Any, finite: bool = True, budget_s: float = CALL_CPU_S
+    ) -> Any:
+        """Calls a method of the object; answer and errors as for `Student.call`.
+
+        Args:
+            method: its name.
+            args: finite numbers, texts, lists, dicts: encoded without a second look, and tuples become lists.
+            returns, finite, budget_s: as for `Student.call`.
+        """
+        raw = self._student._ask("ask", [self._number, method, *args], budget_s)
+        return _checked(f"{self._file}: {method}(...)", raw, returns, finite)
+
+
+def _parsed(child: ChildProcess, parser: str, data: bytes) -> Any:
+    try:
+        answer = child.ask("parse", {"parser": parser, "data": data}, CALL_CPU_S)
+        if answer.error is not None:
+            raise misbehaved(answer.error)
+        return plain_value(answer.value)
+    except ProtocolError as error:
+        raise nonsense(error) from error
+
+
+_decode_number = msgspec.json.Decoder(int)
+
+
+def nonsense(error: ProtocolError) -> Misbehaved:
+    """Returns what there is to say of an answer that is none."""
+    return Misbehaved(error.message, "Return numbers, texts, lists, or dicts of these, and leave the grader alone.")
+
+
+def _checked(what: str, raw: msgspec.Raw, returns: Any, finite: bool) -> Any:
+    """Returns the value in an answer, of the form that was asked for."""
+    if returns is str:  # what is said most often, and a text holds nothing that would have to be looked through
+        with suppress(msgspec.DecodeError, UnicodeDecodeError):
+            return _decode_text(raw)
+    try:
+        value = plain_value(raw)
+        if may_have_marks(bytes(raw)):  # only then can there be more than plain JSON
+            _check_plain(what, value, finite)
+    except ProtocolError as error:
+        raise nonsense(error) from error
+    if returns is Any:
+        return value
+    try:
+        return msgspec.convert(value, learned(returns), strict=True)
+    except msgspec.ValidationError as error:
+        raise Misbehaved(
+            f"{what} returned {reprlib.repr(value)}.",
+            f"Return what the lab asks for: {_name_of(returns)}.",
+            expected=_name_of(returns),
+            actual=str(error).replace("`$", "`"),
+        ) from None
+
+
+def _check_plain(what: str, value: Any, finite: bool) -> None:
+    kind = type(value)
+    if kind is float and finite and not -float("inf") < value < float("inf"):
+        raise Misbehaved(
+            f"{what} returned {value!r} among its numbers.",
+            "Return finite numbers: what is divided by zero, or never set?",
+            expected="finite numbers",
+            actual=repr(value),
+        )
+    if kind is list:
+        for item in value:
+            _check_plain(what, item, finite)
+    elif kind is dict and all(type(key) is str for key in value):
+        for item in value.values():
+            _check_plain(what, item, finite)
+    elif value is not None and kind not in (bool, int, float, str):
+        raise ProtocolError("It answered with something that is no plain value.")
+
+
+_IN_WORDS = {
+    float: "a number",
+    int: "a whole number",
+    str: "a text",
+    bool: "True or False",
+    list[float]: "a list of numbers",
+    list[int]: "a list of whole numbers",
+    list[str]: "a list of texts",
+}
+
+
+def _name_of(returns: Any) -> str:
+    if returns in _IN_WORDS:
+        return _IN_WORDS[returns]
+    return returns.__name__ if isinstance(returns, type) and not hasattr(returns, "__args__") else str(returns)
+
+
+_decode_text = msgspec.json.Decoder(str).decode

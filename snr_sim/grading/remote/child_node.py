@@ -1,0 +1,232 @@
+"""The student's components in their own process: a node around them that does one step whenever it is asked to.
+
+The real node is the grader's. What stands in its datastore is brought here before each step, and what a step makes
+goes back: so a component cannot tell that sensors, plant and clock are elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import msgspec
+
+from snr_sim.core.blame import describe_error, place_of
+from snr_sim.core.clocks import SimClock
+from snr_sim.core.config import AnyFactory, Config, Mode
+from snr_sim.core.endpoint import Endpoint
+from snr_sim.core.handlers import handler_name
+from snr_sim.core.loop import Loop
+from snr_sim.core.machine import EventMachine, as_tasks
+from snr_sim.core.node import Node
+from snr_sim.grading.remote.child import Child
+from snr_sim.grading.remote.node_messages import Made, Returned, StepDone
+from snr_sim.grading.remote.typed_pages import TypedPages
+from snr_sim.grading.sandbox.child_limits import TookTooLong
+from snr_sim.prelude.component import Component
+from snr_sim.prelude.task import Task
+
+MAX_SAID_CHARS = 100_000  # of what is printed and logged in one step
+_AUTHORS_STEPS = ("begin", "join", "halt", "terminate")
+
+
+class GivenClock(SimClock):
+    """A clock that shows what it is told."""
+
+    def show(self, now_s: float) -> None:
+        """Shows a time."""
+        self._now_s = now_s
+
+
+class CollectingMachine(EventMachine):
+    """Executes nothing: keeps what the running component schedules until its step is over."""
+
+    scheduled: list[Task]
+
+    def schedule(self, tasks: Sequence[Task]) -> None:
+        """Keeps it."""
+        self.scheduled.extend(tasks)
+
+
+class GivenBacking:
+    """Stands in the place of who calls a loop: that is done by the grader's clock."""
+
+    setup_patience_s = 0.0
+    late_s = 0.0
+
+    def __init__(self) -> None:
+        self.ticks = 0
+        self.is_stopped = False
+
+    def start(self) -> None:
+        """Does nothing: the grader calls."""
+
+    def hurry(self) -> None:
+        """Does nothing, as in lock step."""
+
+    def stop(self) -> None:
+        """Keeps that there are to be no more ticks."""
+        self.is_stopped = True
+
+    def join(self) -> None:
+        """Keeps the same; the grader calls `halt`."""
+        self.is_stopped = True
+
+
+class ChildNode(Node):
+    """A node whose steps are asked for one by one.
+
+    Args:
+        role, chance: of the node it stands for.
+    """
+
+    def __init__(self, role: str, chance: int) -> None:
+        self.given_clock = GivenClock()
+        self.have_handlers_changed = False
+        super().__init__(role, Config(Mode.TEST, {role: []}), clock=self.given_clock)
+        self.chance = chance
+        machine = CollectingMachine(self.machine.lookup, self.door, None)
+        machine.scheduled = []
+        self.machine: CollectingMachine = machine
+        self._told_notes = 0
+        self._said: list[tuple[str, str, str]] = []
+        self._said_chars = 0
+        self._typed = TypedPages()
+
+    def handlers_changed(self) -> None:
+        """Remembers to tell the grader."""
+        super().handlers_changed()
+        self.have_handlers_changed = True
+
+    def said(self, component: str, level: str, text: str) -> None:
+        """Keeps what a component prints and logs for the grader's trace, up to a bound for each step."""
+        self._said_chars += len(text)
+        if self._said_chars <= MAX_SAID_CHARS:
+            self._said.append((component, level, text.encode(errors="backslashreplace").decode()))
+
+    def add(self, factory: AnyFactory) -> Made:
+        """Makes a component; returns what the grader needs to know of it."""
+        component = self.make(factory)
+        self._said, self._said_chars = [], 0  # a trace holds nothing of before its first record
+        self._add(component, len(self.components))
+        kind: type[Any] = Loop if isinstance(component, Loop) else Endpoint
+        steps = [step for step in _AUTHORS_STEPS if getattr(type(component), step) is not getattr(kind, step)]
+        made = Made(component.name, list(self.handlers_of(component)), steps)
+        if isinstance(component, Loop):
+            component.begin_on(GivenBacking())
+            made = msgspec.structs.replace(
+                made,
+                is_loop=True,
+                rate_hz=float(component.max_tick_rate_hz),
+                first_s=float(component.first_tick_after_s),
+                next_s=component.next_tick_at_s,
+            )
+        return made
+
+    @staticmethod
+    def handlers_of(component: Component) -> Any:
+        """Yields type, name (or None) and label of each handler."""
+        for task_id, handler in component.task_handlers.items():
+            kind, name = task_id if isinstance(task_id, tuple) else (task_id, None)
+            yield kind.value, name, handler_name(handler)
+
+    def bring(self, now_s: float, pages: Sequence[msgspec.Raw], came_s: dict[str, float]) -> None:
+        """Sets the time, and the datastore to what stands in the grader's."""
+        self.given_clock.show(now_s)
+        self.machine.now_s = now_s
+        for raw in pages:
+            self.datastore.put(self._typed.as_made(bytes(raw)))
+        self._core.came_s.update(came_s)
+
+    def with_page(self, task: Task, processed: Sequence[msgspec.Raw] | None) -> Task:
+        """Returns a task that was brought with the page that it carries in the grader's node, see `Handle`."""
+        if processed is None:
+            return task
+        if not processed:
+            return Task(task.type, task.name, [self.datastore.pages[task.name]])
+        page, *before = (self._typed.as_made(bytes(raw)) for raw in processed)
+        self._core.await_processing(page, before[0] if before else None)
+        return Task(task.type, task.name, [page])
+
+    def handle(self, task: Task, first: str, child: Child) -> Returned:
+        """Calls each component's handler of a task, from the component `first` on."""
+        returned: dict[str, list[Task]] = {}
+        entries = [entry for entry in self.machine.lookup.find(task) if entry[0] is not self._core]
+        names = [entry[0].name for entry in entries]
+        machine = self.machine
+        machine.task = task
+        failed: tuple[str, BaseException, Any] | None = None
+        for component, handler, task_id, _ in entries[names.index(first) if first in names else len(names) :]:
+            child.component = component.name
+            machine.running = component
+            try:
+                made = as_tasks(handler(task, task_id), component, handler)
+            except BaseException as error:
+                failed = (component.name, error, handler)
+                machine.scheduled.clear()
+                break
+            finally:
+                machine.running = None
+            returned[component.name] = [*machine.scheduled, *made]
+            machine.scheduled.clear()
+        machine.task = None
+        answer = Returned(
+            {name: [self._typed.leaves(task) for task in tasks] for name, tasks in returned.items()}, **self.told()
+        )
+        if failed is None:
+            return answer
+        name, failure, handler = failed
+        text, fix = in_words(failure, place_of(handler))
+        slow = isinstance(failure, TookTooLong)
+        return msgspec.structs.replace(answer, failed=name, text=text, fix=fix, is_slow=slow)
+
+    def step(self, component: Component, step: str) -> StepDone:
+        """Calls one of the steps of a component's life, or a loop's `setup` or `loop`."""
+        machine = self.machine
+        machine.running = component
+        if step == "join":
+            self._is_halting = True
+        if step == "loop" and isinstance(component, Loop) and isinstance(component.caller, GivenBacking):
+            component.caller.ticks += 1
+        try:
+            if step == "join" and isinstance(component, Loop):
+                component.halt()
+            else:
+                getattr(component, step)()
+        except BaseException:
+            machine.scheduled.clear()  # or the next step would bring it, of another component
+            raise
+        finally:
+            machine.running = None
+        scheduled = [self._typed.leaves(task) for task in machine.scheduled]
+        machine.scheduled.clear()
+        done = StepDone(scheduled, **self.told())
+        if isinstance(component, Loop):
+            stopped = component.is_terminated()
+            return msgspec.structs.replace(done, next_s=component.next_tick_at_s, is_stopped=stopped)
+        return done
+
+    def told(self) -> dict[str, Any]:
+        """Returns what else there is to tell after a step: what entered through the door, and what has changed."""
+        entered = [(self._typed.leaves(task), source) for task, source in self.door.waiting]
+        self.door.waiting.clear()
+        handlers = None
+        if self.have_handlers_changed:
+            self.have_handlers_changed = False
+            handlers = {
+                name: list(self.handlers_of(one)) for name, one in self.components.items() if one is not self._core
+            }
+        notes = self.notes[self._told_notes :]
+        self._told_notes = len(self.notes)
+        missed = [key for key in self.datastore.missed if isinstance(key, str)]
+        self.datastore.missed.clear()
+        said, self._said, self._said_chars = self._said, [], 0
+        return {"entered": entered, "handlers": handlers, "notes": notes, "missed": missed, "said": said}
+
+
+def in_words(error: BaseException, begins: Any) -> tuple[str, str]:
+    """Returns what happened with the student's line first, and what to try; where it was the grader adds."""
+    text = describe_error(error, "\0", begins)
+    before, _, after = text.partition("\n  \0")
+    fix = after.partition("Try: ")[2]
+    return before.replace("TookTooLong: ", ""), fix

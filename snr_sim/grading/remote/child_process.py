@@ -1,0 +1,364 @@
+"""The grader's end of a student's process: starts it, asks it, hears what it prints, and ends it.
+
+Nobody waits for it without an end, and what it says is bounded: by bytes and by the CPU time that the kernel counts,
+so that the same program comes to the same end on a slow computer; wall time is only the last resort.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from snr_sim.grading.lab.verdicts import LabFault, Misbehaved
+from snr_sim.grading.remote.endings import ended_badly, spent
+from snr_sim.grading.remote.protocol import MAX_ANSWER_BYTES, Answer, Ask, ProtocolError, decode_answer, encode
+from snr_sim.grading.reports.results import Isolation
+from snr_sim.grading.sandbox.confiner import Confiner
+from snr_sim.grading.sandbox.nursery import Copied, Nursery
+from snr_sim.grading.sandbox.patience import Patience, seen_of
+from snr_sim.grading.sandbox.sandbox import Limits, environment, start_command
+from snr_sim.grading.sandbox.scratch import Scratch
+
+KEPT_BYTES = 8_000  # of what it prints
+MAX_PRINTED_BYTES = 1 << 20
+_END_S = 2.0
+CHUNK = 1 << 16
+_NEWLINE = 10
+_START_CPU_S = 10.0  # of Python with the kit: about 0.2
+LOOK_S = 0.5  # so often it is looked at whether a process that does not answer is working
+
+
+class ChildProcess:
+    """A process that holds one submission.
+
+    Args:
+        folder: of the submission; it is the process' current folder.
+        isolation: "sandbox", "confined", or "none".
+        limits: what it may use.
+        readable: further folders it may read: of robots.
+        nursery: where it may be a copy, if it needs no more than the submission.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        isolation: Isolation,
+        limits: Limits,
+        readable: Sequence[Path] = (),
+        nursery: Nursery | None = None,
+    ) -> None:
+        self._prepare(limits, Confiner() if isolation == "confined" else None)
+        here, there = socket.socketpair()
+        self._socket = here
+        self._process: subprocess.Popen[bytes] | Copied
+        here.setblocking(False)
+        with there:
+            try:
+                copied = nursery.copy(folder, there.fileno()) if nursery is not None and not readable else None
+                self._process = copied or _started(folder, isolation, there.fileno(), limits, readable, self._confiner)
+            except BaseException:
+                here.close()
+                if self._confiner is not None:
+                    self._confiner.close()
+                raise
+        assert self._process.stdout is not None
+        self._output = self._process.stdout.fileno()
+        os.set_blocking(self._output, False)
+        self._poll = select.poll()
+        self._poll.register(self._socket, select.POLLIN)
+        self._poll.register(self._output, select.POLLIN)
+        self._is_hearing_output = True
+        self._line = here.fileno()
+        self._event = select.POLLIN
+
+    def _prepare(self, limits: Limits, confiner: Confiner | None) -> None:
+        self._limits = limits
+        self._n = 0
+        self._heard = bytearray()
+        self._kept = bytearray()
+        self.printed_bytes = 0
+        self._confiner = confiner
+        self._next_look_s = 0.0
+
+    @property
+    def printed(self) -> str:
+        """What it has printed, as far as it is kept."""
+        text = bytes(self._kept).decode(errors="replace")
+        return text + "\n..." if self.printed_bytes > len(self._kept) else text
+
+    @property
+    def worked_s(self) -> float | None:
+        """CPU time that the kernel has counted for it, in steps of about 10 ms; None where nothing tells."""
+        seen = seen_of(self._process.pid)
+        return None if seen is None else seen[1]
+
+    def ask(self, do: str, args: Any, cpu_s: float) -> Answer:
+        """Asks, and returns the answer.
+
+        Args:
+            do: the child's verb.
+            args: a Struct, a list or a dict of its arguments.
+            cpu_s: how much CPU time it may take; the child itself counts, and the kernel behind it.
+
+        Raises:
+            Misbehaved: it ended, was too slow, printed too much, or answered what it was not asked.
+            ProtocolError: it answered nonsense.
+            LabFault: it could not even be started.
+        """
+        if self._n == 0:
+            self._greet()
+        return self._exchange(do, args, cpu_s)
+
+    def _greet(self) -> None:
+        """Hears whether it is there, before it has read anything of the student's: if not, that is our fault."""
+        try:
+            if self._confiner is not None:
+                self._take_listener(self._confiner.scratch)
+            self._exchange("hello", None, _START_CPU_S)
+        except (Misbehaved, ProtocolError) as error:
+            raise LabFault(
+                f"A student's process could not be started. {error.message} {self.printed}".rstrip(),
+                fix="is the computer out of memory or processes? Grade with fewer --jobs.",
+            ) from error
+
+    def _take_listener(self, scratch: Scratch) -> None:
+        """Takes what a confined process sends when its walls are up: where it is asked whether it may make a file."""
+        patience = Patience(self._limits.wall_s(_START_CPU_S), _START_CPU_S, self._process.pid)
+        self._wait(patience, select.POLLIN)
+        data, sent, _, _ = socket.recv_fds(self._socket, 1, 1)
+        if data != b"\n" or len(sent) != 1:
+            raise self._ended()
+        (scratch.listener,) = sent
+        self._poll.register(scratch.listener, select.POLLIN)
+
+    def _exchange(self, do: str, args: Any, cpu_s: float) -> Answer:
+        self._n += 1
+        patience = Patience(self._limits.wall_s(cpu_s), cpu_s, self._process.pid)
+        self._send(encode(Ask(self._n, do, args, cpu_s)) + b"\n", patience)
+        answer = decode_answer(self._receive(patience))
+        if answer.n != self._n:
+            self.kill()
+            raise Misbehaved(
+                "It answered what it was not asked.", "Leave the file descriptors alone that you have not opened."
+            )
+        return answer
+
+    def _send(self, line: bytes, patience: Patience) -> None:
+        view = memoryview(line)
+        while True:
+            try:
+                view = view[self._socket.send(view) :]
+            except BlockingIOError:
+                self._wait(patience, select.POLLOUT)
+            except OSError:
+                return  # it has ended; whoever listens is told
+            if not view:
+                return
+
+    def _receive(self, patience: Patience) -> bytes:
+        heard = self._heard
+        while True:
+            data = self._received(patience)
+            if not data:
+                raise self._ended()
+            heard += data
+            if data[-1] == _NEWLINE:
+                line = bytes(heard)
+                heard.clear()
+                return line
+            if len(heard) > MAX_ANSWER_BYTES:
+                self.kill()
+                raise Misbehaved(
+                    f"It answered with more than {MAX_ANSWER_BYTES} bytes.", "Return what was asked for, and no more."
+                )
+
+    def _received(self, patience: Patience) -> bytes:
+        """Return what has come of an answer, as soon as something has; b"" if the process has ended."""
+        while True:
+            self._wait(patience, select.POLLIN)
+            try:
+                return self._socket.recv(CHUNK)
+            except BlockingIOError:
+                continue
+            except OSError:
+                return b""
+
+    def _wait(self, patience: Patience, event: int) -> None:
+        """Waits until the socket is ready, and hears what is printed meanwhile.
+
+        Raises:
+            Misbehaved: that has no end.
+        """
+        if event != self._event:
+            self._event = event
+            self._poll.modify(self._socket, event)
+        while True:
+            ready = self._poll.poll(LOOK_S * 1000.0)
+            if len(ready) == 1 and ready[0][0] == self._line:
+                return
+            for fd, events in ready:
+                if fd == self._output:
+                    self._hear_output()
+                elif fd != self._line:
+                    self._hear_listener(fd, events)
+            if any(fd == self._line for fd, _ in ready):
+                return
+            self._look(patience)
+
+    def _look(self, patience: Patience) -> None:
+        """Look now and then at a process that does not answer, and end it if to wait longer is of no use.
+
+        Raises:
+            Misbehaved: it was ended.
+        """
+        if not (self._is_time_to_look() and patience.is_over()):
+            return
+        self.kill()
+        if patience.is_spent:
+            raise spent()
+        raise Misbehaved(
+            "It has not answered, and was ended.",
+            "Your program waits for something that does not come: an input, a lock, a line that nobody sends?",
+            expected="an answer",
+            actual="none",
+        )
+
+    def _is_time_to_look(self) -> bool:
+        """Returns whether the last look was long ago: who prints a word now and then is looked at, too."""
+        now_s = time.monotonic()
+        if now_s < self._next_look_s:
+            return False
+        self._next_look_s = now_s + 0.9 * LOOK_S
+        return True
+
+    def _hear_listener(self, listener: int, events: int) -> None:
+        assert self._confiner is not None
+        if not events & select.POLLIN or not self._confiner.scratch.answer():
+            self._poll.unregister(listener)
+
+    def _hear_output(self) -> None:
+        while self._is_hearing_output:
+            try:
+                data = os.read(self._output, CHUNK)
+            except BlockingIOError:
+                return
+            if not data:
+                self._poll.unregister(self._output)
+                self._is_hearing_output = False
+                return
+            self._keep(data)
+
+    def _keep(self, data: bytes) -> None:
+        """Keep the first of what it prints, and count the rest.
+
+        Raises:
+            Misbehaved: that is too much, told once.
+        """
+        was_heard = self.printed_bytes <= MAX_PRINTED_BYTES
+        self.printed_bytes += len(data)
+        self._kept += data[: max(0, KEPT_BYTES - len(self._kept))]
+        if was_heard and self.printed_bytes > MAX_PRINTED_BYTES:
+            self._is_hearing_output = False
+            self.kill()
+            raise Misbehaved(
+                "It printed more than a megabyte, and was ended.",
+                "Take out the print in what is called again and again.",
+                expected=f"at most {MAX_PRINTED_BYTES} bytes",
+            )
+
+    def _ended(self) -> Misbehaved:
+        """Says how it ended, although it was asked something."""
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(_END_S)
+        status = self._process.poll()
+        with suppress(Misbehaved):
+            self._hear_output()
+        self.kill()
+        return ended_badly(status)
+
+    def kill(self) -> None:
+        """Ends it, with all that it started: a copy is the first process of a namespace, which ends with it."""
+        if not isinstance(self._process, Copied):
+            with suppress(ProcessLookupError, PermissionError):
+                os.killpg(self._process.pid, signal.SIGKILL)
+        with suppress(ProcessLookupError):
+            self._process.kill()
+
+    def _wait_for_the_end(self) -> None:
+        """Waits until nobody is left at the far end of the line: with a sandbox, its namespace is dead then."""
+        far_end = select.poll()
+        far_end.register(self._socket, 0)  # that it has gone is always told
+        far_end.poll(_END_S * 1000.0)
+
+    def close(self) -> None:
+        """Ends it and lets go of everything. Safe to call twice.
+
+        Raises:
+            Misbehaved: it had printed too much.
+            LabFault: it was confined, and something of it cannot be ended.
+        """
+        if self._socket.fileno() < 0:
+            return
+        try:
+            self.kill()
+            self._process.wait()
+            self._wait_for_the_end()
+            if self._confiner is not None:
+                self._confiner.close()
+            self._hear_output()
+        finally:
+            self._socket.close()
+            assert self._process.stdout is not None
+            self._process.stdout.close()
+
+
+def _started(
+    folder: Path, isolation: Isolation, line: int, limits: Limits, readable: Sequence[Path], confiner: Confiner | None
+) -> subprocess.Popen[bytes]:
+    """Returns a process, with a Python and a sandbox of its own.
+
+    Raises:
+        LabFault: it cannot be started.
+    """
+    command, cwd = start_command(folder, isolation, line, limits, readable, confiner)
+    return start_process(command, cwd, confiner, pass_fds=(line,), start_new_session=True)
+
+
+def start_process(
+    command: list[str],
+    cwd: Path,
+    confiner: Confiner | None = None,
+    stdin: int = subprocess.DEVNULL,
+    stderr: int = subprocess.STDOUT,
+    **options: Any,
+) -> subprocess.Popen[bytes]:
+    """Start a student's process, whose stdout is a pipe.
+
+    Args:
+        command, cwd: of `start_command`.
+        confiner: of a process that is "confined".
+        stdin, stderr, options: as of `subprocess.Popen`.
+
+    Raises:
+        LabFault: it cannot be started.
+    """
+    try:
+        return subprocess.Popen(
+            command,
+            cwd=cwd,
+            env=environment(confiner),
+            stdin=stdin,
+            stdout=subprocess.PIPE,
+            stderr=stderr,
+            **options,
+        )
+    except OSError as error:
+        raise LabFault(f"A student's process could not be started: {error}.") from error

@@ -1,0 +1,90 @@
+"""What a submission may import: found by reading it, before it runs, so that the line and the reason can be told."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from snr_sim.grading.lab.verdicts import Misbehaved
+
+_NO_NETWORK = "there is no network in the grader"
+_ONE_PROCESS = "a submission has one process and one thread, which the grader starts"
+_PYTHON_ONLY = "a submission is plain Python"
+PARSER = "snr_sim.grading.remote.imports:imports_in"
+Parse: TypeAlias = Callable[[str, bytes], Any]
+_LONGEST_BYTES = 1 << 20
+REFUSED = {
+    **dict.fromkeys(("socket", "socketserver", "ssl", "urllib", "http", "requests", "ftplib", "smtplib"), _NO_NETWORK),
+    **dict.fromkeys(("subprocess", "multiprocessing", "concurrent", "pty"), _ONE_PROCESS),
+    **dict.fromkeys(("ctypes", "cffi"), _PYTHON_ONLY),
+    "pickle": "what is unpickled can be any program; save numbers with json or numpy",
+    "snr_sim.grading": "a submission does not grade itself",
+}
+
+
+def check_imports(
+    folder: Path, file: str, may_import: frozenset[str], refused: Mapping[str, str], parse: Parse
+) -> None:
+    """Checks what a submitted file and those beside it that it imports would import.
+
+    Args:
+        folder, file: of the submission.
+        may_import: what of `REFUSED` the lab allows.
+        refused: what the lab refuses besides, with the reasons.
+        parse: calls `imports_in`, elsewhere.
+
+    Raises:
+        Misbehaved: it is something that no submission may.
+    """
+    seen: set[str] = set()
+    waiting = [file]
+    while waiting:
+        name = waiting.pop()
+        if name in seen:
+            continue
+        seen.add(name)
+        for module, line in _imported(folder / name, parse):
+            reason = _refused(module, may_import, REFUSED | dict(refused))
+            if reason:
+                raise Misbehaved(
+                    f"{name}, line {line}: imports {module}, but {reason}.", f"Do without importing {module}: {reason}."
+                )
+            top = module.partition(".")[0]
+            if (folder / f"{top}.py").is_file():
+                waiting.append(f"{top}.py")
+            elif (folder / top).is_dir():
+                waiting += [path.relative_to(folder).as_posix() for path in sorted((folder / top).rglob("*.py"))]
+
+
+def _refused(module: str, may_import: frozenset[str], refused: Mapping[str, str]) -> str:
+    parts = module.split(".")
+    names = [".".join(parts[: count + 1]) for count in range(len(parts))]
+    if any(name in may_import for name in names):
+        return ""
+    return next((refused[name] for name in names if name in refused), "")
+
+
+def _imported(path: Path, parse: Parse) -> list[list[Any]]:
+    try:
+        with path.open("rb") as opened:
+            found: list[list[Any]] = parse(PARSER, opened.read(_LONGEST_BYTES))
+            return found
+    except OSError:
+        return []  # whoever reads it to run it says what is wrong
+
+
+def imports_in(source: bytes) -> list[tuple[str, int]]:
+    """Return what a program imports, and in which lines. Runs in the student's process: `parsing.py` says why."""
+    try:
+        tree = ast.parse(source)
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return []
+    found: list[tuple[str, int]] = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found += ((alias.name, node.lineno) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            found += ((f"{node.module}.{alias.name}", node.lineno) for alias in node.names)
+    return found

@@ -1,0 +1,45 @@
+"""Packs what a student's `factories` gets, for the student's process to unpack: the grader's word, not a stranger's."""
+
+from __future__ import annotations
+
+import base64
+import io
+import pickle
+from typing import Any
+
+from snr_sim.grading.lab.verdicts import LabFault
+from snr_sim.prelude.scenario import Robot
+from snr_sim.scenario import library
+
+LAB_MODULE = "snr_sim_lab_"  # so begin the names of modules that are the checks of a lab
+
+
+def packed(robot: Robot) -> str:
+    """Returns what a student's `factories` gets, for its process to unpack.
+
+    Raises:
+        LabFault: something in it is of a class that the student's process cannot know.
+    """
+    buffer = io.BytesIO()
+    try:
+        _Packing(buffer).dump(robot)
+    except LabFault:
+        raise
+    except Exception as error:
+        raise LabFault(f"What the student's `factories` is to get cannot be sent: {error}") from error
+    return base64.b64encode(buffer.getvalue()).decode()
+
+
+class _Packing(pickle.Pickler):
+    """Refuses what only this process has loaded."""
+
+    def persistent_id(self, value: Any) -> None:
+        module = value.__module__ if isinstance(value, type) else type(value).__module__
+        if str(module).startswith(_ONLY_HERE):
+            raise LabFault(
+                f"What the student's `factories` is to get holds a {value!r}, whose class stands in {module}.",
+                fix="define such classes in the robot's folder, which the student's process may read.",
+            )
+
+
+_ONLY_HERE = (library.SCENARIO_MODULE, LAB_MODULE, "__main__")

@@ -1,0 +1,119 @@
+"""A student's process where only sockets can be waited for, as on Windows: for practice, as nothing keeps it apart.
+
+It is asked on its stdin, answers on its stdout, and prints on its stderr; a thread reads each of the two.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import subprocess
+import threading
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import IO
+
+from snr_sim.grading.remote.child_process import CHUNK, LOOK_S, ChildProcess, start_process
+from snr_sim.grading.remote.protocol import PIPES
+from snr_sim.grading.reports.results import Isolation
+from snr_sim.grading.sandbox.nursery import Nursery
+from snr_sim.grading.sandbox.patience import Patience
+from snr_sim.grading.sandbox.sandbox import Limits, start_command
+
+CAN_POLL_PIPES = hasattr(select, "poll")
+_END_S = 2.0
+
+
+class PipedProcess(ChildProcess):
+    """A process that holds one submission.
+
+    Args:
+        folder: of the submission; it is the process' current folder.
+        limits: what it may use. Its CPU time is counted by itself, and its memory is not.
+    """
+
+    def __init__(self, folder: Path, isolation: Isolation, limits: Limits) -> None:
+        assert isolation == "none"
+        self._prepare(limits, None)
+        command, cwd = start_command(folder, "none", PIPES, limits, ())
+        self._piped = start_process(command, cwd, stdin=subprocess.PIPE, stderr=subprocess.PIPE)
+        self._process = self._piped
+        assert self._piped.stdout is not None
+        assert self._piped.stderr is not None
+        self._answers: SimpleQueue[bytes] = SimpleQueue()
+        self._prints: SimpleQueue[bytes] = SimpleQueue()
+        self._something = threading.Event()
+        self._readers = [
+            threading.Thread(target=self._read, args=ends, daemon=True)
+            for ends in ((self._piped.stdout, self._answers), (self._piped.stderr, self._prints))
+        ]
+        for reader in self._readers:
+            reader.start()
+
+    def _read(self, pipe: IO[bytes], came: SimpleQueue[bytes]) -> None:
+        data = b"-"
+        while data:
+            try:
+                data = os.read(pipe.fileno(), CHUNK)
+            except OSError:
+                data = b""
+            came.put(data)
+            self._something.set()
+
+    def _send(self, line: bytes, patience: Patience) -> None:
+        assert self._piped.stdin is not None
+        with suppress(OSError):  # it has ended; whoever listens is told
+            self._piped.stdin.write(line)
+            self._piped.stdin.flush()
+
+    def _received(self, patience: Patience) -> bytes:
+        while True:
+            self._something.clear()
+            self._hear_output()
+            with suppress(Empty):
+                return self._answers.get_nowait()
+            if not self._something.wait(LOOK_S):
+                self._look(patience)
+
+    def _hear_output(self) -> None:
+        with suppress(Empty):
+            while data := self._prints.get_nowait():
+                self._keep(data)
+
+    def kill(self) -> None:
+        """Ends it; what it has started goes on, as nothing here keeps it together."""
+        self._piped.kill()
+
+    def close(self) -> None:
+        """Ends it and lets go of everything. Safe to call twice.
+
+        Raises:
+            Misbehaved: it had printed too much.
+        """
+        assert self._piped.stdin is not None
+        if self._piped.stdin.closed:
+            return
+        try:
+            self.kill()
+            self._piped.wait()
+            for reader in self._readers:
+                reader.join(_END_S)
+            self._hear_output()
+        finally:
+            with suppress(OSError):  # what it has not been told is in there
+                self._piped.stdin.close()
+
+
+def begin_process(
+    folder: Path, isolation: Isolation, limits: Limits, readable: Sequence[Path], nursery: Nursery | None
+) -> ChildProcess:
+    """Return a process that holds one submission; arguments as of `ChildProcess`.
+
+    Raises:
+        LabFault: it cannot be started.
+    """
+    if CAN_POLL_PIPES:
+        return ChildProcess(folder, isolation, limits, readable, nursery)
+    return PipedProcess(folder, isolation, limits)

@@ -1,0 +1,245 @@
+"""The student's components in the grader's node: proxies that have each step done in the student's process.
+
+    grader's node: sensors, proxies, actuators, plant, clock      student's process: the components themselves
+        a task for 'depth_hold'    -- task, time, new pages -->    its handler
+                                   <-- tasks it returned ------
+
+A proxy has the name, the place, and the handlers' names of what it stands for. So the run is the same, and so is its
+trace, as if the components were here; but nothing that comes back is taken as it comes (`admission.py`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import msgspec
+
+from snr_sim.core.datastore import PREVIOUS
+from snr_sim.core.node import Node
+from snr_sim.core.said import LEVELS
+from snr_sim.grading.lab.verdicts import Misbehaved
+from snr_sim.grading.remote.admission import Admission
+from snr_sim.grading.remote.child_process import ChildProcess
+from snr_sim.grading.remote.endings import misbehaved
+from snr_sim.grading.remote.node_messages import (
+    Handle,
+    Load,
+    Loaded,
+    Made,
+    Make,
+    Open,
+    Opened,
+    Returned,
+    Step,
+    StepDone,
+    Told,
+)
+from snr_sim.grading.remote.packing import packed
+from snr_sim.grading.remote.protocol import Answer, ProtocolError, T, decode_as
+from snr_sim.grading.remote.proxies import RemoteEndpoint, RemoteEndpointFactory, RemoteLoop, RemoteLoopFactory
+from snr_sim.prelude.errors import SnrError
+from snr_sim.prelude.page import Page
+from snr_sim.prelude.scenario import Robot
+from snr_sim.prelude.task import SomeTasks, Task, TaskType
+
+STEP_CPU_S = 5.0  # for one handler, or one step of a component's life
+
+
+class StudentFailed(SnrError):
+    """The student's component raised, in its own process; its words have the student's line first."""
+
+
+class Remote:
+    """The student's components, wherever they stand in the grader's nodes.
+
+    Args:
+        child: the student's process.
+        file: of the submission, which has `factories`.
+    """
+
+    def __init__(self, child: ChildProcess, file: str) -> None:
+        self.child = child
+        self.file = file
+        self.admission = Admission(file)
+        self.misbehaved: Misbehaved | None = None  # what no node could tell as it is, as its words are lost there
+        self.files: list[tuple[str, str]] = []  # that were read: the folder's name and the path in it
+        self.names: set[str] = set()  # of the student's components
+        self._made = 0  # factories, so far
+        self._sent: dict[str, dict[str, Page]] = {}
+        self._task: Task | None = None  # that was sent last, from which node
+        self._node: Node | None = None
+        self._answers: dict[str, list[Task]] = {}
+        self._failed = ""
+        self._failure: StudentFailed | None = None
+
+    def ask(self, do: str, args: Any, cpu_s: float = STEP_CPU_S, may_raise: bool = False) -> Answer:
+        """Asks the student's process.
+
+        Args:
+            do, args, cpu_s: as for `ChildProcess.ask`.
+            may_raise: whether an error of the student's own is returned.
+
+        Raises:
+            Misbehaved: it did not answer; kept, as a node that runs says it in other words.
+        """
+        try:
+            answer = self.child.ask(do, args, cpu_s)
+            if answer.error is not None and (not may_raise or answer.error.step == "slow"):
+                raise misbehaved(answer.error)
+            return answer
+        except ProtocolError as error:
+            raise self._nonsense(error) from error
+        except Misbehaved as error:
+            self.misbehaved = error
+            raise
+
+    def _decode(self, decoder: msgspec.json.Decoder[T], answer: Answer) -> T:
+        """Returns what an answer says.
+
+        Raises:
+            Misbehaved: it has another form; kept, as in `ask`.
+        """
+        try:
+            return decode_as(decoder, answer.value)
+        except ProtocolError as error:
+            raise self._nonsense(error) from error
+
+    def _nonsense(self, error: ProtocolError) -> Misbehaved:
+        self.misbehaved = Misbehaved(error.message, "Leave the grader's file descriptors alone.")
+        return self.misbehaved
+
+    def controller(self, path: Path, robots: Sequence[tuple[str, Path]]) -> ModuleType:
+        """Returns a module that stands for the student's file: its `factories` makes proxies.
+
+        Args:
+            path: of the student's file, for the trace's header.
+            robots: whose modules the student may import.
+        """
+        answer = self.ask("load", Load(self.file, [(name, str(folder)) for name, folder in robots]), 20.0)
+        loaded = self._decode(_decode_loaded, answer)
+        module = ModuleType(Path(self.file).stem)
+        module.__file__ = str(path)
+        if loaded.options is not None:
+            module.OPTIONS = loaded.options  # type: ignore[attr-defined]
+        if loaded.roles is not None:
+            module.ROLES = loaded.roles  # type: ignore[attr-defined]
+        module.factories = self.factories  # type: ignore[attr-defined]
+        return module
+
+    def factories(self, robot: Robot) -> list[RemoteEndpointFactory | RemoteLoopFactory]:
+        """Has the student's `factories(robot)` called; returns a proxy for each of its factories."""
+        opened = self._decode(_decode_opened, self.ask("open", Open(self.file, packed(robot)), 20.0))
+        self.files = opened.files
+        first, self._made = self._made, self._made + len(opened.are_loops)
+        return [
+            RemoteLoopFactory(self, number) if is_loop else RemoteEndpointFactory(self, number)
+            for number, is_loop in enumerate(opened.are_loops, start=first)
+        ]
+
+    def make(self, factory: int, parent: Node) -> Made:
+        """Has a component made in the student's process."""
+        made = self._decode(_decode_made, self.ask("make", Make(parent.role, factory, parent.chance)))
+        self.admission.component(made)
+        self.names.add(made.name)
+        return made
+
+    def handle(self, component: RemoteEndpoint, task: Task) -> SomeTasks:
+        """Has a task handled; those that stand behind handle it with the same message."""
+        name = component.name
+        is_next = self._task is task and self._node is component.parent
+        if not is_next or (name not in self._answers and name != self._failed):
+            self._send(component, task)
+        if name == self._failed:
+            failure, self._failed = self._failure, ""
+            assert failure is not None
+            raise failure
+        return self._answers.pop(name, [])
+
+    def _send(self, component: RemoteEndpoint, task: Task) -> None:
+        node = component.parent
+        self._task, self._node, self._failed = task, node, ""
+        self._answers = {}
+        self.admission.count(node.machine.now_s)
+        pages, came_s = self._new_pages(node)
+        processed = _processed_by(task, node)
+        raw = msgspec.Raw((task if processed is None else Task(task.type, task.name)).serialize())
+        args = Handle(node.role, component.name, raw, node.machine.now_s, pages, came_s, processed)
+        answer = self._decode(_decode_returned, self.ask("handle", args))
+        for name, tasks in answer.returned.items():
+            self._answers[name] = self.admission.tasks(tasks, node, name)
+        if answer.failed:
+            if answer.is_slow:
+                self.misbehaved = Misbehaved(answer.text, "That took too long: is there a loop without an end?")
+            self._failed, self._failure = answer.failed, StudentFailed(answer.text, answer.fix)
+            self._answers.setdefault(answer.failed, [])
+        self._take(answer, node)
+
+    def step(self, component: RemoteEndpoint | RemoteLoop, step: str) -> StepDone:
+        """Has a step of a component's life done."""
+        node = component.parent
+        now_s = node.get_time_s()
+        self.admission.count(now_s)
+        pages, came_s = self._new_pages(node)
+        answer = self.ask("step", Step(node.role, component.name, step, now_s, pages, came_s), may_raise=True)
+        if answer.error is not None:
+            raise StudentFailed(answer.error.text, answer.error.fix)
+        done = self._decode(_decode_step_done, answer)
+        self._take(done, node)
+        return done
+
+    def _take(self, told: Told, node: Node) -> None:
+        """Does what else a step has told."""
+        for raw, source in told.entered:
+            (task,) = self.admission.tasks([raw], node, source)
+            node.enter(task, source)
+        for name, rows in (told.handlers or {}).items():
+            changed = node.components.get(name)
+            if isinstance(changed, RemoteEndpoint):
+                changed.task_handlers = changed.handlers_of(rows)
+        for note in self.admission.notes(told.notes):
+            node.note(note)
+        for component, level, text in told.said:
+            if component in self.names and level in LEVELS:
+                node.said(component, level, text)
+        for key in self.admission.missed(told.missed):
+            node.datastore.missed[key] = None
+
+    def _new_pages(self, node: Node) -> tuple[list[msgspec.Raw], dict[str, float]]:
+        """Returns what is in the datastore and has not been sent, each page after the one before it."""
+        sent = self._sent.setdefault(node.role, {})
+        pages: list[msgspec.Raw] = []
+        came_s: dict[str, float] = {}
+        previous = node.datastore.previous
+        for key, page in node.datastore.pages.items():
+            before = sent.get(key)
+            if page is before:
+                continue
+            sent[key] = page
+            older = previous.get(key)
+            if older is not None and older is not before:
+                pages.append(msgspec.Raw(older.serialize()))
+            pages.append(msgspec.Raw(page.serialize()))
+            if page.origin != node.name:
+                came_s[key] = node.came_at_s(key)
+        return pages, came_s
+
+
+def _processed_by(task: Task, node: Node) -> list[msgspec.Raw] | None:
+    """Returns the page that the task of a node carries, see `Handle`."""
+    page = task.page if task.type is TaskType.process_data else None
+    if page is None or page.key != task.name:
+        return None
+    if page is node.datastore.pages.get(page.key):
+        return []
+    before = node.get_page(page.key + PREVIOUS)
+    return [msgspec.Raw(one.serialize()) for one in (page, before) if one is not None]
+
+
+_decode_loaded = msgspec.json.Decoder(Loaded)
+_decode_opened = msgspec.json.Decoder(Opened)
+_decode_made = msgspec.json.Decoder(Made)
+_decode_returned = msgspec.json.Decoder(Returned)
+_decode_step_done = msgspec.json.Decoder(StepDone)

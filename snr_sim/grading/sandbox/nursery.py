@@ -1,0 +1,232 @@
+"""A sandbox kept for many cases: each case gets a copy of the process in it, and none sees another.
+
+    grader -- "copy", line, output --> nursery_process.py (nothing of the student's)  -- fork --> child.py, for one case
+           <-- a handle of the copy --
+
+What the sandbox shows as the submission is a folder of ours: whichever submission is held stands there, and is gone
+before the next one is brought. So not even a submission needs a start of Python.
+
+Only for root: a copy that belonged to the same user as what it is copied from could end or change that. Anybody else
+gets a fresh sandbox for each case.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import select
+import shutil
+import signal
+import socket
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from snr_sim.grading.lab.verdicts import LabFault
+from snr_sim.grading.reports.results import Isolation
+from snr_sim.grading.sandbox.nursery_process import COPIED, COPY, HOW_IT_ENDED, STATUS, USED_UP
+from snr_sim.grading.sandbox.sandbox import Limits, copy_for_all, environment, is_root, start_command
+
+_MOST_BYTES = 64
+_END_S = 2.0
+_ANSWER_S = 130.0  # wall time; a copy takes a millisecond, and a start of Python 0.2 s
+
+
+class Copied:
+    """A student's process that is a copy; with what `ChildProcess` asks of a `subprocess.Popen`."""
+
+    def __init__(self, nursery: Nursery, death: int, output: int) -> None:
+        self._nursery = nursery
+        self._death = death  # readable once it is dead
+        self._status: int | None = None
+        self.stdout = io.FileIO(output)
+        told = Path(f"/proc/self/fdinfo/{death}").read_text()
+        self.pid = int(told.partition("Pid:")[2].split()[0])  # to look at, as /proc counts; signals go by the handle
+
+    def kill(self) -> None:
+        """Ends it, with its namespace."""
+        if self._death >= 0:
+            with suppress(ProcessLookupError):
+                signal.pidfd_send_signal(self._death, signal.SIGKILL)
+
+    def poll(self) -> int | None:
+        """Returns how it has ended, as `subprocess` tells it; None if it has not."""
+        self.wait(0.0)
+        return self._status
+
+    def wait(self, timeout: float | None = None) -> None:
+        """Waits until it has ended [s]."""
+        if self._death < 0:
+            return
+        dead = select.poll()
+        dead.register(self._death, select.POLLIN)
+        if dead.poll(None if timeout is None else timeout * 1000.0):
+            os.close(self._death)
+            self._death = -1
+            self._nursery.is_busy = False
+            self._status = self._nursery.how_it_ended()
+
+
+class Nursery:
+    """Copies for the cases of one submission after the other, one at a time. Close it in the end, or use `with`.
+
+    Args:
+        isolation: without a sandbox there are no copies.
+        limits: of each copy.
+    """
+
+    def __init__(self, isolation: Isolation, limits: Limits) -> None:
+        self._limits = limits
+        self._is_for_use = isolation == "sandbox" and is_root()
+        self._shown: Path | None = None  # the folder that the sandbox shows as the submission
+        self._held: Path | None = None
+        self._is_brought = False
+        self._process: subprocess.Popen[bytes] | None = None
+        self._socket: socket.socket | None = None
+        self.is_busy = False
+
+    def __enter__(self) -> Nursery:
+        return self
+
+    def __exit__(self, *why: object) -> None:
+        self.close()
+
+    @contextmanager
+    def holding(self, folder: Path) -> Iterator[None]:
+        """Has copies hold a submission, until the end; then nothing is left of it.
+
+        Args:
+            folder: of the submission.
+        """
+        self._held = folder.resolve()
+        try:
+            yield
+        finally:
+            self._held, self._is_brought = None, False
+            if self.is_busy:
+                self._end()  # somebody has not ended his copy
+            if self._shown is not None:
+                _empty(self._shown)
+
+    def copy(self, folder: Path, line: int) -> Copied | None:
+        """Returns a new student's process that answers on a line; None if there is none to be had.
+
+        Args:
+            folder: of its submission, which must be the one that is held.
+            line: the file descriptor on which it answers.
+
+        Raises:
+            LabFault: the sandbox cannot be started, or does not answer.
+        """
+        if not self._is_for_use or self.is_busy or folder != self._held:
+            return None
+        if not self._is_brought:
+            copy_for_all(folder, self._shown_folder())
+            self._is_brought = True
+        heard, said = os.pipe()
+        try:
+            word, fds = self.asked(COPY, (line, said))
+            if word == USED_UP:
+                self._end()
+                word, fds = self.asked(COPY, (line, said))
+            if word != COPIED or len(fds) != 1:
+                raise self._fault()
+        except BaseException:
+            os.close(heard)
+            raise
+        finally:
+            os.close(said)
+        self.is_busy = True
+        return Copied(self, fds[0], heard)
+
+    def _shown_folder(self) -> Path:
+        if self._shown is None:
+            self._shown = Path(tempfile.mkdtemp(prefix="snr_held_"))
+        return self._shown
+
+    def how_it_ended(self) -> int:
+        """Returns the status of the last copy, as `subprocess` tells it.
+
+        Raises:
+            LabFault: the sandbox has gone, too.
+        """
+        if self._socket is None:
+            raise self._fault()
+        status: int = STATUS.unpack(self.asked(HOW_IT_ENDED)[0])[0]
+        return status
+
+    def asked(self, word: bytes, fds: tuple[int, ...] = ()) -> tuple[bytes, list[int]]:
+        """Returns what the sandbox' own process says to a word, and the file descriptors that come with it."""
+        if self._socket is None:
+            self._start()
+        assert self._socket is not None
+        try:
+            socket.send_fds(self._socket, [word], fds)
+            answer, came, _, _ = socket.recv_fds(self._socket, _MOST_BYTES, 1)
+        except OSError as error:
+            raise self._fault() from error
+        if not answer:
+            raise self._fault()
+        return answer, came
+
+    def _start(self) -> None:
+        here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        here.settimeout(_ANSWER_S)
+        self._socket = here
+        with there:
+            command, cwd = start_command(
+                self._shown_folder(), "sandbox", there.fileno(), self._limits, (), makes_copies=True
+            )
+            try:
+                self._process = subprocess.Popen(
+                    command,
+                    cwd=cwd,
+                    env=environment(),
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.STDOUT,
+                    pass_fds=(there.fileno(),),
+                    start_new_session=True,
+                )
+            except OSError as error:
+                raise LabFault(f"A student's process could not be started: {error}.") from error
+
+    def _fault(self) -> LabFault:
+        """Returns what there is to say when no copy can be had; ends what there is."""
+        return LabFault(
+            f"A student's process could not be started. {self._end()}".rstrip(),
+            fix="is the computer out of memory or processes? Grade with fewer --jobs.",
+        )
+
+    def close(self) -> None:
+        """Ends the sandbox with all that is in it, and removes what it showed. Safe to call twice."""
+        self._end()
+        if self._shown is not None:
+            shutil.rmtree(self._shown, ignore_errors=True)
+        self._shown, self._is_brought = None, False
+
+    def _end(self) -> str:
+        """Ends the sandbox with all that is in it; returns what its own process has printed."""
+        said = b""
+        if self._process is not None:
+            with suppress(ProcessLookupError, PermissionError):
+                os.killpg(self._process.pid, signal.SIGKILL)
+            said, _ = self._process.communicate()
+        if self._socket is not None:
+            far_end = select.poll()
+            far_end.register(self._socket, 0)  # that it has gone is always told
+            far_end.poll(_END_S * 1000.0)
+            self._socket.close()
+        self._process = self._socket = None
+        self.is_busy = False
+        return said.decode(errors="replace")
+
+
+def _empty(folder: Path) -> None:
+    for path in folder.iterdir():
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        else:
+            path.unlink()

@@ -1,0 +1,97 @@
+"""What runs in a sandbox that has several cases of one submission: for each case it makes a copy of itself.
+
+It has imported what a student's process needs, with what speaks for the student in lab 10, and reads nothing of the
+student's; each copy begins where `child.py` begins. So a case costs a copy, and not a start of Python with all its
+imports.
+
+A copy is the first process of a namespace of its own: it dies alone, it has the same number in every case, and
+what it may leave in shared memory dies with it. It could leave something in the sandbox's scratch: then that sandbox is
+used up, and the next case gets a fresh one.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import os
+import socket
+import struct
+
+from snr_sim.grading import pilot  # noqa: F401  every copy has it
+from snr_sim.grading.remote import child
+from snr_sim.grading.sandbox import seccomp  # noqa: F401  every copy has it
+
+SCRATCH = "/tmp"
+STATUS = struct.Struct("i")
+COPY, HOW_IT_ENDED, USED_UP, COPIED = b"copy", b"how it ended", b"used up", b"copied"
+_MOST_BYTES = 64
+# Numbers of Linux (linux/sched.h).
+_NEW_IPC, _NEW_PID = 0x08000000, 0x20000000
+
+
+def main(line: int, limits: tuple[int, int, int, int], is_alone: bool, user: int | None) -> None:
+    """Makes a copy whenever it is asked to, one at a time, until nobody asks any more. Does not return.
+
+    Args:
+        line: the file descriptor on which the grader asks.
+        limits, is_alone, user: of each copy, as `child.main` takes them.
+    """
+    asked = socket.socket(fileno=line)
+    at_first, copied = _scratch(), 0
+    gc.collect()
+    gc.freeze()  # what is there already is not looked through in each copy
+    while True:
+        word, fds, _, _ = socket.recv_fds(asked, _MOST_BYTES, 2)
+        if not word:
+            os._exit(0)
+        if word == HOW_IT_ENDED:
+            asked.send(STATUS.pack(os.waitstatus_to_exitcode(os.waitpid(copied, 0)[1])))
+        elif _scratch() != at_first:
+            asked.send(USED_UP)
+            os._exit(0)
+        else:
+            line, output = fds
+            _enter_namespaces()
+            copied = os.fork()
+            if copied == 0:
+                asked.close()
+                _become_a_child(line, output, limits, is_alone, user)
+            death = os.pidfd_open(copied)
+            socket.send_fds(asked, [COPIED], [death])
+            for fd in (line, output, death):
+                os.close(fd)
+
+
+def _become_a_child(
+    line: int, output: int, limits: tuple[int, int, int, int], is_alone: bool, user: int | None
+) -> None:
+    os.setsid()
+    for printed in (1, 2):
+        os.dup2(output, printed)
+    os.close(output)
+    try:
+        child.main(line, limits, is_alone, user)
+    finally:
+        os._exit(1)
+
+
+def _enter_namespaces() -> None:
+    """Has the next copy begin in namespaces of its own: of processes, and of what they share.
+
+    Raises:
+        OSError: the kernel does not let us.
+    """
+    libc = ctypes.CDLL(None, use_errno=True)
+    own = os.pidfd_open(os.getpid())
+    try:  # back to our own first: from the one of the copy before, which is dead, none could be made
+        if libc.setns(own, _NEW_PID) or libc.unshare(_NEW_PID | _NEW_IPC):
+            raise OSError(ctypes.get_errno(), f"no namespace for a copy: {os.strerror(ctypes.get_errno())}")
+    finally:
+        os.close(own)
+
+
+def _scratch() -> tuple[list[str], tuple[int, ...]]:
+    """Returns what tells whether anybody has written there, or only looked."""
+    names = os.listdir(SCRATCH)  # first: to look changes the time of the last look, once
+    seen = os.stat(SCRATCH)
+    return names, (seen.st_mode, seen.st_nlink, seen.st_atime_ns, seen.st_mtime_ns, seen.st_ctime_ns)

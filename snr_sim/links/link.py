@@ -1,0 +1,261 @@
+"""Link: carries pages between this node and others. The part that all kinds of links share.
+
+Out: the node's core hands a page of one of the link's keys to `_out`, right after it was stored. In: the far end's
+pages enter through the door, from the link's name. So a replay, which makes no loops, needs no link. How the link
+itself is stands in a page of its own name: {up, age_s, dropped, rtt_s, ...}.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from snr_sim.core.ages import LINK_PREFIX
+from snr_sim.core.authors import who_stored
+from snr_sim.core.clocks import SimClock
+from snr_sim.core.component import ComponentLog
+from snr_sim.core.endpoint import Endpoint
+from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.node import Node
+from snr_sim.links.frames import HEADER_BYTES, encode_frame
+from snr_sim.links.options import MAX_KEY_CHARS, LinkOptions
+from snr_sim.links.wire_bounds import encode_page
+from snr_sim.prelude.errors import SnrError, nearest
+from snr_sim.prelude.page import DataKey, Page
+from snr_sim.prelude.recorder import RECORDING_KEY
+from snr_sim.prelude.task import Task, TaskType
+from snr_sim.prelude.tasks import ADD_COMPONENT_TASK_NAME, REMOVE_COMPONENT_TASK_NAME
+
+BEFORE_LOOPS = -1  # under a SimClock, of what is due at one moment, pages arrive first, so that loops find them
+REPORT_EVERY_S = 1.0
+HOUSEKEEPING_HZ = 10.0
+# From here on the link lets nothing more in until the node has caught up to half of it: a flood waits at its sender.
+MAX_TASKS_WAITING = 10_000
+MAX_BYTES_WAITING = 1 << 26
+# Remembered of pages of other nodes that were passed on, so that none goes round in a mesh for ever.
+_RELAYED_REMEMBERED = 4096
+KEPT_OUT_REMEMBERED = 20  # keys of the far end that `accept` keeps out, for a note
+# What this node tells of itself; a far end's page of such a key comes in only if `accept` names it.
+OUTCOMES = frozenset((TaskType.reload.value, ADD_COMPONENT_TASK_NAME, REMOVE_COMPONENT_TASK_NAME))
+_STORE_PAGE = TaskType.store_page
+
+
+def unsendable(page: Page, error: SnrError, node: Node, link: str) -> SnrError:
+    """Returns the error of a page that cannot be sent; the line that stored it comes first, if it is known."""
+    what = f"{link} cannot send page '{page.key}': {error.message}"
+    when = f"at t = {page.created_at_s:.3f} s"
+    if page.origin != node.name:
+        return type(error)(f"{what}\n  It was made {when} by node '{page.origin}'.", fix=error.fix)
+    authors = [one for one in node.components.values() if isinstance(one, (Endpoint, Loop)) and one.is_of_robot]
+    lines, who = who_stored(page.key, authors)
+    return type(error)(f"{lines}{what}\n  It was stored {when} by {who}.", fix=error.fix)
+
+
+class Misfits:
+    """Pages that a link cannot carry: one of its own node is a mistake there, those of other nodes are dropped.
+
+    Args:
+        node: sends them.
+        link: in words.
+        log: where the first of other nodes is told.
+    """
+
+    def __init__(self, node: Node, link: str, log: logging.Logger | ComponentLog) -> None:
+        self._node = node
+        self._link = link
+        self._log = log
+        self._is_told = False
+
+    def drop(self, page: Page, error: SnrError) -> None:
+        """Drop a page of another node, whose sender must not end this one with it.
+
+        Raises:
+            SnrError: it is this node's own; of the kind of `error`.
+        """
+        failure = unsendable(page, error, self._node, self._link)
+        if page.origin == self._node.name:
+            raise failure from error
+        if not self._is_told:
+            self._is_told = True
+            self._log.warning("%s Dropped, as will be all such pages.", failure)
+
+
+def by_name(peers: Iterable[tuple[str, dict[str, Any]]]) -> dict[str, Any]:
+    """Returns what there is to say of each peer, by its name; of several with one name, all but the first get a number.
+
+    >>> by_name([("a", {"sent": 1}), ("a", {"sent": 2})])
+    {'a': {'sent': 1}, 'a#2': {'sent': 2}}
+    """
+    said: dict[str, Any] = {}
+    for name, state in peers:
+        label, count = name, 2
+        while label in said:
+            label, count = f"{name}#{count}", count + 1
+        said[label] = state
+    return said
+
+
+class Link(Loop):
+    """What all links share. A kind of link says how pages get across (`_carry`) and how it is (`_state`).
+
+    Args:
+        factory: who made it.
+        parent: its node.
+        options: of the link.
+    """
+
+    def __init__(self, factory: LoopFactory, parent: Node, options: LinkOptions) -> None:
+        rate_hz = HOUSEKEEPING_HZ if isinstance(parent.clock, SimClock) else 0.0  # on a thread its own waiting paces it
+        super().__init__(factory, parent, f"link_{options.name}", rate_hz)
+        self.options = options
+        self.dropped = 0  # pages that did not get across, as far as this end knows
+        self.sent = 0
+        self.received = 0
+        self.unwanted = 0  # pages that came and were not let in
+        self._brought: dict[int, tuple[Page, object]] = {}  # came by this link, not stored yet: page and who brought it
+        self._relayed: dict[bytes | int, None] = {}
+        self._misfits = Misfits(parent, f"'{self.name}'", self.log)
+        self._largest_bytes = 1  # of the pages that came lately
+        self.is_deaf = False  # whether nothing more is read, because the node has too much to do
+        self._accepted: set[DataKey] = set()  # those of `accept` that came
+        self._kept_out: set[DataKey] = set()  # the first few that came and are not in it
+        self._told: tuple[Any, ...] = ()
+        self._told_s = float("-inf")
+        self._logged: tuple[Any, ...] = ()
+
+    def begin(self) -> None:
+        """Opens what is needed, and has the node's pages handed over from now on."""
+        self._open()
+        for key in self.options.keys:
+            self.parent.tap(key, self._out)
+        super().begin()
+
+    def join(self) -> None:
+        """Takes no more pages, sends what waits, and closes."""
+        super().join()
+        if self._backing is not None:
+            for key in self.options.keys:
+                self.parent.untap(key, self._out)
+
+    def terminate(self) -> None:
+        """Tells at the end of the run which keys came to nothing: perhaps they are misspelt."""
+        if not self.parent.is_over or self.parent.never_ran:
+            return  # only taken out: what was not stored yet may still be; or nothing could be
+        stored = self.parent.datastore.pages
+        for key in self.options.keys:
+            if key not in stored and key != RECORDING_KEY:  # which is only there when something is wrong
+                near = nearest(key, stored.keys() - {self.name}, "stored were")
+                self.parent.note(f"'{self.name}' waits for store_page '{key}', which nobody stored; {near}")
+        missed = (self.options.accept or frozenset()) - self._accepted - {RECORDING_KEY}
+        for key in sorted(missed) if self._kept_out else ():
+            near = nearest(key, self._kept_out, "kept out were")
+            self.parent.note(f"'{self.name}' accepts '{key}', of which no page came; {near}")
+
+    # What a kind of link does in its own way.
+
+    def _open(self) -> None:
+        """Called first, on the node's thread; what raises here is an error of `begin`."""
+
+    def _carry(self, page: Page, raw: bytes, frame: bytes, by: object) -> None:
+        """Sends a page to every far end but the one that brought it (`by`, if any); on the node's thread."""
+        raise NotImplementedError
+
+    def _state(self, now_s: float) -> dict[str, Any]:
+        """Returns how the link is: at least up, age_s, dropped, rtt_s, reason."""
+        raise NotImplementedError
+
+    # Out
+
+    def _out(self, page: Page) -> None:
+        _, by = self._brought.pop(id(page), (page, None))
+        try:
+            raw = encode_page(page)
+            frame = encode_frame(raw, self.options.max_frame_bytes)
+        except SnrError as error:
+            self._misfits.drop(page, error)
+            self.dropped += 1
+            return
+        if page.origin == self.parent.name or not self._has_relayed(raw):
+            self._carry(page, raw, frame, by)
+
+    def _has_relayed(self, raw: bytes) -> bool:
+        """Whether this very page of another node has been passed on before: then it has come round."""
+        fingerprint = hash(raw)
+        if fingerprint in self._relayed:
+            return True
+        self._relayed[fingerprint] = None
+        if len(self._relayed) > _RELAYED_REMEMBERED:
+            del self._relayed[next(iter(self._relayed))]
+        return False
+
+    # In
+
+    def _bring(self, pages: Sequence[Page], by: object) -> None:
+        """Lets pages in that a far end sent."""
+        is_wanted, enter, name = self._is_wanted, self.parent.door.put, self.name
+        for page in pages:
+            key = page.key
+            if not is_wanted(key, page.origin):
+                self.unwanted += 1
+                continue
+            if key in self.options.keys:
+                self._brought[id(page)] = (page, by)
+            enter(Task(_STORE_PAGE, key, [page]), name)
+        self.received += len(pages)
+
+    def _is_wanted(self, key: DataKey, origin: str) -> bool:
+        """Whether a page of this key and origin may come in, whatever its data."""
+        if origin == self.parent.name:
+            return False
+        accept = self.options.accept
+        if accept is not None:
+            return self._is_accepted(key, accept)
+        is_own_state = key in OUTCOMES or (key.startswith(LINK_PREFIX) and key in self.parent.components)
+        return 0 < len(key) <= MAX_KEY_CHARS and not is_own_state
+
+    def _is_accepted(self, key: DataKey, accept: frozenset[DataKey]) -> bool:
+        """Whether a key is one of `accept`; remembered for notes at the end, of others only as many as one holds."""
+        if key in accept:
+            self._accepted.add(key)
+            return True
+        if len(self._kept_out) < KEPT_OUT_REMEMBERED and len(key) <= MAX_KEY_CHARS and key.isprintable():
+            self._kept_out.add(key)
+        return False
+
+    def _note_size(self, page_bytes: int) -> None:
+        """Remembers how large pages are that come lately; see `_must_wait`."""
+        if page_bytes > self._largest_bytes:
+            self._largest_bytes = page_bytes
+
+    def _must_wait(self) -> bool:
+        """Whether the node has so much to do that nothing more may be let in."""
+        tasks = self.parent.machine.queued
+        if self.is_deaf:
+            tasks *= 2
+        self.is_deaf = tasks > MAX_TASKS_WAITING or tasks * (self._largest_bytes + HEADER_BYTES) > MAX_BYTES_WAITING
+        return self.is_deaf
+
+    # How it is
+
+    def _report(self, now_s: float) -> None:
+        """Stores the link's state, if it has changed or a second has passed."""
+        state = self._state(now_s)
+        gist = (state["up"], *state.get("peers", ()))
+        # Not whenever the reason changes: strangers who come and go could then flood the node with reports.
+        if gist == self._told and now_s - self._told_s < REPORT_EVERY_S:
+            return
+        if (*gist, state["reason"]) != self._logged:
+            self._log_change(state)
+            self._logged = (*gist, state["reason"])
+        self._told, self._told_s = gist, now_s
+        self._largest_bytes = max(1, self._largest_bytes // 2)
+        self.store_data(self.name, state)
+
+    def _log_change(self, state: Mapping[str, Any]) -> None:
+        if state["up"]:
+            self.log.info("%s is up: %s", self.name, ", ".join(state.get("peers", ())) or "connected")
+        else:
+            is_news = bool(self._logged)  # that nobody is there at the very beginning is none
+            level = logging.WARNING if is_news else logging.INFO
+            self.log.log(level, "%s is down: %s", self.name, state["reason"])

@@ -1,0 +1,144 @@
+"""MemoryLink: carries pages between nodes of one simulated run, with the delay, loss and width of a real link.
+
+Pages cross as bytes, as they would on a wire: what arrives is a copy, and what a wire cannot carry fails here too.
+At the far end a page enters through the door, as any input, from the source `link_<sending role>`.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from functools import partial
+
+from snr_sim.core.clocks import SimClock
+from snr_sim.core.node import Node
+from snr_sim.links.faults import LEAST_TRANSIT_S, Faults, Way
+from snr_sim.links.link import BEFORE_LOOPS, Misfits
+from snr_sim.links.wire_bounds import encode_page
+from snr_sim.prelude.component import RoleName
+from snr_sim.prelude.errors import ConfigError, SnrError, UnknownName, nearest
+from snr_sim.prelude.page import DataKey, Page
+from snr_sim.prelude.task import Task
+
+
+class MemoryLink:
+    """Sends the pages of some keys from one role to another. Keeps the promise of Link.
+
+    Pages arrive in the order in which they were sent, as over TCP: one that jitter holds up holds up those behind
+    it. A page never goes back over the link it came by, nor to the node that made it, so nothing goes in circles.
+
+    Args:
+        keys: of the pages.
+        from_role: where they are stored first.
+        to_role: where they arrive.
+        latency_s: of every page; `LEAST_TRANSIT_S` at least.
+        jitter_s: further delay, evenly spread from 0 to this.
+        loss: share of pages that never arrive, 0 to 1.
+        bandwidth_bps: bits per second; None is any number.
+        seed: of jitter and loss; the run's if not given.
+        both_ways: pages of these keys go the other way too, with a delay, loss and width of their own.
+        faults: instead of the five numbers above, when more than these is to go wrong.
+
+    Raises:
+        ConfigError: `keys` is one text, or both ends are one role.
+        ParameterError: a number is out of range.
+    """
+
+    def __init__(
+        self,
+        keys: Sequence[DataKey],
+        from_role: RoleName,
+        to_role: RoleName,
+        latency_s: float = 0.0,
+        jitter_s: float = 0.0,
+        loss: float = 0.0,
+        bandwidth_bps: float | None = None,
+        seed: int | None = None,
+        both_ways: bool = False,
+        faults: Faults | None = None,
+    ) -> None:
+        if isinstance(keys, str):
+            raise ConfigError(f"A link's keys are a list, not the text {keys!r}.", fix=f"[{keys!r}].")
+        if from_role == to_role:
+            raise ConfigError(f"A link from '{from_role}' to itself.", fix="two roles.")
+        self.keys = list(dict.fromkeys(keys))
+        self.from_role = from_role
+        self.to_role = to_role
+        self.faults = faults or Faults(latency_s, jitter_s, loss, bandwidth_bps=bandwidth_bps, seed=seed)
+        self.both_ways = both_ways
+        self.ways: list[OneWay] = []
+
+    def attach(self, nodes: Mapping[RoleName, Node], clock: SimClock) -> None:
+        """Connects the two nodes, before they begin.
+
+        Raises:
+            UnknownName: one of the roles does not run.
+        """
+        for role in (self.from_role, self.to_role):
+            if role not in nodes:
+                raise UnknownName(f"A link needs the role '{role}', which does not run.", fix=nearest(role, nodes))
+        one, other = nodes[self.from_role], nodes[self.to_role]
+        self.ways = [OneWay(one, other, clock, self.faults)]
+        if self.both_ways:
+            back = OneWay(other, one, clock, self.faults)
+            self.ways[0].back, back.back = back, self.ways[0]
+            self.ways.append(back)
+        for way in self.ways:
+            for key in self.keys:
+                way.sender.tap(key, way.send)
+
+
+class OneWay:
+    """One direction of a link.
+
+    Args:
+        sender: the node whose pages are tapped.
+        receiver: the node they enter.
+        clock: has them delivered.
+        faults: of this direction.
+    """
+
+    def __init__(self, sender: Node, receiver: Node, clock: SimClock, faults: Faults) -> None:
+        self.sender = sender
+        self.receiver = receiver
+        self.back: OneWay | None = None
+        self.sent = 0
+        self.delivered = 0
+        self.dropped = 0  # of other nodes, that cannot cross
+        self._clock = clock
+        self._way = Way(faults, sender.seed, f"link:{sender.role}->{receiver.role}", LEAST_TRANSIT_S)
+        logger = logging.getLogger(f"snr.{sender.name}.link_{receiver.role}")
+        self._misfits = Misfits(sender, f"The link from '{sender.role}' to '{receiver.role}'", logger)
+        self._brought: dict[int, Page] = {}  # pages that came by this way and have not been stored yet, by identity
+
+    @property
+    def lost(self) -> int:
+        """How many pages never arrived."""
+        return self._way.lost
+
+    def send(self, page: Page) -> None:
+        """Sends a page on its way, unless it came from there."""
+        if page.origin == self.receiver.name or (self.back is not None and self.back.has_brought(page)):
+            return
+        try:
+            raw = encode_page(page)
+        except SnrError as error:
+            self._misfits.drop(page, error)
+            self.dropped += 1
+            return
+        self.sent += 1
+        for arrival_s in self._way.arrivals_s(len(raw), self._clock.now_s()):
+            self._clock.call_at(arrival_s, partial(self._deliver, raw), BEFORE_LOOPS)
+
+    def has_brought(self, page: Page) -> bool:
+        """Returns whether this very page came by this way; asked once, when it is stored."""
+        return self._brought.pop(id(page), None) is page
+
+    def _deliver(self, raw: bytes) -> None:
+        if self.receiver.is_terminated:
+            return
+        page = Page.deserialize(raw)
+        self.delivered += 1
+        if self.back is not None:
+            self._brought[id(page)] = page
+        self.receiver.enter(Task.store_page(page), f"link_{self.sender.role}")

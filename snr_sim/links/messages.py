@@ -1,0 +1,158 @@
+"""Messages of a link: what may stand in a frame. UTF-8 JSON objects whose key "$" says what they are.
+
+A page is exactly what `Page.serialize` gives, so encoding it for a link costs nothing more than recording it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Any, TypeAlias
+
+import msgspec
+
+from snr_sim.links.wire_bounds import WIRE_KINDS, check_bounds
+from snr_sim.prelude.page import Page
+from snr_sim.prelude.structs import learned
+from snr_sim.prelude.values import MARK, may_have_marks
+
+PROTOCOL = "snr"
+VERSION = 2
+NONCE_BYTES = 16
+MAX_NAME_CHARS = 200
+MAX_REASON_CHARS = 1000
+
+Name: TypeAlias = Annotated[str, msgspec.Meta(min_length=1, max_length=MAX_NAME_CHARS)]
+Hex16: TypeAlias = Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]*$", min_length=32, max_length=32)]
+Hex32: TypeAlias = Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]*$", min_length=64, max_length=64)]
+Reason: TypeAlias = Annotated[str, msgspec.Meta(max_length=MAX_REASON_CHARS)]
+
+
+class Hello(msgspec.Struct, frozen=True, tag_field=MARK, tag="hello"):
+    """The first message of each end, sent at once. Fields that a version does not know are ignored.
+
+    Args:
+        protocol: "snr".
+        version: of the protocol; both ends must have the same.
+        node: name of the node.
+        nonce: 16 random bytes in hexadecimal, new for each session; so each has proofs and keys of its own.
+        purpose: "pages", or what else the port is for; both ends must have the same.
+        auth: whether this end has a shared secret and wants the other to prove that it has it too.
+        max_frame_bytes: the longest payload this end takes.
+    """
+
+    protocol: Name
+    version: Annotated[int, msgspec.Meta(ge=0, lt=2**32)]
+    node: Name
+    nonce: Hex16
+    purpose: Name
+    auth: bool
+    max_frame_bytes: Annotated[int, msgspec.Meta(ge=1, lt=2**32)]
+
+
+class Auth(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="auth"):
+    """Proof that the sender knows the secret, which itself never crosses.
+
+    Args:
+        proof: HMAC-SHA256 in hexadecimal: see `derive_key` in `snr_sim/links/security.py`.
+    """
+
+    proof: Hex32
+
+
+class Ping(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="ping"):
+    """Keeps the link alive and asks for an answer.
+
+    Args:
+        stamp_s: time of whoever asks.
+    """
+
+    stamp_s: float
+
+
+class Pong(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="pong"):
+    """The answer to a ping.
+
+    Args:
+        stamp_s: that of the ping.
+    """
+
+    stamp_s: float
+
+
+class Bye(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="bye"):
+    """The last message of an end that leaves in good order.
+
+    Args:
+        reason: in words.
+    """
+
+    reason: Reason
+
+
+class Refused(msgspec.Struct, frozen=True, tag_field=MARK, tag="refused"):
+    """The last message of an end that does not want to go on with the other. Unknown fields are ignored.
+
+    Args:
+        reason: in words, with what to try.
+    """
+
+    reason: Reason
+
+
+Control: TypeAlias = Hello | Auth | Ping | Pong | Bye | Refused
+
+
+class PageHead(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=MARK, tag="page"):
+    """A page whose data has been looked through and not decoded: that takes a fiftieth of the time.
+
+    Args:
+        key, origin, created_at_s, process: as of Page.
+        data: as it came.
+    """
+
+    key: str
+    data: msgspec.Raw
+    origin: str
+    created_at_s: float
+    process: bool = True
+
+
+LONG_BYTES = 4096  # from here on a page's head is read first
+encode_message: Callable[[Control], bytes] = msgspec.json.Encoder().encode
+decode_control: Callable[[bytes], Control] = msgspec.json.Decoder(Control).decode
+_decode: Callable[[bytes], Control | Page] = msgspec.json.Decoder(Control | Page).decode
+_decode_head: Callable[[bytes], Control | PageHead] = msgspec.json.Decoder(Control | PageHead).decode
+
+
+def decode_message(raw: bytes, is_wanted: Callable[[str, str], bool] | None = None) -> Control | Page:
+    """Returns the message in a frame.
+
+    Args:
+        raw: the message.
+        is_wanted: whether a page of this key and origin is; a long one that is not comes with None as its data, and
+            costs little. None: all are.
+
+    Raises:
+        msgspec.DecodeError: it is not JSON, or none of these messages.
+        ValueEncodingError: it is a page with damaged data, or beyond the bounds of wire_bounds.py.
+        RecursionError: it is nested too deeply.
+    """
+    if is_wanted is not None and len(raw) > LONG_BYTES:
+        head = _decode_head(raw)
+        if type(head) is PageHead and not is_wanted(head.key, head.origin):
+            return Page(head.key, None, head.origin, head.created_at_s, head.process)
+    message = _decode(raw)
+    if type(message) is Page:
+        check_bounds(raw)
+        if may_have_marks(raw, len(b'{"$')):  # beside its own, which mostly stands first
+            return Page.deserialize(raw, WIRE_KINDS)
+    return message
+
+
+def decoder_of(*others: Any) -> Callable[[bytes], Any]:
+    """Returns a decoder of the control messages and of other tagged Structs: for sessions with another purpose."""
+    kinds: Any = Control
+    for other in others:
+        kinds |= other
+    decode: Callable[[bytes], Any] = msgspec.json.Decoder(learned(kinds)).decode
+    return decode

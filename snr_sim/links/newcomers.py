@@ -1,0 +1,87 @@
+"""Newcomers: connections that have not proven yet who they are. Who may greet, and who goes when there are too many.
+
+Whoever can reach a port can open connections to it at any rate. So each address gets a few greetings a second. Exempt
+are this machine and addresses from which somebody has come up before: there an honest client may have lost its
+connection and call again, and cannot be told from an attacker until it has greeted.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+from collections import Counter, OrderedDict
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from typing import TypeVar
+
+from snr_sim.links.allowance import Allowance
+
+GREETINGS_PER_S = 10.0  # of one address
+GREETINGS_AT_ONCE = 40.0
+MAX_ADDRESSES = 1024  # remembered; an IPv6 network of 64 bits counts as one
+MAX_KNOWN = 256
+
+One = TypeVar("One")
+
+
+class Newcomers:
+    """Counts greetings by address."""
+
+    def __init__(self) -> None:
+        self._greetings: OrderedDict[str, Allowance] = OrderedDict()
+        self._known: OrderedDict[str, None] = OrderedDict()
+
+    def may_greet(self, address: str, now_s: float) -> bool:
+        """Whether a connection from here may begin to greet; counted if so."""
+        source = source_of(address)
+        if source in self._known or source == LOOPBACK:
+            return True
+        allowance = self._greetings.setdefault(source, Allowance(GREETINGS_PER_S, GREETINGS_AT_ONCE))
+        _keep(self._greetings, source, MAX_ADDRESSES)
+        return allowance.take(now_s)
+
+    def know(self, address: str) -> None:
+        """Remember that somebody has come up from here."""
+        source = source_of(address)
+        self._known[source] = None
+        _keep(self._known, source, MAX_KNOWN)
+
+
+LOOPBACK = "this machine"
+
+
+@lru_cache(maxsize=MAX_ADDRESSES)
+def source_of(address: str) -> str:
+    """Return what one user of a network can have all addresses of: of IPv6 the first 64 bits.
+
+    >>> source_of("192.0.2.1"), source_of("::ffff:192.0.2.1"), source_of("2001:db8::1:2:3:4%eth0"), source_of("::1")
+    ('192.0.2.1', '192.0.2.1', '2001:db8::', 'this machine')
+    """
+    try:
+        host = ipaddress.ip_address(address.partition("%")[0])  # an IPv6 address may name its interface
+    except ValueError:
+        return address
+    host = getattr(host, "ipv4_mapped", None) or host
+    if host.is_loopback:
+        return LOOPBACK
+    if host.version == 6:
+        host = ipaddress.IPv6Address(int(host) >> 64 << 64)
+    return str(host)
+
+
+def crowd(ones: Sequence[One], *traits: Callable[[One], str]) -> list[One]:
+    """Return those that share what most have in common: of these traits, one after the other.
+
+    >>> crowd(["ax", "bx", "by", "bx"], lambda one: one[0], lambda one: one[1])
+    ['bx', 'bx']
+    """
+    crowded = list(ones)
+    for trait in traits:
+        ((most, _),) = Counter(map(trait, crowded)).most_common(1)
+        crowded = [one for one in crowded if trait(one) == most]
+    return crowded
+
+
+def _keep(table: OrderedDict[str, One], source: str, most: int) -> None:
+    table.move_to_end(source)
+    if len(table) > most:
+        table.popitem(last=False)

@@ -1,0 +1,98 @@
+"""RestartingLoop: a loop over ports that any program can reach. A failure restarts the loop and never ends its node."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from functools import partial
+
+from snr_sim.core.loop import Loop
+from snr_sim.links.back_off import BackOff
+from snr_sim.links.session import on_one_line
+
+STEADY_S = 5.0  # a loop that ran this long without a failure waits shortly before it opens again
+
+
+class RestartingLoop(Loop):
+    """Calls `_round` again and again; if that raises, closes everything and opens it again after a back-off.
+
+    What a loop of the robot raises is a mistake in the robot and ends the node. What is raised here was caused by what
+    came over the network: another program must not end the robot's program with it.
+    """
+
+    failures = 0  # errors that no byte of a far end should cause: each closed a stream, or the whole loop
+    is_shut = False  # from a failure until everything is open again
+    _failure = ""  # the last reason, logged once
+    _opened_s = float("-inf")
+
+    def _open_ports(self, ports: ExitStack) -> None:
+        """Open what the loop waits for, and push onto `ports` how to close it."""
+        raise NotImplementedError
+
+    def _round(self) -> None:
+        """Wait until something happens, and act on it."""
+        raise NotImplementedError
+
+    def _see_off(self) -> None:
+        """Say goodbye to all far ends before everything is closed."""
+
+    def _show_down(self, reason: str) -> None:
+        """Publish why the loop is shut."""
+
+    def _open(self) -> None:
+        with ExitStack() as ports:  # what raises halfway leaves nothing open
+            self._open_ports(ports)
+            self._ports = ports.pop_all()
+
+    def _shut(self) -> None:
+        """Close everything; safe to call twice."""
+        self._ports.close()
+
+    def setup(self) -> None:
+        """Start to count how long the loop runs without a failure."""
+        self._restarts = BackOff()
+        self._opened_s = self.get_time_s()
+
+    def loop(self) -> None:
+        """Do one round; after a failure, open everything again first."""
+        try:
+            if self.is_shut:
+                self._open()
+                self.is_shut, self.next_tick_at_s, self._opened_s = False, None, self.get_time_s()
+            self._round()
+        except Exception as error:
+            self._restart_later(error)
+
+    def _restart_later(self, error: Exception) -> None:
+        now_s = self.get_time_s()
+        if not self.is_shut and now_s - self._opened_s >= STEADY_S:
+            self._restarts.forget()
+        self.failures += 1
+        self.is_shut, self.next_tick_at_s = True, now_s + self._restarts.next_s()
+        reason = on_one_line(f"'{self.name}' failed and starts again: {error_text(error)}")
+        if reason != self._failure:
+            self.log.error("%s", reason, exc_info=error)
+        self._failure = reason
+        self._try(self._shut)
+        self._try(partial(self._show_down, reason))
+
+    def halt(self) -> None:
+        """Say goodbye and close everything."""
+        if not self.is_shut:
+            self._try(self._see_off)
+        self._try(self._shut)
+
+    def _try(self, step: Callable[[], object]) -> None:
+        try:
+            step()
+        except Exception:
+            self.log.exception("'%s' could not close in order", self.name)
+
+
+def error_text(error: Exception) -> str:
+    """Return what an error says: the system's text for its own errors, else with the error's type.
+
+    >>> error_text(KeyError("x"))
+    "KeyError: 'x'"
+    """
+    return getattr(error, "strerror", None) or f"{type(error).__name__}: {error}".removesuffix(": ")

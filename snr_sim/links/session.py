@@ -1,0 +1,389 @@
+"""Session: what two ends of a link say to each other, without a port and without a clock.
+
+Bytes in, messages out; bytes to send; and a state. Time is an argument. So a silent peer, a wrong secret or a
+flood of nonsense is a test of a few lines, and TCP, pipes and simulated links all behave alike:
+
+    greeting -> (proving) -> up -> closed
+"""
+
+from __future__ import annotations
+
+import hmac
+import os
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, get_args
+
+import msgspec
+
+from snr_sim.links.frame_mac import FrameMac
+from snr_sim.links.frames import MAC_BYTES, MAX_FRAME_BYTES, FrameReader, encode_frame
+from snr_sim.links.messages import (
+    MAX_REASON_CHARS,
+    NONCE_BYTES,
+    PROTOCOL,
+    VERSION,
+    Auth,
+    Bye,
+    Control,
+    Hello,
+    Ping,
+    Pong,
+    Refused,
+    decode_control,
+    decode_message,
+    encode_message,
+)
+from snr_sim.links.security import derive_key
+from snr_sim.prelude.errors import FrameTooLarge, SnrError
+from snr_sim.prelude.text import printable
+
+# Whoever has not said hello yet gets no more of our memory than this.
+MAX_GREETING_BYTES = 4096
+# The first frames of each end with a secret, hello and auth, are for ends that do not know each other yet. Later ones
+# have a MAC.
+FRAMES_WITHOUT_MAC = 2
+# Answers that wait because the other end does not read them; beyond this it is left.
+MAX_WAITING_BYTES = 1 << 16
+# Of so many pings the quickest counts for the clocks' offset: more, and clocks that drift apart would be noticed late.
+OFFSETS_REMEMBERED = 8
+_CONTROL = frozenset(get_args(Control))
+
+
+class State(StrEnum):
+    """Where a session stands."""
+
+    greeting = "greeting"
+    proving = "proving"
+    up = "up"
+    closed = "closed"
+
+
+_UP, _CLOSED = State.up, State.closed  # looked up once: in Python 3.11 a member of an Enum takes 0.1 us to find
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What one end brings to its sessions.
+
+    Args:
+        node: name of its node.
+        is_server: whether it is the end that was called.
+        secret: shared by both ends; None asks for none.
+        purpose: what the port is for.
+        max_frame_bytes: the longest payload it takes.
+        keep_alive_s: how often it asks whether the other is there.
+        timeout_s: how long it may hear nothing.
+        greeting_s: how long a greeting may take; `timeout_s` if None.
+        secret_is: what people know the secret as, and how it is given.
+    """
+
+    node: str
+    is_server: bool
+    secret: bytes | None = None
+    purpose: str = "pages"
+    max_frame_bytes: int = MAX_FRAME_BYTES
+    keep_alive_s: float = 0.5
+    timeout_s: float = 3.0
+    greeting_s: float | None = None
+    secret_is: tuple[str, str] = ("shared secret", "the same secret= on both ends")
+
+
+class Session:
+    """One end of a conversation. Not for two threads at a time.
+
+    Args:
+        terms: of this end.
+        now_s: the time; of any clock, but always the same one.
+        decode: of payloads; what it returns beside control messages is what `receive` hands out.
+        nonce: of this session; random if not given.
+    """
+
+    def __init__(
+        self,
+        terms: Terms,
+        now_s: float,
+        decode: Callable[[bytes], Any] = decode_message,
+        nonce: bytes | None = None,
+    ) -> None:
+        self.terms = terms
+        self.state = State.greeting
+        self.reason = ""  # why it closed, in words
+        self.was_refused = False  # by either end: trying again soon is of no use
+        self.was_left = False  # by the other end, in good order
+        self.was_forged = False  # by what is between the two ends
+        self.peer: Hello | None = None
+        self.peer_node = ""  # name of the other end's node, once it said so
+        self.rtt_s: float | None = None
+        # What to add to a time of the other end's clock to have it in ours; too large by a one-way latency at most.
+        self.clock_offset_s: float | None = None
+        self.heard_s = now_s
+        self.received = 0  # messages handed out
+        self.rejected = 0  # once it was up, that were none of the messages, or beyond their bounds
+        self._decode = decode
+        self._reader = FrameReader(min(MAX_GREETING_BYTES, terms.max_frame_bytes))
+        self._nonce = (nonce or os.urandom(NONCE_BYTES)).hex()
+        self.begun_s = now_s
+        self._ping_s = now_s
+        self._offsets_s: deque[float] = deque(maxlen=OFFSETS_REMEMBERED)
+        self._outbox: list[bytes] = []
+        self._outbox_bytes = 0
+        self._sealed = 0  # frames that went through `seal` and got no MAC
+        self._mac_out: FrameMac | None = None  # both once the other end has greeted, if there is a secret
+        self._mac_in: FrameMac | None = None
+        self._proofs = ("", "")  # of this end, and what the other end's must be
+        self._hello = encode_frame(
+            encode_message(
+                Hello(
+                    PROTOCOL,
+                    VERSION,
+                    terms.node,
+                    self._nonce,
+                    terms.purpose,
+                    terms.secret is not None,
+                    terms.max_frame_bytes,
+                )
+            )
+        )
+        self._put(self._hello)
+
+    @property
+    def is_up(self) -> bool:
+        """Whether the other end is known, proven and not gone."""
+        return self.state is _UP
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether it is over; `reason` says why."""
+        return self.state is _CLOSED
+
+    @property
+    def wants_attention(self) -> bool:
+        """Whether there is something to send, or it is over."""
+        return bool(self._outbox) or self.state is _CLOSED
+
+    @property
+    def missing_bytes(self) -> int:
+        """How many bytes of the frame that has begun are still to come."""
+        return self._reader.missing_bytes
+
+    def take_output(self) -> list[bytes]:
+        """Returns the frames that are to be sent, in order and not sealed yet, and forgets them."""
+        frames, self._outbox, self._outbox_bytes = self._outbox, [], 0
+        return frames
+
+    def seal(self, frame: bytes) -> bytes:
+        """Returns a frame as it crosses: with its MAC, if there is a secret.
+
+        Every frame of the session, those of `take_output` and all others, once and in the order in which they cross.
+        So not before it is certain that a frame is sent, and which is next; and by one thread at a time.
+        """
+        mac = self._mac_out
+        if mac is not None and self._sealed >= FRAMES_WITHOUT_MAC:
+            return mac.seal(frame)
+        self._sealed += 1  # before it has greeted, the other end gets no more than a hello and a last word
+        return frame
+
+    def receive(self, data: bytes, now_s: float) -> list[Any]:
+        """Takes bytes as they come; returns the messages in them that are none of the session's own: pages.
+
+        Never raises, whatever the bytes: what is wrong closes the session, and `reason` says so.
+        """
+        taken: list[Any] = []
+        if self.state is _CLOSED:
+            return taken
+        self.heard_s = now_s
+        try:
+            # One at a time until both know each other: only then does the other end's limit grow.
+            while self.state is not _UP:
+                frames, data = self._reader.feed(data, at_most=1), b""
+                if not frames:
+                    return taken
+                # Who is not known yet is not even listened to beyond the greeting.
+                self._answer_greeting(frames[0], now_s)
+                if self.state is _CLOSED:
+                    return taken
+            decode, mac = self._decode, self._mac_in
+            for payload in self._reader.feed(data):
+                raw = payload if mac is None else mac.open(payload)
+                if raw is None:
+                    self._refuse_forged()
+                    return taken
+                message = decode(raw)
+                if type(message) in _CONTROL:
+                    self._answer(message, now_s)
+                    if self.state is not _UP:
+                        return taken
+                else:
+                    taken.append(message)
+        except FrameTooLarge as error:
+            self.refuse(str(error))
+        except (msgspec.MsgspecError, SnrError, ValueError, RecursionError, MemoryError, OverflowError) as error:
+            self.rejected += self.is_up
+            during = "" if self.is_up else " before the greeting was complete"
+            self.refuse(f"a message came{during} that is none: {error}")
+        finally:
+            self.received += len(taken)
+        return taken
+
+    def forgive_silence(self, now_s: float) -> None:
+        """Forgives the other end its silence: it was this end that did not read."""
+        self.heard_s = now_s
+
+    def tick(self, now_s: float) -> None:
+        """Does what time asks for: asks whether the other end is there; closes if it has not been for too long."""
+        if self.state is State.closed:
+            return
+        terms = self.terms
+        if self.state is State.up:
+            what, since_s, most_s = "nothing was heard", self.heard_s, terms.timeout_s
+        else:
+            what, since_s = "the greeting was not completed", self.begun_s
+            most_s = terms.timeout_s if terms.greeting_s is None else terms.greeting_s
+        if now_s - since_s > most_s:
+            self._close(f"{what} for {most_s:g} s.")
+        elif self.state is State.up and now_s - self._ping_s >= self.terms.keep_alive_s:
+            self._ping(now_s)
+
+    def _ping(self, now_s: float) -> None:
+        self._ping_s = now_s
+        self._say(Ping(now_s))
+
+    def bye(self, reason: str) -> None:
+        """Ends the session in good order."""
+        if self.state is not State.closed:
+            self._say(Bye(reason[:MAX_REASON_CHARS]))
+            self._close(reason)
+
+    def refuse(self, reason: str) -> None:
+        """Ends the session and tells the other end what was wrong with it."""
+        if self.state is not State.closed:
+            reason = on_one_line(reason)  # it may quote what came
+            self._say(Refused(reason))
+            self.was_refused = True
+            self._close(reason)
+
+    def lost(self, reason: str) -> None:
+        """Ends the session because its port did."""
+        self._close(reason)
+
+    def _close(self, reason: str) -> None:
+        if self.state is not State.closed:
+            self.state = State.closed
+            self.reason = reason
+
+    def _refuse_forged(self) -> None:
+        self.was_forged = True
+        self.refuse(
+            f"a frame came that '{self.peer_node}' did not send, or not now (its MAC is wrong): something between the "
+            "two ends adds, changes, repeats or leaves out frames. Try: another cable or network."
+        )
+
+    def _answer_greeting(self, payload: bytes, now_s: float) -> None:
+        message = decode_control(payload)
+        if isinstance(message, Hello) and self.peer is None and self.terms.secret is not None:
+            self._derive_keys(self.terms.secret, encode_frame(payload))
+        self._answer(message, now_s)
+
+    def _derive_keys(self, secret: bytes, their_hello: bytes) -> None:
+        """Computes what proves both ends to each other, and the keys of what they send."""
+        sides, hellos = ("client", "server"), (self._hello, their_hello)
+        if self.terms.is_server:
+            sides, hellos = sides[::-1], hellos[::-1]
+        own, other = (
+            {use: derive_key(secret, f"{side} {use}", *hellos) for use in ("proof", "frames")} for side in sides
+        )
+        self._proofs = (own["proof"].hex(), other["proof"].hex())
+        self._mac_out, self._mac_in = FrameMac(own["frames"]), FrameMac(other["frames"])
+
+    def _answer(self, message: Control, now_s: float) -> None:
+        match message:
+            case Bye():
+                self.was_left = True
+                self._close(f"'{self.peer_node}' left: {on_one_line(message.reason)}")
+            case Refused():
+                self.was_refused = True
+                self._close(f"the other end refused: {on_one_line(message.reason)}")
+            case Hello() if self.peer is None:
+                self._greet(message, now_s)
+            case Auth() if self.state is State.proving:
+                self._check(message, now_s)
+            case Ping() if self.state is State.up:
+                self._offsets_s.append(now_s - message.stamp_s)
+                self.clock_offset_s = min(self._offsets_s)  # of the one that was quickest
+                self._say(Pong(message.stamp_s))
+            case Pong() if self.state is State.up:
+                if message.stamp_s == self._ping_s:
+                    self.rtt_s = max(0.0, now_s - message.stamp_s)
+            case _:
+                self.refuse(f"a {type(message).__name__.lower()} came out of turn.")
+
+    def _greet(self, hello: Hello, now_s: float) -> None:
+        terms = self.terms
+        has_secret = terms.secret is not None
+        if hello.protocol != PROTOCOL or hello.version != VERSION:
+            self.refuse(
+                f"node '{terms.node}' speaks {PROTOCOL} version {VERSION}, the other end {hello.protocol} version "
+                f"{hello.version}. Try: the same release of snr_sim on both."
+            )
+        elif not hello.node.isprintable():
+            self.refuse(
+                f"the other end names itself {hello.node!a}, with characters that no terminal shows. "
+                "Try: a role's name of letters, digits and underscores."
+            )
+        elif hello.purpose != terms.purpose:
+            self.refuse(
+                f"node '{terms.node}' is here for {terms.purpose}, node '{hello.node}' for {hello.purpose}. "
+                "Try: is that the right port?"
+            )
+        elif hello.auth != has_secret:
+            who, other = (terms.node, hello.node) if has_secret else (hello.node, terms.node)
+            self._meet(hello)  # it is what it should be, and only not to be trusted
+            what, fix = terms.secret_is
+            self.refuse(f"node '{who}' asks for a {what}, node '{other}' has none. Try: {fix}.")
+        else:
+            self._meet(hello)
+            if not has_secret:
+                self._go_up(now_s)
+                return
+            self.state = State.proving
+            if not terms.is_server:  # who calls proves first: a server tells strangers nothing
+                self._say(Auth(self._proofs[0]))
+
+    def _meet(self, hello: Hello) -> None:
+        self.peer, self.peer_node = hello, hello.node
+
+    def _check(self, auth: Auth, now_s: float) -> None:
+        own, other = self._proofs
+        if not hmac.compare_digest(auth.proof, other):
+            what, fix = self.terms.secret_is
+            self.refuse(f"the {what}s of the two ends differ, or somebody passed on or changed a greeting. Try: {fix}.")
+            return
+        if self.terms.is_server:
+            self._say(Auth(own))
+        self._go_up(now_s)
+
+    def _go_up(self, now_s: float) -> None:
+        self.state = State.up
+        self._ping(now_s)  # before any page: so the other end knows from the first one on how old ours are
+        self._reader.max_bytes = self.terms.max_frame_bytes + (0 if self._mac_in is None else MAC_BYTES)
+
+    def _say(self, message: Control) -> None:
+        self._put(encode_frame(encode_message(message)))
+
+    def _put(self, frame: bytes) -> None:
+        self._outbox.append(frame)
+        self._outbox_bytes += len(frame)
+        if self._outbox_bytes > MAX_WAITING_BYTES and self.state is not State.closed:
+            self._close("the other end does not read its answers.")
+
+
+def on_one_line(reason: str) -> str:
+    """Returns a reason without what a terminal would obey: whoever sent it wrote what an operator reads.
+
+    >>> on_one_line("gone.\\n  Try: \\x1b[2J")
+    'gone. Try: \\\\x1b[2J'
+    """
+    return printable(" ".join(reason.split()))[:MAX_REASON_CHARS]

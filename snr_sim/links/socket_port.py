@@ -1,0 +1,183 @@
+"""Sockets as ports, and where they are: all that is particular to TCP and TLS about a stream of bytes."""
+
+from __future__ import annotations
+
+import errno
+import os
+import socket
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from snr_sim.links.tls_errors import tls_words
+from snr_sim.prelude.errors import LinkError
+
+if TYPE_CHECKING:
+    import ssl
+
+
+@dataclass
+class Address:
+    """Where a server is.
+
+    Args:
+        host: it binds to, and nothing else.
+        port: 0 takes a free one; once the server listens, this is the one it has.
+    """
+
+    host: str
+    port: int
+
+    def __str__(self) -> str:
+        return f"{self.host}:{self.port}"
+
+
+class SocketPort:
+    """A TCP socket, perhaps inside TLS, as a port.
+
+    Args:
+        sock: connected.
+        context: of TLS, if wanted.
+        server_name: what its certificate must say; None on the server's side.
+    """
+
+    def __init__(self, sock: socket.socket, context: ssl.SSLContext | None = None, server_name: str | None = None):
+        sock.setblocking(False)
+        with suppress(OSError):  # not every family of sockets has it
+            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self.is_shareable = context is None  # OpenSSL is not for two threads at a time
+        self._sock = sock
+        self._blocked: tuple[type[Exception], ...] = ()
+        self._broken: tuple[type[ssl.SSLError], ...] = ()
+        if context is not None:
+            import ssl  # only links with TLS pay for it
+
+            self._blocked = (ssl.SSLWantReadError, ssl.SSLWantWriteError)
+            self._broken = (ssl.SSLError,)
+            self._sock = context.wrap_socket(
+                sock, server_side=server_name is None, server_hostname=server_name, do_handshake_on_connect=False
+            )
+
+    def fileno(self) -> int:
+        """Returns the socket's descriptor."""
+        return self._sock.fileno()
+
+    def read(self, most: int) -> bytes:
+        """Returns what has come; see Port."""
+        if self.is_shareable:
+            return self._sock.recv(most)
+        chunks: list[bytes] = []
+        try:
+            while (left := most - sum(map(len, chunks))) > 0:  # a record has at most 16 KiB, a frame may have more
+                chunks.append(self._sock.recv(left))
+                if not chunks[-1]:
+                    break
+        except self._blocked:
+            if not chunks:
+                raise BlockingIOError from None
+        except self._broken as error:
+            raise OSError(tls_words(error)) from None
+        return b"".join(chunks)
+
+    def has_more(self) -> bool:
+        """Whether TLS has taken in bytes that have not been read; see Port."""
+        return not self.is_shareable and self._sock.pending() > 0  # type: ignore[attr-defined]
+
+    def write(self, data: bytes | memoryview) -> int:
+        """Sends what fits; see Port."""
+        try:
+            return self._sock.send(data)
+        except self._blocked:
+            raise BlockingIOError from None
+        except self._broken as error:
+            raise OSError(tls_words(error)) from None
+
+    def end_writing(self) -> None:
+        """Tells the far end that nothing more comes."""
+        if self.is_shareable:
+            self._sock.shutdown(socket.SHUT_WR)
+        else:
+            socket.socket.shutdown(self._sock, socket.SHUT_WR)  # that of TLS would also end reading
+
+    def close(self) -> None:
+        """Closes the socket."""
+        self._sock.close()
+
+
+class Claim:
+    """A port at which somebody listens before the component that will serve it is there.
+
+    Args:
+        who: wants it, for the words of an error.
+    """
+
+    def __init__(self, who: str = "A link") -> None:
+        self._who = who
+        self._held: socket.socket | None = None
+
+    def make(self, address: Address) -> None:
+        """Listens; the port that a 0 has become stands in the address.
+
+        Raises:
+            LinkError: the port is taken, or the host is not this machine.
+        """
+        if self._held is None:
+            self._held = listen(address.host, address.port, self._who)
+            address.port = self._held.getsockname()[1]
+
+    def take(self, address: Address) -> socket.socket:
+        """Returns the socket that listens, for the caller to close; made now if it was not before.
+
+        Raises:
+            LinkError: as of `make`.
+        """
+        self.make(address)
+        held, self._held = self._held, None
+        assert held is not None
+        return held
+
+    def release(self) -> None:
+        """Closes it, if nobody has taken it. Safe to call twice."""
+        if self._held is not None:
+            self._held.close()
+            self._held = None
+
+
+def listen(host: str, port: int, who: str = "A link") -> socket.socket:
+    """Returns a socket that listens at one address; `who` wants it, for the words of an error.
+
+    Raises:
+        LinkError: the port is taken, or the host is not this machine.
+    """
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
+    except OSError as error:
+        raise LinkError(
+            f"{who} should listen on '{host}', which no name server knows ({error.strerror}).",
+            fix="an address of this machine: 127.0.0.1, or one that `ip address` shows.",
+        ) from error
+    sock = socket.socket(family, kind, protocol)
+    try:
+        if os.name == "nt":
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_EXCLUSIVEADDRUSE, 1)  # type: ignore[attr-defined,unused-ignore]
+        else:
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # a restart need not wait for the last run's
+        sock.bind(address)
+        sock.listen(128)
+        sock.setblocking(False)
+    except OSError as error:
+        sock.close()
+        raise _cannot_listen(who, host, port, error) from error
+    return sock
+
+
+def _cannot_listen(who: str, host: str, port: int, error: OSError) -> LinkError:
+    if error.errno == errno.EADDRINUSE:
+        fix = f"end the program that uses it (`ss -tlnp | grep {port}` names it), or take another port."
+    elif error.errno == errno.EACCES:
+        fix = "a port above 1023."
+    else:
+        fix = "an address of this machine: 127.0.0.1, or one that `ip address` shows."
+    return LinkError(f"{who} cannot listen on {host} port {port}: {error.strerror}.", fix=fix)

@@ -1,0 +1,222 @@
+"""StreamPeer: a far end at a stream of bytes. What is sent by whom, and what waits in which order.
+
+The node's thread never waits. It tries to send a page itself if nothing stands in line before it (a system call
+that takes what fits and returns), because that is quickest; otherwise the page queues and the link's thread is woken.
+"""
+
+from __future__ import annotations
+
+import errno
+import heapq
+import threading
+from contextlib import suppress
+from typing import Protocol
+
+from snr_sim.links.faults import Way
+from snr_sim.links.options import LinkOptions
+from snr_sim.links.peers import Peer
+from snr_sim.links.restarting import error_text
+from snr_sim.links.session import MAX_WAITING_BYTES, Session
+
+WRITE_BYTES = 1 << 17  # in one system call, at least if so much waits
+# With more tasks than this waiting, more pages are likely to follow: then one send for many is cheaper than one each.
+FEW_TASKS = 32
+
+
+class Port(Protocol):
+    """A stream of bytes that never makes anybody wait."""
+
+    # Whether one thread may write while another reads, and `select` shows all that has come: not where TLS is between.
+    is_shareable: bool
+
+    def fileno(self) -> int:
+        """Returns what `select` waits for."""
+        ...
+
+    def read(self, most: int) -> bytes:
+        """Returns what has come, b"" at the end; raises BlockingIOError if nothing has, OSError if it broke."""
+        ...
+
+    def has_more(self) -> bool:
+        """Whether bytes can be read that `select` does not show."""
+        ...
+
+    def write(self, data: bytes | memoryview) -> int:
+        """Sends what fits and returns how much; raises BlockingIOError if nothing does, OSError if it broke."""
+        ...
+
+    def end_writing(self) -> None:
+        """Tells the far end that nothing more comes."""
+        ...
+
+    def close(self) -> None:
+        """Lets go of it."""
+        ...
+
+
+class Owner(Protocol):
+    """The link a peer belongs to, as far as the peer needs it."""
+
+    options: LinkOptions
+
+    def wake(self) -> None:
+        """Has the link's thread look around."""
+        ...
+
+    def has_few_tasks(self) -> bool:
+        """Whether the node has little to do beside what it does now."""
+        ...
+
+    def get_time_s(self) -> float:
+        """Returns the time."""
+        ...
+
+
+class Account:
+    """How much time reading from a far end, or from several, has taken lately; see `StreamLink._in_turn`."""
+
+    used_s = 0.0
+
+
+class StreamPeer(Peer):
+    """A far end at a port.
+
+    Args:
+        port: to it.
+        session, way: as of Peer.
+        link: whose it is.
+        where: its address, in words.
+        account: what it uses is added to.
+    """
+
+    def __init__(
+        self, port: Port, session: Session, link: Owner, way: Way | None, where: str, account: Account
+    ) -> None:
+        super().__init__(session, link.options, way)
+        self.where = where
+        self.account = account
+        self.port = port
+        self.descriptor = port.fileno()  # kept: a port that is closed has none, and `select` forgets none by itself
+        self.failure = ""  # what happened to the port, if something did
+        self.bug: Exception | None = None  # which failed in our own code, if it was not the port
+        self.is_admitted = False
+        self.is_blocked = False  # the port takes nothing now
+        self.unread_bytes = 0  # come since the last page
+        self.watched = 0  # what `select` waits for on its behalf
+        self.is_at_door = False  # whether the node's thread reads it while it waits at its door
+        self.leaves_s: float | None = None  # when it is closed at the latest, once the session is over
+        self._link = link
+        self._sending = threading.Lock()  # held for one call to the port, which does not block
+        self._cut_off: bytes | memoryview = b""  # the rest of what was sent in part
+        self._control: list[bytes] = []
+        self._delayed: list[tuple[float, int, bytes, bool]] = []
+        self._count = 0
+
+    def put(self, frame: bytes) -> None:
+        """Sends a page at once if nothing stands before it; else it waits in line, and the thread is woken."""
+        if self.way is not None:
+            self._put_on_the_way(self.way, frame, is_page=True)
+            self._link.wake()
+            return
+        with self._sending:
+            is_first = not (self._control or len(self._cut_off) or len(self.queue) or self.failure)
+            if is_first and self.port.is_shareable and self._link.has_few_tasks() and self._try(frame):
+                return
+            self.queue.put(frame)
+        self._link.wake()
+
+    def _try(self, frame: bytes) -> bool:
+        """Sends what fits of a page, and has the rest wait in front; returns whether the stream still works."""
+        sealed, done = self.session.seal(frame), 0
+        try:
+            done = self.port.write(sealed)
+        except BlockingIOError:
+            pass  # sealed is sent: a later frame cannot go before it any more
+        except Exception as error:  # on the node's thread, which goes on whatever happens to this stream
+            self.fail(error)
+            return False
+        self.sent += 1
+        if done < len(sealed):
+            self._cut_off = sealed[done:]
+            self._link.wake()
+        return True
+
+    def fail(self, error: Exception) -> None:
+        """Note what broke the stream; the first error counts. The link's thread closes it."""
+        if not self.failure:
+            self.failure = error_text(error)
+            self.bug = None if isinstance(error, OSError) else error
+
+    def pump(self, now_s: float) -> None:
+        """Sends what the port takes of all that waits; on the link's thread."""
+        output = self.session.take_output()
+        if self.way is None:
+            self._control += output
+            if output and sum(map(len, self._control)) > MAX_WAITING_BYTES:
+                self.fail(OSError(errno.ENOBUFS, "the other end does not read its answers."))
+        else:
+            for frame in output:
+                self._put_on_the_way(self.way, frame, is_page=False)
+            self._arrive(now_s)
+        try:
+            while self._write_some():
+                pass
+            self.is_blocked = False
+        except BlockingIOError:
+            self.is_blocked = True
+        except OSError as error:
+            self.fail(error)
+
+    def _write_some(self) -> bool:
+        """Writes once; returns whether there was something to write."""
+        with self._sending:
+            if not len(self._cut_off):
+                if self._control:
+                    frames, self._control = self._control, []
+                else:
+                    frames = self.queue.take(WRITE_BYTES)
+                    self.sent += len(frames)
+                self._cut_off = memoryview(b"".join(map(self.session.seal, frames)))
+            if not len(self._cut_off):
+                return False
+            self._cut_off = self._cut_off[self.port.write(self._cut_off) :]
+            return True
+
+    def end_writing(self) -> None:
+        """Tells the far end that nothing more comes."""
+        with suppress(OSError):  # broken already, which is as good
+            self.port.end_writing()
+
+    @property
+    def waiting(self) -> int:
+        """Pages that wait to be sent, also those that faults delay."""
+        with self._sending:
+            return len(self.queue) + sum(is_page for _, _, _, is_page in self._delayed)
+
+    @property
+    def has_more(self) -> bool:
+        """Whether something still waits to be sent."""
+        return bool(len(self._cut_off) or self._control or len(self.queue) or self._delayed)
+
+    @property
+    def due_s(self) -> float:
+        """When the next delayed frame is to be sent."""
+        return self._delayed[0][0] if self._delayed else float("inf")
+
+    def _put_on_the_way(self, way: Way, frame: bytes, is_page: bool) -> None:
+        with self._sending:
+            if is_page and len(self._delayed) >= self.queue.max_pages:
+                self.dropped += 1
+                return
+            for arrival_s in way.arrivals_s(len(frame), self._link.get_time_s(), is_page):
+                self._count += 1
+                heapq.heappush(self._delayed, (arrival_s, self._count, frame, is_page))
+
+    def _arrive(self, now_s: float) -> None:
+        with self._sending:
+            while self._delayed and self._delayed[0][0] <= now_s:
+                _, _, frame, is_page = heapq.heappop(self._delayed)
+                if is_page:
+                    self.queue.put(frame)
+                else:
+                    self._control.append(frame)

@@ -1,0 +1,151 @@
+"""ClientLink: the end of a TCP link that calls, and calls again whenever the connection is gone."""
+
+from __future__ import annotations
+
+import errno
+import socket
+import threading
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from queue import Empty, SimpleQueue
+from typing import TYPE_CHECKING
+
+from snr_sim.core.loop import LoopFactory
+from snr_sim.core.node import Node
+from snr_sim.links.back_off import BackOff
+from snr_sim.links.options import LinkOptions
+from snr_sim.links.restarting import error_text
+from snr_sim.links.session import Terms
+from snr_sim.links.socket_port import Address, SocketPort
+from snr_sim.links.stream_peer import StreamPeer
+from snr_sim.links.streams import StreamLink
+
+if TYPE_CHECKING:
+    import ssl
+
+CONNECT_TIMEOUT_S = 5.0
+STEADY_S = 5.0  # a connection that lasted this long was a good one: the next try comes soon
+
+
+class ClientLink(StreamLink):
+    """Calls, and calls again whenever the connection is gone.
+
+    Args:
+        factory, parent, options, terms: as of StreamLink.
+        address: of the server; its port may become known only once that listens.
+        context: of TLS, if wanted.
+        server_name: what the server's certificate must say; its host if empty.
+    """
+
+    def __init__(
+        self,
+        factory: LoopFactory,
+        parent: Node,
+        options: LinkOptions,
+        terms: Terms,
+        address: Address,
+        context: ssl.SSLContext | None,
+        server_name: str,
+    ) -> None:
+        super().__init__(factory, parent, options, terms)
+        self._address = address
+        self._context = context
+        self._server_name = server_name or address.host
+
+    def _open_ports(self, ports: ExitStack) -> None:
+        super()._open_ports(ports)
+        self._call_s: float | None = 0.0  # when to call next; None while somebody does, or the line is open
+        self._back_off = BackOff()
+        self._up_s = 0.0
+        self._calls = Calls(self.wake)
+        ports.callback(self._calls.give_up)
+
+    def _tend(self, now_s: float) -> None:
+        if self._call_s is not None and now_s >= self._call_s:
+            self._call_s = None
+            self._calls.begin(self._address.host, self._address.port)
+        super()._tend(now_s)
+
+    def _look_around(self) -> None:
+        super()._look_around()
+        with suppress(Empty):
+            answer = self._calls.answers.get_nowait()
+            if isinstance(answer, str):
+                self._call_again(f"waits for {self._address}: {answer}.")
+            else:
+                self._connected(answer)
+
+    def _connected(self, sock: socket.socket) -> None:
+        try:
+            port = SocketPort(sock, self._context, self._server_name)
+        except (OSError, ValueError) as error:  # of TLS: a name that no certificate can have is a ValueError
+            sock.close()
+            self._call_again(f"waits for {self._address}: {error}.")
+            return
+        self._up_s = self.get_time_s()
+        self._add_stream(port, str(self._address))
+
+    def _gone(self, stream: StreamPeer) -> None:
+        if self.get_time_s() - self._up_s >= STEADY_S:
+            self._back_off.forget()
+        self._call_again(stream.session.reason)
+
+    def _call_again(self, reason: str) -> None:
+        self.reason = reason
+        self._call_s = self.get_time_s() + self._back_off.next_s()
+        self._tend_s = min(self._tend_s, self._call_s)
+
+
+class Calls:
+    """Resolves names and connects on threads of their own: both may hang for as long as they like.
+
+    Args:
+        tell: is called when there is an answer.
+    """
+
+    def __init__(self, tell: Callable[[], None]) -> None:
+        self.answers: SimpleQueue[socket.socket | str] = SimpleQueue()
+        self._tell = tell
+        self._has_given_up = False
+
+    def begin(self, host: str, port: int) -> None:
+        """Begins to connect; the answer is a socket, or what went wrong."""
+        threading.Thread(target=self._connect, args=(host, port), name=f"call {host}:{port}", daemon=True).start()
+
+    def _connect(self, host: str, port: int) -> None:
+        try:
+            answer: socket.socket | str = connect(host, port)
+        except Exception as error:  # whatever it is: without an answer the link would never call again
+            answer = error_text(error)
+        self.answers.put(answer)
+        if self._has_given_up:
+            self.give_up()
+        else:
+            self._tell()
+
+    def give_up(self) -> None:
+        """Wants no more answers; a socket that comes all the same is closed."""
+        self._has_given_up = True
+        with suppress(Empty):
+            while True:
+                answer = self.answers.get_nowait()
+                if not isinstance(answer, str):
+                    answer.close()
+
+
+def connect(host: str, port: int) -> socket.socket:
+    """Returns a socket that is connected to a server.
+
+    Raises:
+        OSError: there is none, or no such host.
+    """
+    sock = socket.create_connection((host, port), CONNECT_TIMEOUT_S)
+    try:
+        if sock.getsockname() == sock.getpeername():
+            # On one machine, where the system takes our own port from the same range, a call to a port that nobody
+            # listens at can reach itself; and then hold the port against the server that comes.
+            raise ConnectionRefusedError(errno.ECONNREFUSED, "nobody listens")
+    except OSError:  # also of a server that has hung up already
+        sock.close()
+        raise
+    return sock

@@ -1,0 +1,452 @@
+"""ZenohLink: one node's link to a ZenohNet. The one door to the package `zenoh`.
+
+What Zenoh sees of each node, at its place in the net (see roster.py):
+
+    <place>/alive        a liveliness token: goes when the node does, however that may be
+    <place>/page/<key>   its pages, exactly as Page.serialize writes them; a number is attached
+    <place>/ping         answers, with its time, whoever asks; who asks says who it is
+
+Zenoh calls back on threads of its own. They only put things down, in bounded places; the link's thread does the rest,
+and also what may block: sending. Who comes late is sent the newest page of each key once more, in line with all
+others; the numbers tell the rest that they have had it, and everybody what was lost.
+"""
+
+from __future__ import annotations
+
+import atexit
+import heapq
+import json
+import math
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from queue import Empty, SimpleQueue
+from typing import Any
+
+from snr_sim.core.loop import LoopFactory
+from snr_sim.core.node import Node
+from snr_sim.links.back_off import BackOff
+from snr_sim.links.faults import Way
+from snr_sim.links.fleet import PING_BYTES, FleetLink, Hearing, Member
+from snr_sim.links.link import by_name
+from snr_sim.links.options import LinkOptions
+from snr_sim.links.restarting import RestartingLoop
+from snr_sim.links.roster import Far, Roster, encoded
+from snr_sim.links.send_queue import SendQueue
+from snr_sim.links.wire_bounds import decode_page
+from snr_sim.links.zenoh_callbacks import ZenohCallbacks
+from snr_sim.links.zenoh_settings import ZenohSettings
+from snr_sim.prelude.errors import LinkError, MissingExtra, SnrError
+from snr_sim.prelude.page import DataKey
+
+ALONE = "nobody else is in the net."
+TEND_EVERY_S = 0.05
+MAX_TIME_BYTES = 32  # of the answer to a ping
+DEAF_LOOK_S = 0.002  # how often a link that lets nothing in looks whether the node has caught up
+LINGER_S = 0.3  # how long the end of a link may take to send what waits
+LEAVE_S = 5.0  # how long the end of the program waits for a link that has not left by then
+BATCH_BYTES = 1 << 17
+MAX_PLACE_BYTES = 1 << 13
+NUMBER_BYTES = 8
+
+
+class Letter:
+    """A page on its way. Its length is that of its page.
+
+    Args:
+        key: of the page.
+        raw: the page, as Page.serialize writes it.
+        far: whose it is; None is this node's own.
+        number: of the page among those of its key; 0 if it has none.
+    """
+
+    __slots__ = ("far", "is_sent", "key", "number", "raw")
+
+    def __init__(self, key: DataKey, raw: bytes, far: Far | None = None, number: int = 0) -> None:
+        self.key = key
+        self.raw = raw
+        self.far = far
+        self.number = number
+        self.is_sent = False  # to anybody
+
+    def __len__(self) -> int:
+        return len(self.raw)
+
+
+class ZenohLink(RestartingLoop, FleetLink):
+    """Sends and hears pages over Zenoh.
+
+    Args:
+        factory, parent, options, member, hearing: as of FleetLink.
+        settings: what it may do on the network.
+    """
+
+    def __init__(
+        self,
+        factory: LoopFactory,
+        parent: Node,
+        options: LinkOptions,
+        member: Member,
+        hearing: Hearing,
+        settings: ZenohSettings,
+    ) -> None:
+        super().__init__(factory, parent, options, member, hearing)
+        self._waits_for = ", ".join(each.text for each in settings.connect) or "anybody to be discovered"
+        self.reason = ALONE if settings.listen else f"waits for {self._waits_for}."
+        self._session: Any = None
+        self._callbacks = ZenohCallbacks()
+        self._has_joined = False
+        self._back_off = BackOff()
+        self._try_s = 0.0
+        self._settings = settings
+        self._roster = Roster(f"snr/{encoded(options.name)}")
+        self._outbox: SendQueue[Letter] = SendQueue(options.queue_pages, options.policy)
+        self._inbox: SendQueue[Letter] = SendQueue(options.queue_pages, options.policy)
+        self._guard = threading.Lock()  # held for a few steps: of the two above, and what is on the way
+        self._newest: dict[DataKey, Letter] = {}
+        self._publishers: dict[DataKey, Any] = {}
+        self._way = (
+            None if options.faults is None else Way(options.faults, parent.seed, f"link:{self.name}:{parent.role}")
+        )
+        self._delayed: list[tuple[float, int, Callable[[], None]]] = []  # what is on the way: when it arrives
+        self._count = 0
+        self._bell: SimpleQueue[None] = SimpleQueue()
+        self._is_rung = False
+        self._tend_s = 0.0
+        self._ping_s = 0.0
+
+    def _open(self) -> None:
+        self._zenoh = zenoh = _zenoh()
+        self._config = zenoh.Config()
+        for name, value in self._settings.config(self._roster.prefix).items():
+            self._config.insert_json5(name, json.dumps(value))
+        if not self._settings.listen:
+            return  # that may take long, and is the link's thread's business
+        try:
+            self._session = zenoh.open(self._config)
+        except zenoh.ZError as error:
+            raise LinkError(
+                f"The net '{self.options.name}' cannot be opened: {_in_words(error)}",
+                fix="is another program listening there, and is it an address of this machine?",
+            ) from error
+
+    def _connect(self) -> None:
+        """Tries to connect; on the link's thread, which has nothing better to do."""
+        try:
+            session = self._zenoh.open(self._config)
+        except self._zenoh.ZError as error:
+            self.reason = f"waits for {self._waits_for}: {_in_words(error)}"
+            self._try_s = self.get_time_s() + self._back_off.next_s()
+            return
+        if self.is_terminated():
+            session.close()
+            return
+        self._session = session
+
+    def _join_net(self) -> None:
+        """Listens first and shows itself last: who sees this node can already be heard by it."""
+        session, accept, robots = self._session, self.options.accept, self.hearing.robots
+        prefix = self._roster.prefix
+        self._roster.own_place = place = self._roster.place_of(self.member, str(session.zid()))
+        self.reason = ALONE
+        remote = self._zenoh.Locality.REMOTE
+        for robot in ["*"] if robots is None else [encoded(robot) for robot in sorted(robots)]:
+            for key in ["*"] if accept is None else [encoded(key) for key in sorted(accept)]:
+                session.declare_subscriber(
+                    f"{prefix}/{robot}/*/*/page/{key}", self._background(self._came), allowed_origin=remote
+                )
+        session.declare_queryable(f"{place}/ping", self._background(self._asked), allowed_origin=remote)
+        alive = session.liveliness()
+        alive.declare_subscriber(f"{prefix}/*/*/*/alive", self._background(self._seen), history=True)
+        self._token = alive.declare_token(f"{place}/alive")
+        self._has_joined = True
+
+    def _background(self, callback: Callable[[Any], None]) -> Any:
+        return self._callbacks.make(self._zenoh.handlers.Callback, callback)
+
+    # On Zenoh's threads. None of these may raise: Zenoh would only print it.
+
+    def _came(self, sample: Any) -> None:
+        """A page, perhaps."""
+        place, _, key = str(sample.key_expr).rpartition("/page/")
+        size_bytes = len(sample.payload)
+        attached = b"" if sample.attachment is None else sample.attachment.to_bytes()[: NUMBER_BYTES + 1]
+        number = int.from_bytes(attached, "big") if len(attached) == NUMBER_BYTES else 0
+        raw = sample.payload.to_bytes() if size_bytes <= self.options.max_frame_bytes else b""
+        far, is_new = self._roster.takes(place, key, number, self.get_time_s())
+        if far is None or not raw:
+            self.unwanted += 1
+        elif is_new:
+            with self._guard:
+                self._inbox.put(Letter(key, raw, far))
+            self._ring()
+
+    def _seen(self, sample: Any) -> None:
+        """Somebody has come or gone."""
+        place = str(sample.key_expr).removesuffix("/alive")
+        if sample.kind == self._zenoh.SampleKind.DELETE:
+            self._roster.leaves(place)
+        else:
+            self._roster.shows(place, self.get_time_s())
+        self._tend_soon()
+
+    def _tend_soon(self) -> None:
+        self._tend_s = 0.0
+        self._ring()
+
+    def _asked(self, query: Any) -> None:
+        """Somebody asks whether this node is there."""
+        if query.payload is not None and len(query.payload) <= MAX_PLACE_BYTES:
+            self._roster.hears(query.payload.to_bytes().decode(errors="replace"), self.get_time_s())
+        self._put_on_the_way(PING_BYTES, lambda: self._answer(query), is_page=False)
+
+    def _answer(self, query: Any) -> None:
+        with suppress(self._zenoh.ZError):  # whoever asked is gone
+            query.reply(f"{self._roster.own_place}/ping", repr(self.get_time_s()).encode())
+
+    def _answered(self, asked_s: float, reply: Any) -> None:
+        if reply.ok is None:
+            return
+        now_s = self.get_time_s()
+        far = self._roster.hears(str(reply.ok.key_expr).removesuffix("/ping"), now_s)
+        if far is not None:
+            far.rtt_s = max(0.0, now_s - asked_s)
+            their_s = _time_in(reply.ok.payload)
+            if their_s is not None:
+                far.note_offset(now_s - their_s)
+
+    # On the node's thread
+
+    def _send(self, key: DataKey, raw: bytes, frame: bytes) -> None:
+        letter = Letter(key, raw)
+        self._put_on_the_way(len(raw), lambda: self._post(letter), is_page=True)
+
+    def _post(self, letter: Letter) -> None:
+        with self._guard:
+            self._outbox.put(letter)
+        self._ring()
+
+    # From any thread
+
+    def _put_on_the_way(self, size_bytes: int, arrive: Callable[[], None], is_page: bool) -> None:
+        """Has something happen when what this link sends arrives: at once, unless there are faults."""
+        if self._way is None:
+            arrive()
+            return
+        with self._guard:
+            if len(self._delayed) >= self._outbox.max_pages:
+                self.dropped += is_page
+                return
+            for arrival_s in self._way.arrivals_s(size_bytes, self.get_time_s(), is_page):
+                self._count += 1
+                heapq.heappush(self._delayed, (arrival_s, self._count, arrive))
+        self._ring()
+
+    def _ring(self) -> None:
+        """Has the link's thread look around."""
+        if not self._is_rung:
+            self._is_rung = True
+            self._bell.put(None)
+
+    def stop(self) -> None:
+        """Asks for no more rounds; ends the one that waits."""
+        super().stop()
+        self._ring()
+
+    # On the link's thread
+
+    def _round(self) -> None:
+        """Waits until there is something to do, and does it."""
+        due_s = min(self._tend_s, self._delayed[0][0]) if self._delayed else self._tend_s
+        wait_s = DEAF_LOOK_S if self.is_deaf else due_s - self.get_time_s()
+        if wait_s > 0:
+            with suppress(Empty):
+                self._bell.get(timeout=wait_s)
+        self._is_rung = False  # before looking, so that what comes after the look rings again
+        now_s = self.get_time_s()
+        if self._session is None and now_s >= self._try_s:
+            self._connect()
+        if self._session is not None and not self._has_joined:
+            self._join_net()
+        self._arrive()
+        self._take_in()
+        self._send_out()
+        self._tend(self.get_time_s())
+
+    def _arrive(self) -> None:
+        now_s = self.get_time_s()
+        while self._delayed and self._delayed[0][0] <= now_s:
+            with self._guard:
+                _, _, arrive = heapq.heappop(self._delayed)
+            arrive()
+
+    def _take_in(self) -> None:
+        while not self._must_wait():
+            with self._guard:
+                letters = self._inbox.take(BATCH_BYTES)
+            if not letters:
+                return
+            for letter in letters:
+                self._read(letter)
+
+    def _read(self, letter: Letter) -> None:
+        far = letter.far
+        assert far is not None
+        try:
+            page = decode_page(letter.raw)
+        except (SnrError, ValueError, RecursionError, MemoryError, OverflowError):
+            page = None
+        if page is None or encoded(page.key) != letter.key:
+            self.unwanted += 1
+            return
+        self._note_size(len(letter))
+        far.received += 1
+        self._bring_from(far.member, [page], far)
+
+    def _send_out(self) -> None:
+        """Sends what waits; blocks as long as a far end does not read."""
+        is_heard = bool(self._roster.here())
+        if self._roster.take_newcomer():
+            for letter in list(self._newest.values()):
+                self._put(letter, is_heard)
+        while True:
+            with self._guard:
+                letters = self._outbox.take(BATCH_BYTES)
+            if not letters:
+                return
+            for letter in letters:
+                last = self._newest.pop(letter.key, None)  # taken out, so that the order is that of storing
+                if last is not None and not last.is_sent:
+                    self.dropped += 1
+                letter.number = last.number + 1 if last is not None else 1
+                self._newest[letter.key] = letter
+                self._put(letter, is_heard)
+
+    def _put(self, letter: Letter, is_heard: bool) -> None:
+        if self._session is None:
+            return
+        if is_heard and not letter.is_sent:
+            letter.is_sent = True
+            self.sent += 1
+        publisher = self._publishers.get(letter.key)
+        if publisher is None:
+            publisher = self._publishers[letter.key] = self._session.declare_publisher(
+                f"{self._roster.own_place}/page/{encoded(letter.key)}",
+                encoding=self._zenoh.Encoding.APPLICATION_JSON,
+                # Not BLOCK: with it, one who does not read can bring Zenoh's routing to a halt for all (1.10).
+                congestion_control=self._zenoh.CongestionControl.DROP,
+                allowed_destination=self._zenoh.Locality.REMOTE,
+            )
+        publisher.put(letter.raw, attachment=letter.number.to_bytes(NUMBER_BYTES, "big"))
+
+    def _tend(self, now_s: float) -> None:
+        """Does what time asks for."""
+        if now_s < self._tend_s:
+            return
+        self._tend_s = now_s + TEND_EVERY_S
+        if now_s >= self._ping_s:
+            self._ping_s = now_s + self.options.keep_alive_s
+            self._put_on_the_way(PING_BYTES, lambda: self._ask(now_s), is_page=False)
+        self._report(now_s)
+
+    def _ask(self, now_s: float) -> None:
+        """Asks all others whether they are there."""
+        if self._session is None:
+            return
+        self._session.get(
+            f"{self._roster.prefix}/*/*/*/ping",
+            self._background(lambda reply: self._answered(now_s, reply)),
+            target=self._zenoh.QueryTarget.ALL,
+            consolidation=self._zenoh.ConsolidationMode.NONE,
+            timeout=self.options.timeout_s,
+            payload=self._roster.own_place,
+            congestion_control=self._zenoh.CongestionControl.DROP,
+            allowed_destination=self._zenoh.Locality.REMOTE,
+        )
+
+    def _state(self, now_s: float) -> dict[str, Any]:
+        shown = self._roster.here()
+        here = [far for far in shown if now_s - far.heard_s <= self.options.timeout_s]
+        reason = f"nothing was heard for {self.options.timeout_s:g} s." if shown else self._roster.news or self.reason
+        dropped = self.dropped + self._outbox.dropped + self._inbox.dropped + self._roster.missed
+        dropped += 0 if self._way is None else self._way.lost
+        trips_s = [far.rtt_s for far in here if far.rtt_s is not None]
+        return {
+            "up": bool(here),
+            "age_s": max((max(0.0, now_s - far.heard_s) for far in here), default=None),
+            "dropped": dropped,
+            "rtt_s": max(trips_s, default=None),
+            "sent": self.sent,
+            "received": self.received,
+            "unwanted": self.unwanted,
+            "failures": self.failures,
+            "reason": "" if here else reason,
+            "peers": by_name(
+                (
+                    far.member.name,
+                    {
+                        "age_s": max(0.0, now_s - far.heard_s),
+                        "rtt_s": far.rtt_s,
+                        "clock_offset_s": far.clock_offset_s,
+                        "dropped": far.missed,
+                        "received": far.received,
+                    },
+                )
+                for far in here
+            ),
+        }
+
+    def halt(self) -> None:
+        """Sends what waits and leaves."""
+        self._leave(self._send_out)
+
+    def _shut(self) -> None:
+        self._leave(lambda: None)
+        self._session, self._has_joined = None, False
+        self._callbacks = ZenohCallbacks()
+        self._publishers.clear()
+
+    def _show_down(self, reason: str) -> None:
+        self._roster.cut_off(reason)
+        self.reason, self._told = reason, ()
+        self._report(self.get_time_s())
+
+    def _leave(self, say_last: Callable[[], None]) -> None:
+        """Leave on a thread of its own and wait for `LINGER_S` at most: what Zenoh does may block."""
+        session, callbacks = self._session, self._callbacks
+        if session is None:
+            return
+
+        def leave() -> None:
+            with suppress(self._zenoh.ZError):
+                say_last()
+            session.close()
+            callbacks.wait(LEAVE_S)
+
+        leaving = threading.Thread(target=leave, name=f"{self.name} leaves", daemon=True)
+        leaving.start()
+        leaving.join(LINGER_S)
+        if leaving.is_alive():  # a Python that ends while a thread is in Zenoh is aborted
+            atexit.register(leaving.join, LEAVE_S)
+
+
+def _time_in(payload: Any) -> float | None:
+    """Returns the time that somebody has answered with, if it is one."""
+    try:
+        time_s = float(payload.to_bytes()[:MAX_TIME_BYTES])
+    except ValueError:
+        return None
+    return time_s if math.isfinite(time_s) else None
+
+
+def _in_words(error: Exception) -> str:
+    """Returns what Zenoh says, without where in its own source."""
+    return str(error).partition(" at /")[0].strip()
+
+
+def _zenoh() -> Any:
+    try:
+        import zenoh
+    except ImportError:
+        raise MissingExtra("eclipse-zenoh", "zenoh") from None
+    return zenoh

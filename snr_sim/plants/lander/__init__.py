@@ -1,0 +1,1 @@
+"""The lunar lander in one, two and three dimensions."""

@@ -1,0 +1,137 @@
+"""Landing gear: what a touchdown may look like, and how a module may stand. The judge of every lander."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, TypedDict
+
+import numpy as np
+
+from snr_sim.plants.urov.plausible import check_fields
+
+
+class Touchdown(TypedDict):
+    """How a module met the ground, at the first contact.
+
+    Degrees, because this leaves the library: it goes into results that people read.
+    """
+
+    vertical_mps: float  # positive down
+    lateral_mps: float  # positive towards +x
+    attitude_deg: float
+    rate_degps: float
+
+
+@dataclass(frozen=True)
+class GearLimits:
+    """What the legs take, and how the module may stand on them. A fast touchdown leaves less room for sliding sideways.
+
+    Args:
+        vertical_mps: largest vertical speed without any lateral one.
+        vertical_sliding_mps: largest vertical speed at the largest lateral one; in between the limit is a line.
+        lateral_mps: largest lateral speed.
+        attitude_rad: largest tilt at the first contact.
+        rate_radps: largest rate of tilting.
+        rest_rad: largest tilt of a module that stands.
+
+    Raises:
+        ParameterError: a number cannot be.
+
+    Source of the defaults: design limits of the lunar module's gear (10 ft/s; 7 ft/s with 4 ft/s; 6 deg; 2 deg/s;
+    slopes of up to 12 deg, along which it then stands), as given for NASA TN D-6850.
+    """
+
+    vertical_mps: float = 3.05
+    vertical_sliding_mps: float = 2.13
+    lateral_mps: float = 1.22
+    attitude_rad: float = math.radians(6.0)
+    rate_radps: float = math.radians(2.0)
+    rest_rad: float = math.radians(12.0)
+
+    def __post_init__(self) -> None:
+        speeds = dict.fromkeys(("vertical_mps", "vertical_sliding_mps", "lateral_mps"), "gear_mps")
+        angles = dict.fromkeys(("attitude_rad", "rest_rad"), "gear_rad")
+        check_fields(self, "The gear's ", {**speeds, **angles, "rate_radps": "gear_radps"}, {})
+
+    def vertical_limit(self, lateral_mps: Any) -> Any:
+        """Returns the largest vertical speed at a lateral one [m/s]; beyond the largest lateral one it stays the same.
+
+        >>> round(float(GearLimits().vertical_limit(0.61)), 2)
+        2.59
+        """
+        share = np.minimum(1.0, abs(lateral_mps) / self.lateral_mps)
+        return self.vertical_mps - share * (self.vertical_mps - self.vertical_sliding_mps)
+
+    def kept(
+        self,
+        vertical_mps: Any,
+        lateral_mps: Any = 0.0,
+        attitude_rad: Any = 0.0,
+        rate_radps: Any = 0.0,
+        rest_rad: Any = 0.0,
+        share: float = 1.0,
+    ) -> tuple[Any, Any, Any, Any, Any]:
+        """Returns which limits landings keep, in the order of the arguments; NaN keeps none.
+
+        The one judge of single landers and of batches: each number may be an array, for many landings at once.
+
+        Args:
+            vertical_mps: at the first contact, positive down.
+            lateral_mps, attitude_rad, rate_radps: there, too.
+            rest_rad: tilt when the module stands.
+            share: of each limit that counts.
+
+        >>> GearLimits().kept(np.array([2.0, 4.0]))[0].tolist()
+        [True, False]
+        """
+        return (
+            vertical_mps <= share * self.vertical_limit(lateral_mps),
+            abs(lateral_mps) <= share * self.lateral_mps,
+            abs(attitude_rad) <= share * self.attitude_rad,
+            abs(rate_radps) <= share * self.rate_radps,
+            abs(rest_rad) <= share * self.rest_rad,
+        )
+
+    def outcome(self, touchdown: Touchdown, fuel_kg: float, rest_rad: float = 0.0) -> str:
+        """Returns how a landing ended: 'landed', 'crashed', 'out_of_fuel' (crashed, tank dry) or 'tilted' at rest.
+
+        >>> level = Touchdown(vertical_mps=1.0, lateral_mps=0.0, attitude_deg=0.0, rate_degps=0.0)
+        >>> [GearLimits().outcome(level, 9.0, math.radians(rest_deg)) for rest_deg in (12.0, 33.0)]
+        ['landed', 'tilted']
+        """
+        *contact, rest = self.kept(*_numbers(touchdown), rest_rad)
+        if not all(contact):
+            return "crashed" if fuel_kg > 0.0 else "out_of_fuel"
+        return "landed" if rest else "tilted"
+
+    def passed(self, touchdown: Touchdown, rest_rad: float = 0.0) -> list[str]:
+        """Returns which limits a landing passes, in words; none if all is well. Exactly at a limit is well.
+
+        >>> GearLimits().passed(Touchdown(vertical_mps=3.0, lateral_mps=0.61, attitude_deg=-7.5, rate_degps=0.0))
+        ['vertical 3.000 m/s is over 2.59 m/s (3.05 if it did not slide)', 'attitude -7.500 deg is over 6 deg']
+        """
+        lateral = touchdown["lateral_mps"]
+        slides = f" ({self.vertical_mps:g} if it did not slide)" if lateral else ""
+        told = (
+            ("vertical", touchdown["vertical_mps"], self.vertical_limit(lateral), "m/s", slides),
+            ("lateral", lateral, self.lateral_mps, "m/s", ""),
+            ("attitude", touchdown["attitude_deg"], math.degrees(self.attitude_rad), "deg", ""),
+            ("rate", touchdown["rate_degps"], math.degrees(self.rate_radps), "deg/s", ""),
+            ("attitude at rest", math.degrees(rest_rad), math.degrees(self.rest_rad), "deg", ""),
+        )
+        kept = self.kept(*_numbers(touchdown), rest_rad)
+        return [
+            f"{name} {value:.3f} {unit} is over {limit:.3g} {unit}{remark}"
+            for (name, value, limit, unit, remark), is_kept in zip(told, kept, strict=True)
+            if not is_kept
+        ]
+
+
+def _numbers(touchdown: Touchdown) -> tuple[float, float, float, float]:
+    """Returns a touchdown as `kept` takes it."""
+    attitude, rate = math.radians(touchdown["attitude_deg"]), math.radians(touchdown["rate_degps"])
+    return touchdown["vertical_mps"], touchdown["lateral_mps"], attitude, rate
+
+
+APOLLO_GEAR = GearLimits()

@@ -1,0 +1,93 @@
+"""The hull of a lander as a rigid body: moved, pushed, and told when it meets the ground. The door to pymunk.
+
+The body in pymunk weighs 1 kg and has the square of the radius of gyration as its moment: kicks are changes of
+velocity, per kilogram of whatever mass is left. That is the same motion, without telling pymunk a new mass at every
+step, at 2 us each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from types import ModuleType
+from typing import Any
+
+from snr_sim.plants.lander.legs import Pose
+from snr_sim.plants.lander.module_shapes import HULL_M
+from snr_sim.plants.lander.terrain import Terrain
+from snr_sim.prelude.errors import MissingExtra
+
+HULL, GROUND = 1, 2  # pymunk's collision types
+
+
+class Hull:
+    """A body over ground, in a world of its own.
+
+    Args:
+        gyration_m: its radius of gyration.
+        gravity_mps2: pulls down.
+        terrain: the ground.
+
+    Attributes:
+        has_touched: whether the hull has met the ground. It stays so: a world that has seen a contact remembers it.
+        move: moves on by a time [s]: position by velocity, then velocity by gravity.
+        push: gives a kick (x, z) [m/s] at a place [m], both in the body's frame.
+        push_in_world: the same in the world frame.
+    """
+
+    def __init__(self, gyration_m: float, gravity_mps2: float, terrain: Terrain) -> None:
+        pymunk = pymunk_module()
+        space = pymunk.Space()
+        space.gravity = 0.0, -gravity_mps2
+        body = pymunk.Body(1.0, gyration_m**2)
+        outline = pymunk.Poly(body, HULL_M)
+        outline.collision_type = HULL
+        ground = [pymunk.Segment(space.static_body, a, b, 0.0) for a, b in pairwise(terrain.points_m())]
+        for segment in ground:
+            segment.collision_type = GROUND
+        space.add(body, outline, *ground)
+        space.on_collision(HULL, GROUND, begin=self._on_contact)
+        self.terrain = terrain
+        self.has_touched = False
+        self._body = body
+        # Bound once: they are called at every step.
+        self.move: Callable[[float], None] = space.step
+        self.push: Callable[..., None] = body.apply_impulse_at_local_point
+        self.push_in_world: Callable[..., None] = body.apply_impulse_at_world_point
+
+    def _on_contact(self, arbiter: Any, space: Any, data: Any) -> None:
+        self.has_touched = True
+        arbiter.process_collision = False  # the flight is over; a bounce would only spoil the last velocity
+
+    def turn(self, rate_radps: float) -> None:
+        """Adds to the rate of turning."""
+        self._body.angular_velocity += rate_radps
+
+    def pose(self) -> Pose:
+        """Returns position and velocity as pymunk holds them."""
+        body = self._body
+        x, z = body.position
+        vx, vz = body.velocity
+        return Pose(x, z, body.angle, vx, vz, body.angular_velocity)
+
+    def put(self, pose: Pose) -> None:
+        """Puts the body where `pose` says, to the bit."""
+        body = self._body
+        body.position = pose.x_m, pose.z_m
+        body.angle = pose.attitude_rad
+        body.velocity = pose.vx_mps, pose.vz_mps
+        body.angular_velocity = pose.rate_radps
+
+
+def pymunk_module() -> ModuleType:
+    """Returns pymunk, imported when it is first needed.
+
+    Raises:
+        MissingExtra: it is not installed.
+    """
+    try:
+        import pymunk
+    except ImportError as error:
+        raise MissingExtra("pymunk", "sim") from error
+    module: ModuleType = pymunk
+    return module

@@ -1,0 +1,281 @@
+"""A lunar module in flight, whichever engine of physics moves its body: propellant, throttle, judge and sensors.
+
+    command --> write --> burn --> force on the body    (lander_2d.py: pymunk, two legs; lander_3d.py: MuJoCo, four)
+                                        |
+    reading <-- read <-- pose in the x-z plane <--'
+
+What stands here is the same for both: two engines differ by how the body moves, and by nothing else.
+
+How a step goes, in both: a kick (velocity += what engine, jets, legs and weight give in a step), then a way (position
++= velocity * step). This is the leapfrog scheme if the kick is that of the middle of the step: so the position that an
+engine of physics holds is half a step ahead of its velocity. `reset` puts it there, and `read` takes the half step off
+again. It costs nothing. A flight under constant force is exact (either engine alone ends g t dt / 2 too high or too
+low), a command acts from the moment on at which it is written, errors shrink with the step squared, and a bouncing leg
+gains no energy.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any, Self
+
+from snr_sim.plants.lander.gear import Touchdown
+from snr_sim.plants.lander.legs import FEET_M, Kick, Pose
+from snr_sim.plants.lander.module import LunarModule, PlaneStart
+from snr_sim.plants.lander.module_shapes import HULL_M, NOZZLE_BELOW_M, PADS_BELOW_M
+from snr_sim.plants.lander.terrain import HALF_WIDTH_M, ROOF_REACH_M, Terrain
+from snr_sim.plants.urov.plausible import LIMITS, check_number, shown
+from snr_sim.prelude.errors import ParameterError, PlantError, UnknownName, nearest
+from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
+
+# Halving it moves a touchdown by less than 1 cm/s and, after it, the module by a few millimetres (measured in
+# tests/plants/test_lander_2d.py). Four times as long would still be stable: the stiffest motion, a foot gripping
+# sideways, has 25 steps in each radian. Shorter steps only cost time.
+STEP_S = 0.005
+SAME = 1e-5  # a throttle this near to what is commanded is there
+STILL_MPS, STILL_RADPS, SETTLE_S = 0.05, 0.01, 0.5  # slower than this for so long, on both sides' feet: it stands
+GIVES_M = 0.01  # so deep a run may begin in the ground: legs give way
+CEILING_M = 20_000.0
+EDGE_M = HALF_WIDTH_M - ROOF_REACH_M
+
+
+class Lander(ABC):
+    """What the landers of both engines have in common. With `_advance` and the rest, it keeps the promise of Plant.
+
+    Args:
+        module: its numbers.
+        start_of: gives the start and the ground that belong to a seed.
+        step_s: of integration; see `STEP_S`.
+
+    Raises:
+        ParameterError: a number cannot be, or a start is under ground.
+
+    Attributes:
+        touchdown: the first contact, once there was one.
+        outcome: 'landed', 'crashed', 'out_of_fuel' (crashed with a dry tank), 'tilted' (stands, and not upright enough)
+            or 'lost' (left the region), once over. From then on it stands still.
+    """
+
+    inputs = ("engine",)
+    outputs = ("radar", "inertial")
+    # For `scaled`: of the module, of its legs, and of what it weighs.
+    SCALABLE_MODULE = (
+        "thrust_n", "exhaust_mps", "throttle_lag_s", "gimbal_rate_radps", "jets_nm", "gyration_m", "gravity_mps2",
+    )  # fmt: skip
+    SCALABLE_LEG = ("spring_npm", "damper_nspm", "friction")
+    SCALABLE = (*SCALABLE_MODULE, *SCALABLE_LEG, "dry_mass_kg")
+
+    engine: str
+    terrain: Terrain
+    mass_kg: float
+    fuel_kg: float
+    throttle: float
+    gimbal_rad: float
+    touchdown: Touchdown | None
+    outcome: str | None
+    _steps: int
+    _still_steps: int
+    _throttle_goal: float
+    _gimbal_goal: float
+    _jets: float  # couple [N m]
+
+    def __init__(
+        self, module: LunarModule, start_of: Callable[[int], tuple[PlaneStart, Terrain]], step_s: float
+    ) -> None:
+        check_number("The lander's step_s", step_s, LIMITS["flight_step_s"])
+        self.module = module
+        self.start_of = start_of
+        self.step_s: float = step_s
+        lag_s = module.throttle_lag_s
+        self._lag_left, self._lag_steps = (math.exp(-step_s / lag_s), lag_s / step_s) if lag_s > 0.0 else (0.0, 0.0)
+        self._gimbal_step = module.gimbal_rate_radps * step_s
+        self._flow_step = module.thrust_n / module.exhaust_mps * step_s  # propellant of one step at full throttle
+
+    def _start(self, seed: int) -> tuple[PlaneStart, Terrain]:
+        """Returns the start and the ground that belong to a seed.
+
+        Raises:
+            ParameterError: they are none, or a part of the module is in the ground.
+        """
+        given = self.start_of(seed)
+        if not (isinstance(given, tuple) and tuple(map(type, given)) == (PlaneStart, Terrain)):
+            raise ParameterError(
+                f"The start of seed {seed} is {shown(given)}.", fix="return a PlaneStart and a Terrain."
+            )
+        start, terrain = given
+        (x, z), cos, sin = start.position_m, math.cos(start.attitude_rad), math.sin(start.attitude_rad)
+        corners = [(x + cos * a - sin * b, z + sin * a + cos * b) for a, b in (*FEET_M, *HULL_M)]
+        deep_m = max(terrain.ground(at_x)[0] - at_z for at_x, at_z in corners)
+        if deep_m > GIVES_M:
+            raise ParameterError(
+                f"The start of seed {seed} is at {start.position_m} m, and there the module is {deep_m:.3g} m under "
+                "ground.",
+                fix=f"begin higher: the ground is at {terrain.ground(x)[0]:.3g} m, the pads {PADS_BELOW_M} m below the "
+                "centre of mass.",
+            )
+        return start, terrain
+
+    def scaled(self, factors: Mapping[str, float]) -> Self:
+        """Returns a module of which some numbers, those in `SCALABLE`, are multiplied; its propellant is the same."""
+
+        def times(numbers: Any, names: tuple[str, ...]) -> dict[str, Any]:
+            return {name: getattr(numbers, name) * factors[name] for name in names if name in factors}
+
+        dry = factors.get("dry_mass_kg", 1.0)
+
+        def start_of(seed: int) -> tuple[PlaneStart, Terrain]:
+            start, terrain = self.start_of(seed)
+            return replace(start, mass_kg=start.fuel_kg + dry * (start.mass_kg - start.fuel_kg)), terrain
+
+        leg = replace(self.module.leg, **times(self.module.leg, self.SCALABLE_LEG))
+        module = replace(self.module, leg=leg, **times(self.module, self.SCALABLE_MODULE))
+        return type(self)(module, start_of, step_s=self.step_s)
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time since the last reset: a count, so that nothing adds up."""
+        return self._steps * self.step_s
+
+    # -- what an engine of physics brings -----------------------------------------------------------------------------
+
+    @abstractmethod
+    def _advance(self) -> None:
+        """Moves on by one step."""
+
+    @abstractmethod
+    def _read_pose(self) -> Pose:
+        """Returns position and velocity in the x-z plane, at the same moment."""
+
+    @abstractmethod
+    def _contact(self) -> list[bool]:
+        """Returns whether feet touch: [left, right]."""
+
+    @abstractmethod
+    def _tilt_rad(self) -> float:
+        """Returns the angle between the module's upward axis and the vertical, 0 to pi."""
+
+    @abstractmethod
+    def _has_hull_touched(self) -> bool:
+        """Returns whether the hull has met the ground."""
+
+    @abstractmethod
+    def _stand_still(self) -> None:
+        """Takes all motion from the body."""
+
+    # -- moving -------------------------------------------------------------------------------------------------------
+
+    def write(self, name: str, command: EngineCommand) -> None:
+        """Sets throttle, gimbal and jets, clamped to what the module can do."""
+        if name != "engine":
+            raise UnknownName(f"This plant has no input '{name}'.", fix=nearest(name, self.inputs))
+        throttle, gimbal, jets = command.throttle, command.gimbal_rad, command.attitude
+        if not math.isfinite(throttle + gimbal + jets):
+            raise PlantError(f"At {self.time_s:g} s the engine was told {command}.", fix="send finite numbers.")
+        self._throttle_goal = self.module.throttle.snap(min(1.0, max(0.0, throttle)))
+        limit = self.module.gimbal_rad
+        self._gimbal_goal = min(limit, max(-limit, gimbal))
+        self._jets = min(1.0, max(-1.0, jets)) * self.module.jets_nm
+
+    def step(self, dt_s: float) -> None:
+        """Moves on by one step."""
+        if dt_s != self.step_s and not abs(dt_s - self.step_s) <= 1e-9:  # also NaN
+            raise ParameterError(
+                f"This plant moves in steps of {self.step_s} s, not {dt_s} s.", fix="use plant.step_s."
+            )
+        self._steps += 1
+        if self.outcome is None:
+            self._advance()
+
+    def _burn(self) -> Kick:
+        """Lets throttle and nozzle follow their commands for a step.
+
+        Returns:
+            what engine and jets give the module in it: change of velocity to its side and upwards, in its own frame,
+            and twist.
+        """
+        mean = throttle = self.throttle
+        goal = self._throttle_goal
+        if throttle != goal:
+            self.throttle = goal + (throttle - goal) * self._lag_left
+            if abs(self.throttle - goal) < SAME:
+                self.throttle = goal
+            # Of a lag of first order, exactly: where it was, where it is, and how long that takes.
+            mean = goal + (throttle - self.throttle) * self._lag_steps
+        gimbal = self.gimbal_rad
+        if gimbal != self._gimbal_goal:
+            most = self._gimbal_step
+            turned = min(most, max(-most, self._gimbal_goal - gimbal))
+            self.gimbal_rad = gimbal + turned
+            # Turning at its rate, and then at rest where it was to turn to.
+            gimbal = self.gimbal_rad - (0.5 * turned * abs(turned) / most if turned else 0.0)
+        burned = mean * self._flow_step
+        if burned >= self.fuel_kg:
+            burned = self.fuel_kg
+            self.throttle = self._throttle_goal = 0.0
+        self.fuel_kg -= burned
+        self.mass_kg -= burned
+        # By the mean mass of the step: so any burn gives what the rocket equation says, to the step squared.
+        mass_kg = self.mass_kg + 0.5 * burned
+        push, twist = burned * self.module.exhaust_mps / mass_kg, self._jets * self.step_s / mass_kg
+        side = push * math.sin(gimbal)
+        return side, push * math.cos(gimbal), twist + NOZZLE_BELOW_M * side
+
+    def _judge_contact(self, pose: Pose) -> None:
+        """Writes down the first contact, as it was before legs pushed, and ends the flight if they cannot take it."""
+        self.touchdown = Touchdown(
+            vertical_mps=-pose.vz_mps,
+            lateral_mps=pose.vx_mps,
+            attitude_deg=math.degrees(pose.attitude_rad),
+            rate_degps=math.degrees(pose.rate_radps),
+        )
+        outcome = self.module.gear.outcome(self.touchdown, self.fuel_kg)
+        if outcome != "landed":
+            self._end(outcome)
+
+    def _settle(self, is_still: bool) -> None:
+        """Counts the time in which it stands, and ends the flight when it has stood for long enough."""
+        self._still_steps = self._still_steps + 1 if is_still else 0
+        if self.outcome is None and self.touchdown is not None and self._still_steps * self.step_s >= SETTLE_S:
+            self._end(self.module.gear.outcome(self.touchdown, self.fuel_kg, self._tilt_rad()))
+
+    def _end(self, outcome: str) -> None:
+        """Stops everything where it is."""
+        self.outcome = outcome
+        self._stand_still()
+        self.throttle = self._throttle_goal = self._jets = 0.0
+
+    @property
+    def why(self) -> str:
+        """What ended it badly, in words; empty if nothing did."""
+        if self.outcome == "lost":
+            return "it left the region that is simulated"
+        rest_rad = self._tilt_rad() if self.outcome == "tilted" else 0.0
+        passed = self.module.gear.passed(self.touchdown, rest_rad) if self.touchdown is not None else []
+        if self.outcome == "crashed" and not passed:  # the gear took the first contact, but not what followed
+            passed = ["the hull met the ground" if self._has_hull_touched() else "it tipped over on its legs"]
+        return "; ".join(passed)
+
+    # -- being measured -----------------------------------------------------------------------------------------------
+
+    def read(self, name: str) -> RadarReading | InertialReading:
+        """Returns what a sensor without faults would say."""
+        x, z, attitude, vx, vz, rate = self._read_pose()
+        if name == "inertial":
+            return InertialReading([x, z], [vx, vz], attitude, rate, self.fuel_kg, self._contact(), self.time_s)
+        if name == "radar":
+            return RadarReading(z - PADS_BELOW_M - self.terrain.ground(x)[0], vz, self.time_s)
+        raise UnknownName(f"This plant has no output '{name}'.", fix=nearest(name, self.outputs))
+
+    def _true_values(self, pose: Pose) -> dict[str, Any]:
+        """Returns the numbers of `truth`."""
+        return {
+            "altitude_m": pose.z_m - PADS_BELOW_M - self.terrain.ground(pose.x_m)[0],
+            "vertical_mps": pose.vz_mps,
+            "lateral_mps": pose.vx_mps,
+            "throttle": self.throttle,
+            "fuel_kg": self.fuel_kg,
+            "attitude_deg": math.degrees(pose.attitude_rad),
+        }

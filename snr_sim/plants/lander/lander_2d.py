@@ -1,0 +1,233 @@
+"""A lunar module in the x-z plane, under pymunk: it steers, touches down on two sprung legs, and stands or tips over.
+
+pymunk moves the hull and finds out whether it meets the ground (`hull.py`); the feet are ours (`legs.py`).
+
+pymunk moves first and lets weight pull then, so the velocity that it holds has the pull of the next step in it already:
+`reset` puts it there, and `read` takes it off again, too (`lander.py` has the rest).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from snr_sim.plants.lander.gear import Touchdown
+from snr_sim.plants.lander.hull import Hull, pymunk_module
+from snr_sim.plants.lander.lander import CEILING_M, EDGE_M, STEP_S, STILL_MPS, STILL_RADPS, Lander
+from snr_sim.plants.lander.legs import REACH_M, Grip, Kick, Legs, Pose
+from snr_sim.plants.lander.module import TIPPED_RAD, LunarModule, PlaneStart
+from snr_sim.plants.lander.module_shapes import JETS_OUT_M, NOZZLE_BELOW_M, module_shapes
+from snr_sim.plants.lander.terrain import Terrain
+from snr_sim.plants.lander.terrain_shapes import terrain_shapes
+from snr_sim.prelude.errors import PlantError
+
+FAR_STEPS_MAX = 20  # the ground is looked for at least this often
+
+
+class State(NamedTuple):
+    """All of the plant: what pymunk holds (places half a step ahead), and what is ours. Defaults: a start."""
+
+    body: Pose
+    mass_kg: float
+    fuel_kg: float
+    terrain: Terrain
+    has_hull_touched: bool = False
+    steps: int = 0
+    throttle: float = 0.0
+    gimbal_rad: float = 0.0
+    command: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    grips_m: tuple[Grip, Grip] = (None, None)
+    far_steps: int = 0
+    still_steps: int = 0
+    touchdown: Touchdown | None = None
+    outcome: str | None = None
+
+
+class Lander2D(Lander):
+    """The lander in the plane, under pymunk.
+
+    Args:
+        module: its numbers.
+        start_of: gives the start and the ground that belong to a seed.
+        seed: of the first run.
+        step_s: of integration; see `STEP_S`.
+    """
+
+    def __init__(
+        self,
+        module: LunarModule,
+        start_of: Callable[[int], tuple[PlaneStart, Terrain]],
+        seed: int = 0,
+        step_s: float = STEP_S,
+    ) -> None:
+        super().__init__(module, start_of, step_s)
+        self._fall_mps = module.gravity_mps2 * step_s  # what weight gives in a step
+        self.engine = f"pymunk {pymunk_module().version}"
+        self._legs = Legs(module.leg, module.gyration_m, step_s)
+        self._hull = Hull(module.gyration_m, module.gravity_mps2, self._start(seed)[1])
+        self.reset(seed)
+
+    # -- start, and being put back ------------------------------------------------------------------------------------
+
+    def reset(self, seed: int) -> None:
+        """Builds the world anew and puts the module at the start that belongs to this seed."""
+        start, terrain = self._start(seed)
+        (x, z), (vx, vz), half_s = start.position_m, start.velocity_mps, 0.5 * self.step_s
+        attitude, rate = start.attitude_rad + half_s * start.rate_radps, start.rate_radps
+        body = Pose(x + half_s * vx, z + half_s * vz, attitude, vx, vz - self._fall_mps, rate)
+        self.restore(State(body, start.mass_kg, start.fuel_kg, terrain))
+
+    def snapshot(self) -> State:
+        """Returns all of the state; it never changes afterwards."""
+        return State(
+            body=self._hull.pose(),
+            has_hull_touched=self._hull.has_touched,
+            steps=self._steps,
+            mass_kg=self.mass_kg,
+            fuel_kg=self.fuel_kg,
+            throttle=self.throttle,
+            gimbal_rad=self.gimbal_rad,
+            command=(self._throttle_goal, self._gimbal_goal, self._jets),
+            grips_m=self._legs.grips_m,
+            far_steps=self._far_steps,
+            still_steps=self._still_steps,
+            terrain=self.terrain,
+            touchdown=self.touchdown,
+            outcome=self.outcome,
+        )
+
+    def restore(self, snapshot: State) -> None:
+        """Puts back what `snapshot` returned."""
+        module, hull = self.module, self._hull
+        if hull.has_touched or hull.terrain is not snapshot.terrain:
+            hull = Hull(module.gyration_m, module.gravity_mps2, snapshot.terrain)
+        hull.has_touched = snapshot.has_hull_touched
+        hull.put(snapshot.body)
+        self._hull, self._move, self._push = hull, hull.move, hull.push
+        self.terrain = snapshot.terrain
+        self._steps = snapshot.steps
+        self.mass_kg, self.fuel_kg = snapshot.mass_kg, snapshot.fuel_kg
+        self.throttle, self.gimbal_rad = snapshot.throttle, snapshot.gimbal_rad
+        self._throttle_goal, self._gimbal_goal, self._jets = snapshot.command
+        self._legs.grips_m = snapshot.grips_m
+        self._far_steps, self._still_steps = snapshot.far_steps, snapshot.still_steps
+        self.touchdown, self.outcome = snapshot.touchdown, snapshot.outcome
+        self._pose: Pose | None = None
+
+    # -- moving -------------------------------------------------------------------------------------------------------
+
+    def _advance(self) -> None:
+        """Lets engine, jets and legs push, then moves the body."""
+        self._pose = None
+        kick = self._fire()
+        self._far_steps -= 1
+        if self._far_steps <= 0 or self._hull.has_touched:
+            self._meet_ground(kick)
+        if self.outcome is None:
+            self._move(self.step_s)
+
+    def _fire(self) -> Kick:
+        """Lets engine and jets push for one step, from the propellant there is; returns how, in the module's frame."""
+        side, up, twist = kick = self._burn()
+        if up > 0.0:
+            # A push beside the centre of mass is the same push through it, and a twist: one call for both.
+            self._push((side, up), (twist / up, 0.0))
+        elif twist:
+            self._hull.turn(twist / self.module.gyration_m**2)
+        return kick
+
+    def _meet_ground(self, kick: Kick) -> None:
+        """Lets the feet push against the ground, ends the flight when it is over, and says when to look again."""
+        x, z, attitude, vx, vz, rate = body = self._hull.pose()
+        if not math.isfinite(x + z + attitude + vx + vz + rate):
+            raise PlantError(
+                f"At {self.time_s:g} s the state is no longer finite: {body}.",
+                fix="look at the last commands and at the module's numbers: a mass or an inertia of 0?",
+            )
+        clearance = z - REACH_M - self.terrain.roof_m(x)
+        if clearance > 0.0 and not self._hull.has_touched:
+            nearing_mps = abs(vz) + abs(vx) + 1.0
+            self._far_steps = min(FAR_STEPS_MAX, int(clearance / (nearing_mps * self.step_s)))
+            if abs(x) > EDGE_M or z > CEILING_M:
+                self._end("lost")
+            return
+        touching = self._legs.stand(body, self.mass_kg, self.terrain, self._hull.push_in_world)
+        if (touching or self._hull.has_touched) and self.touchdown is None:
+            self._judge_contact(self._midway(body, kick))
+        if self.outcome is None and (self._hull.has_touched or (touching and abs(attitude) > TIPPED_RAD)):
+            self._end("crashed")
+        # At the end of the step, but for the legs: near enough to tell whether it stands.
+        still = touching == 2 and abs(vx) + abs(vz) < STILL_MPS and abs(rate) < STILL_RADPS
+        self._settle(still)
+
+    def _midway(self, body: Pose, kick: Kick) -> Pose:
+        """Returns how it moves in the middle of a step, where its place is, from the motion at the end and the kick."""
+        side, up, twist = kick
+        cos, sin = math.cos(body.attitude_rad), math.sin(body.attitude_rad)
+        kick_x, kick_z = cos * side - sin * up, sin * side + cos * up - self._fall_mps
+        return body._replace(
+            vx_mps=body.vx_mps - 0.5 * kick_x,
+            vz_mps=body.vz_mps - 0.5 * kick_z,
+            rate_radps=body.rate_radps - 0.5 * twist / self.module.gyration_m**2,
+        )
+
+    def _stand_still(self) -> None:
+        """Takes all motion from the body."""
+        self._hull.put(self._hull.pose()._replace(vx_mps=0.0, vz_mps=-self._fall_mps, rate_radps=0.0))
+        self._pose = None
+
+    # -- being measured -----------------------------------------------------------------------------------------------
+
+    def _read_pose(self) -> Pose:
+        """Returns position and velocity at the same moment; looked up once a step, however many ask."""
+        if self._pose is None:
+            x, z, attitude, vx, vz, rate = self._hull.pose()
+            vz, half_s = vz + self._fall_mps, 0.5 * self.step_s
+            self._pose = Pose(x - half_s * vx, z - half_s * vz, attitude - half_s * rate, vx, vz, rate)
+        return self._pose
+
+    def _contact(self) -> list[bool]:
+        """Returns whether feet touch: [left, right]."""
+        return [grip is not None for grip in self._legs.grips_m]
+
+    def _tilt_rad(self) -> float:
+        """Returns the angle between the module's upward axis and the vertical."""
+        return abs(math.remainder(self._hull.pose().attitude_rad, 2.0 * math.pi))
+
+    def _has_hull_touched(self) -> bool:
+        """Returns whether the hull has met the ground."""
+        return self._hull.has_touched
+
+    def scene(self) -> dict[str, Any]:
+        """Returns the ground of this run and the shapes of the module."""
+        return {"statics": terrain_shapes(self.terrain), "bodies": module_shapes()}
+
+    def truth(self) -> dict[str, Any]:
+        """Returns the true state for the recorder."""
+        pose = self._read_pose()
+        x, z, attitude = pose[:3]
+        cos, sin = math.cos(attitude), math.sin(attitude)
+        turn = [0.0, -math.sin(0.5 * attitude), 0.0, math.cos(0.5 * attitude)]
+        left, right = self._legs.given_m(0, pose, self.terrain), self._legs.given_m(1, pose, self.terrain)
+        thrust, fire = self.throttle * self.module.thrust_n, attitude - self.gimbal_rad
+        nozzle_x, nozzle_z = x + sin * NOZZLE_BELOW_M, z - cos * NOZZLE_BELOW_M
+        arrows = {"thrust": [nozzle_x, 0.0, nozzle_z, -math.sin(fire) * thrust, 0.0, math.cos(fire) * thrust]}
+        if self._jets:
+            arrows |= self._jet_arrows(x, z, cos, sin)
+        poses = {
+            "module": [x, 0.0, z, *turn],
+            "left_legs": [x - sin * left, 0.0, z + cos * left, *turn],
+            "right_legs": [x - sin * right, 0.0, z + cos * right, *turn],
+        }
+        return {"poses": poses, "arrows": arrows, "values": self._true_values(pose)}
+
+    def _jet_arrows(self, x: float, z: float, cos: float, sin: float) -> dict[str, list[float]]:
+        """Returns the pair of attitude jets that fires: one side up, the other down."""
+        force = 0.5 * self._jets / JETS_OUT_M
+        up_x, up_z = -sin * force, cos * force
+        out_x, out_z = cos * JETS_OUT_M, sin * JETS_OUT_M
+        return {
+            "jet_right": [x + out_x - sin, 0.0, z + out_z + cos, up_x, 0.0, up_z],
+            "jet_left": [x - out_x - sin, 0.0, z - out_z + cos, -up_x, 0.0, -up_z],
+        }

@@ -1,0 +1,232 @@
+"""A lunar module in space, under MuJoCo: six directions of freedom and four sprung legs, where `lander_2d.py` has three
+and two. Inputs, outputs and judge are the same (`lander.py`), and so is the flight, to what rounding leaves.
+
+MuJoCo holds places half a step ahead of velocities; `lander.py` says why.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from snr_sim.plants.attitude import rotation_of, turned
+from snr_sim.plants.lander.gear import Touchdown
+from snr_sim.plants.lander.hull_3d import HULL, Hull3D
+from snr_sim.plants.lander.lander import CEILING_M, EDGE_M, STEP_S, STILL_MPS, STILL_RADPS, Lander
+from snr_sim.plants.lander.legs import Kick, Pose
+from snr_sim.plants.lander.module import TIPPED_RAD, LunarModule, PlaneStart
+from snr_sim.plants.lander.module_shapes import JETS_OUT_M, NOZZLE_BELOW_M, PADS_M, legged_module_shapes
+from snr_sim.plants.lander.terrain import Terrain
+from snr_sim.plants.lander.terrain_shapes import terrain_shapes
+
+LEFT = frozenset(name for name, (x, _) in PADS_M.items() if x < 0.0)
+RIGHT = frozenset(PADS_M) - LEFT
+_TIPPED_UP = math.cos(TIPPED_RAD)
+NOWHERE = (0.0, 0.0, 0.0)  # where a vector begins that is a direction
+
+
+class State(NamedTuple):
+    """All of the plant: what MuJoCo holds (places half a step ahead), and what is ours."""
+
+    body: tuple[float, ...]
+    attitude_rad: float
+    mass_kg: float
+    fuel_kg: float
+    terrain: Terrain
+    steps: int
+    throttle: float
+    gimbal_rad: float
+    command: tuple[float, float, float]
+    still_steps: int
+    touchdown: Touchdown | None
+    outcome: str | None
+
+
+class Lander3D(Lander):
+    """The lander in space, under MuJoCo.
+
+    Args:
+        module: its numbers.
+        start_of: gives the start and the ground that belong to a seed: in the x-z plane, as for `Lander2D`.
+        seed: of the first run.
+        step_s: of integration; see `STEP_S`.
+    """
+
+    def __init__(
+        self,
+        module: LunarModule,
+        start_of: Callable[[int], tuple[PlaneStart, Terrain]],
+        seed: int = 0,
+        step_s: float = STEP_S,
+    ) -> None:
+        super().__init__(module, start_of, step_s)
+        self._hull = Hull3D(module, self._start(seed)[1], step_s)
+        self.engine = self._hull.engine
+        self.reset(seed)
+
+    # -- start, and being put back ------------------------------------------------------------------------------------
+
+    def reset(self, seed: int) -> None:
+        """Puts the module at the start that belongs to this seed, over its ground."""
+        start, self.terrain = self._start(seed)
+        (x, z), (vx, vz), half_s = start.position_m, start.velocity_mps, 0.5 * self.step_s
+        self._attitude = start.attitude_rad + half_s * start.rate_radps
+        half = 0.5 * self._attitude
+        # Positive attitudes turn counter-clockwise seen from -y: about -y.
+        turn = (math.cos(half), 0.0, -math.sin(half), 0.0)
+        self._build()
+        place, motion = (x + half_s * vx, 0.0, z + half_s * vz, *turn), (vx, 0.0, vz, 0.0, -start.rate_radps, 0.0)
+        self._hull.put(place, motion)
+        self._hull.weigh(start.mass_kg)
+        self._hull.look()
+        self.mass_kg, self.fuel_kg = start.mass_kg, start.fuel_kg
+        self._steps = self._still_steps = 0
+        self.throttle = self.gimbal_rad = self._throttle_goal = self._gimbal_goal = self._jets = 0.0
+        self.touchdown = self.outcome = None
+        self._pose: Pose | None = None
+
+    def _build(self) -> None:
+        """Builds the world anew if the ground is another."""
+        if self._hull.terrain is not self.terrain:
+            self._hull = Hull3D(self.module, self.terrain, self.step_s)
+
+    def snapshot(self) -> State:
+        """Returns all of the state; it never changes afterwards."""
+        return State(
+            body=self._hull.state(),
+            attitude_rad=self._attitude,
+            mass_kg=self.mass_kg,
+            fuel_kg=self.fuel_kg,
+            terrain=self.terrain,
+            steps=self._steps,
+            throttle=self.throttle,
+            gimbal_rad=self.gimbal_rad,
+            command=(self._throttle_goal, self._gimbal_goal, self._jets),
+            still_steps=self._still_steps,
+            touchdown=self.touchdown,
+            outcome=self.outcome,
+        )
+
+    def restore(self, snapshot: State) -> None:
+        """Puts back what `snapshot` returned."""
+        self.terrain = snapshot.terrain
+        self._build()
+        self._hull.put_state(snapshot.body)
+        self._hull.weigh(snapshot.mass_kg)
+        self._hull.look()
+        self._attitude = snapshot.attitude_rad
+        self.mass_kg, self.fuel_kg = snapshot.mass_kg, snapshot.fuel_kg
+        self._steps, self._still_steps = snapshot.steps, snapshot.still_steps
+        self.throttle, self.gimbal_rad = snapshot.throttle, snapshot.gimbal_rad
+        self._throttle_goal, self._gimbal_goal, self._jets = snapshot.command
+        self.touchdown, self.outcome = snapshot.touchdown, snapshot.outcome
+        self._pose = None
+
+    # -- moving -------------------------------------------------------------------------------------------------------
+
+    def _advance(self) -> None:
+        """Lets engine and jets push, ends the flight when it is over, and moves the module."""
+        self._pose = None
+        hull, mass_kg = self._hull, self.mass_kg
+        kick = self._fire()
+        if hull.contacts:
+            self._meet_ground(kick)
+        else:
+            self._still_steps = 0
+        if self.outcome is not None:
+            return
+        hull.move()
+        if self.mass_kg != mass_kg:
+            hull.weigh(self.mass_kg)
+        hull.look()
+        self._note_turn()
+        x, _, z = hull.place[:3]
+        if not hull.contacts and (abs(x) > EDGE_M or z > CEILING_M):
+            self._end("lost")
+
+    def _note_turn(self) -> None:
+        """Follows the attitude through full turns, as in the plane."""
+        axes = self._hull.axes
+        turned = math.atan2(-axes[2], axes[8])  # the module's upward axis leans to -x
+        self._attitude += math.remainder(turned - self._attitude, 2.0 * math.pi)
+
+    def _fire(self) -> Kick:
+        """Lets engine and jets push for one step; returns the change of velocity x, z and rate, weight and all."""
+        axes, step_s, weighed_kg = self._hull.axes, self.step_s, self.mass_kg
+        side, up, twist = self._burn()
+        x, y, z = side * axes[0] + up * axes[2], side * axes[3] + up * axes[5], side * axes[6] + up * axes[8]
+        # MuJoCo still has the mass of before the step; a force that is meant for the mean mass is scaled by as much.
+        force = weighed_kg / step_s
+        self._hull.push((force * x, force * y, force * z), (0.0, -force * twist, 0.0))
+        return x, z - self.module.gravity_mps2 * step_s, twist / self.module.gyration_m**2
+
+    def _meet_ground(self, kick: Kick) -> None:
+        """Ends the flight when it is over; before the legs push in this step."""
+        contacts = self._hull.contacts
+        vx, vy, vz, *rates = self._hull.motion[:6]
+        if self.touchdown is None:
+            x, _, z = self._hull.place[:3]
+            moves = (v + 0.5 * gained for v, gained in zip((vx, vz, -rates[1]), kick, strict=True))
+            self._judge_contact(Pose(x, z, self._attitude, *moves))
+        if self.outcome is None and (HULL in contacts or self._hull.axes[8] < _TIPPED_UP):
+            self._end("crashed")
+        still = abs(vx) + abs(vy) + abs(vz) < STILL_MPS and max(map(abs, rates)) < STILL_RADPS
+        self._settle(still and all(self._contact()))
+
+    def _stand_still(self) -> None:
+        """Takes all motion from the module."""
+        self._hull.stop()
+        self._pose = None
+
+    # -- being measured -----------------------------------------------------------------------------------------------
+
+    def _read_pose(self) -> Pose:
+        """Returns position and velocity at the same moment; looked up once a step, however many ask."""
+        if self._pose is None:
+            (x, _, z), half_s = self._hull.place[:3], 0.5 * self.step_s
+            vx, _, vz, _, about_y, _ = self._hull.motion[:6]
+            self._pose = Pose(x - half_s * vx, z - half_s * vz, self._attitude + half_s * about_y, vx, vz, -about_y)
+        return self._pose
+
+    def _contact(self) -> list[bool]:
+        """Returns whether feet touch: [left, right]."""
+        return [bool(side & self._hull.contacts) for side in (LEFT, RIGHT)]
+
+    def _tilt_rad(self) -> float:
+        """Returns the angle between the module's upward axis and the vertical."""
+        return math.acos(min(1.0, max(-1.0, self._hull.axes[8])))
+
+    def _has_hull_touched(self) -> bool:
+        """Returns whether the hull has met the ground."""
+        return HULL in self._hull.contacts
+
+    def scene(self) -> dict[str, Any]:
+        """Returns the ground of this run and the shapes of the module, each leg by itself."""
+        return {"statics": terrain_shapes(self.terrain), "bodies": legged_module_shapes()}
+
+    def truth(self) -> dict[str, Any]:
+        """Returns the true state for the recorder."""
+        hull, (x, z) = self._hull, self._read_pose()[:2]
+        y = hull.place[1] - 0.5 * self.step_s * hull.motion[1]
+        w, i, j, k = hull.place[3:7]
+        p, q, r = hull.motion[3:6]
+        attitude = turned((w, i, j, k), p, q, r, -0.5 * self.step_s)
+        axes = rotation_of(attitude)
+
+        def in_world(a: float, b: float, c: float, *, at: tuple[float, ...] = (x, y, z)) -> list[float]:
+            return [at[n] + axes[3 * n] * a + axes[3 * n + 1] * b + axes[3 * n + 2] * c for n in range(3)]
+
+        turn = [*attitude[1:], attitude[0]]
+        poses = {"module": [x, y, z, *turn]}
+        for name in PADS_M:
+            poses[name] = [*in_world(*hull.given_m(name)), *turn]
+        thrust = self.throttle * self.module.thrust_n
+        push = thrust * math.sin(self.gimbal_rad), 0.0, thrust * math.cos(self.gimbal_rad)
+        arrows = {"thrust": [*in_world(0.0, 0.0, -NOZZLE_BELOW_M), *in_world(*push, at=NOWHERE)]}
+        if self._jets:
+            # The pair of attitude jets that fires: one side up, the other down.
+            force = 0.5 * self._jets / JETS_OUT_M
+            arrows["jet_right"] = [*in_world(JETS_OUT_M, 0.0, 1.0), *in_world(0.0, 0.0, force, at=NOWHERE)]
+            arrows["jet_left"] = [*in_world(-JETS_OUT_M, 0.0, 1.0), *in_world(0.0, 0.0, -force, at=NOWHERE)]
+        return {"poses": poses, "arrows": arrows, "values": self._true_values(self._read_pose())}

@@ -1,0 +1,1 @@
+"""The underwater vehicle, its parts, its water, its pool."""

@@ -1,0 +1,226 @@
+"""A battery of lithium-ion cells: the more is drawn and the less is left, the lower its voltage, until it is cut off.
+
+voltage = open-circuit voltage (charge) - current * resistance
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Protocol
+
+from snr_sim.plants.urov.plausible import LIMITS, check_fields, check_number, check_whole, is_number, shown
+from snr_sim.prelude.errors import ParameterError
+
+# Open-circuit voltage of a cell over its charge: a Samsung INR21700-40T, measured at C/20 and room temperature, at the
+# ten places between which straight lines fit it best (Sunil, Pattipati and Balasingam, "Piecewise linear approximation
+# of battery open-circuit voltage characteristics using dynamic programming", IEEE Transactions on Instrumentation and
+# Measurement, 2025, with tables in the repository soorajsunil/Piecewise-Battery-OCV). Nobody prints which cells are in
+# the vehicle's pack; these are of their kind, and full, on average and empty have the voltages that makers print.
+OPEN_CIRCUIT = (
+    (0.0, 2.5), (0.0050, 2.8080), (0.0352, 3.1179), (0.0854, 3.3182), (0.1357, 3.4193),
+    (0.2915, 3.5826), (0.4523, 3.6941), (0.8392, 4.0664), (0.9548, 4.1121), (1.0, 4.2),
+)  # fmt: skip
+PACK_NUMBERS = ("capacity_ah", "resistance_ohm", "cutoff_cell_v", "cutoff_s")
+_CHARGES = [charge for charge, _ in OPEN_CIRCUIT]
+# From which charge on, the voltage there, and volts per charge above it.
+_LINES = [(low, low_v, (high_v - low_v) / (high - low)) for (low, low_v), (high, high_v) in pairwise(OPEN_CIRCUIT)]
+
+
+def _line_at(charge: float) -> tuple[float, float, float]:
+    return _LINES[min(len(_LINES) - 1, max(0, bisect_right(_CHARGES, charge) - 1))]
+
+
+def cell_v(charge: float) -> float:
+    """Returns the voltage of a cell from which nothing is drawn.
+
+    >>> cell_v(1.0), round(cell_v(0.5), 2), round(cell_v(0.1), 2), cell_v(0.0)
+    (4.2, 3.74, 3.35, 2.5)
+
+    Args:
+        charge: 0 empty to 1 full.
+    """
+    low, low_v, slope = _line_at(charge)
+    return low_v + (charge - low) * slope
+
+
+@dataclass(frozen=True)
+class Pack:
+    """What a battery is made of. The default is the 14.8 V, 18 Ah pack of the vehicle's maker.
+
+    Args:
+        cells: in series.
+        capacity_ah: ampere hours from full to empty.
+        resistance_ohm: of cells, plugs and cables up to the speed controllers. Nobody prints it: 0.02 to 0.05 ohm is
+            usual for such packs, and the default lies between.
+        cutoff_cell_v: of each cell, under load. Below it for `cutoff_s` a protection circuit takes the pack off, and
+            off it stays until it is charged; None is a pack without such a circuit, which gives until it is empty.
+            The maker's pack has none, and its guide asks the user to stop at 3.0 V a cell, or the pack is spoilt
+            (bluerobotics.com/learn/battery-info). That one is fitted is our choice, and so are its numbers: 2.5 V, at
+            which the cells' own makers call them empty, and a delay that a motor's start does not outlast. Thrusters
+            stand still then; that the computers would, too, is left out.
+        cutoff_s: that delay.
+
+    Raises:
+        ParameterError: a number makes no sense; the message names it and says what is usual.
+    """
+
+    cells: int = 4
+    capacity_ah: float = 18.0
+    resistance_ohm: float = 0.03
+    cutoff_cell_v: float | None = 2.5
+    cutoff_s: float = 0.1
+
+    def __post_init__(self) -> None:
+        check_whole("The battery's cells", self.cells, LIMITS["cells"])
+        names = [one for one in PACK_NUMBERS if one != "cutoff_cell_v" or self.cutoff_cell_v is not None]
+        check_fields(self, "The battery's ", {name: name for name in names}, {})
+
+
+_ROUNDING_S = 1e-9  # a tenth of a second is one, however many steps it is made of
+
+
+class Supply(Protocol):
+    """What feeds the thrusters."""
+
+    @property
+    def charge(self) -> float:
+        """What is left, 0 to 1."""
+        ...
+
+    @property
+    def energy_j(self) -> float:
+        """Given since the last reset, at the terminals."""
+        ...
+
+    def reset(self) -> None:
+        """Puts it back to the start."""
+        ...
+
+    def voltage_v(self, current_a: float) -> float:
+        """Returns the voltage at which a current flows."""
+        ...
+
+    def draw(self, current_a: float, voltage_v: float, dt_s: float) -> None:
+        """Takes a current out of it for a time, at a voltage."""
+        ...
+
+    def snapshot(self) -> Any:
+        """Returns all of its state."""
+        ...
+
+    def restore(self, snapshot: Any) -> None:
+        """Puts back what `snapshot` returned."""
+        ...
+
+
+class BenchSupply:
+    """A supply that holds its voltage whatever is drawn, as one on a bench; for measuring. Keeps the promise of Supply.
+
+    Args:
+        volts: that it holds.
+
+    Raises:
+        ParameterError: they are no number.
+    """
+
+    charge = 1.0
+
+    def __init__(self, volts: float) -> None:
+        if not is_number(volts):
+            raise ParameterError(f"A supply of {shown(volts)} V.", fix="BenchSupply(16.0)")
+        self.volts = volts
+        self.energy_j = 0.0
+
+    def reset(self) -> None:
+        """Counts from nothing."""
+        self.energy_j = 0.0
+
+    def voltage_v(self, current_a: float) -> float:
+        """Returns what it holds."""
+        return self.volts
+
+    def draw(self, current_a: float, voltage_v: float, dt_s: float) -> None:
+        """Counts the energy."""
+        self.energy_j += current_a * voltage_v * dt_s
+
+    def snapshot(self) -> float:
+        """Returns what it counted."""
+        return self.energy_j
+
+    def restore(self, snapshot: float) -> None:
+        """Puts it back."""
+        self.energy_j = snapshot
+
+
+class Battery:
+    """A pack and how much is left in it. Keeps the promise of Supply.
+
+    Args:
+        pack: what it is.
+        charge: of a run's beginning, 0 empty to 1 full.
+
+    Raises:
+        ParameterError: the charge is none.
+
+    Attributes:
+        is_cut_off: its protection circuit has taken it off; it gives nothing more.
+    """
+
+    def __init__(self, pack: Pack | None = None, charge: float = 1.0) -> None:
+        if pack is not None and not isinstance(pack, Pack):
+            raise ParameterError(f"The battery's pack is {shown(pack)}.", fix="Battery(Pack(cells=4), charge=0.8).")
+        check_number("The battery's charge", charge, LIMITS["share"])
+        self.pack = pack = pack or Pack()
+        self._first_charge = charge
+        self._share_per_as = 1.0 / (3600.0 * pack.capacity_ah)
+        self._cutoff_v = 0.0 if pack.cutoff_cell_v is None else pack.cells * pack.cutoff_cell_v
+        self.reset()
+
+    def reset(self) -> None:
+        """Charges it as it was at first."""
+        self.charge = self._first_charge
+        self.energy_j = 0.0  # given so far, at the terminals
+        self.is_cut_off = self.charge <= 0.0
+        self._low_s = 0.0  # for how long the voltage has been below the cut-off
+        self._lay_line()
+
+    def voltage_v(self, current_a: float) -> float:
+        """Returns the voltage at which a current flows; 0 if it is empty or has been cut off."""
+        if self.is_cut_off:
+            return 0.0
+        from_charge, from_v, slope, resistance_ohm = self._line
+        return max(0.0, from_v + (self.charge - from_charge) * slope - current_a * resistance_ohm)
+
+    def draw(self, current_a: float, voltage_v: float, dt_s: float) -> None:
+        """Takes a current out of it for a time, at a voltage; of one that has been cut off, nothing."""
+        if self.is_cut_off:
+            return
+        charge = self.charge - current_a * dt_s * self._share_per_as
+        self.charge = charge = charge if charge > 0.0 else 0.0
+        self.energy_j += current_a * voltage_v * dt_s
+        if charge <= self._line[0]:
+            self._lay_line()
+        if charge <= 0.0:
+            self.is_cut_off = True
+        elif voltage_v < self._cutoff_v:
+            self._low_s += dt_s
+            self.is_cut_off = self._low_s >= self.pack.cutoff_s - _ROUNDING_S
+        elif self._low_s:
+            self._low_s = 0.0
+
+    def snapshot(self) -> tuple[float, float, float, bool]:
+        """Returns all of its state."""
+        return self.charge, self.energy_j, self._low_s, self.is_cut_off
+
+    def restore(self, snapshot: tuple[float, float, float, bool]) -> None:
+        """Puts back what `snapshot` returned."""
+        self.charge, self.energy_j, self._low_s, self.is_cut_off = snapshot
+        self._lay_line()
+
+    def _lay_line(self) -> None:
+        """Lays the straight line of the pack's voltage about its charge: looked up once for thousands of steps."""
+        low, low_v, slope = _line_at(self.charge)
+        cells = self.pack.cells
+        self._line = low, cells * low_v, cells * slope, self.pack.resistance_ohm

@@ -1,0 +1,195 @@
+"""What a dive begins with, and what happens to it: currents, loads, leaks and failures, by the clock."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from snr_sim.plants.urov.plausible import LIMITS, check_fields, check_members, check_number, is_number, shown
+from snr_sim.plants.urov.propulsion import FAULTS
+from snr_sim.plants.urov.tether import Tether
+from snr_sim.plants.urov.vehicle import Vector
+from snr_sim.prelude.errors import ParameterError, nearest
+
+STILL: Vector = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Load:
+    """Something small that hangs at the vehicle for a while. It has mass, so it also makes the vehicle sluggish.
+
+    Args:
+        mass_kg: of it.
+        volume_m3: of the water it displaces; a kilogram of lead has 0.000088.
+        place_m: body frame.
+        from_s: when it is taken up.
+        until_s: when it is let go.
+    """
+
+    mass_kg: float
+    volume_m3: float = 0.0
+    place_m: Vector = STILL
+    from_s: float = 0.0
+    until_s: float = math.inf
+
+    def __post_init__(self) -> None:
+        numbers = {"mass_kg": "load_kg", "volume_m3": "load_m3", "from_s": "time_s"}
+        check_fields(self, "The load's ", numbers, {"place_m": "place_m"})
+        if not is_number(self.until_s) or not self.from_s < self.until_s:
+            raise ParameterError(
+                f"The load's until_s is {shown(self.until_s)}, and it is taken up at {self.from_s:g} s.",
+                fix="let it go later, or leave until_s out and it is never let go.",
+            )
+
+
+@dataclass(frozen=True)
+class Leak:
+    """Water that comes into the hull.
+
+    Args:
+        from_s: when it begins.
+        rate_lps: litres a second.
+        most_l: when the hull is full.
+        place_m: where it gathers, body frame.
+    """
+
+    from_s: float
+    rate_lps: float
+    most_l: float = 2.0
+    place_m: Vector = STILL
+
+    def __post_init__(self) -> None:
+        numbers = {"from_s": "time_s", "rate_lps": "leak_lps", "most_l": "leak_l"}
+        check_fields(self, "The leak's ", numbers, {"place_m": "place_m"})
+
+    def water_l(self, time_s: float) -> float:
+        """Returns how much is in."""
+        return min(self.most_l, max(0.0, time_s - self.from_s) * self.rate_lps)
+
+
+@dataclass(frozen=True)
+class ThrusterFault:
+    """A thruster that breaks.
+
+    Args:
+        at_s: when.
+        thruster: its name, or its number from 0.
+        fault: 'off', 'weak', 'stuck' or 'none', as in `Propulsion.fail`.
+        share: of its force that a weak one keeps.
+    """
+
+    at_s: float
+    thruster: int | str
+    fault: str = "off"
+    share: float = 0.5
+
+    def __post_init__(self) -> None:
+        check_fields(self, "The thruster fault's ", {"at_s": "time_s", "share": "share"}, {})
+        if not isinstance(self.fault, str) or self.fault not in FAULTS:
+            raise ParameterError(f"A thruster cannot be {shown(self.fault)}.", fix=nearest(str(self.fault), FAULTS))
+
+    def number_in(self, names: Sequence[str]) -> int:
+        """Returns the number of the thruster among those of a vehicle.
+
+        Raises:
+            ParameterError: there is none; the message names those there are.
+        """
+        if isinstance(self.thruster, str):
+            found = names.index(self.thruster) if self.thruster in names else -1
+        else:
+            found = int(self.thruster) if is_number(self.thruster) and self.thruster % 1 == 0 else -1
+        if not 0 <= found < len(names):
+            raise ParameterError(
+                f"The dive has thruster {shown(self.thruster)} fail at {self.at_s:g} s, and there is no such thruster.",
+                fix=f"by name, {nearest(str(self.thruster), names)} Or by number: 0 to {len(names) - 1}.",
+            )
+        return found
+
+
+@dataclass(frozen=True)
+class Current:
+    """The speed of all water from a moment on.
+
+    It changes at once, and the vehicle keeps its own speed over ground: the pressure that makes real water speed up,
+    and would carry the vehicle along, is left out.
+
+    Args:
+        from_s: when it begins.
+        velocity_mps: world frame.
+    """
+
+    from_s: float
+    velocity_mps: Vector
+
+    def __post_init__(self) -> None:
+        check_fields(self, "The current's ", {"from_s": "time_s"}, {"velocity_mps": "speed_mps"})
+
+
+@dataclass(frozen=True)
+class Dive:
+    """Where a run begins, and what happens in it.
+
+    Args:
+        position_m: of the vehicle's origin, world frame; z is 0 at the surface and negative below. Above it, up to
+            100 m, the vehicle falls freely, without the drag of air.
+        attitude_rad: roll, pitch and yaw, about x, y, z in this order of naming: yaw is turned first.
+        velocity_mps: world frame.
+        rate_radps: body frame.
+        currents: in the order of their times; before the first, the water is still.
+        loads: what hangs at the vehicle.
+        leak: if there is one.
+        faults: of thrusters.
+        tether: if there is one.
+
+    Raises:
+        ParameterError: a number cannot be, or currents are out of order.
+    """
+
+    position_m: Vector = (0.0, 0.0, -1.0)
+    attitude_rad: Vector = STILL
+    velocity_mps: Vector = STILL
+    rate_radps: Vector = STILL
+    currents: tuple[Current, ...] = ()
+    loads: tuple[Load, ...] = ()
+    leak: Leak | None = None
+    faults: tuple[ThrusterFault, ...] = ()
+    tether: Tether | None = None
+
+    def __post_init__(self) -> None:
+        vectors = {
+            "position_m": "position_m",
+            "attitude_rad": "angle_rad",
+            "velocity_mps": "start_mps",
+            "rate_radps": "start_radps",
+        }
+        check_fields(self, "The dive's ", {}, vectors)
+        check_number("The dive's position_m", self.position_m[2], LIMITS["height_m"], "z")
+        for name, kind in (("currents", Current), ("loads", Load), ("faults", ThrusterFault)):
+            check_members(f"The dive's {name}", getattr(self, name), kind)
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        for name, one in (("leak", Leak), ("tether", Tether)):
+            if not isinstance(getattr(self, name), one | None):
+                raise ParameterError(
+                    f"The dive's {name} is {shown(getattr(self, name))}.",
+                    fix=f"a dive has one {one.__name__}, or None.",
+                )
+        times = [current.from_s for current in self.currents]
+        if times != sorted(times):
+            raise ParameterError(f"Currents begin at {times} s.", fix="name them in the order of their times.")
+
+    def times_s(self) -> list[float]:
+        """Returns the moments at which something happens, in order, each once."""
+        moments = {current.from_s for current in self.currents} | {fault.at_s for fault in self.faults}
+        for load in self.loads:
+            moments |= {load.from_s, load.until_s}
+        return sorted(moments - {math.inf})
+
+    def current_at(self, time_s: float) -> Vector:
+        """Returns the speed of the water, world frame."""
+        begun = [current.velocity_mps for current in self.currents if current.from_s <= time_s]
+        return begun[-1] if begun else STILL
+
+    def loads_at(self, time_s: float) -> list[Load]:
+        """Returns what hangs at the vehicle."""
+        return [load for load in self.loads if load.from_s <= time_s < load.until_s]

@@ -1,0 +1,107 @@
+"""An electronic speed controller: it must be shown stop before it turns a thruster, and again after silence.
+
+    new --a steady pulse for a second: that is stop--> armed --no pulse for some seconds, or no voltage--> waiting
+                                                        ^                                                     |
+                                                        '------------ its stop for a second ------------------'
+
+Documented (maker's forum, threads 380 and 2214, Basic ESC R3): 1500 us for about a second arms it. Without pulses it
+stops, and after "3 to 10 seconds" it must be shown 1500 us again. Somebody who sent something else at first found that
+this had become its stop, and that 1500 us made the thruster turn the other way.
+
+What it has once taken for stop it keeps, also without voltage: BLHeli_S, the program in these controllers, holds that
+in flash memory, and after a reset or silence its arming sequence goes on only at a pulse that is stop (its published
+source). So a supply that breaks down under thrust leaves the thrusters still until they are told to stop for a second.
+
+Not documented, and chosen here: that silence counts after 5 s; that arming again takes as long as the first time; what
+"steady" is; that a pulse within `STEADY_US` of stop counts as stop; that below 7 V, the least that its maker names, it
+is reset at once.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from snr_sim.plants.urov.t200 import LEAST_US, LEAST_V, MOST_US, STOP_US
+
+ARMING_S = 1.0
+SILENCE_S = 5.0
+STEADY_US = 25.0
+_ROUNDING_S = 1e-9  # a second is a second, however many steps it is made of
+
+
+class EscState(NamedTuple):
+    """All there is to know of a speed controller.
+
+    Args:
+        is_armed: it turns its thruster.
+        stop_us: the pulse that it takes for stop; None if it is new and was shown none.
+        first_us: while not armed, the pulse it has been hearing.
+        held_s: while not armed, for how long.
+        silent_s: how long it has heard none.
+    """
+
+    is_armed: bool = False
+    stop_us: float | None = None
+    first_us: float | None = None
+    held_s: float = 0.0
+    silent_s: float = 0.0
+
+
+class Esc:
+    """One speed controller, as it is when it is connected for the first time."""
+
+    def __init__(self) -> None:
+        self.state = EscState()
+
+    @property
+    def is_armed(self) -> bool:
+        """Whether it turns its thruster."""
+        return self.state.is_armed
+
+    @property
+    def has_false_stop(self) -> bool:
+        """Whether it was shown something else than 1500 us for stop."""
+        return self.state.stop_us not in (None, STOP_US)
+
+    @property
+    def shift_us(self) -> float:
+        """How much longer than 1500 us the pulse is that it takes for stop."""
+        return 0.0 if self.state.stop_us is None else self.state.stop_us - STOP_US
+
+    def hear(self, pulse_us: float | None, supply_v: float, dt_s: float) -> float:
+        """Takes the pulse of the last `dt_s`, None if there was none; returns the pulse that the thruster turns by.
+
+        A thruster without an armed controller does what it does at `STOP_US`.
+        """
+        if supply_v < LEAST_V:
+            self.state = EscState(stop_us=self.state.stop_us)
+            return STOP_US
+        if pulse_us is None:
+            return self._silence(dt_s)
+        if not self.state.is_armed:
+            self._show(pulse_us, dt_s)
+            return STOP_US
+        if self.state.silent_s:
+            self.state = self.state._replace(silent_s=0.0)
+        return min(MOST_US, max(LEAST_US, pulse_us - self.shift_us))
+
+    def _silence(self, dt_s: float) -> float:
+        state = self.state
+        silent_s = state.silent_s + dt_s
+        keeps = state.is_armed and silent_s < SILENCE_S - _ROUNDING_S
+        self.state = state._replace(silent_s=silent_s) if keeps else EscState(stop_us=state.stop_us, silent_s=silent_s)
+        return STOP_US
+
+    def _show(self, pulse_us: float, dt_s: float) -> None:
+        state = self.state
+        if state.stop_us is not None and abs(pulse_us - state.stop_us) > STEADY_US:
+            self.state = EscState(stop_us=state.stop_us)  # not stop: it goes on waiting
+            return
+        if state.first_us is None or abs(pulse_us - state.first_us) > STEADY_US:
+            state = EscState(stop_us=state.stop_us, first_us=pulse_us)
+        held_s = state.held_s + dt_s
+        if held_s < ARMING_S - _ROUNDING_S:
+            self.state = state._replace(held_s=held_s, silent_s=0.0)
+            return
+        stop_us = state.stop_us or state.first_us or pulse_us
+        self.state = EscState(is_armed=True, stop_us=STOP_US if abs(stop_us - STOP_US) <= STEADY_US else stop_us)

@@ -1,0 +1,76 @@
+"""What a vehicle weighs and what carries it: dry mass, what hangs at it, what leaked in, and the part that is wet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from snr_sim.plants.matrices import product
+from snr_sim.plants.urov.dive import Load
+from snr_sim.plants.urov.vehicle import Matrix, Vector, Vehicle
+
+
+class Flotation:
+    """Weight and buoyancy of one vehicle.
+
+    Args:
+        vehicle: its displaced volume.
+        rigid: 6 x 6 mass matrix of the dry vehicle.
+        density_kgm3: of the water.
+        gravity_mps2: pulls down.
+
+    Attributes:
+        mass: 6 x 6, dry vehicle and loads.
+        net_n: buoyancy less weight.
+        arm: buoyancy times its place less weight times its place [N m], body frame: its cross product with the upward
+            direction is the righting moment.
+    """
+
+    def __init__(self, vehicle: Vehicle, rigid: Matrix, density_kgm3: float, gravity_mps2: float) -> None:
+        self._rigid, self._density, self._gravity = rigid, density_kgm3, gravity_mps2
+        self._centre = vehicle.centre_of_buoyancy_m
+        self._buoyancy_n = density_kgm3 * gravity_mps2 * vehicle.volume_m3
+        self.load((), 0.0)
+
+    def load(self, loads: Sequence[Load], water_l: float, water_at: Vector = (0.0, 0.0, 0.0)) -> None:
+        """Weighs all of it anew; what hangs at the vehicle counts with its own buoyancy, as if always under water.
+
+        Args:
+            loads: what hangs at it.
+            water_l: leaked into the hull.
+            water_at: where that is, body frame.
+        """
+        rigid, gravity, density = self._rigid, self._gravity, self._density
+        weight = gravity * float(rigid[0, 0])
+        # Mass times place stands in the mass matrix: m z at [0, 4], m x at [1, 5], m y at [2, 3].
+        arm = [gravity * float(rigid[1, 5]), gravity * float(rigid[2, 3]), gravity * float(rigid[0, 4])]
+        parts = [(one.mass_kg, one.mass_kg - density * one.volume_m3, one.place_m) for one in loads]
+        if water_l > 0.0:
+            water_kg = 1e-3 * density * water_l
+            parts.append((water_kg, water_kg, water_at))
+        self.mass = rigid.copy() if parts else rigid
+        for mass_kg, heavy_kg, place in parts:
+            self.mass += point_mass(mass_kg, place)
+            weight += gravity * heavy_kg
+            arm = [a + gravity * heavy_kg * b for a, b in zip(arm, place, strict=True)]
+        self._weight_n, self._weight_arm = weight, arm
+        self.wet(1.0, self._centre)
+
+    def wet(self, share: float, centre: Vector) -> None:
+        """Takes another share of the volume to be in the water, with another middle of it."""
+        force = share * self._buoyancy_n
+        self.net_n = force - self._weight_n
+        x, y, z = (force * a - b for a, b in zip(centre, self._weight_arm, strict=True))
+        self.arm: Vector = (x, y, z)
+
+    def submerge(self) -> None:
+        """Takes all of the volume to be in the water."""
+        self.wet(1.0, self._centre)
+
+
+def point_mass(mass_kg: float, place: Vector) -> Matrix:
+    """Returns the 6 x 6 mass matrix of something small that is fixed to the body at a place of its frame."""
+    x, y, z = place
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return mass_kg * np.block([[np.eye(3), -cross], [cross, -product(cross, cross)]])

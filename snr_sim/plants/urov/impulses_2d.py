@@ -1,0 +1,77 @@
+"""What contacts do to a body whose mass is another in every direction, which the contacts of pymunk cannot know.
+
+pymunk says where a body touches, which way and how deep; here are the impulses: each contact in turn asks for as much
+as stops the body there, never pulls, and holds sideways up to friction, until all are content (sequential impulses).
+All begins anew at every step, so a body at rest can be put back to the bit.
+
+Source: Catto, Iterative Dynamics with Temporal Coherence (2005); with a full matrix in place of one mass, and without
+the coherence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from snr_sim.plants.urov.water_2d import Three
+from snr_sim.prelude.sums import dot_product, ordered_sum
+
+ROUNDS = 30
+DEEP_M = 0.0005  # a contact may be so deep and stay; what is deeper comes out by this share of it in a step
+OUT_SHARE = 0.1
+OUT_MOST_MPS = 0.2
+
+
+class Touch(NamedTuple):
+    """One place where a body touches, world frame.
+
+    Args:
+        out_x, out_z: unit vector away from what it touches.
+        arm_x, arm_z: from the body's origin to the place [m].
+        depth_m: how deep it is in.
+    """
+
+    out_x: float
+    out_z: float
+    arm_x: float
+    arm_z: float
+    depth_m: float
+
+
+def stopped(
+    velocity: Three, touches: Sequence[Touch], mobility: Sequence[Sequence[float]], friction: float, dt_s: float
+) -> tuple[Three, tuple[float, float]]:
+    """Returns the velocity after all contacts have had their say, and the impulse of all together [N s], world frame.
+
+    Args:
+        velocity: without contacts: along x and z [m/s], rate about y [rad/s].
+        touches: where it touches.
+        mobility: 3 x 3, what an impulse does to the velocity.
+        friction: coefficient.
+        dt_s: length of the step.
+    """
+    rows = []
+    for touch in touches:
+        out_x, out_z, arm_x, arm_z = touch[:4]
+        # A place at `arm` moves by (q arm_z, -q arm_x) when the body turns about y.
+        for x, z in ((out_x, out_z), (-out_z, out_x)):
+            direction = (x, z, x * arm_z - z * arm_x)
+            answer = [dot_product(row, direction) for row in mobility]
+            rows.append((direction, answer, 1.0 / dot_product(direction, answer)))
+    wanted = [min(OUT_MOST_MPS, OUT_SHARE * max(0.0, touch.depth_m - DEEP_M) / dt_s) for touch in touches]
+    given = [0.0] * len(rows)
+    vx, vz, q = velocity
+    for _ in range(ROUNDS):
+        for i, ((x, z, turn), (ax, az, aq), per_speed) in enumerate(rows):
+            speed = x * vx + z * vz + turn * q
+            if i % 2 == 0:
+                new = max(0.0, given[i] + (wanted[i // 2] - speed) * per_speed)
+            else:
+                most = friction * given[i - 1]
+                new = min(most, max(-most, given[i] - speed * per_speed))
+            more = new - given[i]
+            given[i] = new
+            vx, vz, q = vx + more * ax, vz + more * az, q + more * aq
+    along_x = ordered_sum(impulse * row[0][0] for impulse, row in zip(given, rows, strict=True))
+    along_z = ordered_sum(impulse * row[0][1] for impulse, row in zip(given, rows, strict=True))
+    return (vx, vz, q), (along_x, along_z)

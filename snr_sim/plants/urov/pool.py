@@ -1,0 +1,166 @@
+"""The pool a vehicle swims in: still surface at z = 0, a level floor, four walls, and gates to go through.
+
+It writes the world as MJCF, in which MuJoCo finds what touches what. `simple="false"` at the vehicle's body matters:
+without it MuJoCo keeps only the diagonal of a mass matrix that is one, and the added mass of a tilted vehicle is not.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from html import escape
+
+from snr_sim.plants.urov.plausible import check_fields, check_members, shown
+from snr_sim.plants.urov.vehicle import Vector, Vehicle
+from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.water import FRESH_KGM3, GRAVITY_MPS2
+
+WALLS_RISE_M = 0.4  # above the water
+POST_M = 0.025  # radius of a gate's posts; an estimate, as of plastic pipe of 50 mm
+FRICTION = 0.5  # of a plastic frame on tiles: our estimate, as is that what touches does not rebound
+# Contacts give way by tenths of a millimetre before they are hard: with MuJoCo's own, a vehicle that slides over the
+# floor rattles, its force anywhere from 0 to three times its mean. The ratio keeps what sticks from creeping.
+CONTACT = 'solimp="0.1 0.95 0.003"'
+FRICTION_RATIO = 100
+BODY = "vehicle"
+PARTS = ("floor", "surface", "rim")  # names that the view has for what belongs to the pool
+
+
+@dataclass(frozen=True)
+class Gate:
+    """Two posts and two bars, upright, to swim through along its heading.
+
+    Args:
+        name: its own.
+        position_m: of its middle.
+        heading_rad: of who goes through: 0 is along x.
+        width_m: between the posts.
+        height_m: between the bars.
+    """
+
+    name: str
+    position_m: Vector
+    heading_rad: float = 0.0
+    width_m: float = 1.5
+    height_m: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name.strip() or self.name in PARTS:
+            raise ParameterError(
+                f"A gate is named {shown(self.name)}.", fix=f"give it a name of its own, other than {', '.join(PARTS)}."
+            )
+        numbers = {"heading_rad": "angle_rad", "width_m": "gate_m", "height_m": "gate_m"}
+        check_fields(self, f"Gate '{self.name}': ", numbers, {"position_m": "position_m"})
+
+    def corners_m(self) -> list[Vector]:
+        """Returns the four corners, in order around it."""
+        x, y, z = self.position_m
+        across = -math.sin(self.heading_rad), math.cos(self.heading_rad)
+        half, up = 0.5 * self.width_m, 0.5 * self.height_m
+        return [
+            (x + side * half * across[0], y + side * half * across[1], z + level * up)
+            for side, level in ((1, 1), (1, -1), (-1, -1), (-1, 1))
+        ]
+
+
+@dataclass(frozen=True)
+class Pool:
+    """A basin whose middle is at x = y = 0.
+
+    Args:
+        length_m: along x.
+        width_m: along y.
+        depth_m: from the surface down to the floor.
+        gates: in it.
+        density_kgm3: of the water: 1000 fresh, 1026 in the sea.
+        gravity_mps2: pulls down.
+        temperature_c: of the water.
+
+    Raises:
+        ParameterError: a number cannot be, a gate is outside, or two gates have one name.
+    """
+
+    length_m: float = 25.0
+    width_m: float = 12.5
+    depth_m: float = 4.0
+    gates: tuple[Gate, ...] = ()
+    density_kgm3: float = FRESH_KGM3
+    gravity_mps2: float = GRAVITY_MPS2
+    temperature_c: float = 18.0
+
+    def __post_init__(self) -> None:
+        numbers = {
+            "length_m": "basin_m",
+            "width_m": "basin_m",
+            "depth_m": "basin_m",
+            "density_kgm3": "water_kgm3",
+            "gravity_mps2": "gravity_mps2",
+            "temperature_c": "temperature_c",
+        }
+        check_fields(self, "The pool's ", numbers, {})
+        check_members("The pool's gates", self.gates, Gate)
+        object.__setattr__(self, "gates", tuple(self.gates))
+        for gate in self.gates:
+            x, y, z = gate.position_m
+            if abs(x) > 0.5 * self.length_m or abs(y) > 0.5 * self.width_m or not -self.depth_m <= z <= WALLS_RISE_M:
+                raise ParameterError(
+                    f"Gate '{gate.name}' stands at {gate.position_m} m, which is not in the pool.", fix=self.extent()
+                )
+        names = [gate.name for gate in self.gates]
+        if len(set(names)) < len(names):
+            raise ParameterError(f"Two gates have one name: {', '.join(names)}.", fix="give each its own.")
+
+    def extent(self) -> str:
+        """Returns where the water is, in words."""
+        size = f"{self.length_m:g} x {self.width_m:g} m around 0, 0 and {self.depth_m:g} m deep"
+        return f"the pool is {size}; under water z is negative."
+
+    def room_m(self, place: Vector) -> float:
+        """Returns how far it is at least from a place in the water to floor, walls and gates."""
+        x, y, z = place
+        rooms = [z + self.depth_m, 0.5 * self.length_m - abs(x), 0.5 * self.width_m - abs(y)]
+        rooms += [
+            math.dist(place, gate.position_m) - 0.5 * math.hypot(gate.width_m, gate.height_m) - POST_M
+            for gate in self.gates
+        ]
+        return min(rooms)
+
+    def mjcf(self, vehicle: Vehicle) -> str:
+        """Returns the world with this vehicle in it, as MJCF."""
+        half = 0.5 * self.length_m, 0.5 * self.width_m
+        surface = f'friction="{FRICTION} 0.005 0.0001"'
+        walls = [
+            ("wall_east", f"{half[0]} 0 0", "0 -1 0 0 0 1"),
+            ("wall_west", f"{-half[0]} 0 0", "0 1 0 0 0 1"),
+            ("wall_north", f"0 {half[1]} 0", "1 0 0 0 0 1"),
+            ("wall_south", f"0 {-half[1]} 0", "-1 0 0 0 0 1"),
+        ]
+        # A plane's normal is its z axis: x cross y of the two axes given.
+        lines = [f'<geom name="floor" type="plane" pos="0 0 {-self.depth_m}" size="{half[0]} {half[1]} 1" {surface}/>']
+        lines += [
+            f'<geom name="{name}" type="plane" pos="{place}" xyaxes="{axes}" size="1 1 1" {surface}/>'
+            for name, place, axes in walls
+        ]
+        for gate in self.gates:
+            corners = gate.corners_m()
+            for i, (start, end) in enumerate(zip(corners, [*corners[1:], corners[0]], strict=True)):
+                ends = " ".join(f"{value:.9g}" for value in (*start, *end))
+                name = escape(f"{gate.name}_{i}")
+                lines.append(f'<geom name="{name}" type="capsule" fromto="{ends}" size="{POST_M}" {surface}/>')
+        xx, yy, zz, xy, xz, yz = (
+            float(vehicle.inertia_kgm2[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+        )
+        box = " ".join(repr(0.5 * side) for side in vehicle.size_m)
+        place = " ".join(repr(value) for value in vehicle.centre_of_mass_m)
+        return f"""<mujoco model="pool">
+  <option gravity="0 0 {-self.gravity_mps2!r}" integrator="Euler" cone="elliptic" impratio="{FRICTION_RATIO}"/>
+  <default><geom {CONTACT}/></default>
+  <worldbody>
+    {chr(10).join("    " + line for line in lines).strip()}
+    <body name="{BODY}" simple="false">
+      <freejoint name="{BODY}"/>
+      <inertial pos="{place}" mass="{vehicle.mass_kg!r}" fullinertia="{xx!r} {yy!r} {zz!r} {xy!r} {xz!r} {yz!r}"/>
+      <geom name="frame" type="box" size="{box}" {surface}/>
+    </body>
+  </worldbody>
+</mujoco>"""

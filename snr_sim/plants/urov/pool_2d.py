@@ -1,0 +1,181 @@
+"""A cut through the pool along x, under pymunk: it moves the vehicle in the plane and says what it touches.
+
+What stands across the cut is there as far as the cut meets it: floor, the walls to the east and west, and each gate's
+bars as two round spots. pymunk's own contacts stay unused (`impulses_2d.py` says why): the vehicle's outline is held
+against the pool by queries.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import TypeAlias
+
+import numpy as np
+
+from snr_sim.plants.lander.hull import pymunk_module
+from snr_sim.plants.matrices import product
+from snr_sim.plants.urov.impulses_2d import Touch
+from snr_sim.plants.urov.pool import POST_M, Gate, Pool
+from snr_sim.plants.urov.vehicle import Matrix, Vehicle
+
+THICK_M = 5.0  # of floor and walls, for what is in deep to be pushed out the right way
+HIGH_M = 1000.0  # walls rise over the water without end, as MuJoCo's planes do
+
+Place2D: TypeAlias = tuple[float, float, float]  # x, z [m], and pitch [rad] or, moving, their rates
+
+
+class Pool2D:
+    """A vehicle in the cut at its own y.
+
+    Args:
+        pool: where it swims.
+        vehicle: its frame, mass and inertia.
+
+    Attributes:
+        engine: name and version of the physics.
+        rigid: 6 x 6 mass matrix of the dry vehicle about its origin, body frame.
+        gravity_mps2: of the world, downwards. The water's part of it is not pymunk's.
+    """
+
+    def __init__(self, pool: Pool, vehicle: Vehicle) -> None:
+        pymunk = pymunk_module()
+        self.engine = f"pymunk {pymunk.version}"
+        self.gravity_mps2 = pool.gravity_mps2
+        self.rigid = _rigid(vehicle)
+        self._pymunk, self._pool = pymunk, pool
+        length, _, self._height_m = vehicle.size_m
+        self._body = pymunk.Body(vehicle.mass_kg, float(vehicle.inertia_kgm2[1, 1]))
+        self._frame = pymunk.Poly.create_box(self._body, (length, self._height_m))
+        self._reach_m = 0.5 * math.hypot(length, self._height_m) + POST_M
+        self._build(0.0)
+
+    def _build(self, y_m: float) -> None:
+        """Builds the cut at a y."""
+        pymunk, pool = self._pymunk, self._pool
+        self._y_m = y_m
+        self._space = space = pymunk.Space()
+        half, floor, top = 0.5 * pool.length_m, -pool.depth_m, HIGH_M
+        far = half + THICK_M
+        solid = {
+            "floor": [(-far, floor - THICK_M), (far, floor - THICK_M), (far, floor), (-far, floor)],
+            "wall_east": [(half, floor), (far, floor), (far, top), (half, top)],
+            "wall_west": [(-far, floor), (-half, floor), (-half, top), (-far, top)],
+        }
+        bars = [(gate.name, bar) for gate in pool.gates for bar in _bars(gate, y_m)]
+        self._bars = [bar for _, bar in bars]
+        self._solids = {pymunk.Poly(space.static_body, corners): name for name, corners in solid.items()}
+        self._solids |= {pymunk.Circle(space.static_body, POST_M, bar): name for name, bar in bars}
+        space.add(self._body, *self._solids)
+
+    # -- the state ----------------------------------------------------------------------------------------------------
+
+    def clear(self) -> None:
+        """Puts the vehicle at rest in the middle of the surface."""
+        self.place(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+    def put(self, pose: Sequence[float], velocity: Sequence[float]) -> None:
+        """Puts the vehicle somewhere.
+
+        Args:
+            pose: x, y, z [m] and the quaternion w, x, y, z, of which only pitch counts.
+            velocity: linear in the world, then angular in the body's frame; only what lies in the plane counts.
+        """
+        x, y, z, qw, _, qy, _ = pose
+        self.place(y, (x, z, 2.0 * math.atan2(qy, qw)), (velocity[0], velocity[2], velocity[4]))
+
+    def place(self, y_m: float, place: Place2D, motion: Place2D) -> None:
+        """Puts the vehicle somewhere, to the bit."""
+        if y_m != self._y_m:
+            self._space.remove(self._body)
+            self._build(y_m)
+        body = self._body
+        # pymunk turns the other way: from x to z, which is nose up.
+        body.position, body.angle = (place[0], place[1]), -place[2]
+        body.velocity, body.angular_velocity = (motion[0], motion[1]), -motion[2]
+
+    def where(self) -> Place2D:
+        """Returns x, z and pitch."""
+        body = self._body
+        x, z = body.position
+        return x, z, -body.angle
+
+    def snapshot(self) -> tuple[float, Place2D, Place2D]:
+        """Returns y, x, z and pitch, and the rates of the last three."""
+        body = self._body
+        vx, vz = body.velocity
+        return self._y_m, self.where(), (vx, vz, -body.angular_velocity)
+
+    def restore(self, snapshot: tuple[float, Place2D, Place2D]) -> None:
+        """Puts back what `snapshot` returned."""
+        self.place(*snapshot)
+
+    # -- moving -------------------------------------------------------------------------------------------------------
+
+    def drift(self, dt_s: float) -> None:
+        """Moves on at the velocity it has."""
+        self._space.step(dt_s)
+
+    def move_at(self, motion: Place2D) -> None:
+        """Gives it another velocity."""
+        body = self._body
+        body.velocity, body.angular_velocity = (motion[0], motion[1]), -motion[2]
+
+    def touches(self) -> list[Touch]:
+        """Returns where the frame touches something."""
+        x, z, _ = self.where()
+        pool, reach = self._pool, self._reach_m
+        is_far = z - reach > -pool.depth_m and abs(x) + reach < 0.5 * pool.length_m
+        if is_far and all(math.hypot(x - bar_x, z - bar_z) > reach for bar_x, bar_z in self._bars):
+            return []
+        return [touch for _, touch in self._hits()]
+
+    def deepest(self) -> tuple[str, float]:
+        """Returns in what the vehicle is deepest, and how deep [m]; 0 if it is in nothing."""
+        solid, depth_m = "", 0.0
+        for name, touch in self._hits():
+            if touch.depth_m > depth_m:
+                solid, depth_m = name, touch.depth_m
+        return solid, depth_m
+
+    def _hits(self) -> Iterator[tuple[str, Touch]]:
+        """Yields what the frame touches, by name, and where."""
+        x, z, _ = self.where()
+        self._frame.cache_bb()
+        for hit in self._space.shape_query(self._frame):
+            out_x, out_z = -hit.contact_point_set.normal
+            if out_x == out_z == 0.0:  # a bar in the very middle of the frame, where pymunk sees no way out: it is up
+                yield self._solids[hit.shape], Touch(0.0, 1.0, 0.0, 0.0, 0.5 * self._height_m + POST_M)
+                continue
+            for point in hit.contact_point_set.points:
+                # Not `point.distance`, whose sign depends on the kinds of the two shapes (pymunk 7.3).
+                (at_x, at_z), (solid_x, solid_z) = point.point_a, point.point_b
+                depth_m = (solid_x - at_x) * out_x + (solid_z - at_z) * out_z
+                yield self._solids[hit.shape], Touch(out_x, out_z, at_x - x, at_z - z, depth_m)
+
+    def height_over_ground_m(self, place: Sequence[float]) -> float:
+        """Returns how far it is straight down from a place to anything; negative if there is nothing."""
+        x, _, z = place
+        low = z - 2.0 * self._pool.depth_m - 10.0
+        hit = self._space.segment_query_first((x, z), (x, low), 0.0, self._pymunk.ShapeFilter())
+        return -1.0 if hit is None else float(z - hit.point[1])
+
+
+def _rigid(vehicle: Vehicle) -> Matrix:
+    """Returns the 6 x 6 mass matrix of the dry vehicle about its origin."""
+    x, y, z = vehicle.centre_of_mass_m
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    mass = vehicle.mass_kg
+    return np.block(
+        [[mass * np.eye(3), -mass * cross], [mass * cross, vehicle.inertia_kgm2 - mass * product(cross, cross)]]
+    )
+
+
+def _bars(gate: Gate, y_m: float) -> list[tuple[float, float]]:
+    """Returns where the cut at a y meets the upper and the lower bar of a gate: x and z."""
+    x, y, z = gate.position_m
+    along = -math.sin(gate.heading_rad), math.cos(gate.heading_rad)
+    if abs(y_m - y) > 0.5 * gate.width_m * abs(along[1]) or abs(along[1]) < 1e-9:
+        return []
+    at = x + (y_m - y) / along[1] * along[0]
+    return [(at, z + 0.5 * gate.height_m), (at, z - 0.5 * gate.height_m)]

@@ -1,0 +1,429 @@
+"""The thrusters of an underwater vehicle, from pulses to forces, with the battery that they share.
+
+    pulses --> speed controllers --> thrust and current of the table, at the voltage --> lag --> forces
+               (esc.py)              (t200.py)                ^                           |
+                                                          battery <---------- current ----'
+                                                          (battery.py)
+
+Where the thrusters sit and which way they push is not known here: the vehicle's matrix turns forces into a wrench.
+
+Between two changes of a pulse, or quarters of a volt, the table is straight lines: what a thruster gives when it has
+settled is base + volts * slope. All follow it with one lag. So each force and current, and any sum of them, is
+
+    left * (what it was when the lines were laid) + (1 - left) * base + rise * slope
+
+with the same two numbers for all: `left` decays with the lag, and `rise` follows the volts with it. A step moves these
+two on and one sum, that of the currents. That is exact, and a third of the work of moving all forces on by themselves.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple, TypeAlias, cast
+
+import numpy as np
+
+from snr_sim.plants.urov.battery import Battery, Supply
+from snr_sim.plants.urov.esc import Esc, EscState
+from snr_sim.plants.urov.plausible import LIMITS, check_number, check_whole, shown
+from snr_sim.plants.urov.t200 import LEAST_US, LEAST_V, MOST_US, MOST_V, STOP_US, curve
+from snr_sim.plants.urov.vehicle import Matrix
+from snr_sim.prelude.errors import ParameterError, PlantError, UnknownName, nearest
+from snr_sim.prelude.sums import dot_product, ordered_sum
+
+# von Benzon et al. 2022 (JMSE 10:1898) measured how a T200's force follows its command, as a filter of third order:
+# (6136 s + 108700) / (s^3 + 89 s^2 + 9258 s + 108700). A first-order lag that is late by as much on the whole has the
+# time constant (9258 - 6136) / 108700 s.
+LAG_S = (9258.0 - 6136.0) / 108700.0
+ELECTRONICS_A = 1.0  # computer, camera, sensors: our own guess, about 15 W
+STEPS_PER_VOLT = 4  # the table is looked up at every quarter of a volt and every microsecond; between, all is linear
+ODD_PULSES_US = (800.0, 2200.0)  # what no servo output makes: a percentage, or seconds, that somebody took for a pulse
+_SOUND = (1.0, 1.0)  # shares of its force and of its current
+FAULTS = ("none", "off", "weak", "stuck")
+GONE = 1e-15  # a share so small that rounding hides it; smaller and smaller numbers would at last be slow
+
+
+Numbers: TypeAlias = tuple[float, ...]
+
+
+class Lines(NamedTuple):
+    """What forces and currents are about a voltage, and what they were when that was looked up.
+
+    Args:
+        from_v, to_v: where it holds.
+        before: forces [N], then currents [A], when the lines were laid.
+        bases: what they settle to at `from_v`.
+        slopes: how that changes with each volt more.
+        current_a: the sums of the currents in the three of them.
+    """
+
+    from_v: float
+    to_v: float
+    before: Sequence[float]
+    bases: Numbers
+    slopes: Numbers
+    current_a: tuple[float, float, float]
+
+
+class Mix(NamedTuple):
+    """What a matrix makes of the forces among the lines: before, bases and slopes.
+
+    Args:
+        matrix: and its `rows` as lists. For so few numbers Python is quicker than numpy, whose code is cold by then.
+    """
+
+    matrix: Matrix
+    rows: list[list[float]]
+    before: list[float]
+    bases: list[float]
+    slopes: list[float]
+
+
+class PropulsionState(NamedTuple):
+    """All there is to know of the thrusters at one moment."""
+
+    lines: Lines
+    mix: Mix | None
+    left: float
+    rise: float
+    acting_us: list[float]
+    shares: list[tuple[float, float]]
+    stuck: list[bool]
+    escs: list[EscState]
+    voltage_v: float
+    supply: Any
+    is_stale: bool
+
+
+class Propulsion:
+    """Eight thrusters, or any number, of type T200, each with its speed controller, on one battery.
+
+    Args:
+        count: of thrusters.
+        supply: feeds them; a full battery if None.
+        lag_s: time constant of force and current following the table.
+        electronics_a: current that everything else draws.
+
+    Raises:
+        ParameterError: a number makes no sense, such as a supply of 0 V; the message says what is usual.
+
+    Attributes:
+        escs: their speed controllers.
+        acting_us: pulse that each thruster turns by; 1500 where its controller does not let it turn.
+        voltage_v: at the speed controllers, after the last step.
+        supply: what feeds them.
+    """
+
+    def __init__(
+        self,
+        count: int,
+        supply: Supply | None = None,
+        lag_s: float = LAG_S,
+        electronics_a: float = ELECTRONICS_A,
+    ) -> None:
+        check_whole("The number of thrusters", count, LIMITS["thruster_count"])
+        check_number("The thrusters' lag_s", lag_s, LIMITS["thruster_lag_s"])
+        check_number("The vehicle's electronics_a", electronics_a, LIMITS["electronics_a"])
+        if supply is not None and not hasattr(supply, "voltage_v"):
+            raise ParameterError(
+                f"The supply of the thrusters is {shown(supply)}.", fix="Battery(charge=0.8), or BenchSupply(16.0)."
+            )
+        self.count = count
+        self.supply: Supply = Battery() if supply is None else supply
+        self.lag_s = lag_s
+        self.electronics_a = electronics_a
+        self.reset()
+        volts = self.supply.voltage_v(0.0)
+        if not LEAST_V <= volts <= MOST_V:
+            raise ParameterError(
+                f"The supply of the thrusters has {volts:g} V, but they run at {LEAST_V:g} to {MOST_V:g} V.",
+                fix="a battery of 4 cells with charge in it.",
+            )
+
+    def reset(self) -> None:
+        """Puts everything back to when the battery is connected: nothing turns, nothing is armed, nothing is broken."""
+        n = self.count
+        self.supply.reset()
+        self.escs = [Esc() for _ in range(n)]
+        nothing = (0.0,) * (2 * n)
+        self._lines = Lines(0.0, 0.0, nothing, nothing, nothing, (0.0, 0.0, 0.0))
+        self._left, self._rise = 1.0, 0.0
+        self._mean = self._left, self._rise  # of the last step
+        self._mix: Mix | None = None
+        self.acting_us = [STOP_US] * n
+        self._shares = [_SOUND] * n
+        self._stuck = [False] * n
+        self.voltage_v = self.supply.voltage_v(self.electronics_a)
+        self._lag_of = (0.0, 0.0, 0.0)  # for a step: the share of its way that the lag goes, and where its mean lies
+        self._told: list[float | None] | None = None
+        self._is_settled = False
+        self._shifts_us = [0.0] * n
+        self._forget()
+
+    @property
+    def forces_n(self) -> list[float]:
+        """Force of each thruster along its own axis, after the last step."""
+        return self._drives(self._left, self._rise)[: self.count]
+
+    @property
+    def mean_forces_n(self) -> list[float]:
+        """Force of each thruster along its own axis, on average over the last step: what moved the vehicle.
+
+        With the force of the step's end a vehicle would be ahead of its thrusters' lag by half a step.
+        """
+        return self._drives(*self._mean)[: self.count]
+
+    @property
+    def currents_a(self) -> list[float]:
+        """Current of each thruster."""
+        return self._drives(self._left, self._rise)[self.count :]
+
+    @property
+    def current_a(self) -> float:
+        """All that is drawn from the supply: nothing from one that is empty or has been cut off."""
+        if self.voltage_v <= 0.0:
+            return 0.0
+        before, base, slope = self._lines.current_a
+        return self._left * before + (1.0 - self._left) * base + self._rise * slope + self.electronics_a
+
+    @property
+    def charge(self) -> float:
+        """What is left in the supply, 0 empty to 1 full."""
+        return self.supply.charge
+
+    @property
+    def energy_j(self) -> float:
+        """Taken from the supply since the reset."""
+        return self.supply.energy_j
+
+    @property
+    def is_armed(self) -> bool:
+        """Whether all speed controllers are armed."""
+        return all(esc.is_armed for esc in self.escs)
+
+    def fail(self, thruster: int, fault: str, share: float = 0.5) -> None:
+        """Breaks a thruster, or mends it.
+
+        Args:
+            thruster: its number, from 0.
+            fault: 'off' gives and draws nothing; 'weak' gives a share of its force for all of its current, as with a
+                damaged propeller; 'stuck' goes on as it was told last, whatever it is told; 'none' is mended.
+            share: of a weak one, 0 to 1.
+
+        Raises:
+            ParameterError: there is no such thruster, or no such share.
+            UnknownName: there is no such fault.
+        """
+        if not 0 <= thruster < self.count:
+            raise ParameterError(f"There is no thruster {thruster!r}.", fix=f"0 to {self.count - 1}.")
+        if fault not in FAULTS:
+            raise UnknownName(f"A thruster cannot be '{fault}'.", fix=nearest(fault, FAULTS))
+        check_number("The thruster's share of its force", share, LIMITS["share"])
+        self._stuck[thruster] = fault == "stuck"
+        self._shares[thruster] = {"off": (0.0, 0.0), "weak": (share, 1.0)}.get(fault, _SOUND)
+        self._forget()
+
+    def mixed(self, matrix: Matrix) -> list[float]:
+        """Returns a matrix of n columns times `mean_forces_n`: with the vehicle's, the wrench of all thrusters.
+
+        Of the same matrix it is quick: only the lines are multiplied, and they seldom change.
+        """
+        mix = self._mix
+        if mix is not None and mix.matrix is not matrix and np.array_equal(mix.matrix, matrix):
+            # Another vehicle's of the same make, whose state this is: multiplied anew, the last bit would be another.
+            self._mix = mix = mix._replace(matrix=matrix)
+        if mix is None or mix.matrix is not matrix:
+            rows, n = matrix.tolist(), self.count
+            self._mix = mix = Mix(matrix, rows, *(_products(rows, one[:n]) for one in self._lines[2:5]))
+        return _along(mix, *self._mean)
+
+    def step(self, dt_s: float, pulses_us: Sequence[float | None]) -> None:
+        """Moves on by `dt_s`.
+
+        Args:
+            dt_s: how long.
+            pulses_us: of each thruster; None where no pulse comes.
+
+        Raises:
+            PlantError: a pulse is none, or there are more or fewer of them than thrusters.
+        """
+        volts = self.voltage_v
+        if not self._is_settled or volts < LEAST_V or pulses_us != self._told:
+            self._hear(dt_s, list(pulses_us))
+        if not self._lines.from_v <= volts < self._lines.to_v or self._is_stale:
+            self._look_up(volts)
+        lines = self._lines
+        if self._lag_of[0] != dt_s:
+            share = 1.0 - math.exp(-dt_s / self.lag_s)
+            self._lag_of = dt_s, share, 1.0 / share - self.lag_s / dt_s
+        _, share, middle = self._lag_of
+        had, rose = self._left, self._rise
+        left = had - share * had
+        self._left = left = left if left > GONE else 0.0
+        self._rise = rise = rose + share * (volts - lines.from_v - rose)
+        self._mean = had + middle * (left - had), rose + middle * (rise - rose)
+        before, base, slope = lines.current_a
+        supply, current_a = self.supply, left * before + (1.0 - left) * base + rise * slope + self.electronics_a
+        supply.draw(current_a, volts, dt_s)
+        # The current has its lag, so it is known, and the voltage follows from it. Where both have settled, current and
+        # voltage satisfy the table and the battery at once.
+        self.voltage_v = supply.voltage_v(current_a)
+
+    def _drives(self, left: float, rise: float) -> list[float]:
+        """Returns all forces, then all currents: they follow the table alike."""
+        lines = self._lines
+        gone = 1.0 - left
+        return [
+            left * before + gone * base + rise * slope
+            for before, base, slope in zip(lines.before, lines.bases, lines.slopes, strict=True)
+        ]
+
+    def _hear(self, dt_s: float, pulses: list[float | None]) -> None:
+        """Has the speed controllers hear the pulses; skipped while they are armed and told the same as before."""
+        if pulses != self._told:
+            self._check(pulses)
+            self._told = pulses
+        volts = self.voltage_v
+        if self._is_settled and None not in pulses and volts >= LEAST_V:  # all armed, and nothing to disarm them
+            acting = [
+                LEAST_US if (acts := pulse - shift) < LEAST_US else MOST_US if acts > MOST_US else acts
+                for pulse, shift in zip(cast(list[float], pulses), self._shifts_us, strict=True)
+            ]
+        else:
+            acting = [esc.hear(pulse, volts, dt_s) for esc, pulse in zip(self.escs, pulses, strict=True)]
+            self._is_settled = self.is_armed and None not in pulses
+            self._shifts_us = [esc.shift_us for esc in self.escs]
+        if True in self._stuck:
+            both = zip(self.acting_us, acting, self._stuck, strict=True)
+            acting = [before if is_stuck else now for before, now, is_stuck in both]
+        if acting != self.acting_us:
+            self.acting_us = acting
+            self._is_stale = True  # what was looked up is of other pulses
+
+    def _check(self, pulses: list[float | None]) -> None:
+        if len(pulses) != self.count:
+            raise PlantError(
+                f"{len(pulses)} pulses for {self.count} thrusters.", fix="one for each thruster, in their order."
+            )
+        least, most = ODD_PULSES_US
+        odd = [i for i, pulse in enumerate(pulses) if pulse is not None and not least <= pulse <= most]  # also NaN
+        if odd:
+            raise PlantError(
+                f"Thruster {odd[0]} was sent a pulse of {pulses[odd[0]]!r} us.",
+                fix="1100 to 1900 us, 1500 to stop, or None for no pulse.",
+            )
+
+    def _look_up(self, volts: float) -> None:
+        """Lays straight lines through thrust and current of all thrusters, about a voltage."""
+        if volts < LEAST_V:  # nothing turns, up to the voltage at which it does
+            nothing = (0.0,) * self.count
+            self._lay(0.0, LEAST_V, (nothing, nothing, nothing, nothing))
+            return
+        step = min(int(volts * STEPS_PER_VOLT), int(MOST_V * STEPS_PER_VOLT) - 1)
+        from_v, to_v = step / STEPS_PER_VOLT, (step + 1) / STEPS_PER_VOLT
+        if to_v == MOST_V:
+            to_v = math.inf  # exactly 20 V belongs here too, and there is nothing above
+        rows = []
+        for pulse, (gives, draws) in zip(self.acting_us, self._shares, strict=True):
+            whole = int(pulse)
+            part = pulse - whole
+            force, dforce, slope, dslope, current, dcurrent, rise, drise = _patch(step, whole)
+            rows.append(
+                (
+                    gives * (force + part * dforce),
+                    draws * (current + part * dcurrent),
+                    gives * (slope + part * dslope),
+                    draws * (rise + part * drise),
+                )
+            )
+        self._lay(from_v, to_v, tuple(zip(*rows, strict=True)))
+
+    def _lay(self, from_v: float, to_v: float, columns: Sequence[Numbers]) -> None:
+        """Has forces and currents follow other lines, from where they are.
+
+        Args:
+            from_v, to_v: where these hold.
+            columns: forces and currents at `from_v`, and how these and those change with each volt.
+        """
+        forces, currents, forces_per_v, currents_per_v = columns
+        if self._mix is not None:  # where it is it goes on from, too
+            matrix, rows, *_ = self._mix
+            mixed = _along(self._mix, self._left, self._rise)
+            self._mix = Mix(matrix, rows, mixed, _products(rows, forces), _products(rows, forces_per_v))
+        left, rise = self._left, self._rise
+        before_a, base_a, slope_a = self._lines.current_a
+        now_a = left * before_a + (1.0 - left) * base_a + rise * slope_a
+        self._lines = Lines(
+            from_v,
+            to_v,
+            self._drives(self._left, self._rise),
+            forces + currents,
+            forces_per_v + currents_per_v,
+            (now_a, ordered_sum(currents), ordered_sum(currents_per_v)),
+        )
+        self._left, self._rise, self._is_stale = 1.0, 0.0, False
+
+    def _forget(self) -> None:
+        """Has everything looked up and heard anew."""
+        self._told = None
+        self._is_settled = False
+        self._is_stale = True
+
+    def snapshot(self) -> PropulsionState:
+        """Returns all of the state."""
+        return PropulsionState(
+            self._lines,
+            self._mix,
+            self._left,
+            self._rise,
+            self.acting_us,
+            list(self._shares),
+            list(self._stuck),
+            [esc.state for esc in self.escs],
+            self.voltage_v,
+            self.supply.snapshot(),
+            self._is_stale,
+        )
+
+    def restore(self, snapshot: PropulsionState) -> None:
+        """Puts back what `snapshot` returned."""
+        self._lines, self._mix = snapshot.lines, snapshot.mix
+        self._left, self._rise = self._mean = snapshot.left, snapshot.rise
+        self.acting_us = snapshot.acting_us
+        self._shares, self._stuck = list(snapshot.shares), list(snapshot.stuck)
+        for esc, state in zip(self.escs, snapshot.escs, strict=True):
+            esc.state = state
+        self.voltage_v = snapshot.voltage_v
+        self.supply.restore(snapshot.supply)
+        self._told, self._is_settled, self._is_stale = None, False, snapshot.is_stale
+
+
+def _products(rows: Sequence[Sequence[float]], column: Sequence[float]) -> list[float]:
+    """Returns a matrix, given by its rows, times a column."""
+    return [dot_product(row, column) for row in rows]
+
+
+@lru_cache(maxsize=1 << 16)  # all there are: 52 steps of voltage and 801 pulses
+def _patch(step: int, pulse_us: int) -> tuple[float, float, float, float, float, float, float, float]:
+    """Returns force and current about a voltage and a pulse, as numbers that a bilinear surface is made of.
+
+    Of the force, then of the current: value, change per microsecond, change per volt, change of that per microsecond.
+    """
+    following_us = min(pulse_us + 1, int(MOST_US))
+    lower, upper = curve(step / STEPS_PER_VOLT), curve((step + 1) / STEPS_PER_VOLT)
+    corners = [one.at(pulse) for one in (lower, upper) for pulse in (pulse_us, following_us)]
+    force, current, _ = zip(*corners, strict=True)
+    return (*_bilinear(*force), *_bilinear(*current))
+
+
+def _along(mix: Mix, left: float, rise: float) -> list[float]:
+    """Returns where the lines of a mix are."""
+    gone = 1.0 - left
+    return [left * a + gone * b + rise * c for a, b, c in zip(mix.before, mix.bases, mix.slopes, strict=True)]
+
+
+def _bilinear(low: float, low_next: float, high: float, high_next: float) -> tuple[float, float, float, float]:
+    rise, rise_next = STEPS_PER_VOLT * (high - low), STEPS_PER_VOLT * (high_next - low_next)
+    return low, low_next - low, rise, rise_next - rise

@@ -1,0 +1,259 @@
+"""An underwater vehicle as numbers: mass, added mass, damping, buoyancy, and where its thrusters are.
+
+The numbers of one vehicle stand in a file (`vehicle_file.py`); what they must be like is checked here, where the
+mistake was made. Coefficients that oppose a motion or add mass are positive. All is in the body frame: x forward,
+y left, z up.
+
+A wrench has six numbers: force along x, y, z [N], then moment about x, y, z [N m].
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from snr_sim.plants.urov.plausible import (
+    LEAD_KGM3,
+    LIMITS,
+    MILLIMETRES,
+    OUTRIGGER_M,
+    Limit,
+    check_fields,
+    check_members,
+    check_number,
+    check_vector,
+    checked_matrix,
+    shown,
+)
+from snr_sim.prelude.errors import ParameterError, nearest
+from snr_sim.prelude.sums import ordered_sum
+from snr_sim.prelude.wrench import AXES, lacking_axes
+
+Vector: TypeAlias = tuple[float, float, float]
+Six: TypeAlias = tuple[float, float, float, float, float, float]
+Matrix: TypeAlias = NDArray[np.float64]  # 6 x 6, or 6 x n
+
+
+@dataclass(frozen=True)
+class Thruster:
+    """Where one thruster is, and which way it pushes.
+
+    Args:
+        name: its own.
+        position_m: of its propeller, body frame.
+        direction: of its force on the vehicle when it runs ahead, body frame; made a unit vector.
+    """
+
+    name: str
+    position_m: Vector
+    direction: Vector
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name.strip():
+            raise ParameterError(f"A thruster is named {shown(self.name)}.", fix='give it a name, such as "T1".')
+        who = f"Thruster '{self.name}'"
+        check_fields(self, f"{who}: ", {}, {"position_m": "place_m"})
+        check_vector(f"{who}: direction", self.direction)
+        length = math.hypot(*self.direction)
+        if not 0.99 < length < 1.01:
+            raise ParameterError(
+                f"{who} has a direction that is {length:g} long.",
+                fix="give a direction of length 1, such as [1.0, 0.0, 0.0] for straight ahead.",
+            )
+        x, y, z = self.direction
+        object.__setattr__(self, "direction", (x / length, y / length, z / length))
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """The numbers of one vehicle, in the body frame. Its origin is where added mass and damping are given.
+
+    Args:
+        name: of the set of numbers.
+        mass_kg: dry, as printed. With `net_buoyancy_n`, the plant's is what `trimmed` makes of it, up to a tenth off.
+        inertia_kgm2: 3 x 3, about the centre of mass.
+        volume_m3: of the water it displaces.
+        added_mass: 6 x 6, symmetric.
+        linear_damping: per axis, N/(m/s) and N m/(rad/s).
+        quadratic_damping: per axis, N/(m/s)^2 and N m/(rad/s)^2.
+        centre_of_mass_m: of the dry vehicle.
+        centre_of_buoyancy_m: of the displaced water.
+        size_m: length, width and height of its frame: what meets walls, and over which it gets wet at the surface.
+        thrusters: in the order of their pulses.
+        net_buoyancy_n: how much buoyancy is to exceed weight; None leaves the mass as it is.
+        sources: where each number is from, by its name.
+
+    Raises:
+        ParameterError: a number that cannot be: the message names it.
+    """
+
+    name: str
+    mass_kg: float
+    inertia_kgm2: Matrix
+    volume_m3: float
+    added_mass: Matrix
+    linear_damping: Six
+    quadratic_damping: Six
+    centre_of_mass_m: Vector = (0.0, 0.0, 0.0)
+    centre_of_buoyancy_m: Vector = (0.0, 0.0, 0.0)
+    size_m: Vector = (0.457, 0.575, 0.254)
+    thrusters: tuple[Thruster, ...] = ()
+    net_buoyancy_n: float | None = None
+    sources: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not isinstance(self.sources, dict):
+            raise ParameterError(
+                f"A vehicle is named {shown(self.name)}, its sources are {shown(self.sources)}.",
+                fix='a text such as "mine", and a dict of texts, by the names of the numbers.',
+            )
+        names = ["mass_kg", "volume_m3"] + ["net_buoyancy_n"] * (self.net_buoyancy_n is not None)
+        places = {"centre_of_mass_m": "place_m", "centre_of_buoyancy_m": "place_m"}
+        check_fields(self, self._what(""), {name: name for name in names}, places)
+        for name, axes in (
+            ("linear_damping", AXES),
+            ("quadratic_damping", AXES),
+            ("size_m", ("length", "width", "height")),
+        ):
+            check_vector(self._what(name), getattr(self, name), LIMITS[name], axes)
+            object.__setattr__(self, name, tuple(float(value) for value in getattr(self, name)))
+        for name in places:
+            for axis, value, size in zip("xyz", getattr(self, name), self.size_m, strict=True):
+                inside = Limit(0.0, 0.5 * size, "m", "it is inside the frame, as size_m says", MILLIMETRES)
+                check_number(self._what(f"{name}, off the middle in {axis},"), abs(value), inside)
+        check_number(self._what("mass by volume"), self.mass_kg / self.volume_m3, LIMITS["density_kgm3"])
+        self._check_inertia()
+        self._check_added_mass()
+        self._check_thrusters()
+
+    def _what(self, name: str) -> str:
+        return f"Vehicle '{self.name}': {name}"
+
+    def _check_inertia(self) -> None:
+        inertia = self._checked_matrix("inertia_kgm2", AXES[3:])
+        principal = np.linalg.eigvalsh(inertia)  # decides no run: only checked
+        if not principal[0] > 0.0:
+            raise ParameterError(
+                f"{self._what('inertia_kgm2')} is {inertia.tolist()}, about one axis {principal[0]:.3g}.",
+                fix="an inertia is positive about any axis.",
+            )
+        if principal[0] + principal[1] < principal[2] * (1.0 - 1e-9):
+            raise ParameterError(
+                f"{self._what('inertia_kgm2')} is {inertia.tolist()}: one is more than the two others together.",
+                fix="no body is like that: look at the largest.",
+            )
+        least = self.mass_kg**2 / (2.0 * math.pi * LEAD_KGM3 * max(self.size_m))
+        if principal[0] < least:
+            raise ParameterError(
+                f"{self._what('inertia_kgm2')} has {principal[0]:.3g} kg m2 about one axis.",
+                fix=f"at least {least:.2g}: {self.mass_kg:g} kg have that as a rod of lead as long as the frame, about "
+                "that length; look at the unit, and at mass_kg and size_m, too.",
+            )
+        low, high = sorted(self.size_m)[1:]
+        corners = 0.25 * self.mass_kg * (low * low + high * high)
+        share = float(principal[2]) / corners
+        if not LIMITS["inertia_share"].holds(share):
+            raise ParameterError(
+                f"{self._what('inertia_kgm2')} has {principal[2]:.3g} kg m2, {share:.1f} times the most that "
+                f"{self.mass_kg:g} kg can have in this frame.",
+                fix=f"{LIMITS['inertia_share'].why}; look at mass_kg and size_m, too.",
+            )
+
+    def _check_added_mass(self) -> None:
+        added = self._checked_matrix("added_mass", AXES)
+        water = 1000.0 * self.volume_m3
+        corner = water * 0.25 * ordered_sum(side * side for side in self.size_m)
+        share = LIMITS["added_mass_share"]
+        for i, axis in enumerate(AXES):
+            most, unit = share.most * (water if i < 3 else corner), "kg" if i < 3 else "kg m2"
+            check_number(
+                self._what("added_mass"),
+                float(added[i, i]),
+                Limit(0.0, most, unit, f"it stands here without its minus, and {share.why}", share.slips),
+                axis,
+            )
+        least = float(np.linalg.eigvalsh(added)[0])  # decides no run: only checked
+        if least < -1e-9 * float(np.abs(added).max()):
+            raise ParameterError(
+                f"{self._what('added_mass')} is {added.tolist()}: moved one way, the water would have less energy than "
+                "at rest.",
+                fix="look at what is off the diagonal: it is too large.",
+            )
+
+    def _checked_matrix(self, name: str, axes: Sequence[str]) -> Matrix:
+        matrix: Matrix = checked_matrix(self._what(name), getattr(self, name), axes)
+        object.__setattr__(self, name, matrix)
+        return matrix
+
+    def _check_thrusters(self) -> None:
+        check_members(self._what("thrusters"), self.thrusters, Thruster)
+        object.__setattr__(self, "thrusters", tuple(self.thrusters))
+        names = ["".join(thruster.name.split()) for thruster in self.thrusters]  # blanks make no other name
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ParameterError(
+                f"Vehicle '{self.name}' has more than one thruster named '{twice[0]}'.",
+                fix="give each its own name, by more than blanks.",
+            )
+        for thruster in self.thrusters:
+            for axis, value, size in zip("xyz", thruster.position_m, self.size_m, strict=True):
+                most = 0.5 * size + OUTRIGGER_M
+                limit = Limit(
+                    0.0, most, "m", f"it is fixed to the frame, as size_m says, {OUTRIGGER_M:g} m outside at most"
+                )
+                check_number(f"Thruster '{thruster.name}': position_m, off the middle in {axis},", abs(value), limit)
+
+    def trimmed(self, density_kgm3: float, gravity_mps2: float) -> Vehicle:
+        """Returns the vehicle with the ballast that gives it `net_buoyancy_n` in this water.
+
+        Ballast is put on or taken off at the centre of mass, so that stays, and the inertia is not changed. Without
+        `net_buoyancy_n` the vehicle is what it is.
+
+        Raises:
+            ParameterError: the ballast would be more than a tenth of the mass: then mass, volume and net buoyancy
+                contradict each other.
+        """
+        check_number("The density of the water", density_kgm3, LIMITS["water_kgm3"])
+        check_number("The gravity", gravity_mps2, LIMITS["gravity_mps2"])
+        if self.net_buoyancy_n is None:
+            return self
+        mass = density_kgm3 * self.volume_m3 - self.net_buoyancy_n / gravity_mps2
+        if not LIMITS["ballast_share"].holds((mass - self.mass_kg) / self.mass_kg):
+            raise ParameterError(
+                f"Vehicle '{self.name}' has mass_kg {self.mass_kg:g}; to float up with net_buoyancy_n "
+                f"{self.net_buoyancy_n:g} in water of {density_kgm3:g} kg/m3, {1e3 * self.volume_m3:g} l must "
+                f"weigh {mass:.4g} kg.",
+                fix="correct mass_kg or volume_m3, or leave out net_buoyancy_n, and it weighs what it weighs: "
+                f"{LIMITS['ballast_share'].why}.",
+            )
+        return replace(self, mass_kg=mass)
+
+    def thruster_matrix(self) -> Matrix:
+        """Returns 6 x n: column i is the wrench of thruster i at 1 N ahead, about the origin."""
+        columns = [
+            [*thruster.direction, *np.cross(thruster.position_m, thruster.direction).tolist()]
+            for thruster in self.thrusters
+        ]
+        return np.array(columns).reshape(-1, 6).T
+
+    def require_axes(self, axes: Sequence[str] = AXES) -> None:
+        """Checks that the thrusters can push along and about all of these axes.
+
+        Raises:
+            ParameterError: they cannot; the message names the axes.
+        """
+        axes = (axes,) if isinstance(axes, str) else axes
+        for axis in axes:
+            if axis not in AXES:
+                raise ParameterError(f"There is no axis '{axis}'.", fix=nearest(axis, AXES))
+        lacking = [axis for axis in axes if axis in lacking_axes(self.thruster_matrix())]
+        if lacking:
+            raise ParameterError(
+                f"The {len(self.thrusters)} thrusters of '{self.name}' have no authority in {', '.join(lacking)}.",
+                fix="ask only for the other axes, or take a frame with thrusters that push there, such as benzon2022.",
+            )

@@ -1,0 +1,270 @@
+"""Vehicles in files: TOML, each number with its source.
+
+Numbers stand there as papers print them, in their frame (FRD: x forward, y right, z down) or in ours (FLU); here they
+are turned into ours.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from snr_sim.plants.urov.plausible import check_number, check_vector, checked_matrix, shown
+from snr_sim.plants.urov.vehicle import Matrix, Six, Thruster, Vector, Vehicle
+from snr_sim.prelude.errors import ParameterError, nearest
+from snr_sim.prelude.sums import ordered_sum
+from snr_sim.prelude.water import FRESH_KGM3, GRAVITY_MPS2
+from snr_sim.prelude.wrench import AXES, lacking_axes
+
+FLIP = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])  # from FRD to FLU and back
+FRAMES = {"FRD": FLIP, "FLU": np.ones(6)}
+PLACE = ("x", "y", "z")
+# What each number is made of: nothing is a single one, names are a row of numbers, and names twice are a matrix.
+_NUMBERS: dict[str, tuple[tuple[str, ...], ...]] = {
+    "mass_kg": (),
+    "volume_m3": (),
+    "net_buoyancy_n": (),
+    "inertia_kgm2": (AXES[3:], AXES[3:]),
+    "added_mass": (AXES, AXES),
+    "linear_damping": (AXES,),
+    "quadratic_damping": (AXES,),
+    "centre_of_mass_m": (PLACE,),
+    "centre_of_buoyancy_m": (PLACE,),
+    "size_m": (("length", "width", "height"),),
+}
+MOST_LINEAR = 2.0  # drag at 1 m/s along the axes, linear by quadratic: those in robots/urov/vehicles have 0.1 and 0.2
+_OPTIONAL = {"net_buoyancy_n"}
+_KNOWN = ("about", "frame", "sources", "thruster", "thrusters_source", "lacks", *_NUMBERS)
+_NUMBER = ("value", "source")
+_THRUSTER = ("name", "position_m", "direction")
+
+
+def read_vehicle(path: Path | str) -> Vehicle:
+    """Returns the vehicle of a TOML file; its name is the file's.
+
+    The file says its `frame` ("FRD" or "FLU"), the `[sources]` by short names, the numbers as
+    `mass_kg = { value = 13.5, source = "paper" }`, the `[[thruster]]` tables, and in `lacks` the axes that these
+    thrusters cannot push, so that a misplaced one is not taken for a choice. Matrices may be given by their diagonal.
+
+    Raises:
+        ParameterError: the file cannot be read, lacks a number or its source, or a number cannot be; the message names
+            the file, the field and what was found in it.
+    """
+    if not isinstance(path, str | Path):
+        raise ParameterError(f"The path of the vehicle's file is {shown(path)}.", fix='Path("vehicles/mine.toml").')
+    path = Path(path)
+    data = _tables(path)
+    try:
+        vehicle = _vehicle(path.stem, data)
+        # What cannot be trimmed is told where it stands, not when it is put into water.
+        vehicle.trimmed(FRESH_KGM3, GRAVITY_MPS2)
+        _check_upright(vehicle)
+        _check_drag(vehicle)
+        _check_lacks(vehicle, _lacks(data))
+    except ParameterError as error:
+        raise ParameterError(f"{path.name}: {error.message}", fix=error.fix) from error
+    return vehicle
+
+
+def _tables(path: Path) -> dict[str, Any]:
+    """Returns what stands in the file."""
+    try:
+        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        line = error.object[: error.start].count(b"\n") + 1
+        raise ParameterError(
+            f"The vehicle in {path} cannot be read: line {line} has the byte 0x{error.object[error.start]:02x}, which "
+            "is not UTF-8.",
+            fix="save the file as UTF-8.",
+        ) from error
+    except (OSError, tomllib.TOMLDecodeError, RecursionError) as error:
+        raise ParameterError(
+            f"The vehicle in {path} cannot be read: {error}", fix="compare it with benzon2022.toml."
+        ) from error
+
+
+def _vehicle(name: str, data: dict[str, Any]) -> Vehicle:
+    """Returns the vehicle that the file's tables say."""
+    _check_keys("the file", data, "number of a vehicle", _KNOWN)
+    frame = data.get("frame")
+    if not isinstance(frame, str) or frame not in FRAMES:
+        found = f"the file has the frame {shown(frame)}" if "frame" in data else "the file lacks frame"
+        raise ParameterError(f"{found}.", fix='write frame = "FRD" (z down) or frame = "FLU" (z up).')
+    flip = FRAMES[frame]
+    if not isinstance(data.get("about", ""), str):
+        raise ParameterError(f"about is {shown(data['about'])}, which is no text.", fix='write about = "...".')
+    values, sources = _numbers(data)
+    return Vehicle(
+        name,
+        mass_kg=float(values["mass_kg"]),
+        inertia_kgm2=_matrix(values["inertia_kgm2"], flip[:3]),
+        volume_m3=float(values["volume_m3"]),
+        added_mass=_matrix(values["added_mass"], flip),
+        linear_damping=_six(values["linear_damping"]),
+        quadratic_damping=_six(values["quadratic_damping"]),
+        centre_of_mass_m=_vector(values["centre_of_mass_m"], flip),
+        centre_of_buoyancy_m=_vector(values["centre_of_buoyancy_m"], flip),
+        size_m=_vector(values["size_m"], np.ones(6)),
+        thrusters=_thrusters(data.get("thruster", []), flip),
+        net_buoyancy_n=values.get("net_buoyancy_n"),
+        sources=sources,
+    )
+
+
+def _numbers(data: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
+    """Returns the values and their sources, in full, by name."""
+    named = _sources(data)
+    values, sources = {}, {}
+    for name, shape in _NUMBERS.items():
+        if name not in data:
+            if name in _OPTIONAL:
+                continue
+            raise ParameterError(f"the file lacks {name}.", fix=f'write {name} = {{ value = ..., source = "..." }}.')
+        entry = data[name]
+        if not isinstance(entry, dict):
+            raise ParameterError(
+                f"{name} is {shown(entry)}, which is not a value with a source.",
+                fix=f'write {name} = {{ value = ..., source = "..." }}.',
+            )
+        _check_keys(name, entry, "part of a number", _NUMBER, _NUMBER)
+        values[name] = _checked(name, entry["value"], shape)
+        sources[name] = _source(f"{name}: source", entry["source"], named)
+    if data.get("thruster"):
+        if "thrusters_source" not in data:
+            raise ParameterError("the thrusters have no source.", fix='write thrusters_source = "...".')
+        sources["thrusters"] = _source("thrusters_source", data["thrusters_source"], named)
+    return values, sources
+
+
+def _sources(data: dict[str, Any]) -> dict[str, str]:
+    named = data.get("sources", {})
+    if not isinstance(named, dict):
+        raise ParameterError(f"sources is {shown(named)}.", fix='write [sources] and below it paper = "who, where".')
+    for key, text in named.items():
+        if not isinstance(text, str) or not text.strip():
+            raise ParameterError(
+                f"sources: {key} is {shown(text)}, which tells nobody where a number is from.", fix="name the paper."
+            )
+    return named
+
+
+def _source(what: str, key: Any, named: dict[str, str]) -> str:
+    """Returns the text of a source."""
+    if not isinstance(key, str) or key not in named:
+        raise ParameterError(
+            f"{what} is {shown(key)}, which is not a value with a source that [sources] has.",
+            fix=nearest(str(key), named),
+        )
+    return named[key]
+
+
+def _checked(name: str, value: Any, shape: tuple[tuple[str, ...], ...]) -> Any:
+    """Returns a value that has the shape due, each of its numbers finite."""
+    if not shape:
+        check_number(name, value)
+    elif len(shape) == 1:
+        check_vector(name, value, axes=shape[0])
+    elif isinstance(value, list) and any(isinstance(row, list) for row in value):
+        checked_matrix(name, value, shape[0])  # here, as the file has it, not turned to FLU
+    else:
+        check_vector(name, value, axes=shape[0])
+    return value
+
+
+def _thrusters(tables: Any, flip: NDArray[np.float64]) -> tuple[Thruster, ...]:
+    if not isinstance(tables, list) or not all(isinstance(one, dict) for one in tables):
+        raise ParameterError(
+            f"thruster is {shown(tables)}.", fix="begin each thruster with [[thruster]], in two pairs."
+        )
+    thrusters = []
+    for i, one in enumerate(tables, start=1):
+        name = one.get("name")
+        where = f"thruster {i}" + (f" ('{name}')" if isinstance(name, str) else "")
+        _check_keys(where, one, "part of a thruster", _THRUSTER, _THRUSTER)
+        if not isinstance(name, str):
+            raise ParameterError(f"{where}: name is {shown(name)}, which is no text.", fix='write name = "T1".')
+        for key in ("position_m", "direction"):
+            check_vector(f"{where}: {key}", one[key])
+        thrusters.append(Thruster(name, _vector(one["position_m"], flip), _vector(one["direction"], flip)))
+    return tuple(thrusters)
+
+
+def _check_keys(where: str, table: dict[str, Any], what: str, known: Sequence[str], needed: Sequence[str] = ()) -> None:
+    for key in table:
+        if key not in known:
+            raise ParameterError(f"{where} has '{key}', which is no {what}.", fix=nearest(key, known))
+    for key in needed:
+        if key not in table:
+            raise ParameterError(f"{where} lacks {key}.", fix=f"it has {', '.join(needed)}.")
+
+
+def _lacks(data: dict[str, Any]) -> tuple[str, ...]:
+    """Returns the axes that the file says its thrusters cannot push."""
+    declared = data.get("lacks", [])
+    if not isinstance(declared, list):
+        raise ParameterError(f"lacks is {shown(declared)}, which is no list.", fix='write lacks = ["pitch"], or [].')
+    for axis in declared:
+        if not isinstance(axis, str) or axis not in AXES:
+            raise ParameterError(f"lacks has {shown(axis)}, which is no axis.", fix=nearest(str(axis), AXES))
+    return tuple(declared)
+
+
+def _matrix(value: list[Any], flip: NDArray[np.float64]) -> Matrix:
+    given = np.array(value, dtype=float)
+    matrix: Matrix = np.diag(given) if given.ndim == 1 else given
+    return matrix * np.outer(flip, flip) + 0.0
+
+
+def _vector(value: list[float], flip: NDArray[np.float64]) -> Vector:
+    x, y, z = (float(one * sign) + 0.0 for one, sign in zip(value, flip[:3], strict=True))
+    return x, y, z
+
+
+def _six(value: list[float]) -> Six:
+    u, v, w, p, q, r = (float(one) for one in value)
+    return u, v, w, p, q, r
+
+
+def _check_upright(vehicle: Vehicle) -> None:
+    above = vehicle.centre_of_buoyancy_m[2] - vehicle.centre_of_mass_m[2]
+    if above <= 0.0:
+        raise ParameterError(
+            f"Vehicle '{vehicle.name}' has its buoyancy {-above:g} m below its mass: it would turn over.",
+            fix="in FRD z points down, so a centre above another has the smaller z.",
+        )
+
+
+def _check_drag(vehicle: Vehicle) -> None:
+    """Checks that water resists every motion, and more than in proportion: a file is of a vehicle that swims.
+
+    A `Vehicle` made in Python may do without drag, to be compared with closed forms.
+    """
+    linear, quadratic = vehicle.linear_damping, vehicle.quadratic_damping
+    without = [axis for axis, one, two in zip(AXES, linear, quadratic, strict=True) if one == two == 0.0]
+    if without:
+        raise ParameterError(
+            f"linear_damping and quadratic_damping of {', '.join(without)} are 0: nothing would slow it down there.",
+            fix="one of the two has a number for each axis; without a measurement take that of benzon2022.toml.",
+        )
+    slow, fast = ordered_sum(linear[:3]), ordered_sum(quadratic[:3])
+    if 0.0 < MOST_LINEAR * fast < slow:
+        raise ParameterError(
+            f"linear_damping of surge, sway and heave adds up to {slow:g}, quadratic_damping to {fast:g}: at 1 m/s "
+            "drag would be in proportion to speed.",
+            fix="are the two swapped? From some centimetres a second on, drag goes with the square of speed.",
+        )
+
+
+def _check_lacks(vehicle: Vehicle, declared: tuple[str, ...]) -> None:
+    found = lacking_axes(vehicle.thruster_matrix()) if vehicle.thrusters else ()
+    if set(found) != set(declared):
+        raise ParameterError(
+            f"The thrusters of '{vehicle.name}' lack authority in {', '.join(found) or 'no axis'}, "
+            f"the file says {', '.join(declared) or 'none'}.",
+            fix="check places and directions; a frame that is meant to lack an axis says so with lacks = [...].",
+        )

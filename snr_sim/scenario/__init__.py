@@ -1,0 +1,1 @@
+"""Prepare, run and record a scenario, a program or a role."""

@@ -1,0 +1,239 @@
+"""A flight: one run of a simulation, from its first moment to its verdict, recorded if a recorder is given.
+
+`snr run`, `snr resim`, learning and grading all fly what `simulation.prepare` has put together.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from snr_sim.core.blame import describe_error, short_path, student_place
+from snr_sim.core.clocks import SimClock
+from snr_sim.core.config import Config
+from snr_sim.core.node import Node
+from snr_sim.core.runners import SimRunner
+from snr_sim.core.said import hearing
+from snr_sim.plants.stepping import Stepper
+from snr_sim.prelude import tasks
+from snr_sim.prelude.errors import ConfigError, SnrError
+from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.scenario import Verdict
+from snr_sim.recording.trace import TraceWriter
+from snr_sim.scenario.controller import call_student
+from snr_sim.scenario.simulation import Simulation
+
+_TRUTH_PERIOD_S = 0.0499  # 20 Hz, less what rounding takes
+
+
+@dataclass
+class Result:
+    """How a run ended, as it goes into result.json."""
+
+    outcome: str
+    success: bool
+    metrics: dict[str, Any]
+    sim_time_s: float
+    wall_time_s: float
+    tasks: int
+    pages: int
+    notes: list[str]
+    error: str = ""
+    signal: str = ""
+
+
+class Flight:
+    """One run of a simulation. Once made, there are the nodes and all around them; nothing moves yet.
+
+    Args:
+        simulation: what runs.
+        plant: from `simulation.plant()`, fresh.
+        config: from `simulation.config(plant)`.
+        recorder: writes the trace, if given; the caller closes it.
+        pace: virtual seconds per wall second; None is as fast as it goes.
+        on_advance: called with the virtual time at each new moment.
+
+    Raises:
+        ConfigError: the components cannot be made.
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        plant: Plant,
+        config: Config,
+        recorder: TraceWriter | None = None,
+        pace: float | None = None,
+        on_advance: Callable[[float], None] | None = None,
+    ) -> None:
+        self._simulation = simulation
+        self._plant = plant
+        clock = SimClock()
+        self._runner = SimRunner(
+            config,
+            simulation.roles,
+            clock=clock,
+            recorder=recorder,
+            seed=simulation.request.seed,
+            pace=pace,
+            until_s=float(simulation.scenario.TIME_LIMIT_S),
+            tells_notes=False,  # the result has them
+        )
+        self._truth = TruthLog(plant, recorder) if recorder is not None else None
+        self._referee = Referee(simulation.judge, plant, self.nodes, self._truth)
+        clock.follow(Stepper(plant).advance_to)
+        clock.follow(self._referee.look)
+        if on_advance is not None:
+            clock.follow(on_advance)
+        if self._truth is not None:
+            clock.follow(self._truth.look)
+
+    @property
+    def nodes(self) -> list[Node]:
+        """The nodes that run."""
+        return list(self._runner.nodes.values())
+
+    def run(self, signals: Sequence[str] = ()) -> Result:
+        """Runs until the scenario's verdict, its time limit, an error or a signal.
+
+        Args:
+            signals: names of those that came before there was a run; it ends at once.
+        """
+        error, notes = "", []
+        start_s = time.perf_counter()
+        try:
+            if self._truth is not None:
+                self._truth.look(0.0)
+            with hearing(self.nodes):
+                self._runner.run()
+        except SnrError as failure:
+            error = str(failure)
+        except KeyboardInterrupt as stop:
+            self._runner.signals.append("SIGINT")
+            notes.append(describe_error(stop, "when the run was to end").removeprefix("Interrupted: "))
+        except Exception as failure:
+            if student_place(failure.__traceback__) is None:
+                raise
+            error = describe_error(failure, "while the scenario was run")
+        wall_time_s = time.perf_counter() - start_s
+        metrics, metrics_error = metrics_of(self._simulation, self._plant)
+        error = error or metrics_error
+        signals = [*signals, *self._runner.signals]
+        verdict = self._verdict(error, bool(signals))
+        return Result(
+            outcome=verdict.outcome,
+            success=verdict.success,
+            metrics=metrics,
+            sim_time_s=self._plant.time_s,
+            wall_time_s=wall_time_s,
+            tasks=sum(node.machine.executed for node in self.nodes),
+            pages=sum(node.datastore.stored for node in self.nodes),
+            notes=[
+                *self._simulation.notes,
+                *notes,
+                *why_of(verdict),
+                *(note for node in self.nodes for note in node.notes),
+            ],
+            error=error,
+            signal=signals[0] if signals else "",
+        )
+
+    def _verdict(self, error: str, is_interrupted: bool) -> Verdict:
+        if error:
+            return Verdict("error", False)
+        if is_interrupted and self._referee.verdict is None:
+            return Verdict("interrupted", False)
+        if self._referee.verdict is not None:
+            return self._referee.verdict
+        ended_by = [node.exit_reason for node in self.nodes if node.is_terminated]
+        return Verdict("ended", False) if ended_by else Verdict("timeout", False)
+
+
+def fly_recorded(simulation: Simulation, path: Path) -> Result:
+    """Flies a simulation from its first moment to its end, and records it.
+
+    Args:
+        simulation: what runs, on a fresh plant.
+        path: of the trace, which is written.
+
+    Raises:
+        ConfigError: the components cannot be made.
+    """
+    plant = simulation.plant()
+    config = simulation.config(plant)
+    recorder = TraceWriter(path, simulation.header(plant, config), simulation.opening())
+    try:
+        return Flight(simulation, plant, config, recorder).run()
+    finally:
+        recorder.close()
+
+
+def why_of(verdict: Verdict) -> list[str]:
+    """Returns what a verdict has to say beside its one word, as notes."""
+    return [f"{verdict.outcome}: {verdict.why}."] if verdict.why else []
+
+
+def metrics_of(simulation: Simulation, plant: Plant) -> tuple[dict[str, Any], str]:
+    """Returns the scenario's metrics, or none and what went wrong."""
+    try:
+        metrics = call_student(simulation.judge.metrics, "metrics(plant, seed)", plant, simulation.request.seed)
+    except SnrError as failure:
+        return {}, str(failure)
+    if isinstance(metrics, dict):
+        return metrics, ""
+    place = short_path(str(simulation.judge.__file__))
+    return {}, f"{place}: metrics(plant, seed) returned {metrics!r}, which is not a dict."
+
+
+class Referee:
+    """Looks at the plant at each new moment; once there is a verdict, every node is told to end."""
+
+    def __init__(self, scenario: Any, plant: Plant, nodes: Sequence[Node], truth: TruthLog | None) -> None:
+        self._judge = scenario.verdict
+        self._place = short_path(str(scenario.__file__))
+        self._plant = plant
+        self._nodes = nodes
+        self._truth = truth
+        self.verdict: Verdict | None = None
+
+    def look(self, time_s: float) -> None:
+        """Asks the scenario for its verdict."""
+        if self.verdict is None:
+            verdict = call_student(self._judge, "verdict(plant)", self._plant)
+            if verdict is not None:
+                if not isinstance(verdict, Verdict):
+                    raise ConfigError(
+                        f"{self._place}: verdict(plant) returned {verdict!r}, which is not a Verdict.",
+                        fix="return Verdict('landed', True), or None while it goes on.",
+                    )
+                self.verdict = verdict
+                if self._truth is not None:
+                    self._truth.record(time_s)  # the state that was judged, before the nodes' last records
+                for node in self._nodes:
+                    node.enter(tasks.terminate(self.verdict.outcome), "referee")
+
+
+class TruthLog:
+    """Has the plant's true state recorded, at most so often.
+
+    It follows the clock and asks it for nothing: a run must be the same whether it is recorded or not, and a moment
+    more would already break a closed-form step in two.
+    """
+
+    def __init__(self, plant: Plant, recorder: TraceWriter) -> None:
+        self._plant = plant
+        self._recorder = recorder
+        self._due_s = 0.0
+
+    def look(self, time_s: float) -> None:
+        """Records, if it is time."""
+        if time_s >= self._due_s:
+            self.record(time_s)
+
+    def record(self, time_s: float) -> None:
+        """Records."""
+        self._due_s = time_s + _TRUTH_PERIOD_S
+        self._recorder.truth(time_s, self._plant.truth())

@@ -1,0 +1,520 @@
+"""Finds and loads robots, scenarios and controllers: ordinary files that the kit knows only by path.
+
+Looked for in this order, and the one taken is said: a path; `./robots/<name>` (or `./scenarios/<name>.py`) under the
+current folder; the folders in SNR_SIM_PATH; the copy that came with the kit.
+
+Files are read afresh at every load and leave no bytecode behind: what runs is what stands in the file, also a
+moment after an edit.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import os
+import sys
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence, Set
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from importlib.machinery import ModuleSpec, SourceFileLoader
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+from snr_sim.core.blame import describe_error, is_student_file, short_path
+from snr_sim.core.reload.source_files import reading_from, source_files
+from snr_sim.prelude.errors import ConfigError, MissingExtra, SnrError, UnknownName, nearest
+
+if TYPE_CHECKING:
+    from snr_sim.recording.sources import KeepingFiles
+
+Kind: TypeAlias = Literal["robots", "scenarios", "assignments"]
+
+ROBOT_MODULE = "snr_sim_robot_"
+_CONTROLLER_MODULE = "snr_sim_controller_"
+_PROGRAM_MODULE = "snr_sim_program_"
+SCENARIO_MODULE = "snr_sim_scenario_"
+_REPORTED_PACKAGES = ("numpy", "msgspec", "pymunk", "mujoco-core")
+_KIT = Path(__file__).resolve().parents[1]
+
+
+@dataclass(frozen=True)
+class Found:
+    """A robot's folder or a scenario's file, and where it was found."""
+
+    kind: Kind
+    name: str
+    path: Path
+    place: str
+
+
+def find(kind: Kind, name: str) -> Found:
+    """Returns where the robot or scenario `name` is.
+
+    Raises:
+        UnknownName: nowhere; says where it looked and what it knows.
+    """
+    files = source_files()
+    with suppress(OSError, ValueError):  # no file can have such a name
+        given = Path(name)
+        if given.suffix or os.sep in name or files.is_file(given) or files.is_dir(given):
+            path = given.resolve()
+            if _is_one(kind, path):
+                return Found(kind, path.stem if kind == "scenarios" else path.name, path, "the path given")
+        for place, folder in _places(kind):
+            path = _path_in(kind, folder, name)
+            if name and _is_one(kind, path):
+                return Found(kind, name, path, place)
+    looked = ", ".join(dict.fromkeys(short_path(str(folder)) for _, folder in _places(kind)))
+    raise UnknownName(
+        f"There is no {kind[:-1]} '{name}'. Looked in: {looked}.",
+        fix=nearest(name, [found.name for found in known(kind)]),
+    )
+
+
+def find_lab(name: str) -> Found:
+    """Returns where a lab is, by its folder's name, "02_depth_hold", by that without its number, or by a path.
+
+    Raises:
+        UnknownName: nowhere.
+    """
+    matches = [one.name for one in known("assignments") if name and name == one.name.partition("_")[2]]
+    return find("assignments", matches[0] if len(matches) == 1 else name)
+
+
+def known(kind: Kind) -> list[Found]:
+    """Returns all that can be found by name; the first of two with one name counts."""
+    all_found: dict[str, Found] = {}
+    for place, folder in _places(kind):
+        for path in sorted(folder.iterdir()) if folder.is_dir() else []:
+            name = path.stem if kind == "scenarios" else path.name
+            if _is_one(kind, path):
+                all_found.setdefault(name, Found(kind, name, path, place))
+    return sorted(all_found.values(), key=lambda found: found.name)
+
+
+def _places(kind: Kind) -> Iterator[tuple[str, Path]]:
+    for recorded in source_files().recorded:
+        place = recorded.parent if kind == "scenarios" else recorded.parent.parent
+        if place.name == kind:
+            yield "the run folder", place
+    yield "the current folder", Path.cwd() / kind
+    for folder in filter(None, os.environ.get("SNR_SIM_PATH", "").split(os.pathsep)):
+        yield "SNR_SIM_PATH", Path(folder).resolve() / kind
+    yield "the kit", _content(kind)
+
+
+def _content(kind: Kind) -> Path:
+    checkout = _KIT.parent / kind
+    return checkout if (_KIT.parent / "pyproject.toml").is_file() else _KIT / "shipped" / kind
+
+
+def is_of_kit(path: Path) -> bool:
+    """Returns whether a file is of the kit: of its package, or of the robots, scenarios and labs that come with it."""
+    kinds: tuple[Kind, ...] = ("robots", "scenarios", "assignments")
+    path = Path(os.path.normpath(path))  # without ".."
+    return any(path.is_relative_to(folder) for folder in (_KIT, *map(_content, kinds)))
+
+
+def is_own(path: Path) -> bool:
+    """Returns whether a file is of a user's own program: neither the kit's, Python's nor an installed package's."""
+    return is_student_file(str(path)) and not is_of_kit(path.resolve())
+
+
+@contextmanager
+def keeping(run: Path, files: Iterable[Path]) -> Iterator[KeepingFiles]:
+    """Keeps copies in a run folder of those of the files that are the user's own, and of what is read meanwhile."""
+    from snr_sim.recording.sources import KeepingFiles  # with hashlib: as for `sha256_of`
+
+    kept = KeepingFiles(run, is_own)
+    for path in files:
+        with suppress(OSError):  # it is gone since it was loaded
+            kept.read(path)
+    with reading_from(kept):
+        yield kept
+
+
+def find_in_kit(kind: Kind, name: str) -> Found | None:
+    """Returns what comes with the kit under this name, or None; never anything by a path."""
+    path = _path_in(kind, _content(kind), name)
+    is_name = Path(name).name == name and name != ".."
+    return Found(kind, name, path, "the kit") if is_name and _is_one(kind, path) else None
+
+
+def _path_in(kind: Kind, folder: Path, name: str) -> Path:
+    return folder / f"{name}.py" if kind == "scenarios" else folder / name
+
+
+def _is_one(kind: Kind, path: Path) -> bool:
+    if kind == "robots":
+        return source_files().is_file(path / "robot.py")
+    if kind == "scenarios":
+        return source_files().is_file(path) and path.suffix == ".py" and not path.name.startswith("_")
+    return (path / "README.md").is_file()
+
+
+def load_robot(found: Found) -> ModuleType:
+    """Loads a robot's folder as the package `snr_sim_robot_<name>`, so that `from .mixer import mix` works in it.
+
+    Raises:
+        ConfigError: it cannot be loaded, or lacks what a robot promises (`prelude/scenario.py`).
+    """
+    name = ROBOT_MODULE + found.name
+    _robots.begin(name)
+    for loaded in [module for module in sys.modules if module == name or module.startswith(name + ".")]:
+        del sys.modules[loaded]
+    robot = _load(name, found.path / "robot.py", f"the robot '{found.name}'", package=found.path)
+    _need(robot, found.path / "robot.py", ("ROLES", "IO", "roles"), "a robot")
+    _need_names(robot, found.path / "robot.py", ("ROLES", "IO"))
+    return robot
+
+
+def name_robot(name: str, folder: Path) -> None:
+    """Lets modules in a robot's folder be imported; its robot.py is run only if somebody asks for what is in it."""
+    if ROBOT_MODULE + name not in sys.modules:
+        _robots.begin(ROBOT_MODULE + name)
+        sys.modules[ROBOT_MODULE + name] = _UnreadRobot(name, folder)
+
+
+class _UnreadRobot(ModuleType):
+    """A robot's package before its robot.py was run."""
+
+    def __init__(self, name: str, folder: Path) -> None:
+        super().__init__(ROBOT_MODULE + name)
+        self.__path__ = [str(folder)]
+        self._found = Found("robots", name, folder, "the path given")
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return getattr(load_robot(self._found), name)
+
+
+def load_scenario(found: Found) -> ModuleType:
+    """Loads a scenario's file; its robot must have been loaded before.
+
+    Raises:
+        ConfigError: it cannot be loaded, or lacks what a scenario promises (`prelude/scenario.py`).
+    """
+    scenario = _load(SCENARIO_MODULE + found.name, found.path, f"the scenario '{found.name}'")
+    _need(
+        scenario,
+        found.path,
+        ("ROBOT", "ENGINES", "CONTROLLER", "TIME_LIMIT_S", "parameters", "plant", "verdict", "metrics"),
+        "a scenario",
+    )
+    _need_names(scenario, found.path, ("ENGINES",))
+    limit_s = scenario.TIME_LIMIT_S
+    if isinstance(limit_s, bool) or not isinstance(limit_s, (int, float)) or not limit_s > 0:
+        raise ConfigError(
+            f"{short_path(str(found.path))}: TIME_LIMIT_S is {limit_s!r}, not a number of seconds.",
+            fix="TIME_LIMIT_S = 240.0.",
+        )
+    return scenario
+
+
+def robot_of_scenario(found: Found) -> str:
+    """Returns the name after `ROBOT =` in a scenario's file, without running it: the robot is loaded first.
+
+    Raises:
+        ConfigError: the file has no such line.
+    """
+    import ast
+
+    try:
+        source = source_files().read(found.path)
+        source_files().check(found.path, source)
+        tree = ast.parse(source, str(found.path))
+    except (SyntaxError, ValueError) as error:
+        raise _load_failure(error, found.path, f"the scenario '{found.name}' was read") from error
+    for node in tree.body:
+        match node:
+            case (
+                ast.Assign(targets=[ast.Name(id="ROBOT")], value=ast.Constant(value=str(robot)))
+                | ast.AnnAssign(target=ast.Name(id="ROBOT"), value=ast.Constant(value=str(robot)))
+            ):
+                return robot
+    raise ConfigError(
+        f"{short_path(str(found.path))} does not say which robot it is for.", fix="add: ROBOT = 'lander'."
+    )
+
+
+def controllers(robot: Found) -> list[str]:
+    """Returns the names of a robot's own controllers."""
+    return sorted(path.stem for path in source_files().in_folder(robot.path / "controllers") if path.stem[0] != "_")
+
+
+def load_controller(robot: Found, name: str) -> ModuleType:
+    """Loads a controller: one of the robot's own by name, or any file by path.
+
+    Raises:
+        UnknownName: there is none.
+        ConfigError: it cannot be loaded, or has no `factories`.
+    """
+    if name in controllers(robot):
+        path = robot.path / "controllers" / f"{name}.py"
+        module = _load(f"{ROBOT_MODULE}{robot.name}.controllers.{name}", path, f"the controller '{name}'")
+        _robots.loaded[ROBOT_MODULE + robot.name].add(path)
+    else:
+        path = Path(name).resolve()
+        if not source_files().is_file(path):
+            raise _no_controller(robot, name, path)
+        _neighbours.look_in(path.parent)
+        module = _load(_CONTROLLER_MODULE + path.stem.replace("-", "_"), path, f"the controller '{name}'")
+    _need(module, path, ("factories",), "a controller", "def factories(robot): return [MyEndpointFactory()].")
+    if not callable(module.factories):
+        raise ConfigError(
+            f"{short_path(str(path))}: `factories` is {module.factories!r}, not a function.",
+            fix="def factories(robot): return [MyEndpointFactory()].",
+        )
+    return module
+
+
+def _no_controller(robot: Found, name: str, path: Path) -> UnknownName:
+    """Returns what is wrong with a controller's name: nobody's, a folder, or a file that is not there."""
+    its_own = f"by name, {nearest(name, controllers(robot))}"
+    if path.is_dir():
+        files = sorted(file.name for file in path.glob("*.py"))
+        inside = f"a file in it: --controller {Path(name) / files[0]}. Or " if files else ""
+        return UnknownName(f"The controller '{name}' is a folder, not a Python file.", fix=inside + its_own)
+    if path.exists():
+        return UnknownName(f"The controller '{name}' is not a file that can be read.", fix=its_own)
+    if os.sep not in name and not path.suffix:
+        return UnknownName(
+            f"There is no controller '{name}': robot '{robot.name}' has none of that name.",
+            fix=f"{nearest(name, controllers(robot))} Or a file: --controller ./mine.py.",
+        )
+    files = sorted(file.name for file in path.parent.glob("*.py")) if path.parent.is_dir() else []
+    place = short_path(str(path.parent))
+    elsewhere = "" if os.sep in name else f"name it with its folder: --controller FOLDER/{name}. Or "
+    beside = f"{nearest(path.name, files, f'in {place} there are')} Or " if files else elsewhere
+    missing = "" if path.parent.is_dir() else f", nor a folder {place}"
+    return UnknownName(f"There is no file '{name}'{missing}.", fix=beside + its_own)
+
+
+def load_program(name: str) -> ModuleType:
+    """Loads a file of the student's own, without running what stands under `if __name__ == "__main__"`.
+
+    Raises:
+        UnknownName: there is no such file.
+        ConfigError: it cannot be loaded.
+    """
+    path = Path(name).resolve()
+    if not name or not source_files().is_file(path):
+        raise UnknownName(f"There is no file '{name}'.", fix="name the program that was recorded: --with robot.py.")
+    _neighbours.look_in(path.parent)
+    return _load(_PROGRAM_MODULE + path.stem.replace("-", "_"), path, f"the program '{name}'")
+
+
+@dataclass(frozen=True)
+class InUse:
+    """The files of a scenario, robot or controller that are in use, by a label and their path below a folder."""
+
+    label: str
+    folder: Path
+    file: Path
+    imported: Set[Path] = frozenset()  # it grows, as long as what imports it is not loaded again
+
+
+def in_use(scenario: Found, robot: Found, controller: ModuleType) -> list[InUse]:
+    """Returns what was loaded for a simulation, the robot and then the controller last of their names.
+
+    What else this process has loaded before or loads afterwards, under another name or for another simulation, is
+    not in it: the same request has the same files in use in every process.
+    """
+    file = Path(str(controller.__file__))
+    beside = _neighbours.loaded if controller.__name__.startswith(_CONTROLLER_MODULE) else frozenset()
+    return [
+        InUse("scenario", scenario.path.parent, scenario.path),
+        InUse("robot", robot.path, robot.path / "robot.py", _robots.loaded[ROBOT_MODULE + robot.name]),
+        InUse("controller", file.parent, file, beside),
+    ]
+
+
+OPTION_FILE = "option/"  # before the key of an option that names a file
+
+
+def files_in_use(used: Sequence[InUse]) -> dict[str, Path]:
+    """Returns every file in use, by `<label>/<path below its folder>`."""
+    return {
+        f"{one.label}/{path.relative_to(one.folder).as_posix()}": path
+        for one in used
+        for path in {one.file, *one.imported}
+    }
+
+
+def sha256_of(path: Path) -> str:
+    """Returns the sha256 of a file."""
+    import hashlib  # with all of OpenSSL, which a student's process need not have
+
+    return hashlib.sha256(source_files().read(path)).hexdigest()
+
+
+def hashes_of_files(files: Sequence[tuple[str, Path]]) -> dict[str, str]:
+    """Returns the sha256 of these files, given as (label, path), by `<label>/<name>`."""
+    return {f"{label}/{path.name}": sha256_of(path) for label, path in files}
+
+
+def package_versions() -> dict[str, str]:
+    """Returns the versions of the packages that a run depends on, as far as they are installed."""
+    from importlib import metadata  # it takes as long to import as all the rest, and few need it
+
+    versions = {}
+    for package in _REPORTED_PACKAGES:
+        try:
+            versions[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            continue
+    return versions
+
+
+def _need(module: ModuleType, path: Path, names: Sequence[str], what: str, fix: str = "") -> None:
+    for name in names:
+        if not hasattr(module, name):
+            has = [known for known in vars(module) if not known.startswith("_")]
+            close = nearest(name, has)
+            lack = "is empty: it has" if not has and not source_files().read(path).strip() else "has"
+            raise ConfigError(
+                f"{short_path(str(path))} {lack} no `{name}`, which {what} needs.",
+                fix=fix or (close if close.startswith("did") else f"see prelude/scenario.py for what {what} defines."),
+            )
+
+
+def _need_names(module: ModuleType, path: Path, lists: Sequence[str]) -> None:
+    for name in lists:
+        names = getattr(module, name)
+        if not (isinstance(names, (tuple, list)) and names and all(isinstance(one, str) for one in names)):
+            raise ConfigError(
+                f"{short_path(str(path))}: {name} is {names!r}, not a tuple of names.",
+                fix=f'{name} = ("one",), with the comma, or {name} = ("one", "two").',
+            )
+
+
+def _load(name: str, path: Path, what: str, package: Path | None = None) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(
+        name,
+        path,
+        loader=_FreshLoader(name, str(path)),
+        submodule_search_locations=[str(package)] if package else None,
+    )
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except MissingExtra:
+        raise
+    except (Exception, SystemExit) as error:
+        del sys.modules[name]
+        raise _load_failure(error, path, f"{what} was read") from error
+    return module
+
+
+def _load_failure(error: BaseException, path: Path, while_doing: str) -> SnrError:
+    if isinstance(error, (SyntaxError, ValueError)) and (found := _not_text(path)):
+        return ConfigError(
+            f"{found}\n  while {while_doing}", fix="name a Python file; an editor that saves UTF-8 text makes one."
+        )
+    return ConfigError(describe_error(error, f"while {while_doing}"))
+
+
+def _not_text(path: Path) -> str:
+    """Says where a file holds bytes that no Python source can hold; empty if it holds none."""
+    raw = source_files().read(path)
+    place = raw.find(b"\0")
+    try:
+        importlib.util.decode_source(raw)  # minds an encoding that the file names
+    except (UnicodeDecodeError, SyntaxError):
+        try:
+            raw.decode()
+        except UnicodeDecodeError as error:
+            place = error.start
+    if place < 0:
+        return ""
+    line = raw.count(b"\n", 0, place) + 1
+    return f"{short_path(str(path))}, line {line}: this is no Python source: byte 0x{raw[place]:02x} is not text."
+
+
+class _FreshLoader(SourceFileLoader):
+    """Reads the source every time: a cached bytecode file may be older than an edit within the same second."""
+
+    def get_data(self, path: str) -> bytes:
+        """Returns the source, from the disk or as it was recorded."""
+        return source_files().read(Path(path))
+
+    def source_to_code(self, data: Any, path: Any, **options: Any) -> Any:  # type: ignore[override]
+        """Returns the code of a source."""
+        source_files().check(Path(path), data)
+        return super().source_to_code(data, path, **options)
+
+    def path_stats(self, path: Any) -> Any:
+        """Knows of no bytecode."""
+        raise OSError
+
+
+class _RobotFinder:
+    """Finds the modules inside a robot's folder, which needs no `__init__.py` anywhere."""
+
+    def __init__(self) -> None:
+        self.loaded: defaultdict[str, set[Path]] = defaultdict(set)  # by the robot's module, since it was loaded last
+
+    def begin(self, robot: str) -> None:
+        """Forgets which files the robot of this module had: it is loaded anew."""
+        self.loaded[robot] = set()
+        if self not in sys.meta_path:
+            sys.meta_path.insert(0, self)
+
+    def find_spec(self, fullname: str, path: Any, target: Any = None) -> ModuleSpec | None:
+        """Returns the spec of `snr_sim_robot_<name>.<module>`."""
+        if not fullname.startswith(ROBOT_MODULE) or not path:
+            return None
+        base = Path(next(iter(path))) / fullname.rpartition(".")[2]
+        file = base.with_suffix(".py")
+        if source_files().is_file(file):
+            self.loaded[fullname.partition(".")[0]].add(file)
+            return importlib.util.spec_from_file_location(fullname, file, loader=_FreshLoader(fullname, str(file)))
+        if source_files().is_dir(base):
+            spec = ModuleSpec(fullname, None, is_package=True)
+            spec.submodule_search_locations = [str(base)]
+            return spec
+        return None
+
+
+class _NeighbourFinder:
+    """Finds what stands beside the file that was loaded last, as a script finds it; never instead of Python's own."""
+
+    def __init__(self) -> None:
+        self.loaded: set[Path] = set()
+        self._folder: Path | None = None
+
+    def look_in(self, folder: Path) -> None:
+        """Takes this folder from now on, and forgets what came from the one before, or stood in it before."""
+        for name, module in list(sys.modules.items()) if self.loaded else ():
+            if Path(getattr(module, "__file__", None) or "") in self.loaded:
+                del sys.modules[name]
+        self.loaded = set()  # and not cleared: a simulation may still be named by what it had
+        self._folder = folder
+        if self not in sys.meta_path:
+            sys.meta_path.insert(0, self)
+
+    def find_spec(self, fullname: str, path: Any, target: Any = None) -> ModuleSpec | None:
+        """Returns the spec of `<folder>/<name>.py`, or of a package with an `__init__.py`."""
+        top, _, below = fullname.partition(".")
+        if self._folder is None or top in sys.stdlib_module_names or top.startswith("snr_sim"):
+            return None
+        base = self._folder.joinpath(top, *below.split(".")) if below else self._folder / top
+        for file in (base / "__init__.py", base.with_name(base.name + ".py")):
+            if source_files().is_file(file):
+                self.loaded.add(file)
+                where = [str(base)] if file.name == "__init__.py" else None
+                loader = _FreshLoader(fullname, str(file))
+                return importlib.util.spec_from_file_location(
+                    fullname, file, loader=loader, submodule_search_locations=where
+                )
+        return None
+
+
+_robots = _RobotFinder()
+_neighbours = _NeighbourFinder()

@@ -1,0 +1,174 @@
+"""A program of nodes without a scenario, such as a robot in the pool, recorded so that it can be replayed."""
+
+from __future__ import annotations
+
+import platform
+import sys
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+from snr_sim import __version__
+from snr_sim.core.clocks import SimClock
+from snr_sim.core.config import Config
+from snr_sim.core.interrupts import orderly
+from snr_sim.core.lockstep import LockStep
+from snr_sim.core.node import Node
+from snr_sim.core.reload.sources import file_of
+from snr_sim.core.said import hearing
+from snr_sim.prelude.clock import Clock
+from snr_sim.prelude.component import RoleName
+from snr_sim.prelude.errors import ConfigError
+from snr_sim.recording.folder import discard, new_run_folder
+from snr_sim.recording.records import Header, Opening, name_of
+from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.scenario import library
+from snr_sim.scenario.simulation import command_keys
+from snr_sim.supervision.multi_proc import MultiProcRunner
+
+
+def record_program(
+    role: RoleName,
+    config: Config,
+    program: str | Path,
+    out: str | Path = "runs",
+    *,
+    clock: Clock | None = None,
+    seed: int = 0,
+    until_s: float | None = None,
+) -> Path:
+    """Runs one role until it ends, and returns its run folder: `snr replay FOLDER` replays it.
+
+    Args:
+        role: which.
+        config: of the robot.
+        program: the file that has this config under the name `config`: `__file__`.
+        out: folder that run folders go into.
+        clock: the wall clock if not given.
+        seed: of the run.
+        until_s: the longest virtual time, under a `SimClock`.
+
+    Raises:
+        ComponentFailed: a handler or a loop raised; it was recorded up to there.
+        TraceError: the recording cannot be written.
+    """
+    folder = new_run_folder(Path(out), Path(program).stem, seed)
+    _record(folder, program, role, config, seed, clock=clock, until_s=until_s)
+    return folder
+
+
+def record_roles(
+    config: Config,
+    program: str | Path,
+    roles: Sequence[RoleName] | None = None,
+    out: str | Path = "runs",
+    *,
+    seed: int = 0,
+    ends_all: Sequence[RoleName] = (),
+) -> Path:
+    """Runs several roles, each in a process, as `MultiProcRunner` does, and returns their run folder.
+
+    It has a folder for each role, with the trace of that role: `snr replay FOLDER/ROLE` replays it.
+
+    Args:
+        config: of the robot.
+        program: the file that has this config under the name `config`: `__file__`.
+        roles: all of the config's if not given.
+        out: folder that run folders go into.
+        seed: of the run.
+        ends_all: roles that end all others when they end.
+
+    Raises:
+        ConfigError: something cannot be sent to a process, so none was started.
+        ComponentFailed: a role failed; all were recorded up to there.
+    """
+    folder = new_run_folder(Path(out), Path(program).stem, seed).resolve()
+    try:
+        run = partial(_record_one_of_several, folder, Path(program).resolve())
+        MultiProcRunner(config, roles, seed=seed, ends_all=ends_all, run=run).run()
+    except ConfigError:
+        discard(folder)
+        raise
+    return folder
+
+
+def _record(
+    folder: Path,
+    program: str | Path,
+    role: RoleName,
+    config: Config,
+    seed: int,
+    has_node: Callable[[Node], None] | None = None,
+    *,
+    clock: Clock | None = None,
+    until_s: float | None = None,
+) -> None:
+    """Runs one role and records it; `has_node` is told of its node before it begins."""
+    recorder = TraceWriter(
+        folder / FILE_NAME, program_header([role], config, program, clock, seed), program_opening(program)
+    )
+    try:
+        node = Node(role, config, clock=clock, recorder=recorder, seed=seed)
+    except BaseException:
+        recorder.close()
+        discard(folder)  # nothing has begun
+        raise
+    if not isinstance(clock, SimClock):
+        recorder.fail_softly([node])
+    if has_node is not None:
+        has_node(node)
+    try:
+        with library.keeping(folder, _files_of(Path(program).resolve())), orderly([node]), hearing([node]):
+            if isinstance(clock, SimClock):
+                LockStep([node], clock, until_s=until_s).run()
+            else:
+                node.loop()
+    finally:
+        recorder.close()
+        if recorder.loss:
+            print(f"note: {recorder.loss}", file=sys.stderr)
+
+
+def _files_of(program: Path) -> list[Path]:
+    """Returns a program's file, and those in its folder and beneath that this process has imported."""
+    files = [file for module in list(sys.modules.values()) if (file := file_of(module)) is not None]
+    beside = [file for file in files if file.is_absolute() and file.is_relative_to(program.parent)]
+    return [program, *sorted(set(beside) - {program})]
+
+
+def _record_one_of_several(
+    folder: Path, program: Path, role: RoleName, config: Config, seed: int, has_node: Callable[[Node], None]
+) -> None:
+    (folder / role).mkdir()
+    _record(folder / role, program, role, config, seed, has_node)
+
+
+def program_header(
+    roles: Sequence[RoleName], config: Config, program: str | Path, clock: Clock | None = None, seed: int = 0
+) -> Header:
+    """Returns the second line of the trace of a program; arguments as above."""
+    path = Path(program).resolve()
+    return Header(
+        kit=__version__,
+        python=platform.python_version(),
+        platform=platform.platform(),
+        packages=library.package_versions(),
+        scenario="",
+        robot="",
+        controller=name_of(str(path)),
+        roles=list(roles),
+        engine="",
+        io="",
+        seed=seed,
+        options={},
+        nodes=[f"{role}_node" for role in roles],
+        clock="sim" if isinstance(clock, SimClock) else "wall",
+        commands={f"{role}_node": command_keys(config.get(role)) for role in roles},
+        sources=library.hashes_of_files([("program", path)]),
+        scene={},
+    )
+
+
+def program_opening(program: str | Path) -> Opening:
+    """Returns the first line of the trace of a program."""
+    return Opening.now("", str(Path(program).resolve()))

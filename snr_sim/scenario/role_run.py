@@ -1,0 +1,213 @@
+"""One role of a scenario by itself, on the wall clock: its links reach the other roles, in processes of their own.
+
+The role that has the devices has the plant, too, which keeps up with the clock. The referee looks at it whenever a
+sensor has been read. A role without devices, or with real ones only, has no body that could be judged: it has done what
+it should if it ends without an error.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from snr_sim.core.clocks import WallClock
+from snr_sim.core.config import Config
+from snr_sim.core.interrupts import orderly
+from snr_sim.core.node import Node
+from snr_sim.core.said import hearing
+from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
+from snr_sim.links.sockets import SocketsListenerFactory, SocketsLoopFactory
+from snr_sim.plants.realtime import RealTimePlant
+from snr_sim.prelude import tasks
+from snr_sim.prelude.component import PortFactory
+from snr_sim.prelude.errors import ConfigError, LinkError, SnrError
+from snr_sim.prelude.page import Page
+from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.promises import keeps
+from snr_sim.prelude.scenario import Verdict
+from snr_sim.recording.trace import TraceWriter
+from snr_sim.scenario.flight import Referee, Result, TruthLog, metrics_of, why_of
+from snr_sim.scenario.simulation import Simulation
+
+LOOK_PERIOD_S = 0.02  # between two looks of the referee
+TIME_LIMIT = "time limit"
+
+
+class World:
+    """Clock, plant and wiring of a role that runs by itself.
+
+    Args:
+        simulation: with one role.
+
+    Attributes:
+        plant: None, if the role has no devices.
+        config: its wiring.
+
+    Raises:
+        ConfigError: the files of the scenario are not what they should be.
+    """
+
+    def __init__(self, simulation: Simulation) -> None:
+        self.simulation = simulation
+        self.role = simulation.roles[0]
+        self.clock = WallClock()
+        plant = simulation.plant() if simulation.has_plant else None
+        self._paced = None if plant is None else RealTimePlant(plant, self.clock)
+        reached: Any = self._paced  # of a plant, devices read and write only
+        self.config: Config = simulation.config(reached, lambda: self.clock.now_s(), self.role)
+        factories = self.config.factories
+        with_devices = [
+            role
+            for role in simulation.robot_file.ROLES
+            if any(isinstance(one, (SensorLoopFactory, ActuatorLoopFactory)) for one in factories.get(role, []))
+        ]
+        if plant is not None and len(with_devices) > 1:
+            raise ConfigError(
+                f"The roles {' and '.join(with_devices)} both have devices here, and there is only one plant: "
+                "in processes of their own, each would have another.",
+                fix=f"run them under one clock: snr run {simulation.scenario_name}, without --role.",
+            )
+        own = factories[self.role]
+        self.sensor_keys = [factory.key for factory in own if isinstance(factory, SensorLoopFactory)]
+        self._ports = [factory for factory in own if keeps(factory, PortFactory)]
+        self.plant: Plant | None = plant if self.role in with_devices else None
+
+    def start_lines(self) -> list[str]:
+        """Return where the role's links listen or connect, and which roles they wait for."""
+        others = [role for role in self.simulation.robot_file.ROLES if role != self.role]
+        start = f"snr run {self.simulation.request.scenario} --role"
+        waits = " and ".join(f"the role {other} ({start} {other})" for other in others)
+        own = self.config.factories[self.role]
+        links = [one for one in own if isinstance(one, (SocketsLoopFactory, SocketsListenerFactory))]
+        return [f"{self.role}: {link.where()} and waits for {waits}" for link in links]
+
+    def claim(self) -> None:
+        """Has the role's links listen already, so that a port that is taken is told before there is a run.
+
+        Raises:
+            LinkError: one is.
+        """
+        for factory in self._ports:
+            try:
+                factory.claim()
+            except LinkError as error:
+                if "port" not in getattr(self.simulation.robot_file, "OPTIONS", {}):
+                    raise
+                fix = f"{error.fix} Another one: --option port=..., the same at both ends."
+                raise LinkError(error.message, fix=fix) from error
+
+    def release(self) -> None:
+        """Lets go of the ports that no link has taken over. Safe to call twice."""
+        for factory in self._ports:
+            factory.release()
+
+    def start(self) -> None:
+        """Has the plant's time begin with the clock's, now."""
+        self.clock = WallClock()
+        if self._paced is not None:
+            self._paced.follow(self.clock)
+
+    def now(self) -> Any:
+        """Returns a context with the plant as it is now; only for a role that has one."""
+        assert self._paced is not None
+        return self._paced.now()
+
+
+class RoleRun:
+    """A run of one role. Once made, there is the node and all around it; nothing moves yet.
+
+    Args:
+        world: of the role.
+        config: the world's wiring, or that with more in it.
+        recorder: writes the trace, if given; the caller closes it.
+
+    Raises:
+        ConfigError: the components cannot be made.
+    """
+
+    def __init__(self, world: World, config: Config, recorder: TraceWriter | None = None) -> None:
+        simulation = world.simulation
+        self._world = world
+        world.start()
+        self._node = Node(world.role, config, clock=world.clock, recorder=recorder, seed=simulation.request.seed)
+        self.nodes = [self._node]
+        self._limit_s = float(simulation.scenario.TIME_LIMIT_S)
+        self._referee: Referee | None = None
+        self._truth: TruthLog | None = None
+        self._looked_s = -LOOK_PERIOD_S
+        if world.plant is not None:
+            self._truth = TruthLog(world.plant, recorder) if recorder is not None else None
+            self._referee = Referee(simulation.judge, world.plant, self.nodes, self._truth)
+            for key in world.sensor_keys:
+                self._node.tap(key, self._look)
+
+    def run(self, signals: Sequence[str] = ()) -> Result:
+        """Runs until the scenario's verdict, its time limit, an error or a signal.
+
+        Args:
+            signals: names of those that came before there was a run; it ends at once.
+        """
+        error, caught = "", list(signals)
+        start_s = time.perf_counter()
+        limit = threading.Timer(self._limit_s, self._node.enter, [tasks.terminate(TIME_LIMIT), "referee"])
+        limit.daemon = True
+        limit.start()
+        try:
+            with hearing(self.nodes), orderly(self.nodes) as more:
+                try:
+                    self._node.loop()
+                finally:
+                    caught += more
+        except SnrError as failure:
+            error = str(failure)
+        except KeyboardInterrupt as stop:  # a handler that did not return, or a second signal
+            caught.append("SIGINT")
+            self._node.note(f"{stop or 'The run'} was interrupted.")
+        finally:
+            limit.cancel()
+        wall_time_s = time.perf_counter() - start_s
+        return self._result(error, caught, wall_time_s)
+
+    def _look(self, page: Page) -> None:
+        """Has the referee look, on the node's own thread, where the trace is written."""
+        now_s = self._world.clock.now_s()
+        if self._referee is None or now_s < self._looked_s + LOOK_PERIOD_S:
+            return
+        self._looked_s = now_s
+        with self._world.now() as plant:
+            self._referee.look(plant.time_s)
+            if self._truth is not None and self._referee.verdict is None:
+                self._truth.look(plant.time_s)
+
+    def _result(self, error: str, signals: list[str], wall_time_s: float) -> Result:
+        simulation, plant, node = self._world.simulation, self._world.plant, self._node
+        metrics: dict[str, Any] = {}
+        if plant is not None:
+            metrics, metrics_error = metrics_of(simulation, plant)
+            error = error or metrics_error
+        verdict = self._verdict(error, bool(signals))
+        return Result(
+            outcome=verdict.outcome,
+            success=verdict.success,
+            metrics=metrics,
+            sim_time_s=wall_time_s if plant is None else plant.time_s,
+            wall_time_s=wall_time_s,
+            tasks=node.machine.executed,
+            pages=node.datastore.stored,
+            notes=[*simulation.notes, *why_of(verdict), *node.notes],
+            error=error,
+            signal=signals[0] if signals else "",
+        )
+
+    def _verdict(self, error: str, is_interrupted: bool) -> Verdict:
+        if error:
+            return Verdict("error", False)
+        if self._referee is None:
+            return Verdict("ended", True, "" if is_interrupted else self._node.exit_reason or "")
+        if self._referee.verdict is not None:
+            return self._referee.verdict
+        if is_interrupted:
+            return Verdict("interrupted", False)
+        return Verdict("timeout" if self._node.exit_reason == TIME_LIMIT else "ended", False)

@@ -1,0 +1,450 @@
+"""A scenario, ready to run: robot, plant and controller put together.
+
+`prepare` finds and loads everything and writes nothing: what is wrong with a request is said before there is a run.
+`snr run`, `snr replay`, learning and grading all start here; `flight.py` runs it.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from snr_sim import __version__
+from snr_sim.core.blame import short_path
+from snr_sim.core.config import AnyFactory, Config, Mode
+from snr_sim.devices.loops import ActuatorLoopFactory
+from snr_sim.devices.wire.serial_port import check_port
+from snr_sim.prelude.errors import ConfigError, MissingExtra, TraceError, UnknownName, nearest
+from snr_sim.prelude.io import BENCH, ON_SERIAL_PORTS, parse_io
+from snr_sim.prelude.plant import Plant
+from snr_sim.prelude.promises import keeps
+from snr_sim.prelude.rng import rng_for
+from snr_sim.prelude.scenario import Rig, Robot
+from snr_sim.recording.folder import trace_path
+from snr_sim.recording.reader import read_trace
+from snr_sim.recording.recorded_run import RecordedRun
+from snr_sim.recording.records import Header, Opening, name_of
+from snr_sim.scenario import library
+from snr_sim.scenario.controller import call_student, factories_of
+from snr_sim.scenario.options import check_options
+
+
+@dataclass(frozen=True)
+class Request:
+    """What somebody asks to be run; None is the scenario's own choice."""
+
+    scenario: str
+    seed: int = 0
+    engine: str | None = None
+    controller: str | None = None
+    role: str | None = None
+    io: str = "sim"
+    options: dict[str, str] = field(default_factory=dict)
+
+
+class Simulation:
+    """One scenario with one controller, loaded and checked.
+
+    Args:
+        request: what was asked for, with nothing left open.
+        scenario, robot, controller: the loaded files.
+        used: their files, for the header.
+        standard: the scenario's own controller, for the first role, if `controller` has no components for it.
+    """
+
+    def __init__(
+        self,
+        request: Request,
+        scenario: ModuleType,
+        robot: ModuleType,
+        controller: ModuleType,
+        used: Sequence[library.InUse],
+        standard: ModuleType | None = None,
+    ) -> None:
+        self.request = request
+        self.scenario = scenario
+        self.robot_file = robot
+        self._controller = controller
+        self._standard = standard
+        self.notes: list[str] = []  # of putting it together, for the run's result
+        self._used = used
+        self._recorded: RecordedRun | None = None
+        self._read_elsewhere: Callable[[], Mapping[str, Path]] = dict
+        self._robot = Robot(
+            name=scenario.ROBOT,
+            role=robot.ROLES[0],
+            scenario=request.scenario,
+            engine=request.engine or "",
+            parameters=call_student(scenario.parameters, "parameters(seed)", request.seed),
+            options=request.options,
+        )
+
+    @property
+    def robot(self) -> Robot:
+        """What a controller may know."""
+        return self._robot
+
+    @property
+    def scenario_name(self) -> str:
+        """The scenario's name, also if it was given as a path."""
+        return Path(self.request.scenario).stem
+
+    @property
+    def roles(self) -> list[str]:
+        """The roles that run: the one asked for, or all of the robot's."""
+        return [self.request.role] if self.request.role else list(self.robot_file.ROLES)
+
+    @property
+    def is_apart(self) -> bool:
+        """Whether one role runs by itself, on the wall clock: one of several, or the only one with real devices."""
+        return not self.has_plant or (self.request.role is not None and len(self.robot_file.ROLES) > 1)
+
+    @property
+    def has_plant(self) -> bool:
+        """Whether any of the devices is simulated."""
+        return parse_io(self.request.io).kind != "pi"
+
+    @property
+    def has_wires(self) -> bool:
+        """Whether any of the devices is real, so that the run takes as long as it says."""
+        return parse_io(self.request.io).has_wires
+
+    def check_wires(self) -> None:
+        """Looks whether the port that `--io` names is there, so that a wrong one is told before there is a run.
+
+        Raises:
+            DeviceError: it is not, or may not be opened.
+        """
+        io = parse_io(self.request.io)
+        if io.kind in ON_SERIAL_PORTS:
+            check_port(io.where.partition(",")[0])  # after it come settings
+
+    def config(self, plant: Plant | None, clock_s: Callable[[], float] | None = None, role_apart: str = "") -> Config:
+        """Returns the robot's wiring.
+
+        Args:
+            plant: what the simulated devices reach; None for a replay, where no device is opened.
+            clock_s: the clock of the run, if it is not the plant's.
+            role_apart: the role that runs by itself, its links reaching other processes.
+
+        Raises:
+            ConfigError: the controller or the robot gives something else than factories.
+        """
+        controller, crew = self._factories()
+        rig = replace(self.rig(plant, clock_s, role_apart), crew=crew)
+        roles = call_student(self.robot_file.roles, "roles(rig, controller)", rig, controller)
+        given = roles if isinstance(roles, dict) else {}
+        missing = [role for role in self.roles if not isinstance(given.get(role), (list, tuple))]
+        if missing:
+            raise ConfigError(
+                f"{short_path(str(self.robot_file.__file__))}: roles(rig, controller) returned {roles!r}, "
+                f"which has no components for the role '{missing[0]}'.",
+                fix=f'return {{"{missing[0]}": [...]}} with a list of factories for each of ROLES.',
+            )
+        for role, factories in crew.items():
+            if not all(factory in given.get(role, ()) for factory in factories):
+                raise ConfigError(
+                    f"The robot '{self._robot.name}' has no place for a controller in its role '{role}'.",
+                    fix=f'ROLES = ("{self._robot.role}",) in the controller; or in robot.py, put rig.crew there.',
+                )
+        return Config(Mode.TEST, roles)
+
+    @property
+    def judge(self) -> Any:
+        """What says how a run ended: the scenario; where sensors read what was recorded, that it is over."""
+        return self._recorded or self.scenario
+
+    def rig(self, plant: Plant | None, clock_s: Callable[[], float] | None = None, role_apart: str = "") -> Rig:
+        """Returns what the robot's file needs to open its devices; arguments as for `config`."""
+        io = parse_io(self.request.io)
+        recorded = None if self._recorded is None else self._recorded.pages
+        return Rig(
+            self._robot, io.kind, self.request.seed, plant, io.where, clock_s, recorded=recorded, role_apart=role_apart
+        )
+
+    def with_seed(self, seed: int) -> Simulation:
+        """Returns the same with another seed; nothing is looked for and loaded again."""
+        request = replace(self.request, seed=seed)
+        return Simulation(request, self.scenario, self.robot_file, self._controller, self._used, self._standard)
+
+    def with_controller(
+        self,
+        controller: ModuleType,
+        standard: ModuleType | None,
+        request: Request,
+        read: Callable[[], Mapping[str, Path]],
+    ) -> Simulation:
+        """Returns the same with a controller that is loaded elsewhere.
+
+        Args:
+            controller: stands for it; has its `factories`, and its OPTIONS and ROLES if it has any.
+            standard: the scenario's own controller, if this one has no components for the robot's first role.
+            request: with its file, and with a seed and options of its own.
+            read: tells which files it was loaded from, for the trace's header, each by its name there.
+        """
+        whole = replace(self.request, seed=request.seed, controller=request.controller, options=request.options)
+        other = Simulation(whole, self.scenario, self.robot_file, controller, self._used[:-1], standard)
+        other._read_elsewhere = read
+        return other
+
+    def _factories(self) -> tuple[list[AnyFactory], dict[str, list[AnyFactory]]]:
+        """Returns the components of the first role, and those that the controller has for others."""
+        self.notes = []
+        first, *others = self.robot_file.ROLES
+        roles = controlled_roles(self._controller, self.robot_file)
+        crew = {role: self._made(self._controller, role) for role in others if role in roles}
+        return self._made(self._controller if first in roles else self._standard, first), crew
+
+    def _made(self, controller: Any, role: str) -> list[AnyFactory]:
+        made = factories_of(controller, replace(self._robot, role=role))
+        place = short_path(str(controller.__file__))
+        if not made:
+            whom = "the robot" if role == self._robot.role else f"its role '{role}'"
+            self.notes.append(f"{place}: factories(robot) returned [], so nobody controls {whom}.")
+        return made
+
+    def start_lines(self) -> list[str]:
+        """Returns what the controller of the first role has to say before a run.
+
+        Raises:
+            ConfigError: its `start_lines` returned something else, or raised.
+        """
+        is_first = self.robot_file.ROLES[0] in controlled_roles(self._controller, self.robot_file)
+        controller = self._controller if is_first else self._standard
+        function = getattr(controller, "start_lines", None)
+        lines = [] if function is None else call_student(function, "start_lines(robot)", self._robot)
+        if not (isinstance(lines, (list, tuple)) and all(isinstance(line, str) for line in lines)):
+            place = short_path(str(getattr(controller, "__file__", "")))
+            raise ConfigError(f"{place}: start_lines(robot) returned {lines!r}.", fix='a list of texts: ["..."].')
+        return list(lines)
+
+    def plant(self) -> Plant:
+        """Returns the plant at the start that belongs to the seed; with `--io replay:RUN`, the run as it was recorded.
+
+        Raises:
+            ConfigError: the scenario or the robot gives something else than a plant.
+            TraceError: the recorded run cannot be read, or is of another robot.
+        """
+        io = parse_io(self.request.io)
+        if io.kind == "replay":
+            self._recorded = self._recorded_run(Path(io.where))
+            return self._recorded
+        plant = call_student(self.scenario.plant, "plant(seed, engine)", self.request.seed, self.request.engine)
+        if not keeps(plant, Plant):
+            raise ConfigError(
+                f"{short_path(str(self.scenario.__file__))}: plant(seed, engine) returned {plant!r}, "
+                "which is not a plant.",
+                fix="end it with: return Lander1D(...), or another class that keeps the promise of prelude/plant.py.",
+            )
+        return self._dressed(plant)
+
+    def _recorded_run(self, run: Path) -> RecordedRun:
+        trace = read_trace(trace_path(run))
+        if trace.header.robot != self._robot.name:
+            raise TraceError(
+                f"{run} is a run of the robot '{trace.header.robot}', not of '{self._robot.name}'.",
+                fix=f"name one of '{self._robot.name}'.",
+            )
+        return RecordedRun(trace)
+
+    def _dressed(self, plant: Plant) -> Plant:
+        """Returns what is stepped in place of the plant, if this row of the robot's device table wants that."""
+        dress = getattr(self.robot_file, "dressed", None)
+        if dress is None:
+            return plant
+        dressed = call_student(dress, "dressed(rig)", self.rig(plant))
+        if not keeps(dressed, Plant):
+            place = short_path(str(self.robot_file.__file__))
+            raise ConfigError(
+                f"{place}: dressed(rig) returned {dressed!r}, which is not a plant.",
+                fix="return rig.plant where nothing stands between devices and plant.",
+            )
+        return dressed
+
+    def header(self, plant: Plant | None, config: Config, clock: str = "sim") -> Header:
+        """Returns the second line of this run's trace: what runs. Without a plant, as in a role that has no body."""
+        roles = self.roles
+        return Header(
+            kit=__version__,
+            python=platform.python_version(),
+            platform=platform.platform(),
+            packages=library.package_versions(),
+            scenario=name_of(self.request.scenario),
+            robot=self._robot.name,
+            controller=name_of(self.request.controller or ""),
+            roles=roles,
+            engine="" if plant is None else f"{self.request.engine}: {plant.engine}",
+            io=self.request.io,
+            seed=self.request.seed,
+            options=self.request.options,
+            nodes=[f"{role}_node" for role in roles],
+            clock=clock,
+            commands={f"{role}_node": command_keys(config.get(role)) for role in roles},
+            sources=self.sources(),
+            scene={} if plant is None else plant.scene(),
+        )
+
+    def opening(self) -> Opening:
+        """Returns the first line of this run's trace: where and when."""
+        return Opening.now(self.request.scenario, self.request.controller or "")
+
+    def files(self) -> dict[str, Path]:
+        """Returns every file of scenario, robot and controller that is in use, and each that an option names, such as a
+        learned policy, by `option/<key>`."""
+        elsewhere = dict(self._read_elsewhere())
+        for key, value in self.request.options.items():
+            if os.path.isabs(value) and os.path.isfile(value):  # not a pipe, which would be waited for
+                elsewhere[library.OPTION_FILE + key] = Path(value)
+        return {**library.files_in_use(self._used), **elsewhere}
+
+    def sources(self) -> dict[str, str]:
+        """Returns the sha256 of these files."""
+        return {name: library.sha256_of(path) for name, path in sorted(self.files().items())}
+
+
+def prepare(request: Request, load: Callable[[library.Found, str], ModuleType] = library.load_controller) -> Simulation:
+    """Finds, loads and checks everything a request names.
+
+    Args:
+        request: that.
+        load: loads a controller of the robot that was found.
+
+    Raises:
+        UnknownName: scenario, robot, controller, engine, io or an option is not known.
+        ParameterError: a setting of io makes no sense.
+        ConfigError: one of the files is not what it should be.
+    """
+    _check_numpy(request)
+    scenario_found = library.find("scenarios", request.scenario)
+    robot_found = library.find("robots", library.robot_of_scenario(scenario_found))
+    robot = library.load_robot(robot_found)
+    scenario = library.load_scenario(scenario_found)
+    engine = request.engine or scenario.ENGINES[0]
+    if engine not in scenario.ENGINES:
+        raise UnknownName(
+            f"Scenario '{scenario_found.name}' does not run on engine '{engine}'.",
+            fix=nearest(engine, scenario.ENGINES),
+        )
+    io = parse_io(request.io)
+    if io.kind in BENCH:
+        from snr_sim.devices.opening import check_io  # it takes 60 ms, which no simulation need pay
+
+        check_io(io)
+    if io.kind not in robot.IO:
+        raise UnknownName(
+            f"Robot '{robot_found.name}' has no devices for --io {request.io}.", fix=nearest(request.io, robot.IO)
+        )
+    if request.io == "pi" and request.role is None and len(robot.ROLES) > 1:
+        raise UnknownName(
+            f"With --io pi each role of robot '{robot_found.name}' runs by itself, where its devices are.",
+            fix=f"--role {robot.ROLES[0]} on the vehicle, and --role {robot.ROLES[-1]} where the pilot is.",
+        )
+    if request.io == "emulated" and request.role is not None and len(robot.ROLES) > 1:
+        raise UnknownName(
+            "The emulated board goes in lock step with the whole robot, not with one role on the wall clock.",
+            fix=f"leave out --role {request.role}.",
+        )
+    if request.role is not None and request.role not in robot.ROLES:
+        raise UnknownName(
+            f"Robot '{robot_found.name}' has no role '{request.role}'.", fix=nearest(request.role, robot.ROLES)
+        )
+    controller_name = request.controller or scenario.CONTROLLER
+    controller = load(robot_found, controller_name)
+    check_options(request.options, robot, controller)
+    has_first = robot.ROLES[0] in controlled_roles(controller, robot)
+    standard = None if has_first else library.load_controller(robot_found, scenario.CONTROLLER)
+    whole = Request(
+        # A file is named by its path, so that a replay from another folder finds it again.
+        scenario=scenario_found.name if scenario_found.place != "the path given" else str(scenario_found.path),
+        seed=request.seed,
+        engine=engine,
+        controller=controller_name
+        if controller_name in library.controllers(robot_found)
+        else str(Path(controller_name).resolve()),
+        role=request.role,
+        io=_whole(request.io),
+        options=request.options,
+    )
+    used = library.in_use(scenario_found, robot_found, controller)
+    if standard is not None:
+        file = Path(str(standard.__file__))
+        used.append(library.InUse("standard", file.parent, file))
+    return Simulation(whole, scenario, robot, controller, used, standard)
+
+
+def controlled_roles(controller: Any, robot: Any) -> tuple[str, ...]:
+    """Returns the roles that a controller has components for.
+
+    Raises:
+        UnknownName: one is no role of the robot.
+        ConfigError: its ROLES is not what it should be.
+    """
+    roles = getattr(controller, "ROLES", robot.ROLES[:1])
+    place = short_path(str(controller.__file__))
+    if not (isinstance(roles, (tuple, list)) and roles and all(isinstance(role, str) for role in roles)):
+        raise ConfigError(
+            f"{place}: ROLES is {roles!r}, not a tuple of roles.",
+            fix=f'ROLES = ("{robot.ROLES[-1]}",), with the comma.',
+        )
+    for role in roles:
+        if role not in robot.ROLES:
+            raise UnknownName(f"{place}: the robot has no role '{role}'.", fix=nearest(role, robot.ROLES))
+    return tuple(roles)
+
+
+def _check_numpy(request: Request) -> None:
+    """Says now if numpy is missing: no simulation goes without chance, and no vehicle shares out its thrust without it.
+
+    Raises:
+        MissingExtra: it is.
+    """
+    try:
+        rng_for(request.seed, request.scenario)
+    except MissingExtra:
+        if parse_io(request.io).kind == "pi":
+            raise MissingExtra("numpy", "hardware") from None
+        raise
+
+
+def _whole(io: str) -> str:
+    """Returns where devices are; a recorded run by its path, so that it is found from another folder, too."""
+    kind, _, where = io.partition(":")
+    return f"{kind}:{Path(where).resolve()}" if kind == "replay" else io
+
+
+def request_of(opening: Opening, header: Header, controller: str = "") -> Request:
+    """Returns the request that a trace answers, with another controller if one is given."""
+    return Request(
+        scenario=opening.scenario,
+        seed=header.seed,
+        engine=header.engine.partition(":")[0],
+        controller=controller or opening.controller,
+        role=header.roles[0] if len(header.roles) == 1 else None,
+        io=header.io,
+        options=header.options,
+    )
+
+
+def wiring_of_file(name: str) -> Config:
+    """Returns the `config` of a program that was recorded without a scenario (`snr_sim/scenario/program.py`).
+
+    Raises:
+        ConfigError: the file has no Config of that name.
+    """
+    module = library.load_program(name)
+    config = getattr(module, "config", None)
+    if not isinstance(config, Config):
+        raise ConfigError(
+            f"{name} has no `config` that is a Config.", fix="config = Config(factories={...}) at top level."
+        )
+    return config
+
+
+def command_keys(factories: Sequence[AnyFactory]) -> list[str]:
+    """Returns the keys of the pages that drive actuators."""
+    return [factory.key for factory in factories if isinstance(factory, ActuatorLoopFactory)]

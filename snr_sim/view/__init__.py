@@ -1,0 +1,1 @@
+"""Recorded runs in rerun, and as pictures."""

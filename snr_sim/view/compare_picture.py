@@ -1,0 +1,122 @@
+"""One picture of two runs: both curves of a signal over one time, and below it what they differ by."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from snr_sim.prelude.errors import UnknownName, nearest
+from snr_sim.recording.compare_runs import Compared, Comparison, channel_of
+from snr_sim.recording.compare_signals import TRUTH
+from snr_sim.recording.records import Header
+from snr_sim.view.picture_canvas import Canvas
+from snr_sim.view.picture_plots import BACKGROUND, COLORS, INK, PALE, Plot, draw_plots
+from snr_sim.view.view_blueprint import name_and_unit
+
+WIDTH, HEIGHT = 900, 560
+TOP, LEFT, RIGHT, BETWEEN, BOTTOM = 66.0, 14.0, 886.0, 26.0, 534.0
+SHOWN_MAX = 4
+CURVES_SHARE, DIFFERENCE_SHARE = 2.2, 1.2
+DIFFERENCE_COLOR = 2
+
+
+def shown(comparison: Comparison, names: Sequence[str] = ()) -> list[Compared]:
+    """Returns the signals to draw: those asked for, or of each page the one that tells most, commands first.
+
+    Raises:
+        UnknownName: a signal that is asked for is not there.
+    """
+    by_name = {one.name: one for one in comparison.signals}
+    if names:
+        return [_asked(name, by_name) for name in names]
+    best: dict[str, Compared] = {}
+    for one in comparison.signals:
+        key = one.first.key
+        moves = one.of_first.highest > one.of_first.lowest or one.of_second.highest > one.of_second.lowest
+        if moves and key != TRUTH and (key not in best or one.share > best[key].share):
+            best[key] = one
+    return sorted(best.values(), key=lambda one: (not one.is_command, -one.share))[:SHOWN_MAX]
+
+
+def _asked(name: str, by_name: Mapping[str, Compared]) -> Compared:
+    """Returns the signal of a name; with an index in brackets, that channel of it alone."""
+    whole, _, index = name.removesuffix("]").partition("[")
+    one = by_name.get(whole)
+    if one is None:
+        raise UnknownName(f"There is no signal '{whole}' in both runs.", fix=nearest(whole, by_name))
+    if not index:
+        return one
+    channels = one.difference.shape[1]
+    if not index.isdecimal() or int(index) >= channels:
+        raise UnknownName(f"'{whole}' has no [{index}].", fix=f"[0] to [{channels - 1}].")
+    return channel_of(one, int(index))
+
+
+def draw_comparison(comparison: Comparison, header: Header, path: str | Path, names: Sequence[str] = ()) -> None:
+    """Draws two runs as a PNG of 1800 x 1120 pixels.
+
+    Args:
+        comparison: what to draw.
+        header: of the first run.
+        path: of the file to write.
+        names: signals to draw, four at most look well; if none, those that tell most.
+
+    Raises:
+        MissingExtra: Pillow is not installed.
+        UnknownName: a signal that is asked for is not there.
+    """
+    chosen = shown(comparison, names)
+    canvas = Canvas(WIDTH, HEIGHT, BACKGROUND)
+    _draw_title(canvas, comparison, header)
+    columns = [chosen] if len(chosen) < 2 else [chosen[0::2], chosen[1::2]]
+    width = (RIGHT - LEFT - BETWEEN * (len(columns) - 1)) / len(columns)
+    for place, column in enumerate(columns):
+        left = LEFT + place * (width + BETWEEN)
+        plots = [plot for one in column for plot in _plots(one)]
+        begin_s = min(float(times_s[0]) for plot in plots for _, times_s, _ in plot.lines)
+        draw_plots(canvas, (left, TOP, left + width, BOTTOM), plots, (), begin_s=max(0.0, begin_s))
+    canvas.save(path)
+
+
+def _draw_title(canvas: Canvas, comparison: Comparison, header: Header) -> None:
+    canvas.text((LEFT, 10), header.scenario or header.robot, 19.0, INK)
+    x = LEFT
+    for place, label in enumerate(comparison.labels):
+        canvas.text((x, 38), label, 13.0, COLORS[place])
+        x += canvas.text_width(label, 13.0) + 14
+    canvas.text((x, 38), f"{comparison.labels[1]} less {comparison.labels[0]}", 13.0, COLORS[DIFFERENCE_COLOR])
+    said = f"seed {header.seed}, controller '{header.controller}', pages of {comparison.node}"
+    canvas.text((RIGHT, 14), said, 12.5, PALE, "ra")
+
+
+def _plots(one: Compared) -> list[Plot]:
+    channel, index = _channel(one)
+    path = [one.first.key, *filter(None, one.first.field.split(".")), *index]
+    if len(path) > 1 and path[1].startswith(path[0]):  # depth.depth_m
+        path = path[1:]
+    words, unit = name_and_unit(path)
+    told = f"{words} [{unit.replace('µ', 'u')}]" if unit else words  # Pillow's own font has no such letter
+    values = one.first.values[:, channel], one.second.values[:, channel]
+    curves = [(told, one.first.times_s, values[0]), ("", one.second.times_s, values[1])]
+    size = f"rms {one.rms:.3g}, largest {one.largest:.3g}"
+    return [
+        Plot("", curves, share=CURVES_SHARE, is_down=one.first.field.endswith("depth_m")),
+        Plot(
+            "",
+            [(size, one.times_s, one.difference[:, channel])],
+            share=DIFFERENCE_SHARE,
+            first_color=DIFFERENCE_COLOR,
+        ),
+    ]
+
+
+def _channel(one: Compared) -> tuple[int, tuple[str, ...]]:
+    """Returns which number of a list tells most, and what to call it: by its index."""
+    if one.channel is not None:
+        return 0, (str(one.channel),)
+    if one.difference.shape[1] == 1:
+        return 0, ()
+    channel = int(np.argmax(np.mean(one.difference**2, axis=0)))
+    return channel, (str(channel),)

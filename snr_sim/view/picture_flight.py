@@ -1,0 +1,122 @@
+"""What a picture shows: the way of the bodies, when they touched down, and from where it is best seen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from snr_sim.prelude.errors import TraceError
+from snr_sim.recording.columns import Batch, Floats
+from snr_sim.recording.records import Header, TruthRecord
+
+TURN_RAD, FLAT, FLAT_M = math.radians(45.0), 4.0, 0.05  # see `wants_map`
+
+
+@dataclass(frozen=True)
+class Flight:
+    """The way of the bodies.
+
+    Args:
+        times_s: shape (n,).
+        poses: of each body, shape (n, 7).
+        arrows: rows of each arrow, by the index of the time.
+        values: the true numbers, by name.
+        touchdown_s: when it first touched the ground, if it did.
+    """
+
+    times_s: Floats
+    poses: dict[str, Floats]
+    arrows: list[dict[str, list[float]]]
+    values: list[dict[str, float]]
+    touchdown_s: float | None
+
+
+def is_in_water(header: Header) -> bool:
+    """Whether the scene has a line named 'surface': that of still water at z = 0."""
+    return "surface" in header.scene.get("statics", {})
+
+
+def is_planar(header: Header) -> bool:
+    """Whether the plant moves in the x-z plane alone: then there is nothing to see from above, and no heading."""
+    return bool(header.scene.get("is_planar"))
+
+
+def wants_map(poses: Floats) -> bool:
+    """Whether a way goes much farther to the sides than up and down, or turns and goes farther to the north than so."""
+    spread_x, spread_y, spread_z = np.ptp(poses[:, :3], axis=0)
+    if max(spread_x, spread_y) > FLAT * max(spread_z, FLAT_M):
+        return True
+    x, y, z, w = poses[:, 3:].T
+    heading = np.unwrap(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+    return bool(np.ptp(heading) > TURN_RAD and spread_y > spread_z)
+
+
+def from_above(header: Header, flight: Flight) -> tuple[Header, Flight]:
+    """Returns the world laid on its back: north is up, up is towards who looks, and below is behind."""
+
+    def point(at: Sequence[float]) -> list[float]:
+        return [at[0], -at[2], at[1]]
+
+    def laid(shape: dict[str, Any]) -> dict[str, Any]:
+        return {**shape, "points_m": [point(at) for at in shape["points_m"]]}
+
+    half = math.sqrt(0.5)  # a quarter turn about x
+
+    def pose(at: Any) -> list[float]:
+        x, y, z, w = at[3:]
+        return [*point(at[:3]), half * (x + w), half * (y - z), half * (z + y), half * (w - x)]
+
+    statics = header.scene["statics"].items()
+    scene = {
+        "statics": {name: laid(shape) for name, shape in statics if shape.get("kind") == "polyline"},
+        "bodies": header.scene["bodies"],
+    }
+    tethers = header.scene.get("tethers", {}).items()
+    scene["tethers"] = {name: {**tether, "anchor_m": point(tether["anchor_m"])} for name, tether in tethers}
+    return msgspec.structs.replace(header, scene=scene), replace(
+        flight,
+        poses={body: np.array([pose(at) for at in rows]) for body, rows in flight.poses.items()},
+        arrows=[
+            {name: [*point(arrow[:3]), *point(arrow[3:])] for name, arrow in arrows.items()} for arrows in flight.arrows
+        ],
+    )
+
+
+def flight_of(header: Header, batch: Batch) -> Flight:
+    """Returns the way of the bodies that all true states have.
+
+    Raises:
+        TraceError: there is no such body.
+    """
+    truths: list[TruthRecord] = batch.truths
+    bodies = [
+        body for body in header.scene.get("bodies", {}) if truths and all(body in truth.poses for truth in truths)
+    ]
+    if not bodies:
+        raise TraceError(
+            "This trace has no true states of a body, so there is nothing to draw.",
+            fix="draw a simulated run; what a real robot believed is in 'snr view'.",
+        )
+    return Flight(
+        times_s=np.array([truth.t for truth in truths]),
+        poses={body: np.array([truth.poses[body] for truth in truths], float) for body in bodies},
+        arrows=[truth.arrows for truth in truths],
+        values=[truth.values for truth in truths],
+        touchdown_s=_touchdown_s(batch),
+    )
+
+
+def _touchdown_s(batch: Batch) -> float | None:
+    """Returns when a page said 'contact', or, without such a page, when the altitude was first zero."""
+    for _, series in batch.page_values():
+        if "contact" in series.path and series.values.any():
+            return float(series.when.t_s[np.argmax(series.values > 0)])
+    for series in batch.truth_values():
+        if series.path == ("altitude_m",) and (series.values <= 0.01).any():
+            return float(series.when.t_s[np.argmax(series.values <= 0.01)])
+    return None

@@ -1,0 +1,120 @@
+"""What happened in a run, and when, in words: from its true numbers and from pages that say how things stand."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from snr_sim.recording.columns import BROKEN, Batch
+from snr_sim.view.picture_flight import Flight
+from snr_sim.view.picture_water import NEWTONS_PER_MPS
+
+STATES = ("rules",)  # a field of such a name says in a word what a robot is doing
+FLAGS = {"is_low": "battery low"}  # and one of such a name, by yes, what has come over it
+MOMENTS_MAX = 6
+SPEED_MPS = 0.02  # by which a current must change to be worth a word
+
+
+class Moment(NamedTuple):
+    """Something happened.
+
+    Args:
+        time_s: when.
+        words: what.
+    """
+
+    time_s: float
+    words: str
+
+
+def moments_of_run(flight: Flight, statics: Mapping[str, Any], batch: Batch) -> list[Moment]:
+    """Returns what happened, in order; the first few, if it was a lot."""
+    gates = [shape for shape in statics.values() if is_gate(shape)]
+    by_plant = [*_in_truth(flight), *_of_current(flight), *_through(gates, flight)]
+    found = [*by_plant, *_of_links(batch), *_of_flags(batch), *_of_states(batch)]
+    return sorted(found, key=lambda moment: moment.time_s)[:MOMENTS_MAX]  # of what is told at once, the cause first
+
+
+def broken(values: dict[str, float]) -> list[str]:
+    """Returns the names of what is broken, by the true numbers of a moment."""
+    return [name.removeprefix(BROKEN) for name, value in values.items() if name.startswith(BROKEN) and value]
+
+
+def is_gate(shape: Mapping[str, Any]) -> bool:
+    """Whether a shape of the scene is a gate: four corners, and labelled as one."""
+    return "gate" in shape.get("label", "") and len(shape.get("points_m", ())) >= 4
+
+
+def _through(gates: Sequence[Mapping[str, Any]], flight: Flight) -> Iterator[Moment]:
+    """Finds when the first body went through a gate, from either side."""
+    way = next(iter(flight.poses.values()))[:, :3]
+    for gate in gates:
+        a, b, c = (np.array(corner) for corner in gate["points_m"][:3])
+        up, across = a - b, c - b
+        from_middle = way - 0.5 * (a + c)
+        side = from_middle @ np.cross(up, across)
+        inside = np.all([2.0 * abs(from_middle @ edge) <= edge @ edge for edge in (up, across)], axis=0)
+        for i in np.flatnonzero((side[:-1] < 0.0) != (side[1:] < 0.0)):
+            if inside[i]:
+                yield Moment(float(flight.times_s[i + 1]), f"through {gate['label']}")
+
+
+def _in_truth(flight: Flight) -> Iterator[Moment]:
+    before = flight.values[0]
+    for time_s, values in zip(flight.times_s, flight.values, strict=True):
+        if values.get("load_kg", 0.0) != before.get("load_kg", 0.0):
+            is_gone = values["load_kg"] < before["load_kg"]
+            change_kg = abs(values["load_kg"] - before["load_kg"])
+            yield Moment(float(time_s), f"payload of {change_kg:.1f} kg {'let go' if is_gone else 'taken up'}")
+        if values.get("water_l", 0.0) > 0.0 and not before.get("water_l", 0.0):
+            yield Moment(float(time_s), "water comes in")
+        for name in broken(values):
+            if name not in broken(before):
+                yield Moment(float(time_s), f"{name} fails")
+        before = values
+
+
+def _of_current(flight: Flight) -> Iterator[Moment]:
+    before = flight.arrows[0].get("current", [0.0] * 6)
+    for time_s, arrows in zip(flight.times_s, flight.arrows, strict=True):
+        now = arrows.get("current", [0.0] * 6)
+        if math.dist(now[3:], before[3:]) > SPEED_MPS * NEWTONS_PER_MPS:
+            yield Moment(float(time_s), f"current: {math.hypot(*now[3:]) / NEWTONS_PER_MPS:.2f} m/s")
+            before = now
+
+
+def _of_links(batch: Batch) -> Iterator[Moment]:
+    said: set[tuple[bool, int]] = set()
+    for _, series in batch.page_values():
+        if series.path[0].startswith("link_") and series.path[1:] == ("up",):
+            was_lost = False  # it is no news that there is a link
+            for time_s, _, is_up in _steps(series.when.t_s.tolist(), series.values.tolist()):
+                was_lost = was_lost or not is_up
+                if was_lost and (bool(is_up), round(time_s)) not in said:  # both ends notice, one of them is enough
+                    said.add((bool(is_up), round(time_s)))
+                    yield Moment(time_s, "link is back" if is_up else "link is lost")
+
+
+def _of_states(batch: Batch) -> Iterator[Moment]:
+    for field, times_s, words in batch.page_words(STATES):
+        for time_s, _, now in _steps(times_s, words):
+            yield Moment(time_s, f"'{now}' {field}")
+
+
+def _of_flags(batch: Batch) -> Iterator[Moment]:
+    for node, series in batch.page_values():
+        key, *path = series.path
+        if path and path[-1] in FLAGS and not batch.is_copy(node, key):
+            for time_s, _, is_so in _steps(series.when.t_s.tolist(), series.values.tolist()):
+                if is_so:
+                    yield Moment(time_s, FLAGS[path[-1]])
+
+
+def _steps(times_s: Sequence[float], values: Sequence[Any]) -> Iterator[tuple[float, Any, Any]]:
+    """Returns when a value changed, and from what to what."""
+    for i in range(1, len(values)):
+        if values[i] != values[i - 1]:
+            yield times_s[i], values[i - 1], values[i]

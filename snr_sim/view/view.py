@@ -1,0 +1,218 @@
+"""The rerun view of a run: the body in its scene, thrust as arrows, plots of truth and belief, tasks as a log.
+
+A view is made from the records of a trace and can be made again from them, so it is never the only copy of anything.
+Angles are in degrees in it, and a depth is negative, named `-depth`, so that it goes down where the vehicle does.
+Everything lies on two timelines: `seq`, the order in which things happened, and `sim_time`.
+
+    /world/<name>                          what does not move
+    /world/<body>                          shapes of a body; its pose (rerun keeps poses in float32)
+    /world/follower                        goes along with the first body: the eye of the close-up
+    /world/arrows/<name>/newtons           forces [N], scaled so that the longest is as long as the body
+    /world/arrows/current/newtons          where the water goes, scaled for itself
+    /world/<tether>                        with a bow if it is slack; the harder it pulls, the redder it is
+    /world/broken/<arrow>                  where something broken should push
+    /truth/<value>, /truth/poses/<body>    what was really so, in float64
+    /<node>/pages/<key>/<field>            what the node believed; what its camera saw
+    /<node>/contents                       all its pages as text, once a second: fields, units, when and by whom stored
+    /<node>/links/<key>/<field>            pages a second and round trip [ms], out of the page of a link
+    /<node>/tasks, /<node>/events          what it did, one line per executed task; begin, errors and end
+
+This is the one file that imports rerun. rerun changes with most releases, so what it needs is asked for here only.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from snr_sim.prelude.errors import MissingExtra, TraceError
+from snr_sim.recording.folder import VIEW_NAME, trace_path
+from snr_sim.recording.garbage import no_garbage_collection
+from snr_sim.recording.reader import read_trace
+from snr_sim.recording.records import Header, Record
+from snr_sim.view.view_blueprint import Layout
+from snr_sim.view.view_file import ViewFile
+from snr_sim.view.view_writer import Divergences, Writer, title_of
+
+# A view is as long as its trace to half as long again, more for a short run: see `_whole_file`.
+MAX_VIEW_SHARE = 3
+MIN_VIEW_BYTES = 1_000_000
+LIVE_PATIENCE_S = 5.0  # with a live view that takes nothing; rerun's own is for ever
+
+
+def write_view(header: Header, records: Iterable[Record], path: Path, trace_bytes: int) -> None:
+    """Writes the view of one run, with a layout that opens tidy.
+
+    Args:
+        header: of the run.
+        records: of the run.
+        path: of the file to write.
+        trace_bytes: length of the trace that the records are from; the disk must have room for its view.
+
+    Raises:
+        MissingExtra: rerun is not installed.
+        TraceError: the file cannot be written.
+    """
+    with _whole_file(path, trace_bytes) as part, _stream("run", title_of(header)) as (rr, stream):
+        writer, file = Writer(rr, stream, header), ViewFile(stream, part)
+        file.send(writer, records)
+        file.end(writer)
+
+
+def view_of(run: Path) -> Path:
+    """Returns the .rrd that shows a run; it is derived from the trace if it is not there, or the trace has grown since.
+
+    Args:
+        run: a run folder, its trace, or an .rrd file.
+
+    Raises:
+        MissingExtra: it is to be derived, and rerun is not installed.
+        TraceError: there is no such run, or the file cannot be written.
+    """
+    if run.suffix == ".rrd" and run.is_file():
+        return run
+    path = trace_path(run)
+    rrd = path.parent / VIEW_NAME
+    if not rrd.is_file() or rrd.stat().st_mtime_ns < path.stat().st_mtime_ns:
+        trace = read_trace(path)
+        write_view(trace.header, trace.records, rrd, path.stat().st_size)
+    return rrd
+
+
+def write_comparison(
+    recorded_header: Header,
+    recorded_records: Iterable[Record],
+    replayed_records: Iterable[Record],
+    divergences: Divergences,
+    path: Path,
+    trace_bytes: int,
+    roots: tuple[str, str] = ("recorded", "replayed"),
+    other_header: Header | None = None,
+) -> None:
+    """Writes two runs on one timeline, each under a root of its own, with their differences marked.
+
+    Args:
+        recorded_header: header of the recorded run.
+        recorded_records: records of the run as it was.
+        replayed_records: records of the run with other code.
+        divergences: seq, time [s] and a sentence for each difference.
+        path: of the file to write.
+        trace_bytes: length of both traces together; the disk must have room for the view.
+        roots: what each run lies under.
+        other_header: of the replayed run, if its nodes and its scene are not the same.
+
+    Raises:
+        MissingExtra: rerun is not installed.
+        TraceError: the file cannot be written.
+    """
+    with _whole_file(path, trace_bytes) as part, _stream("comparison", title_of(recorded_header)) as (rr, stream):
+        file, layout = ViewFile(stream, part), Layout(title_of(recorded_header), roots=[f"/{root}" for root in roots])
+        recorded = Writer(rr, stream, recorded_header, roots[:1], layout)
+        file.send(recorded, recorded_records)
+        replayed = Writer(rr, stream, other_header or recorded_header, roots[1:], layout)
+        file.send(replayed, replayed_records)
+        if divergences:
+            recorded.send_divergences(divergences)
+        file.end(recorded)
+
+
+class LiveView:
+    """A view that grows while the run goes on; viewers connect to `url`, from this machine only.
+
+    Args:
+        header: of the run.
+        port: of the gRPC server on 127.0.0.1; 0 for one that is free.
+    """
+
+    def __init__(self, header: Header, port: int = 0) -> None:
+        from snr_sim.view.view_server import LOOPBACK, free_port
+
+        rr = _rerun()
+        self._stream = rr.RecordingStream("snr_sim_live", send_properties=False)
+        sink = rr.GrpcServerSink(bind_ip=LOOPBACK, port=port or free_port())
+        self._stream.set_sinks(sink)
+        self.url: str = sink.uri
+        self._writer = Writer(rr, self._stream, header)
+        self._shown = 0
+
+    def add(self, record: Record) -> None:
+        """Takes a record; nothing is sent before `flush`."""
+        self._writer.batch.extend((record,))
+
+    def flush(self) -> None:
+        """Sends what has been added. Ten times a second is plenty; raises if nothing takes it in time."""
+        self._writer.flush()
+        layout = self._writer.layout
+        shown = len(layout.lines) + len(layout.logs) + len(layout.contents)
+        if shown != self._shown:  # something that the layout does not know yet
+            self._shown = shown
+            self._stream.send_blueprint(self._writer.blueprint(follow_time=True))
+        self._stream.flush(timeout_sec=LIVE_PATIENCE_S)
+
+    def close(self) -> None:
+        """Sends the rest and ends the server; safe to call twice."""
+        if self._shown >= 0:
+            with contextlib.suppress(Exception):  # what fails here has failed before, and was said
+                self.flush()
+            self._shown = -1
+            self._stream.disconnect()
+
+
+@contextlib.contextmanager
+def _whole_file(path: Path, trace_bytes: int) -> Iterator[Path]:
+    """Gives the name of a file that takes its place when it is whole: nobody who interrupts this leaves half a view.
+
+    Raises:
+        TraceError: the disk has no room for it, or it cannot be written.
+    """
+    part = path.with_name(f"part-{path.name}")
+    try:
+        _claim_room(part, MAX_VIEW_SHARE * trace_bytes + MIN_VIEW_BYTES)
+        yield part
+        part.replace(path)
+    except OSError as error:
+        raise TraceError(
+            f"The view {path} cannot be written: {error.strerror}.", fix="make room on the disk, or use another folder."
+        ) from error
+    finally:
+        with contextlib.suppress(OSError):  # it may be the folder that cannot be used
+            part.unlink()
+
+
+def _claim_room(path: Path, size_bytes: int) -> None:
+    """Make sure that a file of this size can be written: rerun (0.41) never returns from a disk that is full.
+
+    Raises:
+        OSError: it cannot.
+    """
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+    try:
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(descriptor, 0, size_bytes)
+            os.ftruncate(descriptor, 0)
+    finally:
+        os.close(descriptor)
+
+
+@contextlib.contextmanager
+def _stream(kind: str, title: str) -> Iterator[tuple[Any, Any]]:
+    rr = _rerun()
+    stream = rr.RecordingStream(f"snr_sim_{kind}", send_properties=False)
+    try:
+        with no_garbage_collection():
+            stream.send_recording_name(title)
+            yield rr, stream
+    finally:
+        stream.disconnect()
+
+
+def _rerun() -> Any:
+    """Returns the module, imported when it is first needed: it takes a third of a second and 89 MB."""
+    try:
+        return importlib.import_module("rerun")
+    except ImportError as error:
+        raise MissingExtra("rerun-sdk", "view") from error

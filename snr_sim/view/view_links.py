@@ -1,0 +1,66 @@
+"""What the page of a link says, made readable: counts become rates, seconds milliseconds, each in a plot of its own.
+
+A link tells how many pages it has sent since it began; beside a yes or no, such a count hides all else in a plot. The
+numbers as they were told are in the view, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from snr_sim.recording.columns import Series
+
+LINK_PAGE = "link_"  # what the keys of such pages begin with
+COUNTED = ("sent", "received", "dropped")
+
+
+class Report(NamedTuple):
+    """Something that a link tells.
+
+    Args:
+        name: what.
+        plot: in which plot it belongs.
+        series: the numbers; None if they are those of the page.
+    """
+
+    name: str
+    plot: str
+    series: Series | None
+
+
+class LinkReports:
+    """Makes reports of pages that come some at a time, and remembers the last of each count."""
+
+    def __init__(self) -> None:
+        self._last: dict[tuple[str, ...], tuple[float, float]] = {}
+
+    def of(self, node: str, series: Series) -> Iterator[Report]:
+        """Returns what one number of a link's page has to say."""
+        link, field = series.path[0].replace("_", " "), series.path[-1]
+        if len(series.path) != 2:
+            return  # of one peer of many
+        if field == "up":
+            yield Report("up", f"{link}: up (1) or down (0)", None)
+        elif field == "rtt_s":
+            told = Series((series.path[0], "round_trip_ms"), series.when, 1000.0 * series.values)
+            yield Report("round trip", f"{link}: round trip [ms]", told)
+        elif field in COUNTED:
+            yield Report(field, f"{link}: pages a second", self._rate(node, series))
+
+    def _rate(self, node: str, series: Series) -> Series:
+        """Returns how much a count grew each second since the page before."""
+        times_s, counts = series.when.t_s, series.values
+        time_s, count = self._last.get((node, *series.path), (times_s[0], counts[0]))
+        self._last[node, *series.path] = float(times_s[-1]), float(counts[-1])
+        spans_s = np.diff(times_s, prepend=time_s)
+        grown = np.diff(counts, prepend=count)
+        rates = np.divide(grown, spans_s, out=np.zeros_like(grown), where=spans_s > 1e-6)
+        return Series((series.path[0], f"{series.path[1]}_hz"), series.when, rates)
+
+
+def is_of_link(path: tuple[str, ...]) -> bool:
+    """Whether a number of this path is on the page of a link."""
+    return path[0].startswith(LINK_PAGE)

@@ -1,0 +1,132 @@
+"""A rerun stream, spoken to in whole columns: the one place that knows how an arrow array becomes a component.
+
+Nothing goes in a row at a time: through rerun's own classes, one page costs as much as five hundred rows of a column.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from snr_sim.recording.columns import When
+
+
+def packed(colors: Any) -> Any:
+    """Returns colours as rerun keeps them, one number each; given as others, it takes longer to find out what they are.
+
+    Args:
+        colors: red, green, blue and perhaps opacity of each, shape (n, 3) or (n, 4).
+    """
+    red, green, blue, *opacity = np.asarray(colors, np.uint32).T
+    return red << 24 | green << 16 | blue << 8 | (opacity[0] if opacity else np.uint32(255))
+
+
+class _Column:
+    """A column for rerun, made of an arrow array that is already right."""
+
+    def __init__(self, descriptor: Any, array: Any) -> None:
+        self._descriptor, self._array = descriptor, array
+
+    def component_descriptor(self) -> Any:
+        return self._descriptor
+
+    def as_arrow_array(self) -> Any:
+        return self._array
+
+
+class _Index:
+    """A timeline's column; one is shared by all numbers of a page."""
+
+    def __init__(self, name: str, array: Any) -> None:
+        self._name, self._array = name, array
+
+    def timeline_name(self) -> str:
+        return self._name
+
+    def as_arrow_array(self) -> Any:
+        return self._array
+
+
+class Sender:
+    """Sends columns and static things to the entities of one run.
+
+    Args:
+        rr: the module rerun, which only `view.py` imports.
+        stream: a recording stream of it.
+        root: what the run's entities begin with.
+    """
+
+    def __init__(self, rr: Any, stream: Any, root: tuple[str, ...]) -> None:
+        self.rr, self.arrow, self.root = rr, importlib.import_module("pyarrow"), root
+        self._stream = stream
+        self._index_of: tuple[When | None, list[_Index]] = (None, [])
+        vectors = (
+            *rr.Arrows3D.columns(vectors=[[0.0, 0.0, 0.0]], origins=[[0.0, 0.0, 0.0]]),
+            *rr.Transform3D.columns(translation=[[0.0, 0.0, 0.0]], quaternion=[[0.0, 0.0, 0.0, 1.0]]),
+            *rr.Points3D.columns(positions=[[0.0, 0.0, 0.0]]),
+        )
+        self._vector_types = {
+            column.component_descriptor().component: column.as_arrow_array().type.value_type for column in vectors
+        }
+        self._descriptors = {
+            column.component_descriptor().component: column.component_descriptor()
+            for column in (
+                *vectors,
+                *rr.Scalars.columns(scalars=[0.0]),
+                *rr.LineStrips3D.columns(colors=[0]),
+                *rr.TextDocument.columns(text=["a"]),
+                *rr.TextLog.columns(text=["a"], level=["a"]),
+                *rr.SeriesLines.columns(names=["a"], colors=[0], widths=[0.0], interpolation_mode=["Linear"]),
+            )
+        }
+
+    def entity(self, *parts: str) -> str:
+        """Returns the path of an entity."""
+        return str(self.rr.new_entity_path([*self.root, *parts]))
+
+    def log(self, entity: str, *things: Any) -> None:
+        """Sends what does not change."""
+        self._stream.log(entity, *things, static=True)
+
+    def send(self, entity: str, when: When, columns: Iterable[Any]) -> None:
+        """Sends columns on both timelines."""
+        self._stream.send_columns(entity, self._index(when), columns)
+
+    def send_static(self, entity: str, columns: Iterable[Any]) -> None:
+        """Sends columns of one row each that do not change."""
+        self._stream.send_columns(entity, [], columns)  # without a timeline: static
+
+    def column(self, component: str, flat: Any, offsets: Any = None) -> Any:
+        """Returns a column, one element per row unless `offsets` say otherwise."""
+        if offsets is None:
+            offsets = np.arange(len(flat) + 1, dtype=np.int32)
+        return _Column(self._descriptors[component], self.arrow.ListArray.from_arrays(offsets, flat))
+
+    def numbers(self, values: Any, per_row: int = 1) -> Any:
+        """Returns a column of float64."""
+        offsets = np.arange(0, len(values) + 1, per_row, dtype=np.int32)
+        return self.column("Scalars:scalars", self.arrow.array(values), offsets)
+
+    def words(self, component: str, words: list[str]) -> Any:
+        """Returns a column of texts."""
+        return self.column(component, self.arrow.array(words, self.arrow.string()))
+
+    def vectors(self, component: str, values: Any, offsets: Any = None) -> Any:
+        """Returns a column of float32 vectors, shape (n, k); one per row unless `offsets` say otherwise."""
+        flat = self.arrow.array(np.ascontiguousarray(values, np.float32).ravel())
+        vectors = self.arrow.FixedSizeListArray.from_arrays(flat, type=self._vector_types[component])
+        return self.column(component, vectors, offsets)
+
+    def colors(self, component: str, rgba: Any) -> Any:
+        """Returns a column of colours, given red, green, blue and opacity of each, shape (n, 4)."""
+        return self.column(component, self.arrow.array(packed(rgba)))
+
+    def _index(self, when: When) -> list[_Index]:
+        if self._index_of[0] is not when:
+            nanoseconds = np.rint(when.t_s * 1e9).astype("timedelta64[ns]")
+            seqs, times = self.arrow.array(when.seq), self.arrow.array(nanoseconds, self.arrow.duration("ns"))
+            self._index_of = (when, [_Index("seq", seqs), _Index("sim_time", times)])
+        return self._index_of[1]

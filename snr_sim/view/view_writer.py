@@ -1,0 +1,203 @@
+"""Puts a run into a rerun stream: which entity each number goes to, and what it looks like there. See `view.py`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from snr_sim.recording.columns import BROKEN, Batch, LogRows, Series, When
+from snr_sim.recording.records import Header
+from snr_sim.view.view_blueprint import (
+    FAILURES,
+    FLAGS,
+    Layout,
+    Line,
+    blueprint,
+    color_and_width,
+    name_and_unit,
+    shown_as,
+)
+from snr_sim.view.view_links import LinkReports, is_of_link
+from snr_sim.view.view_pages import PageContents
+from snr_sim.view.view_sender import Sender
+from snr_sim.view.view_world import World
+
+NOT_PLOTTED = ("number",)  # running numbers of what is sent: straight lines, and nothing to learn from them
+DIVERGENCES_MARKED_MAX = 1_000
+STEP_AFTER = np.array([2], np.uint8)  # as rerun counts its ways to go from one value to the next
+DIVERGENCE_RGB = (255, 60, 60)
+
+Divergences: TypeAlias = Sequence[tuple[int, float, str]]
+
+
+def title_of(header: Header) -> str:
+    """Returns what a run is called."""
+    return f"{header.scenario}, seed {header.seed}, {header.controller}"
+
+
+class Writer:
+    """Sends one run into a stream.
+
+    Args:
+        rr: the module rerun, which only `view.py` imports.
+        stream: a recording stream of it.
+        header: of the run.
+        root: what its entities begin with, when there are two runs in the stream.
+        layout: shared by the runs in the stream; without it, the run has one of its own.
+    """
+
+    def __init__(
+        self, rr: Any, stream: Any, header: Header, root: tuple[str, ...] = (), layout: Layout | None = None
+    ) -> None:
+        self._header, self._root = header, root
+        self._sender = Sender(rr, stream, root)
+        self.batch = Batch()
+        self.layout = layout or Layout(title_of(header))
+        self._known: set[tuple[str, ...]] = set()
+        self._factors: dict[tuple[str, ...], float] = {}  # of those known, what is shown in other numbers
+        self._flags: dict[str, float] = {}
+        self._links = LinkReports()
+        self._contents = PageContents()
+        self._send_run()
+        self._world = World(self._sender, header.scene, self.layout)
+
+    def flush(self) -> None:
+        """Sends the records in the batch, and empties it."""
+        batch = self.batch
+        self._world.send(batch)
+        for series in batch.truth_values():
+            self._send_series(("truth", *series.path), series, is_truth=True)
+        for node, series in batch.page_values():
+            self._send_series((node, "pages", *series.path), series, is_truth=False)
+        for node, path, when, images in batch.images():
+            self._send_images((node, "pages", *path), when, images)
+        for place, logs in (("tasks", batch.executed()), ("events", batch.events())):
+            for node, rows in logs:
+                self._send_log((node, place), rows)
+        for node, when, texts in self._contents.of(batch):
+            self._send_contents(node, when, texts)
+        batch.clear()
+
+    def blueprint(self, follow_time: bool = False) -> Any:
+        """Returns how the view opens, given what has been sent so far."""
+        return blueprint(self._sender.rr.blueprint, self.layout, follow_time)
+
+    def send_divergences(self, divergences: Divergences) -> None:
+        """Marks where two runs differ: as text, in the plots, and on the path of each body."""
+        seqs, times, texts = zip(*divergences, strict=True)
+        when = When(np.array(seqs, np.int64), np.array(times, np.float64))
+        self._send_log(("divergences",), LogRows(when, list(texts), ["WARN"] * len(texts)), at_top=True)
+        marked = when[:DIVERGENCES_MARKED_MAX]
+        marks = self._sender.rr.SeriesPoints(
+            colors=DIVERGENCE_RGB, markers="diamond", marker_sizes=4.0, names="differs"
+        )
+        self._sender.log("/divergences/marks", marks)
+        self._sender.send("/divergences/marks", marked, [self._sender.numbers(np.zeros(len(marked)))])
+        self.layout.has_divergences = True
+
+    def _send_run(self) -> None:
+        header = self._header
+        lines = [f"# {title_of(header)}", "", "| | |", "|---|---|"]
+        for name in ("scenario", "seed", "robot", "controller", "engine", "io", "clock", "kit", "python", "platform"):
+            lines.append(f"| {name} | {getattr(header, name)} |")
+        lines += [f"| {name} | {version} |" for name, version in header.packages.items()]
+        document = self._sender.rr.TextDocument("\n".join(lines), media_type="text/markdown")
+        self._sender.log(self._sender.entity("run"), document)
+
+    def _send_series(self, parts: tuple[str, ...], series: Series, is_truth: bool) -> None:
+        if parts not in self._known:
+            self._see_series(parts, series, is_truth)
+        entity = self._sender.entity(*parts)
+        self.layout.end_s = max(self.layout.end_s, float(series.when.t_s[-1]))
+        factor = self._factors.get(parts)
+        values = series.values if factor is None else factor * series.values
+        self._sender.send(entity, series.when, [self._sender.numbers(values)])
+        if series.is_flag and not is_of_link(series.path):
+            self._see_flag(entity, series)
+        if is_of_link(series.path) and not self._root:
+            self._send_reports(parts[0], entity, series)
+
+    def _see_series(self, parts: tuple[str, ...], series: Series, is_truth: bool) -> None:
+        self._known.add(parts)
+        name, unit, factor = shown_as(*name_and_unit(series.path))
+        if factor != 1.0:
+            self._factors[parts] = factor
+        legend = " ".join([*self._root, *(["true"] if is_truth else []), name])
+        is_failure = is_truth and parts[1].startswith(BROKEN)
+        plot = FAILURES if is_failure else FLAGS if series.is_flag else ""
+        line = Line(self._sender.entity(*parts), legend, unit, is_truth, plot, is_step=bool(plot))
+        color, width = color_and_width(line, self.layout.lines)
+        if is_truth or self._is_plotted(parts):
+            self.layout.lines.append(line)
+        self._send_style(line, color, width)
+
+    def _is_plotted(self, parts: tuple[str, ...]) -> bool:
+        """Not what another node has told this one, nor running numbers, nor what links count: they are told otherwise.
+
+        Of two runs side by side, only what drives the actuators: all lines of both would hide where they differ.
+        """
+        node, _, key, *_ = parts
+        if self._root and self._header.commands:
+            return key in self._header.commands.get(node, ())
+        return not (parts[-1] in NOT_PLOTTED or is_of_link(parts[2:]) or self.batch.is_copy(node, key))
+
+    def _see_flag(self, entity: str, series: Series) -> None:
+        """A yes or no is worth a line when it changes."""
+        first = self._flags.setdefault(entity, float(series.values[0]))
+        if entity not in self.layout.changed_flags and bool((series.values != first).any()):
+            self.layout.changed_flags.append(entity)
+
+    def _send_reports(self, node: str, entity: str, series: Series) -> None:
+        """Sends what a link tells, in plots of its own."""
+        for report in self._links.of(node, series):
+            if report.series is not None:
+                entity = self._sender.entity(node, "links", *report.series.path)
+                self._sender.send(entity, series.when, [self._sender.numbers(report.series.values)])
+            if (entity, report.plot) not in self._known:
+                self._known.add((entity, report.plot))
+                is_step = report.series is None
+                line = Line(entity, f"{node} {report.name}", "", False, report.plot, is_step)
+                color, width = color_and_width(line, self.layout.lines)
+                self.layout.lines.append(line)
+                self._send_style(line, color, width)
+
+    def _send_style(self, line: Line, rgba: tuple[int, int, int, int], width: float) -> None:
+        """Says how a line looks; as arrow arrays, because rr.SeriesLines costs more than the numbers themselves."""
+        sender = self._sender
+        columns = [
+            sender.words("SeriesLines:names", [line.name]),
+            sender.colors("SeriesLines:colors", [rgba]),
+            sender.column("SeriesLines:widths", sender.arrow.array(np.array([width], np.float32))),
+        ]
+        if line.is_step:
+            columns.append(sender.column("SeriesLines:interpolation_mode", sender.arrow.array(STEP_AFTER)))
+        sender.send_static(line.entity, columns)
+
+    def _send_images(self, parts: tuple[str, ...], when: When, images: Sequence[Any]) -> None:
+        """Sends what a camera saw."""
+        rr, entity = self._sender.rr, self._sender.entity(*parts)
+        formats = [
+            rr.components.ImageFormat(
+                width=image.shape[1], height=image.shape[0], color_model="RGB", channel_datatype="U8"
+            )
+            for image in images
+        ]
+        self._sender.send(entity, when, rr.Image.columns(buffer=[image.tobytes() for image in images], format=formats))
+        if entity not in self.layout.images:
+            self.layout.images.append(entity)
+
+    def _send_log(self, parts: tuple[str, ...], rows: LogRows, at_top: bool = False) -> None:
+        entity = "/" + parts[0] if at_top else self._sender.entity(*parts)
+        words = self._sender.words
+        self._sender.send(entity, rows.when, [words("TextLog:text", rows.texts), words("TextLog:level", rows.levels)])
+        log = self._sender.entity(parts[0])
+        if log not in self.layout.logs and not at_top:
+            self.layout.logs.append(log)
+
+    def _send_contents(self, node: str, when: When, texts: list[str]) -> None:
+        entity = self._sender.entity(node, "contents")
+        self._sender.send(entity, when, [self._sender.words("TextDocument:text", texts)])
+        if entity not in self.layout.contents:
+            self.layout.contents.append(entity)

@@ -1,0 +1,59 @@
+"""A node to talk to, run by hand: no thread, no port."""
+
+from typing import Any
+
+import pytest
+
+from snr_sim import Config, Mode, Node, SimClock, Task, TaskType
+from snr_sim.console.command_processor import CommandProcessor, Session
+from snr_sim.testing.parts import PartFactory, TickerFactory
+
+
+class Talk:
+    """A running node and a console's session with it."""
+
+    def __init__(self, mode: Mode = Mode.TEST) -> None:
+        self.events: list[Task] = []
+        handlers = {
+            (TaskType.event, "start"): self._note,
+            (TaskType.reload, "part"): self._note,
+            (TaskType.process_data, "depth_m"): self._note,
+        }
+        factories = [PartFactory(handlers), TickerFactory(lambda loop: loop.store_data("beat", 1), rate_hz=10.0)]
+        self.clock = SimClock()
+        self.node = Node("urov", Config(mode, {"urov": factories}), clock=self.clock)
+        self.node.begin()
+        self.tick()
+        self.session: Session = CommandProcessor(self.node).session()
+
+    def _note(self, task: Task, task_id: Any) -> None:
+        self.events.append(task)
+
+    def tick(self) -> None:
+        """The loop's next tick: `beat` is stored."""
+        self.clock.run_next()
+        self.settle()
+
+    def settle(self) -> None:
+        self.node.run_ready()
+
+    def say(self, line: str) -> str:
+        """A command that is carried out; what the node has to do about it is done."""
+        answer = self.session.answer(line)
+        assert not answer.is_error, answer.text
+        self.settle()
+        answer = self.session.outcome(0.0) or answer
+        assert not self.session.is_waiting
+        return answer.text
+
+    def refused(self, line: str) -> str:
+        """A command that is refused, and does nothing."""
+        answer = self.session.answer(line)
+        assert answer.is_error, answer.text
+        assert not self.node.door.waiting
+        return answer.text
+
+
+@pytest.fixture
+def talk() -> Talk:
+    return Talk()

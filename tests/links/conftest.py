@@ -1,0 +1,187 @@
+"""Nodes that run on threads of their own, as long as a test lasts, and waiting for what they store."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import threading
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import msgspec
+import pytest
+
+from snr_sim import Config, Node, Task, TaskType, tasks
+from snr_sim.core.clocks import WallClock
+from snr_sim.core.config import AnyFactory
+from snr_sim.links.frames import FrameReader, encode_frame
+from snr_sim.links.messages import Ping, Pong, decode_message
+from snr_sim.testing.parts import PartFactory
+
+LIMIT_S = 90.0  # of any wait: long, because a loaded machine must not fail a test
+
+
+class Running:
+    """A node on a thread; every page it stores is kept in `stored`."""
+
+    def __init__(
+        self, role: str, factories: Sequence[AnyFactory], seed: int = 0, clock: WallClock | None = None
+    ) -> None:
+        self.stored: defaultdict[str, list[Any]] = defaultdict(list)
+        self.news = threading.Condition()
+        probe = PartFactory({TaskType.process_data: lambda task, task_id: self._tell()}, "probe")
+        self.keep = PartFactory({TaskType.store_page: self._keep}, "keep")
+        self.node = Node(role, Config(factories={role: [*factories, self.keep, probe]}), seed=seed, clock=clock)
+        self.failure: BaseException | None = None
+        self.thread = threading.Thread(target=self._run, daemon=True)
+
+    def _keep(self, task: Task, task_id: Any) -> None:
+        self.stored[task.name].append(task.val_list[0].data)
+
+    def _tell(self) -> None:
+        with self.news:
+            self.news.notify_all()
+
+    def _run(self) -> None:
+        try:
+            self.node.loop()
+        except BaseException as error:
+            self.failure = error
+        self._tell()
+
+    def until(self, is_so: Callable[[], Any], what: str = "") -> None:
+        """Waits until something has become true, also what no page tells."""
+        end_s = time.monotonic() + LIMIT_S
+        with self.news:
+            while not (is_so() or self.failure):
+                assert time.monotonic() < end_s, (what, dict(self.stored))
+                self.news.wait(0.1)
+        assert self.failure is None or is_so()
+
+    def until_link(self, name: str, up: bool = True, **wanted: Any) -> dict[str, Any]:
+        """Waits until the link's page says so, and returns what it says."""
+        key = f"link_{name}"
+
+        def state() -> dict[str, Any]:
+            return self.stored[key][-1] if self.stored[key] else {}
+
+        def is_so() -> bool:
+            said = state()
+            return said.get("up") is up and all(said[field] == value for field, value in wanted.items())
+
+        self.until(is_so, f"{key} up={up} {wanted}")
+        return state()
+
+    def until_stored(self, key: str, count: int = 1) -> list[Any]:
+        """Waits until so many pages of a key have been stored, and returns their data."""
+        self.until(lambda: len(self.stored[key]) >= count, f"{count} of {key}")
+        return self.stored[key]
+
+    def store(self, key: str, *values: Any) -> None:
+        """Stores values from outside."""
+        for value in values:
+            self.node.store_data(key, value)
+
+    def end(self) -> None:
+        """Ends the node, and returns when it has."""
+        self.node.enter(tasks.terminate("test is over"), "test")
+        self.thread.join(LIMIT_S)
+        assert not self.thread.is_alive()
+
+
+Start = Callable[..., Running]
+
+
+@pytest.fixture
+def start() -> Iterator[Start]:
+    """Starts a node: `start("role", [factories])`. All are ended after the test."""
+    started: list[Running] = []
+
+    def begin(role: str, factories: Sequence[AnyFactory], seed: int = 0, clock: WallClock | None = None) -> Running:
+        running = Running(role, factories, seed, clock)
+        started.append(running)
+        running.thread.start()
+        return running
+
+    yield begin
+    for running in started:
+        running.end()
+
+
+class Raw:
+    """A far end made by hand, that does nothing of itself: to say what no node would."""
+
+    def __init__(self, port: int, greets: bool = True, node: str = "raw", **fields: Any) -> None:
+        self.sock = socket.create_connection(("127.0.0.1", port), LIMIT_S)
+        self.reader = FrameReader(1 << 26)
+        if greets:
+            self.say(hello(node, **fields))
+
+    def say(self, *payloads: bytes) -> None:
+        """Sends payloads, each in a frame."""
+        self.sock.sendall(b"".join(encode_frame(payload, 1 << 30) for payload in payloads))
+
+    def messages(self, until: type | None = None) -> list[Any]:
+        """Reads until a message of a kind has come, or to the end; returns all but pings."""
+        came: list[Any] = []
+        while not (until and came and type(came[-1]) is until):
+            try:
+                data = self.sock.recv(1 << 16)
+            except ConnectionResetError:
+                return came
+            if not data:
+                return came
+            came += [
+                message for raw in self.reader.feed(data) if type(message := decode_message(raw)) not in (Ping, Pong)
+            ]
+        return came
+
+    def close(self) -> None:
+        """Closes the socket."""
+        self.sock.close()
+
+    def reset(self) -> None:
+        """Closes it rudely: the other end gets a RST."""
+        self.sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        self.sock.close()
+
+
+def hello(node: str = "raw", **fields: Any) -> bytes:
+    """A greeting."""
+    usual = {"protocol": "snr", "version": 2, "node": node, "nonce": "0" * 32, "purpose": "pages", "auth": False}
+    return msgspec.json.encode({"$": "hello", "max_frame_bytes": 1 << 26, **usual, **fields})
+
+
+@pytest.fixture
+def raw() -> Iterator[Callable[..., Raw]]:
+    """Connects a far end made by hand: `raw(port)`. All are closed after the test."""
+    made: list[Raw] = []
+
+    def connect(port: int, greets: bool = True, node: str = "raw", **fields: Any) -> Raw:
+        made.append(Raw(port, greets, node, **fields))
+        return made[-1]
+
+    yield connect
+    for one in made:
+        one.close()
+
+
+@pytest.fixture(scope="session")
+def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Certificates: of a robot, of a student, of an authority, and of a stranger's authority."""
+    trustme = pytest.importorskip("trustme")  # part of snr_sim[dev]
+    folder = tmp_path_factory.mktemp("tls")
+    authority, stranger = trustme.CA(), trustme.CA()
+    robot, student = authority.issue_cert("127.0.0.1"), authority.issue_cert("student@pool.example")
+    evil = stranger.issue_cert("evil@pool.example")
+    paths = {}
+    for name, cert in (("robot", robot), ("student", student), ("evil", evil)):
+        for kind, blob in (("cert", cert.cert_chain_pems[0]), ("key", cert.private_key_pem)):
+            paths[f"{name}_{kind}"] = str(folder / f"{name}.{kind}")
+            blob.write_to_path(paths[f"{name}_{kind}"])
+    for name, ca in (("authority", authority), ("stranger", stranger)):
+        paths[name] = str(folder / f"{name}.pem")
+        ca.cert_pem.write_to_path(paths[name])
+    return paths

@@ -1,0 +1,292 @@
+"""A network in one thread: sockets, listeners, selectors and a clock as the links see them, without ports and waits.
+
+As in a real one, a descriptor is the lowest free number, a selector keeps a descriptor that was closed without telling
+it, `send` takes a part, `recv` returns a part, and a connection can break at any moment.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import selectors
+import socket
+from collections import deque
+from random import Random
+from typing import Any
+
+import pytest
+
+from snr_sim.core.clocks import WallClock
+from snr_sim.core.loop import Loop
+from snr_sim.links.tcp_client import Calls
+
+BUFFER_BYTES = 4096  # small, so that senders have to wait
+SELECT_S = 1e-4  # that a call takes: a loop that spins makes time pass
+HERE = "127.0.0.1"
+
+
+def failure(number: int) -> OSError:
+    return OSError(number, os.strerror(number))
+
+
+class Network:
+    """What all sockets of one test have in common: descriptors, time and randomness."""
+
+    def __init__(self, seed: int) -> None:
+        self.rng = Random(seed)
+        self.now_s = 0.0
+        self.open: dict[int, Any] = {}  # sockets by descriptor
+        self.listeners: dict[int, SimListener] = {}  # by port
+        self.is_full = False  # no descriptor is left for `accept`
+        self.patience_s = float("inf")  # how long a wait may be before whoever waits looks again
+
+    def install(self, patch: pytest.MonkeyPatch) -> None:
+        """Give links this network in place of the computer's."""
+        patch.setattr(selectors, "DefaultSelector", lambda: SimSelector(self))
+        patch.setattr(socket, "socketpair", self.pair)
+        patch.setattr("snr_sim.links.socket_port.listen", lambda host, port, who: SimListener(self, port))
+        patch.setattr("snr_sim.links.tcp_client.connect", self.connect)
+        patch.setattr(Calls, "begin", Calls._connect)  # at once, without a thread
+        patch.setattr("snr_sim.links.back_off.Random", lambda: self.rng)
+        patch.setattr("snr_sim.core.loop.ThreadBacking", StepBacking)
+
+    def pass_time(self, time_s: float) -> None:
+        """Let time pass; what happens in the network of itself happens in it."""
+        self.now_s += time_s
+
+    def pair(self) -> tuple[SimSocket, SimSocket]:
+        one, other = SimSocket(self), SimSocket(self)
+        one.far, other.far = other, one
+        return one, other
+
+    def connect(self, host: str, port: int, address: str = HERE) -> SimSocket:
+        """Return a connected socket, as `tcp_client.connect` does."""
+        listener = self.listeners.get(port)
+        if listener is None or len(listener.waiting) >= 128:
+            raise failure(errno.ECONNREFUSED)
+        near, far = self.pair()
+        far.release()  # it has a descriptor once it is accepted
+        listener.waiting.append((far, (address, 40000)))
+        return near
+
+
+class Descriptor:
+    """What has a descriptor until it is closed."""
+
+    def __init__(self, network: Network) -> None:
+        self.network = network
+        self.descriptor = -1
+        self.acquire()
+
+    def acquire(self) -> None:
+        self.descriptor = next(number for number in range(3, 10_000) if number not in self.network.open)
+        self.network.open[self.descriptor] = self
+
+    def release(self) -> None:
+        self.network.open.pop(self.descriptor, None)
+        self.descriptor = -1
+
+    def fileno(self) -> int:
+        return self.descriptor
+
+    def setblocking(self, is_blocking: bool) -> None:
+        assert not is_blocking
+
+    def setsockopt(self, *args: int) -> None:
+        pass
+
+
+class SimSocket(Descriptor):
+    """One end of a connection. `bug`, if set, is what its next calls raise: an error of our own code."""
+
+    def __init__(self, network: Network) -> None:
+        super().__init__(network)
+        self.far: SimSocket | None = None
+        self.come = bytearray()
+        self.is_ended = False  # the far end sends no more
+        self.is_reset = False
+        self.bug: Exception | None = None
+
+    @property
+    def ready(self) -> int:
+        is_over = self.is_reset or self.far is None
+        room = self.far is not None and len(self.far.come) < BUFFER_BYTES
+        is_readable = is_over or self.is_ended or self.come
+        return (selectors.EVENT_READ if is_readable else 0) | (selectors.EVENT_WRITE if is_over or room else 0)
+
+    def part(self, most: int) -> int:
+        return most if self.network.rng.random() < 0.6 else self.network.rng.randint(1, most)
+
+    def check(self) -> None:
+        if self.bug is not None:
+            raise self.bug
+        if self.descriptor < 0:
+            raise failure(errno.EBADF)
+
+    def recv(self, most: int) -> bytes:
+        self.check()
+        if self.come:
+            data = bytes(self.come[: self.part(min(most, len(self.come)))])
+            del self.come[: len(data)]
+            return data
+        if self.is_reset:
+            raise failure(errno.ECONNRESET)
+        if self.is_ended or self.far is None:
+            return b""
+        raise BlockingIOError
+
+    def send(self, data: bytes | memoryview) -> int:
+        self.check()
+        if self.is_reset or self.far is None:
+            raise failure(self.network.rng.choice((errno.ECONNRESET, errno.EPIPE)))
+        room = BUFFER_BYTES - len(self.far.come)
+        if room <= 0:
+            raise BlockingIOError
+        done = self.part(min(room, len(data)))
+        self.far.come += data[:done]
+        return done
+
+    def shutdown(self, how: int) -> None:
+        self.check()
+        if self.far is None or self.is_reset:
+            raise failure(errno.ENOTCONN)
+        self.far.is_ended = True
+
+    def close(self) -> None:
+        """Close it: the far end reads to the end, or is reset if something had not been read here."""
+        if self.bug is not None:
+            self.bug, bug = None, self.bug
+            self.close()
+            raise bug
+        if self.far is not None:
+            self.far.is_ended = True
+            self.far.is_reset = self.far.is_reset or bool(self.come)
+            self.far.far, self.far = None, None
+        self.release()
+
+    def cut(self) -> None:
+        """Let either end go on without the other, and without notice: nothing arrives any more."""
+        for sock in (self, self.far):
+            if sock is not None:
+                sock.far = SimSocket(self.network)
+                sock.far.far = sock
+                sock.far.release()
+
+    def reset(self) -> None:
+        """Close it rudely."""
+        if self.far is not None:
+            self.far.is_reset = True
+        self.close()
+
+
+class SimListener(Descriptor):
+    """A socket that listens."""
+
+    def __init__(self, network: Network, port: int) -> None:
+        super().__init__(network)
+        self.port = port or 9120
+        self.waiting: deque[tuple[SimSocket, tuple[str, int]]] = deque()
+        network.listeners[self.port] = self
+
+    @property
+    def ready(self) -> int:
+        return selectors.EVENT_READ if self.waiting else 0
+
+    def getsockname(self) -> tuple[str, int]:
+        return HERE, self.port
+
+    def accept(self) -> tuple[SimSocket, tuple[str, int]]:
+        if self.network.is_full:
+            raise failure(errno.EMFILE)
+        if not self.waiting:
+            raise BlockingIOError
+        sock, address = self.waiting.popleft()
+        if self.network.rng.random() < 0.02:
+            sock.reset()
+            raise failure(errno.ECONNABORTED)
+        sock.acquire()
+        return sock, address
+
+    def close(self) -> None:
+        for sock, _ in self.waiting:
+            sock.reset()
+        self.waiting.clear()
+        self.network.listeners.pop(self.port, None)
+        self.release()
+
+
+class SimSelector(selectors.SelectSelector):
+    """Returns all that is ready, in random order; if nothing is, time passes at once."""
+
+    def __init__(self, network: Network) -> None:
+        super().__init__()
+        self.network = network
+        self.bug: Exception | None = None
+        self.known: dict[int, Any] = {}  # the kernel's view: what was registered, not which number it had
+
+    def register(self, fileobj: Any, events: int, data: Any = None) -> selectors.SelectorKey:
+        key = super().register(fileobj, events, data)
+        if key.fd not in self.network.open:
+            super().unregister(fileobj)
+            raise failure(errno.EBADF)
+        self.known[key.fd] = self.network.open[key.fd]
+        return key
+
+    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
+        if self.bug is not None:
+            raise self.bug
+        open_now = self.network.open
+        found = [
+            (key, key.events & self.known[key.fd].ready)
+            for key in self.get_map().values()
+            if open_now.get(key.fd) is self.known[key.fd]
+        ]
+        ready = [(key, events) for key, events in found if events]
+        self.network.rng.shuffle(ready)
+        idle_s = min(timeout or 0.0, self.network.patience_s)
+        self.network.pass_time(SELECT_S if ready else max(SELECT_S, idle_s))
+        return ready
+
+
+class SimTime(WallClock):
+    """The network's clock, as a clock of the world: nodes under it take real links, not simulated ones."""
+
+    def __init__(self, network: Network) -> None:
+        super().__init__()
+        self.network = network
+
+    def now_s(self) -> float:
+        return self.network.now_s
+
+
+class StepBacking:
+    """Calls a loop when the test says so, and not from a thread."""
+
+    setup_patience_s = 0.0
+
+    def __init__(self, loop: Loop) -> None:
+        self.loop = loop
+        self.is_stopped = self.is_halted = False
+        self.ticks = 0
+        self.late_s = 0.0
+
+    def start(self) -> None:
+        self.loop.parent.call_loop(self.loop, "setup")
+
+    def step(self) -> None:
+        due_s = self.loop.next_tick_at_s
+        if not self.is_stopped and (due_s is None or self.loop.get_time_s() >= due_s):
+            self.ticks += 1
+            self.loop.parent.call_loop(self.loop, "loop")
+
+    def hurry(self) -> None:
+        pass
+
+    def stop(self) -> None:
+        self.is_stopped = True
+
+    def join(self) -> None:
+        self.stop()
+        if not self.is_halted:
+            self.is_halted = True
+            self.loop.halt()

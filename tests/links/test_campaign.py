@@ -1,0 +1,303 @@
+"""Links over a simulated network, in random histories: no order of events ends a node, or leaves anything open."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import os
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from typing import Any
+
+import pytest
+
+from snr_sim import Config, Node, SocketsPair
+from snr_sim.links.frames import encode_frame
+from snr_sim.links.messages import Auth, Bye, Hello, Ping, encode_message
+from snr_sim.links.restarting import RestartingLoop
+from snr_sim.links.streams import StreamLink
+from snr_sim.links.tcp_server import MAX_NEWCOMERS
+from snr_sim.prelude.errors import ComponentFailed
+
+from .simulated_network import HERE, Network, SimSocket, SimTime
+
+STEPS = 120
+SETTLED_S = 60.0  # of simulated time, in which an honest client has to be served again
+SECRET = "a secret of 16 bytes or more"
+STRANGE = [
+    *(encode_message(Hello("snr", 2, "x", "0" * 32, "pages", has_secret, 1 << 20)) for has_secret in (True, False)),
+    encode_message(Auth("0" * 64)),
+    encode_message(Ping(1.0)),
+    encode_message(Bye("x")),
+    b"[" * 1000,
+]
+LINK = "link_t"
+
+
+class History:
+    """A robot with a server, an operator's node with its client, and strangers, in one thread; all from one seed."""
+
+    def __init__(self, seed: int, patch: pytest.MonkeyPatch) -> None:
+        self.network = network = Network(seed)
+        network.install(patch)
+        self.rng = network.rng
+        # Strangers are kept out by a secret, or by their address.
+        self.pair = SocketsPair((HERE, 0), name="t", secret=SECRET, queue_pages=20)
+        if seed % 4 == 0:
+            self.pair = SocketsPair(("0.0.0.0", 0), name="t", allow=["10.0.0.0/8"], queue_pages=20)
+        self.expected: dict[str, int] = {}  # pages that each node's link had to carry, once for each far end
+        self.robot = self.node("robot", self.pair.server("depth"))
+        self.operator = self.node("operator", self.pair.client("stick"))
+        self.nodes = (self.robot, self.operator)
+        self.strangers: list[SimSocket] = []
+        self.mark = 0  # the newest page that settles
+        self.acts: list[Callable[[], None]] = [self.round] * 8 + [self.store] * 3 + [self.connect] * 6
+        self.acts += [self.say, self.say, self.hang_up, self.hang_up, self.break_line, self.crowd, self.fill, self.wait]
+        if self.pair.secret:
+            self.acts.append(self.tamper)
+        self.has_bugs = seed % 2 == 1
+        if self.has_bugs:
+            self.acts += [self.bug_of_stream, self.bug_of_link]
+
+    def node(self, role: str, factory: Any) -> Node:
+        node = Node(role, Config(factories={role: [factory]}), clock=SimTime(self.network))
+        node.begin()
+        link: Any = node.components[LINK]
+        carry, self.expected[node.name] = link._carry, 0
+
+        def count(*args: Any) -> None:
+            self.expected[node.name] += max(1, len(link.peers))
+            carry(*args)
+
+        link._carry = count
+        return node
+
+    def link(self, node: Node) -> Any:
+        return node.components[LINK]
+
+    def run(self) -> None:
+        for _ in range(STEPS):
+            self.rng.choice(self.acts)()
+        self.settle()
+        self.end()
+
+    # What may happen
+
+    def round(self) -> None:
+        for node in self.nodes:
+            if self.rng.random() < 0.7:
+                self.link(node).caller.step()
+            if self.rng.random() < 0.7:
+                self.serve(node)
+
+    def serve(self, node: Node) -> None:
+        """Do what the node's thread does: everything that is queued, and one look at what can be read."""
+        node.run_ready()
+        node.door.wait(0.0)
+        node.run_ready()
+        for key in ("depth", "stick"):
+            data = node.datastore.pages[key].data if key in node.datastore.pages else 0
+            assert isinstance(data, int) or not data.strip("x"), "a page was changed on its way"
+        assert node.door.failure is None
+        assert not node.is_terminated
+
+    def store(self) -> None:
+        size = self.rng.choice((1, 100, 3000, 20_000))
+        self.robot.store_data("depth", "x" * size)
+        self.operator.store_data("stick", "x" * size)
+
+    def connect(self) -> None:
+        with suppress(ConnectionRefusedError):
+            self.strangers.append(self.network.connect(HERE, self.pair.port, "192.0.2.1"))
+
+    def crowd(self) -> None:
+        for _ in range(self.rng.randrange(MAX_NEWCOMERS + 10)):
+            self.connect()
+
+    def say(self) -> None:
+        for sock in self.rng.sample(self.strangers, min(len(self.strangers), 5)):
+            data = b"".join(encode_frame(self.rng.choice(STRANGE)) for _ in range(self.rng.randrange(1, 4)))
+            with suppress(OSError):
+                sock.send(data if self.rng.random() < 0.7 else self.rng.randbytes(20))
+
+    def hang_up(self) -> None:
+        for sock in self.rng.sample(self.strangers, min(len(self.strangers), self.rng.choice((1, 5, 50)))):
+            with suppress(OSError):
+                self.rng.choice((sock.close, sock.reset, sock.reset, lambda sock=sock: sock.shutdown(1)))()
+            if sock.descriptor < 0:
+                self.strangers.remove(sock)
+
+    def break_line(self) -> None:
+        """Break an honest stream: reset at one end, at both, or cut without notice."""
+        for stream in self.link(self.operator).streams:
+            sock = stream.port._sock
+            how = self.rng.randrange(3)
+            if how == 2:
+                sock.cut()
+                continue
+            sock.is_reset = True
+            if how and sock.far:
+                sock.far.is_reset = True
+
+    def tamper(self) -> None:
+        """Change, add or leave out bytes of an honest stream on their way."""
+        for stream in self.link(self.rng.choice(self.nodes)).streams:
+            come = stream.port._sock.come
+            i = self.rng.randrange(len(come) + 1)
+            come[i : i + self.rng.randrange(3)] = self.rng.randbytes(self.rng.randrange(3))
+
+    def fill(self) -> None:
+        self.network.is_full = not self.network.is_full
+
+    def wait(self) -> None:
+        self.network.now_s += self.rng.choice((0.01, 0.5, 4.0))
+
+    def bug_of_stream(self) -> None:
+        for stream in self.link(self.rng.choice(self.nodes)).streams[:1]:
+            bugs = (RuntimeError("a bug"), OSError(errno.EIO, os.strerror(errno.EIO)))
+            stream.port._sock.bug = self.rng.choice(bugs)
+
+    def bug_of_link(self) -> None:
+        if self.rng.random() < 0.3:
+            self.link(self.rng.choice(self.nodes))._selector.bug = RuntimeError("a bug")
+
+    # What must be so afterwards
+
+    def settle(self) -> None:
+        """Let the strangers go, and demand that the honest client is served."""
+        self.network.is_full = False
+        for sock in self.strangers:
+            sock.close()
+        give_up_s, is_served = self.network.now_s + SETTLED_S, False
+        while not is_served:
+            assert self.network.now_s < give_up_s, (self.robot.get_data(LINK), self.operator.get_data(LINK))
+            self.mark += 1
+            self.robot.store_data("depth", self.mark)
+            self.operator.store_data("stick", self.mark)
+            self.rounds(4)
+            is_served = self.robot.get_data("stick") == self.operator.get_data("depth") == self.mark
+        for node in self.nodes:
+            self.check_known(node)
+
+    def rounds(self, count: int) -> None:
+        for node in self.nodes * count:
+            self.link(node).caller.step()
+            self.serve(node)
+        self.network.now_s += 0.01
+
+    def check_known(self, node: Node) -> None:
+        """Each stream of a link is open, and its selector knows no other descriptor."""
+        link = self.link(node)
+        assert self.has_bugs or not link.failures, link.failures
+        own = {stream.descriptor for stream in link.streams} | {link._wake_out.fileno()}
+        if node is self.robot:
+            own.add(link._listener.sock.fileno())
+        assert own <= self.network.open.keys()
+        assert {key.fd for key in link._selector.get_map().values()} <= own
+
+    def end(self) -> None:
+        """End both nodes: each page was sent, dropped or kept, and no descriptor is left."""
+        for node in self.nodes:
+            node.end("the history is over")
+            link = self.link(node)
+            assert link.sent + link.dropped + link.unsent == self.expected[node.name]
+        assert not self.network.open
+
+
+def play(seeds: range) -> None:
+    logging.getLogger("snr").setLevel(logging.CRITICAL + 1)
+    for seed in seeds:
+        with pytest.MonkeyPatch.context() as patch:
+            try:
+                History(seed, patch).run()
+            except BaseException as error:
+                error.add_note(f"seed {seed}")
+                raise
+
+
+NIGHTLY = [pytest.param(range(i, i + 5_000), marks=pytest.mark.nightly(minutes=1.2)) for i in range(0, 100_000, 5_000)]
+
+
+@pytest.mark.parametrize("seeds", [range(50), pytest.param(range(2000), marks=pytest.mark.slow), *NIGHTLY], ids=str)
+def test_links_in_random_histories_keep_node_and_honest_client(seeds: range) -> None:
+    play(seeds)
+
+
+def act_unguarded(link: StreamLink, stream: Any, act: Callable[..., object], *args: object) -> None:
+    """What `StreamLink._for` was: it acts on streams that an earlier event has closed, and lets errors pass."""
+    act(stream, *args)
+
+
+def test_campaign_without_guard_of_streams_finds_a_failed_link(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(StreamLink, "_for", act_unguarded)
+    with pytest.raises(AssertionError):
+        play(range(0, 100, 2))  # no bugs but that one
+
+
+def test_campaign_without_guard_and_restart_finds_a_node_that_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(StreamLink, "_for", act_unguarded)
+    monkeypatch.setattr(RestartingLoop, "loop", lambda self: self._round())
+    with pytest.raises(ComponentFailed, match=r"list\.remove\(x\): x not in list"):
+        play(range(0, 100, 2))
+
+
+@pytest.fixture
+def history(monkeypatch: pytest.MonkeyPatch) -> Iterator[History]:
+    """Both ends up, and nothing in between."""
+    history = History(2, monkeypatch)
+    history.settle()
+    yield history
+    history.has_bugs = True
+    history.settle()
+    history.end()
+
+
+def test_failed_link_shows_down_with_the_reason_and_is_up_again(history: History) -> None:
+    link = history.link(history.robot)
+    link._selector.bug = RuntimeError("a bug")
+    history.rounds(1)
+    page = history.robot.get_data(LINK)
+    assert not page["up"]
+    assert page["reason"] == "'link_t' failed and starts again: RuntimeError: a bug"
+    assert page["failures"] == 1
+    assert not history.network.listeners
+    history.has_bugs = True
+    history.settle()
+    assert history.robot.get_data(LINK)["up"]
+
+
+def test_link_that_fails_again_and_again_waits_longer_and_logs_once(
+    history: History, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    link = history.link(history.robot)
+    with monkeypatch.context() as patch, caplog.at_level(logging.ERROR):
+        patch.setattr(link, "_round", lambda: 1 / 0)
+        for _ in range(2000):
+            history.rounds(1)
+    assert 5 <= link.failures <= 30  # in 20 s
+    assert len([record for record in caplog.records if "ZeroDivisionError" in record.message]) == 1
+
+
+def test_bug_over_one_stream_closes_that_one_and_no_other(history: History) -> None:
+    (honest,) = history.link(history.robot).streams
+    history.connect()
+    history.rounds(2)
+    other = next(stream for stream in history.link(history.robot).streams if stream is not honest)
+    other.port._sock.bug = RuntimeError("a bug")
+    history.strangers[0].send(b"x")
+    history.rounds(2)
+    assert history.link(history.robot).streams == [honest]
+    assert history.link(history.robot).failures == 1
+    assert not history.link(history.robot).is_shut
+
+
+def test_stranger_that_resets_before_it_is_refused_leaves_the_honest_client(monkeypatch: pytest.MonkeyPatch) -> None:
+    history = History(4, monkeypatch)  # strangers are refused by their address
+    history.settle()
+    (honest,) = history.link(history.robot).streams
+    history.connect()
+    history.strangers[0].reset()
+    history.rounds(2)
+    assert history.link(history.robot).streams == [honest]
+    assert not honest.session.is_closed
+    assert not history.link(history.robot).failures

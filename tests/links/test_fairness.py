@@ -1,0 +1,322 @@
+"""No far end keeps another from being served: a pilot's worst gap while others attack, in simulated time.
+
+Reading, decoding and handling pages take time here, as on a small computer, and the link's thread looks in while the
+node's is busy. The attackers send whenever the network takes something.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+import pytest
+
+from snr_sim import Config, Node, Page, SocketsPair, Task, TaskType
+from snr_sim.links import messages
+from snr_sim.links.frames import encode_frame
+from snr_sim.links.messages import Auth, Ping, encode_message
+from snr_sim.links.session import Session, Terms
+from snr_sim.links.streams import LOOK_EVERY_S
+from snr_sim.testing.parts import PartFactory
+
+from .simulated_network import HERE, Network, SimSocket, SimTime
+
+SECRET = "a secret of 16 bytes or more"
+LINK = "link_t"
+PERIOD_S = 0.02  # of the pilot
+WORST_GAP_S = 0.25
+ATTACK_S = 0.6
+READ_S, BYTE_S, PAGE_S, HANDLER_S = 20e-6, 20e-9, 20e-6, 200e-6  # what a read, a byte, a page and a handler take
+DECODE_S = 50e-9  # what a byte of a page's data takes besides, if it holds many small values
+STEER_TIMES = 25  # a page of the pilot takes so many times as long
+MOVE_S = 0.0005  # how often far ends send
+LARGE_BYTES = 200_000
+
+
+def page(key: str, data: object = 1) -> bytes:
+    return Page(key, data, "far", 0.0).serialize()
+
+
+Attack = Callable[["Arena"], list[Any]]
+
+
+class Far:
+    """A far end that comes again whenever it is closed; `say` returns what it sends next, once it is up."""
+
+    def __init__(
+        self, arena: Arena, say: Callable[[], list[bytes]], name: str = "far", secret: str = SECRET, reads: bool = True
+    ) -> None:
+        self.arena = arena
+        self.name = name
+        self.secret = secret
+        self.reads = reads
+        self.is_over = False
+        self.comings = 0  # how often it has connected
+        self._say = say
+        self.rest = b""
+        self.sent = 0  # messages that the network has taken as a whole
+        self._ends: list[int] = []  # bytes until each of those that wait is through
+        self.connect()
+
+    def connect(self) -> None:
+        self.comings += 1
+        self.sock: SimSocket = self.arena.network.connect(HERE, self.arena.pair.port)
+        self.session = Session(Terms(self.name, is_server=False, secret=self.secret.encode()), 0.0)
+
+    def move(self) -> None:
+        """Send what the network takes, and read; come again if the connection is over."""
+        try:
+            self._move()
+        except OSError:
+            self.sock.close()
+            self.rest, self._ends = b"", []
+            with suppress(ConnectionRefusedError):
+                self.connect()
+
+    def _move(self) -> None:
+        with suppress(BlockingIOError):
+            if self.reads or not self.session.is_up:
+                data = self.sock.recv(1 << 16)
+                self.session.receive(data, self.arena.network.now_s)
+                if not data or self.session.is_closed:
+                    raise ConnectionError(self.session.reason)
+        self.session.tick(self.arena.network.now_s)
+        if not self.rest and self.session.is_up and not self.is_over:
+            for payload in self._say():
+                frames = [*self.session.take_output(), encode_frame(payload)]
+                self.rest += b"".join(map(self.session.seal, frames))
+                self._ends.append(len(self.rest))
+        self.rest += b"".join(map(self.session.seal, self.session.take_output()))
+        with suppress(BlockingIOError):
+            while self.rest:
+                done = self.sock.send(self.rest)
+                self.rest = self.rest[done:]
+                self._ends = [end - done for end in self._ends]
+        self.sent += sum(end <= 0 for end in self._ends)
+        self._ends = [end for end in self._ends if end > 0]
+
+
+class Arena:
+    """A robot with a server, a pilot, and attackers, on a network whose time passes while the robot works."""
+
+    def __init__(self, patch: pytest.MonkeyPatch) -> None:
+        self.network = network = Network(1)
+        network.install(patch)
+        network.patience_s = 0.001
+        patch.setattr(network, "pass_time", self.pass_time)
+        self.pair = SocketsPair((HERE, 0), name="t", secret=SECRET)
+        self.came: list[tuple[float, int]] = []  # the pilot's pages: when, and which
+        self.handled = 0  # of the attackers' pages
+        handlers: dict[Any, Any] = {
+            (TaskType.store_page, "stick"): self.steer,
+            (TaskType.store_page, "other"): self.handle,
+        }
+        factories = [self.pair.server("depth", accept=["stick", "other"]), PartFactory(handlers)]
+        self.robot = Node("robot", Config(factories={"robot": factories}), clock=SimTime(network))
+        self.fars: list[Any] = []
+        self.is_moving = False
+        self.over_s = float("inf")  # when all end to send
+        self._stepped_s = self._moved_s = 0.0
+        self.robot.begin()
+        self.link: Any = self.robot.components[LINK]
+        receive = Session.receive
+
+        def receive_slowly(session: Session, data: bytes, now_s: float) -> list[Any]:
+            pages = receive(session, data, now_s)
+            if session.terms.is_server:
+                size = sum(len(one.data) if isinstance(one.data, str) else 0 for one in pages)
+                self.pass_time(READ_S + len(data) * BYTE_S + size * DECODE_S + len(pages) * PAGE_S)
+            return pages
+
+        patch.setattr(Session, "receive", receive_slowly)
+        numbers = itertools.count(1)
+        self._due_s = 0.0
+
+        def stick() -> list[bytes]:
+            if network.now_s < self._due_s:
+                return []
+            self._due_s = max(self._due_s + PERIOD_S, network.now_s)
+            return [page("stick", next(numbers))]
+
+        self.pilot = Far(self, stick, "pilot")
+        self.fars.append(self.pilot)
+        self.run_for(0.2)
+
+    def pass_time(self, time_s: float) -> None:
+        """Let time pass, in which the far ends send, unless they are at it."""
+        self.network.now_s += time_s
+        if not self.is_moving and self.network.now_s > self._moved_s + MOVE_S:
+            self.is_moving, self._moved_s = True, self.network.now_s
+            for far in self.fars:
+                far.is_over = far.is_over or self.network.now_s > self.over_s
+                far.move()
+            self.is_moving = False
+
+    def steer(self, task: Task, task_id: Any) -> None:
+        """Take note of a page of the pilot, and reckon."""
+        self.came.append((self.network.now_s, task.val_list[0].data))
+        for _ in range(STEER_TIMES):
+            self.work()
+
+    def handle(self, task: Task, task_id: Any) -> None:
+        """Take time over a page of an attacker."""
+        self.handled += 1
+        self.work()
+
+    def work(self) -> None:
+        """Take time; the link's thread looks around meanwhile."""
+        self.pass_time(HANDLER_S)
+        if self.network.now_s - self._stepped_s > LOOK_EVERY_S:
+            self.step()
+
+    def step(self) -> None:
+        self._stepped_s = self.network.now_s
+        self.link.caller.step()
+
+    def run_for(self, time_s: float) -> None:
+        until_s = self.network.now_s + time_s
+        while self.network.now_s < until_s:
+            self.step()
+            self.robot.run_ready()
+            self.robot.door.wait(0.0)
+            self.robot.run_ready()
+
+    def attack(self, *fars: Any) -> float:
+        """Let far ends attack; return the pilot's worst gap in seconds."""
+        self.fars += fars
+        begun_s = self.network.now_s
+        self.over_s = begun_s + ATTACK_S
+        self.run_for(ATTACK_S)
+        moments_s = [moment_s for moment_s, _ in self.came if moment_s > begun_s - PERIOD_S]
+        moments_s.append(self.network.now_s)
+        return max(later_s - one_s for one_s, later_s in itertools.pairwise(moments_s))
+
+
+@pytest.fixture
+def arena(monkeypatch: pytest.MonkeyPatch) -> Arena:
+    return Arena(monkeypatch)
+
+
+def test_ping_is_answered_where_pages_are_read_and_waits_for_no_other_thread(arena: Arena) -> None:
+    """What `rtt_s` tells is then what a page would take; it was some milliseconds where a page takes 0.05."""
+    session = arena.pilot.session
+    session.rtt_s = None
+    session._ping(arena.network.now_s)
+    arena.pilot.move()
+    for _ in range(5):  # the node waits at its door; the link's thread does not come to run
+        arena.robot.door.wait(0.0)
+        arena.robot.run_ready()
+    arena.pilot.move()
+    assert session.rtt_s is not None
+    assert session.rtt_s < 0.01
+
+
+class Newcomers:
+    """Connects again and again, and acts; so many connections stay open."""
+
+    def __init__(self, arena: Arena, act: Callable[[SimSocket], object], kept: int = 0, address: str = HERE) -> None:
+        self.arena, self.act, self.kept, self.address = arena, act, kept, address
+        self.held: list[SimSocket] = []
+        self.count = 0
+        self.is_over = False
+
+    def move(self) -> None:
+        if self.is_over:
+            return
+        with suppress(OSError):
+            sock = self.arena.network.connect(HERE, self.arena.pair.port, self.address)
+            self.held.append(sock)
+            self.count += 1
+            self.act(sock)
+        if len(self.held) > self.kept:
+            self.held.pop(0).close()
+
+
+def flood(*payloads: bytes, count: int = 1, **options: Any) -> Attack:
+    """Return an attack of peers with the secret that say the same again and again."""
+    return lambda arena: [Far(arena, lambda: list(payloads), f"far{i}", **options) for i in range(count)]
+
+
+def newcomers(*says: bytes, kept: int = 0, then: str = "fileno") -> Attack:
+    """Return an attack of connections that send something, and then close, reset or stay."""
+
+    def act(sock: SimSocket) -> None:
+        if said := sock.network.rng.choice(says):
+            sock.send(said)
+        getattr(sock, then)()
+
+    return lambda arena: [Newcomers(arena, act, kept)]
+
+
+def replayed(arena: Arena) -> list[Any]:
+    """Record the greeting of an honest far end, to say it again."""
+    far = Far(arena, list)
+    said = bytearray()
+    far.sock.send, send = lambda data: said.extend(data) or send(data), far.sock.send  # type: ignore[method-assign]
+    arena.fars.append(far)
+    arena.run_for(0.05)
+    assert far.session.is_up
+    return [Newcomers(arena, lambda sock: sock.send(said), kept=20)]
+
+
+HELLO = Session(Terms("x", is_server=False, secret=SECRET.encode()), 0.0).take_output()[0]
+OTHER, NOTHING = [page("other")] * 50, [page("nothing")] * 50
+PING = encode_message(Ping(1.0))
+ATTACKS: dict[str, Attack] = {
+    "flood of a key that is not accepted": flood(*NOTHING),
+    "flood of a key that is not accepted, from 20 peers": flood(*NOTHING, count=20),
+    "flood of accepted pages": flood(*OTHER),
+    "flood of accepted pages from 60 peers": flood(*OTHER, count=60),
+    "flood of large pages": flood(page("nothing", "x" * LARGE_BYTES), count=4),
+    "flood of large accepted pages": flood(page("other", "x" * LARGE_BYTES), count=40),
+    "flood of pings": flood(*[PING] * 50, count=4),
+    "flood of pings whose answers are not read": flood(*[PING] * 50, count=4, reads=False),
+    "slow readers": flood(page("other"), count=20, reads=False),
+    "nonsense pages": flood(b"[1, 2, 3]", count=4),
+    "messages out of turn": flood(encode_message(Auth("0" * 64)), count=4),
+    "nested pages": flood(b'{"$":"page","data":' + b"[" * 3000, count=4),
+    "wrong secrets": flood(count=4, secret="another secret of 16 bytes"),
+    "replayed greetings": replayed,
+    "half-open connections": newcomers(b"", HELLO[:20], HELLO, kept=300),
+    "storm of connections": newcomers(b"", then="close"),
+    "storm of resets": newcomers(b"", HELLO, then="reset"),
+    "random bytes": newcomers(bytes(range(256)), kept=20),
+    "lengths of 4 GB": newcomers(b"\xff\xff\xff\xff", kept=20),
+}
+
+
+FAST = ("flood of a key that is not accepted", "flood of accepted pages")
+
+
+@pytest.mark.parametrize(
+    "kind", [kind if kind in FAST else pytest.param(kind, marks=pytest.mark.slow) for kind in ATTACKS]
+)
+def test_pilot_under_attack_waits_no_longer_than_a_quarter_second(arena: Arena, kind: str) -> None:
+    attackers = ATTACKS[kind](arena)
+    gap_s = arena.attack(*attackers)
+    print(f"{kind}: {gap_s:.3f} s")
+    assert gap_s <= WORST_GAP_S
+    assert not arena.link.failures
+    arena.run_for(1.0)
+    numbers = [number for _, number in arena.came]
+    assert numbers == list(range(1, len(numbers) + 1))  # each of the pilot's pages, once and in order
+    if all(isinstance(far, Far) and far.comings == 1 for far in attackers):  # nothing was lost with a connection
+        pages = sum(far.sent for far in attackers) if "ping" not in kind else 0
+        assert arena.link.received == arena.pilot.sent + pages
+        assert arena.link.received == len(numbers) + arena.handled + arena.link.unwanted
+
+
+def test_long_page_of_a_key_that_is_not_accepted_is_never_decoded(
+    arena: Arena, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    decoded: list[bytes] = []
+    decode = messages._decode
+    monkeypatch.setattr(messages, "_decode", lambda raw: decoded.append(raw) or decode(raw))  # type: ignore[func-returns-value]
+    large = page("nothing", "x" * LARGE_BYTES)
+    arena.fars.append(Far(arena, itertools.chain([[large]], itertools.repeat([])).__next__))
+    arena.run_for(0.2)
+    assert arena.link.unwanted == 1
+    assert decoded
+    assert large not in decoded

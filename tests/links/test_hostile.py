@@ -1,0 +1,297 @@
+"""What peers over TCP can do wrong. None of it blocks, ends or bloats the node, and others are served meanwhile."""
+
+from __future__ import annotations
+
+import os
+import random
+import socket
+import struct
+import threading
+from collections.abc import Callable
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from snr_sim import Page, PrinterEndpointFactory, SocketsPair, Task, TaskType
+from snr_sim.links.frames import encode_frame
+from snr_sim.links.link import MAX_TASKS_WAITING
+from snr_sim.links.messages import Hello, Refused, encode_message
+from snr_sim.links.streams import READ_BYTES
+from snr_sim.testing.parts import PartFactory
+
+pytestmark = pytest.mark.slow
+
+HERE = "127.0.0.1"
+HELLO = encode_frame(encode_message(Hello("snr", 2, "stranger", "0" * 32, "pages", True, 1 << 20)))
+Start = Callable[..., Any]
+Connect = Callable[..., Any]
+
+
+@pytest.fixture
+def pair() -> SocketsPair:
+    return SocketsPair((HERE, 0), name="t")
+
+
+@pytest.fixture
+def robot(start: Start, pair: SocketsPair) -> Any:
+    """A node that listens, takes any page and sends its depth."""
+    running = start("robot", [pair.server("depth")])
+    running.until_link("t", up=False)
+    return running
+
+
+def page(key: str = "x", data: Any = 1, origin: str = "raw") -> bytes:
+    return Page(key, data, origin, 0.0).serialize()
+
+
+def serves(robot: Any, start: Start, pair: SocketsPair) -> bool:
+    """Whether an honest client gets a page through, both ways."""
+    honest = start("honest", [pair.client("hi")])
+    honest.until_link("t")
+    honest.store("hi", "there")
+    robot.until_stored("hi")
+    robot.store("depth", 1.5)
+    honest.until(lambda: 1.5 in honest.stored["depth"], "depth")
+    return True
+
+
+NONSENSE = {
+    "HTTP": b"GET / HTTP/1.1\r\nHost: robot\r\n\r\n",
+    "a length of 4 GB": b"\xff\xff\xff\xff",
+    "an empty frame": b"\x00\x00\x00\x00",
+    "random bytes": b"\x00\x00\x00\x03\xfe\xdc\xba",
+    "JSON that is not a page": encode_frame(b"[1, 2, 3]"),
+    "NaN": encode_frame(b'{"$":"page","key":"x","data":NaN,"origin":"a","created_at_s":0}'),
+    "an integer of 5000 digits": encode_frame(Page("x", 10**5000, "raw", 0.0).serialize()),
+    "deep nesting": encode_frame(
+        b'{"$":"page","key":"x","origin":"a","created_at_s":0,"data":' + b"[" * 99_999 + b"]" * 99_999 + b"}"
+    ),
+}
+
+
+@pytest.mark.parametrize("greets", [False, True], ids=["a stranger", "a peer"])
+@pytest.mark.parametrize("what", NONSENSE)
+def test_nonsense_is_answered_with_a_reason_and_the_end(
+    robot: Any, start: Start, pair: SocketsPair, raw: Connect, what: str, greets: bool
+) -> None:
+    far = raw(pair.port, greets)
+    if greets:
+        far.messages(until=Hello)
+    far.sock.sendall(NONSENSE[what])
+    last = far.messages()[-1]
+    assert isinstance(last, Refused)
+    assert last.reason
+    assert serves(robot, start, pair)
+
+
+@pytest.mark.parametrize(
+    "data", [{"$": "int", "v": hex(10**5000)}, *({"a": [10**digits]} for digits in (20, 400, 4299))], ids=lambda _: ""
+)
+def test_long_integer_ends_no_printer(start: Start, pair: SocketsPair, raw: Connect, data: Any) -> None:
+    printer = PrinterEndpointFactory([(TaskType.process_data, "x"), TaskType.store_page], StringIO())
+    robot = start("robot", [pair.server("depth"), printer])
+    robot.until_link("t", up=False)
+    far = raw(pair.port)
+    far.messages(until=Hello)
+    far.sock.sendall(encode_frame(page("x", 1).replace(b":1,", b":%s," % msgspec.json.encode(data))))
+    assert isinstance(far.messages()[-1], Refused)
+    assert robot.until_link("t", up=False, unwanted=1)
+    assert serves(robot, start, pair)
+    assert robot.failure is None
+
+
+def test_another_version_is_told_so(robot: Any, pair: SocketsPair, raw: Connect) -> None:
+    assert "version 2, the other end snr version 7" in raw(pair.port, version=7).messages()[-1].reason
+
+
+def test_a_key_of_a_megabyte_is_not_let_in(robot: Any, pair: SocketsPair, raw: Connect) -> None:
+    far = raw(pair.port)
+    far.say(page("k" * 1_000_000), page("", 1), page("good", 2))
+    robot.until_stored("good")
+    assert robot.until_link("t", unwanted=2)["up"]
+    assert set(robot.stored) == {"good", "link_t"}
+
+
+def test_only_keys_that_are_accepted_come_in(start: Start, raw: Connect) -> None:
+    pair = SocketsPair((HERE, 0), name="t")
+    robot = start("robot", [pair.server(accept=["controller_input"])])
+    robot.until_link("t", up=False)
+    raw(pair.port).say(page("motor"), page("controller_input"))
+    robot.until_stored("controller_input")
+    assert "motor" not in robot.stored
+
+
+@pytest.mark.parametrize("how", ["silence", "half a greeting", "half a frame", "a drip"])
+def test_who_says_nothing_more_is_given_up(start: Start, raw: Connect, how: str) -> None:
+    pair = SocketsPair((HERE, 0), name="t", timeout_s=0.3, keep_alive_s=0.1)
+    robot = start("robot", [pair.server("depth")])
+    robot.until_link("t", up=False)
+    far = raw(pair.port, greets=how == "half a frame")
+    if how == "half a greeting":
+        far.sock.sendall(b"\x00\x00\x00\xff{")
+    elif how == "half a frame":
+        robot.until_link("t")
+        far.sock.sendall(encode_frame(page())[:10])
+    elif how == "a drip":
+        far.sock.sendall(b"\x00")
+    far.messages()  # reads to the end, which comes
+    reason = "nothing was heard" if how == "half a frame" else "the greeting was not completed"
+    robot.until(lambda: reason in robot.stored["link_t"][-1]["reason"], reason)
+
+
+def test_a_peer_that_resets_is_noticed_and_the_next_page_harms_nobody(
+    robot: Any, start: Start, pair: SocketsPair, raw: Connect
+) -> None:
+    far = raw(pair.port)
+    robot.until_link("t")
+    far.reset()
+    robot.store("depth", 1, 2, 3)
+    robot.until_link("t", up=False)
+    assert serves(robot, start, pair)
+
+
+def test_a_peer_that_never_reads_costs_no_more_than_its_queue_and_nobody_waits_for_it(
+    start: Start, raw: Connect
+) -> None:
+    pair = SocketsPair((HERE, 0), name="t", queue_pages=10)
+    robot = start("robot", [pair.server("depth")])
+    robot.until_link("t", up=False)
+    raw(pair.port)
+    robot.until_link("t")
+    text = "x" * 500_000
+    for _ in range(60):  # more than any socket buffer takes
+        robot.store("depth", text)
+    robot.until_stored("depth", 60)
+    honest = start("honest", [pair.client("hi")])
+    honest.until_link("t")
+    honest.store("hi", 1)
+    robot.until_stored("hi")
+    peers = robot.until_link("t", up=True)["peers"]
+    assert peers["raw"]["waiting"] <= 10
+    robot.until(lambda: robot.stored["link_t"][-1]["peers"].get("raw", {}).get("dropped", 0) > 10, "drops")
+
+
+def test_two_peers_of_one_name_are_both_served(robot: Any, pair: SocketsPair, raw: Connect) -> None:
+    one, other = raw(pair.port, node="twin"), raw(pair.port, node="twin")
+    robot.until(lambda: set(robot.stored["link_t"][-1]["peers"]) == {"twin", "twin#2"}, "both")
+    robot.store("depth", 1.5)
+    for far in (one, other):
+        assert far.messages(until=Page)[-1].data == 1.5
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="counts descriptors in /proc")
+def test_a_thousand_connects_leak_no_descriptors(robot: Any, start: Start, pair: SocketsPair, raw: Connect) -> None:
+    assert serves(robot, start, pair)
+    before = len(os.listdir("/proc/self/fd"))
+    for i in range(1000):
+        with socket.create_connection((HERE, pair.port), 30) as sock:
+            if i % 3 == 1:
+                sock.sendall(b"GET /")
+            elif i % 3 == 2:
+                sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\x01\0\0\0\0\0\0\0")
+    raw(pair.port, node="last")
+    robot.until(lambda: "last" in robot.stored["link_t"][-1]["peers"], "the last, so all before it were accepted")
+    robot.until(lambda: len(os.listdir("/proc/self/fd")) <= before + 5, "strangers gone")
+
+
+def test_silent_strangers_cannot_keep_an_honest_client_out(
+    robot: Any, start: Start, pair: SocketsPair, raw: Connect
+) -> None:
+    for _ in range(200):
+        raw(pair.port, greets=False)
+    assert serves(robot, start, pair)
+
+
+def flood(port: int, count: int, seed: int) -> None:
+    """Open connections to a port, and send random bytes, close or reset some of them, in random order."""
+    rng, held = random.Random(seed), list[socket.socket]()
+    for _ in range(count):
+        held.append(socket.create_connection((HERE, port), 30))
+        for _ in range(rng.randrange(3)):
+            sock = rng.choice(held)
+            act = rng.choice(("send", "send", "close", "reset"))
+            try:
+                if act == "send":
+                    sock.sendall(rng.choice((rng.randbytes(rng.randrange(1, 100)), HELLO)))
+                    continue
+            except OSError:
+                pass  # the server has closed it
+            if act == "reset":
+                sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            sock.close()
+            held.remove(sock)
+            if not held:
+                break
+    for sock in held:
+        sock.close()
+
+
+def test_a_flood_of_connections_without_the_secret_ends_no_node(start: Start) -> None:
+    pair = SocketsPair((HERE, 0), name="t", secret="a secret of 16 bytes or more")
+    robot = start("robot", [pair.server("depth")])
+    robot.until_link("t", up=False)
+    for seed in range(3):
+        flood(pair.port, 400, seed)
+    assert serves(robot, start, pair)
+    assert robot.failure is None
+
+
+def until_deaf(robot: Any) -> None:
+    """Waits until the link takes nothing more in; the node itself is busy, so nobody could tell us."""
+    link, pause = robot.node.components["link_t"], threading.Event()
+    for _ in range(3000):
+        if link.is_deaf:
+            return
+        pause.wait(0.01)
+    raise AssertionError("the link never stopped reading")
+
+
+def test_weakness_16_a_flood_waits_at_its_sender_and_comes_whole_and_in_order(start: Start, raw: Connect) -> None:
+    pair = SocketsPair((HERE, 0), name="t")
+    gate = threading.Event()
+    came: list[int] = []
+
+    def slow(task: Task, task_id: Any) -> None:
+        gate.wait(30)
+        came.append(task.val_list[0].data)
+
+    robot = start("robot", [pair.server(), PartFactory({(TaskType.store_page, "x"): slow}, "slow")])
+    robot.until_link("t", up=False)
+    far = raw(pair.port)
+    count = 60_000
+    flood = threading.Thread(target=lambda: far.say(*(page("x", i) for i in range(count))))
+    flood.start()
+    machine = robot.node.machine
+    until_deaf(robot)
+    most = MAX_TASKS_WAITING + READ_BYTES // len(encode_frame(page("x", 0)))
+    assert machine.queued <= most
+    gate.set()
+    robot.until(lambda: len(came) == count, "the flood")
+    flood.join(30)
+    assert came == list(range(count))
+    assert machine.longest_queue <= most + 100
+    assert far.sock.fileno() > 0
+
+
+def test_a_flood_of_large_pages_is_held_back_by_their_bytes(start: Start, raw: Connect) -> None:
+    pair = SocketsPair((HERE, 0), name="t")
+    gate = threading.Event()
+
+    def slow(task: Task, task_id: Any) -> None:
+        gate.wait(30)
+
+    robot = start("robot", [pair.server(), PartFactory({(TaskType.store_page, "x"): slow}, "slow")])
+    robot.until_link("t", up=False)
+    far = raw(pair.port)
+    large = page("x", "y" * 1_000_000)
+    flood = threading.Thread(target=lambda: [far.say(large) for _ in range(150)])
+    flood.start()
+    until_deaf(robot)
+    assert robot.node.machine.queued < 80
+    robot.stored.clear()
+    gate.set()
+    flood.join(30)
+    assert not flood.is_alive()

@@ -1,0 +1,241 @@
+"""What links of the 2021 library did when they were tried, one test each: none of it happens here.
+
+Weakness 9 stands in test_sockets.py, 15 in test_frames.py, 16 in test_hostile.py.
+"""
+
+from __future__ import annotations
+
+import socket
+import statistics
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from snr_sim import Config, Page, SimRunner, SocketsPair, Task, TaskType
+from snr_sim.links.frames import encode_frame
+from snr_sim.prelude.errors import ConfigError
+from snr_sim.testing.parts import PartFactory, TickerFactory
+
+HERE = "127.0.0.1"
+Start = Callable[..., Any]
+Connect = Callable[..., Any]
+
+
+@pytest.fixture
+def pair() -> SocketsPair:
+    return SocketsPair((HERE, 0), name="t", max_frame_bytes=1 << 23, queue_pages=100_000)
+
+
+@pytest.fixture
+def robot(start: Start, pair: SocketsPair) -> Any:
+    running = start("robot", [pair.server("depth")])
+    running.until_link("t", up=False)
+    return running
+
+
+@pytest.mark.slow
+def test_weakness_6_a_flood_of_pages_comes_whole_and_in_order(start: Start, robot: Any, pair: SocketsPair) -> None:
+    client = start("client", [pair.client("x")])
+    client.until_link("t")
+    for value in range(20_000):
+        client.node.store_data("x", value, False)
+    robot.until(lambda: robot.stored["x"] and robot.stored["x"][-1] == 19_999, "the last")
+    assert robot.stored["x"] == list(range(20_000))
+
+
+@pytest.mark.slow
+def test_weakness_7_a_page_of_5_mb_arrives_when_the_limit_is_raised(
+    start: Start, robot: Any, pair: SocketsPair
+) -> None:
+    client = start("client", [pair.client("x")])
+    client.until_link("t")
+    numbers = [i / 7 for i in range(300_000)]
+    client.store("x", numbers)
+    assert robot.until_stored("x") == [numbers]
+    assert len(Page("x", numbers, "", 0.0).serialize()) > 5_000_000
+
+
+@pytest.mark.slow
+def test_weakness_7_a_page_beyond_the_limit_is_a_clear_error_at_the_sender(start: Start, pair: SocketsPair) -> None:
+    small = SocketsPair((HERE, 9), name="small")
+    client = start("client", [small.client("photo")])
+    client.store("photo", "x" * (1 << 20))
+    client.thread.join(30)
+    text = str(client.failure)
+    assert "more than a frame of this link may hold (1048576)" in text
+    assert "raise max_frame_bytes" in text
+    assert "store_page 'photo'" in text
+
+
+@pytest.mark.slow
+def test_weakness_7_a_page_beyond_the_other_ends_limit_is_counted_and_the_link_stays_up(
+    start: Start, robot: Any, pair: SocketsPair, raw: Connect
+) -> None:
+    far = raw(pair.port, max_frame_bytes=1000)
+    robot.until_link("t")
+    robot.store("depth", "x" * 2000, "short")
+    assert far.messages(until=Page)[-1].data == "short"
+    assert robot.until_link("t", dropped=1)["up"]
+
+
+@pytest.mark.wall_clock
+def test_weakness_8_a_round_trip_does_not_wait_for_the_other_ends_acknowledgement(
+    start: Start, pair: SocketsPair
+) -> None:
+    def answer(task: Task, task_id: Any) -> Task:
+        return robot.node.store_data_task("pong", task.val_list[0].data)
+
+    robot = start("robot", [pair.server("pong"), PartFactory({(TaskType.store_page, "ping"): answer})])
+    client = start("client", [pair.client("ping")])
+    client.until_link("t")
+    times_s = []
+    for i in range(30):
+        start_s = time.perf_counter()
+        client.store("ping", i)
+        client.until_stored("pong", i + 1)
+        times_s.append(time.perf_counter() - start_s)
+    assert statistics.median(times_s) < 0.03  # 0.04 is what Nagle's algorithm and a delayed acknowledgement cost
+    for node in (robot, client):
+        (stream,) = node.node.components["link_t"].streams
+        assert stream.port._sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) != 0
+
+
+@pytest.mark.slow
+def test_weakness_10_clients_that_connect_and_close_do_not_end_the_node(robot: Any, pair: SocketsPair) -> None:
+    for _ in range(2):
+        both = [socket.create_connection((HERE, pair.port), 30) for _ in range(2)]
+        for sock in both:
+            sock.close()
+    robot.store("depth", 1)
+    robot.until_stored("depth")
+    assert robot.failure is None
+    assert robot.thread.is_alive()
+
+
+@pytest.mark.slow
+def test_weakness_11_a_server_listens_where_it_was_told_and_nowhere_else(robot: Any, pair: SocketsPair) -> None:
+    assert robot.node.components["link_t"]._listener.sock.getsockname()[0] == HERE
+    with pytest.raises(OSError, match=r"."):
+        socket.create_connection(("127.0.0.2", pair.port), 5)
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "192.168.2.2", "robot.local", "::"])
+def test_weakness_11_a_server_open_to_everybody_is_refused_when_it_is_made(host: str) -> None:
+    pair = SocketsPair((host, 9120))
+    with pytest.raises(ConfigError, match=r"let anybody in that network steer(.|\n)*secret=(.|\n)*allow="):
+        pair.server()
+    pair.client("x")
+    SocketsPair((host, 9120), secret="0123456789abcdef").server()
+    SocketsPair((host, 9120), allow=["192.168.2.0/24"]).server()
+
+
+@pytest.mark.slow
+def test_weakness_13_a_second_client_leaves_the_first_alone(start: Start, robot: Any, pair: SocketsPair) -> None:
+    first = start("first", [pair.client("one")])
+    first.until_link("t")
+    second = start("second", [pair.client("two")])
+    robot.until(lambda: len(robot.stored["link_t"][-1]["peers"]) == 2, "both")
+    robot.store("depth", 1.5)
+    first.until_stored("depth")
+    second.until_stored("depth")
+    second.end()
+    robot.until(lambda: set(robot.stored["link_t"][-1]["peers"]) == {"first_node"}, "one left")
+    robot.store("depth", 2.5)
+    assert first.until_stored("depth", 2) == [1.5, 2.5]
+    first.store("one", 1)
+    assert robot.until_stored("one") == [1]
+
+
+@pytest.mark.slow
+def test_weakness_14_a_key_shared_both_ways_does_not_echo(start: Start, pair: SocketsPair) -> None:
+    robot = start("robot", [pair.server(["x", "end"])])
+    client = start("client", [pair.client(["x", "end"])])
+    client.until_link("t")
+    client.store("x", "from the client")
+    robot.until_stored("x")
+    robot.store("x", "from the robot")
+    client.until_stored("x", 2)
+    # What bounced would come before these, on the same streams.
+    robot.store("end", 1)
+    client.until_stored("end")
+    client.store("end", 2)
+    robot.until_stored("end", 2)
+    assert client.stored["x"] == robot.stored["x"] == ["from the client", "from the robot"]
+
+
+def test_weakness_14_a_page_goes_round_a_mesh_of_four_at_most_once_per_link() -> None:
+    names = ["a", "b", "c", "d"]
+    pairs = {(i, j): SocketsPair((HERE, 1), name=f"{i}{j}") for i in names for j in names if i < j}
+    stored: list[str] = []
+    factories: dict[str, list[Any]] = {name: [] for name in names}
+    for name in names:
+        keeps = {(TaskType.store_page, "x"): lambda task, task_id, name=name: stored.append(name)}
+        factories[name] = [pair.server("x") for (server, _), pair in pairs.items() if server == name]
+        factories[name] += [pair.client("x") for (_, client), pair in pairs.items() if client == name]
+        factories[name].append(PartFactory(keeps))  # type: ignore[arg-type]
+    factories["a"].append(TickerFactory(lambda loop: (loop.store_data("x", 1), loop.stop())))
+    SimRunner(Config(factories=factories), until_s=20.0).run()
+    assert set(stored) == set(names)
+    assert len(stored) <= 1 + 2 * len(pairs)
+
+
+@pytest.mark.slow
+def test_a_payload_in_many_segments_is_one_page(robot: Any, pair: SocketsPair, raw: Connect) -> None:
+    far = raw(pair.port)
+    robot.until_link("t")
+    for byte in encode_frame(Page("x", [1, 2, 3], "raw", 0.0).serialize()):
+        far.sock.sendall(bytes([byte]))
+    assert robot.until_stored("x") == [[1, 2, 3]]
+
+
+@pytest.mark.slow
+def test_a_port_in_use_is_an_error_that_names_it(start: Start, robot: Any, pair: SocketsPair) -> None:
+    other = start("other", [SocketsPair((HERE, pair.port)).server()])
+    other.thread.join(30)
+    text = str(other.failure)
+    assert f"cannot listen on 127.0.0.1 port {pair.port}: Address already in use" in text
+    assert f"grep {pair.port}" in text
+
+
+@pytest.mark.slow
+def test_a_server_that_vanishes_is_called_again_until_it_is_back(start: Start) -> None:
+    pair = SocketsPair((HERE, 0), name="t")
+    robot = start("robot", [pair.server()])
+    robot.until_link("t", up=False)
+    client = start("client", [pair.client("x")])
+    client.until_link("t")
+    robot.end()
+    assert "left" in client.until_link("t", up=False)["reason"]
+    client.store("x", 1, 2, 3)
+    client.until_stored("x", 3)
+    again = start("robot", [pair.server()])
+    client.until_link("t")
+    assert again.until_stored("x") == [3]  # the newest that was stored while nobody was there
+    assert client.until_link("t", dropped=2)
+
+
+@pytest.mark.slow
+def test_a_host_that_does_not_resolve_is_told_and_tried_again_without_holding_anybody_up(
+    start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hang = threading.Event()
+
+    def resolve(*args: Any, **kwargs: Any) -> Any:
+        hang.wait(30)
+        raise socket.gaierror(-2, "Name or service not known")
+
+    monkeypatch.setattr(socket, "getaddrinfo", resolve)
+    client = start("client", [SocketsPair(("robot.invalid", 9120), name="t").client("x")])
+    client.store("x", 1)
+    client.until_stored("x")
+    client.until_link("t", up=False)
+    hang.set()
+    client.until(lambda: "robot.invalid:9120: Name or" in client.stored["link_t"][-1]["reason"], "the reason")
+    hang.clear()
+    start_s = time.monotonic()
+    client.end()
+    assert time.monotonic() - start_s < 5  # it hangs for 30
+    hang.set()

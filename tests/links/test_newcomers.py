@@ -1,0 +1,119 @@
+"""Who may greet: a few of each address, and nobody has to make room for one who connects again and again."""
+
+from __future__ import annotations
+
+import pytest
+
+from snr_sim.links import tcp_server
+from snr_sim.links.newcomers import GREETINGS_AT_ONCE, GREETINGS_PER_S, MAX_ADDRESSES, MAX_KNOWN, Newcomers
+from snr_sim.links.session import MAX_WAITING_BYTES
+from snr_sim.links.tcp_server import MAX_NEWCOMERS
+
+from .test_fairness import OTHER, PING, Arena, Far
+from .test_fairness import Newcomers as Attackers
+
+STRANGER, HONEST = "192.0.2.1", "192.0.2.2"
+
+
+def greetings(newcomers: Newcomers, address: str, time_s: float = 0.0) -> int:
+    return sum(newcomers.may_greet(address, time_s) for _ in range(1000))
+
+
+def test_address_gets_some_greetings_at_once_and_then_a_few_a_second() -> None:
+    newcomers = Newcomers()
+    assert greetings(newcomers, STRANGER) == GREETINGS_AT_ONCE
+    assert greetings(newcomers, STRANGER, 2.0) == 2 * GREETINGS_PER_S
+    assert newcomers.may_greet(HONEST, 2.0)
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1", "127.0.0.2", "::1", "::ffff:127.0.0.1"])
+def test_this_machine_may_greet_as_often_as_it_likes(address: str) -> None:
+    assert greetings(Newcomers(), address) == 1000
+
+
+def test_address_from_which_somebody_has_come_up_may_greet_as_often_as_it_likes() -> None:
+    newcomers = Newcomers()
+    newcomers.know(HONEST)
+    assert greetings(newcomers, HONEST) == 1000
+
+
+def test_ipv6_network_counts_as_one_address() -> None:
+    newcomers = Newcomers()
+    allowed = sum(newcomers.may_greet(f"2001:db8::{i:x}", 0.0) for i in range(1000))
+    assert allowed == GREETINGS_AT_ONCE
+
+
+def test_many_addresses_take_bounded_memory() -> None:
+    newcomers = Newcomers()
+    for i in range(5000):
+        newcomers.may_greet(f"10.0.{i // 256}.{i % 256}", 0.0)
+        newcomers.know(f"10.1.{i // 256}.{i % 256}")
+    assert len(newcomers._greetings) == MAX_ADDRESSES
+    assert len(newcomers._known) == MAX_KNOWN
+
+
+@pytest.fixture
+def arena(monkeypatch: pytest.MonkeyPatch) -> Arena:
+    return Arena(monkeypatch)
+
+
+@pytest.mark.slow
+def test_storm_from_one_address_is_closed_at_once_beyond_its_greetings(arena: Arena) -> None:
+    greeted: list[str] = []
+    begin = arena.link._add_stream
+    arena.link._add_stream = lambda port, where: greeted.append(where) or begin(port, where)
+    storm = Attackers(arena, lambda sock: None, address=STRANGER)
+    arena.attack(storm)
+    assert storm.count > 3 * GREETINGS_AT_ONCE
+    assert len(greeted) <= GREETINGS_AT_ONCE + 1 + GREETINGS_PER_S
+    assert len(arena.link.streams) <= 1 + GREETINGS_AT_ONCE
+
+
+@pytest.mark.slow
+def test_client_of_another_address_greets_while_a_known_address_fills_all_places(arena: Arena) -> None:
+    arena.link._newcomers.know(STRANGER)  # so nothing limits its greetings
+    arena.fars.append(Attackers(arena, lambda sock: None, kept=1000, address=STRANGER))
+    arena.run_for(0.3)
+    sock = arena.network.connect("127.0.0.1", arena.pair.port, HONEST)
+    arena.run_for(0.5)  # it says nothing, so it may be the oldest of all
+    waiting = [stream.where for stream in arena.link.streams if not stream.is_admitted]
+    assert len(waiting) == MAX_NEWCOMERS
+    assert f"{HONEST}:40000" in waiting
+    sock.close()
+
+
+@pytest.mark.slow
+def test_peers_of_one_name_that_take_all_places_make_room_for_another_name(
+    arena: Arena, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tcp_server, "MAX_PEERS", 8)  # each that comes again takes simulated, and real, time
+    far: list[Far] = []
+    for _ in range(8 + 5):
+        far.append(Far(arena, list, "many"))
+        arena.fars.append(far[-1])
+        arena.run_for(0.02)
+    late = Far(arena, lambda: list(OTHER), "late")
+    arena.fars.append(late)
+    arena.run_for(0.3)
+    names = [peer.session.peer_node for peer in arena.link.peers]
+    assert len(names) <= 8
+    assert names.count("pilot") == names.count("late") == 1
+    assert late.comings == 1
+
+
+@pytest.mark.slow
+def test_peer_that_reads_no_answers_is_closed_before_they_fill_the_memory(arena: Arena) -> None:
+    most = 0
+    pump = arena.link._pump
+
+    def watch(stream: object) -> None:
+        nonlocal most
+        pump(stream)
+        most = max(most, *(sum(map(len, one._control)) for one in arena.link.streams), 0)
+
+    arena.link._pump = watch
+    far = Far(arena, lambda: [PING] * 50, reads=False)
+    arena.fars.append(far)
+    arena.run_for(3.0)
+    assert far.comings > 1
+    assert most <= MAX_WAITING_BYTES + 8192

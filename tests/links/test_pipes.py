@@ -1,0 +1,71 @@
+"""Links over pipes: between threads here, between processes in tests/links/test_processes.py."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from multiprocessing import Pipe
+from typing import Any
+
+import pytest
+
+from snr_sim import Config, PipeLoopFactory, PipesPair, SimRunner
+from snr_sim.links.pipes import PipePort
+from snr_sim.prelude.errors import LinkError
+from snr_sim.testing.parts import TickerFactory
+
+
+@pytest.mark.slow
+def test_pages_cross_a_pipe_both_ways_and_the_end_is_noticed(start: Callable[..., Any]) -> None:
+    ours, theirs = Pipe()
+    a = start("a", [PipeLoopFactory(ours, "x")])
+    b = start("b", [PipeLoopFactory(theirs, ["y"])])
+    a.store("x", *range(100))
+    b.store("y", (1, 2))
+    a.until_link("pipe")
+    b.until_link("pipe")
+    assert a.until_stored("y") == [(1, 2)]
+    b.until(lambda: b.stored["x"] and b.stored["x"][-1] == 99)
+    assert a.until_link("pipe", up=True)["left"] is False
+    b.end()
+    gone = a.until_link("pipe", up=False)
+    assert (gone["left"], gone["reason"]) == (True, "'b_node' left: node 'b_node' ended: test is over.")
+
+
+def test_a_pipes_pair_runs_in_lock_step_too() -> None:
+    pair = PipesPair()
+    values = iter(range(100))
+    config = Config(
+        factories={
+            "a": [TickerFactory(lambda loop: loop.store_data("x", next(values)), rate_hz=10), pair.client("x")],
+            "b": [pair.server()],
+        }
+    )
+    runner = SimRunner(config, until_s=1.01)
+    runner.run()
+    assert runner.nodes["b"].get_data("x") == 10
+
+
+def test_a_pipe_that_goes_one_way_is_refused() -> None:
+    reader, writer = Pipe(duplex=False)
+    with pytest.raises(LinkError, match="one way only"):
+        PipePort(reader)
+    reader.close()
+    writer.close()
+
+
+@pytest.mark.slow
+def test_link_over_a_pipe_that_fails_stays_down_and_its_node_runs(
+    start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pair = PipesPair()
+    a, b = start("a", [pair.client("x")]), start("b", [pair.server()])
+    a.until_link("pipe")
+    b.until_link("pipe")
+    monkeypatch.setattr(a.node.components["link_pipe"], "_until_s", lambda now_s: 1 / 0)
+    assert "ZeroDivisionError" in a.until_link("pipe", up=False)["reason"]
+    assert "closed" in b.until_link("pipe", up=False)["reason"]
+    monkeypatch.undo()
+    a.store("x", 1)
+    a.until_stored("x")
+    page = a.until_link("pipe", up=False, failures=a.node.components["link_pipe"].failures)
+    assert "ZeroDivisionError" in page["reason"]

@@ -1,0 +1,262 @@
+"""Who may talk to a node: secrets, addresses, certificates; in words first, then over real sockets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim import CommandReceiverFactory, SocketsPair, Tls, secret_from_env, secret_from_file
+from snr_sim.links.faults import Faults
+from snr_sim.links.messages import Refused
+from snr_sim.links.security import as_networks, is_allowed, is_loopback
+from snr_sim.prelude.errors import ConfigError
+
+HERE = "127.0.0.1"
+Start = Callable[..., Any]
+
+
+def test_a_short_secret_is_refused_with_a_way_to_make_one() -> None:
+    with pytest.raises(ConfigError, match=r"has 6 bytes, and at least 16(.|\n)*token_hex"):
+        SocketsPair((HERE, 0), secret="secret")
+
+
+@pytest.mark.parametrize("secret", [20, [0] * 16, 1234567890123456789, True, bytearray(16), Path("secret")])
+def test_only_text_and_bytes_are_a_secret(secret: Any) -> None:
+    with pytest.raises(ConfigError, match=f"secret=.* is of type {type(secret).__name__}"):
+        SocketsPair((HERE, 0), secret=secret)
+    with pytest.raises(ConfigError, match=f"token=.* is of type {type(secret).__name__}"):
+        CommandReceiverFactory(0, token=secret)
+
+
+def test_text_that_is_none_in_utf8_is_no_secret() -> None:
+    with pytest.raises(ConfigError, match=r"\(secret=\) holds half a character at place 4"):
+        SocketsPair((HERE, 0), secret="good\ud800 and sixteen or more")
+
+
+@pytest.mark.parametrize("allow", [None, 5, b"1234", [1], [b"1234"]])
+def test_what_names_no_address_allows_nobody(allow: Any) -> None:
+    with pytest.raises(ConfigError, match=r"allow(.|\n)*Try: \[\"192"):
+        SocketsPair((HERE, 0), allow=allow)
+
+
+def test_certificates_are_paths() -> None:
+    with pytest.raises(ConfigError, match=r"TLS with certificate=5\.(.|\n)*Try: the path of a PEM file"):
+        Tls(5, 6)  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match=r"TLS with server_name=None"):
+        Tls(server_name=None)  # type: ignore[arg-type]
+
+
+def test_a_secret_comes_from_a_file_or_the_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "secret").write_text("0123456789abcdef\n")
+    assert secret_from_file(tmp_path / "secret") == b"0123456789abcdef"
+    monkeypatch.setenv("SNR_SECRET", "fedcba9876543210")
+    assert secret_from_env("SNR_SECRET") == b"fedcba9876543210"
+    with pytest.raises(ConfigError, match="cannot be read"):
+        secret_from_file(tmp_path / "none")
+    with pytest.raises(ConfigError, match="NO_SUCH_SECRET should hold"):
+        secret_from_env("NO_SUCH_SECRET")
+
+
+def test_only_this_machine_and_named_networks_are_allowed() -> None:
+    networks = as_networks(["10.1.0.0/16", "192.168.2.7"])
+    allowed = {
+        "127.0.0.1": True,
+        "::1": True,
+        "::ffff:127.0.0.1": True,
+        "10.1.200.3": True,
+        "::ffff:10.1.200.3": True,
+        "192.168.2.7": True,
+        "192.168.2.8": False,
+        "fe80::1%eth0": False,
+        "nonsense": False,
+    }
+    assert {address: is_allowed(address, networks) for address in allowed} == allowed
+    assert is_loopback("localhost")
+    assert not is_loopback("robot.local")
+    with pytest.raises(ConfigError, match=r"'10\.1\.\*'"):
+        as_networks(["10.1.*"])
+
+
+@pytest.mark.slow
+def test_an_address_that_is_not_allowed_is_told_so_before_it_is_listened_to(
+    start: Start, raw: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Every peer of a test comes from this machine, so the rule itself has to say no here.
+    monkeypatch.setattr("snr_sim.links.tcp_server.is_allowed", lambda address, networks: False)
+    pair = SocketsPair((HERE, 0), name="t")
+    robot = start("robot", [pair.server()])
+    robot.until_link("t", up=False)
+    last = raw(pair.port).messages(until=Refused)[-1]
+    assert "127.0.0.1 may not connect to node 'robot_node'" in last.reason
+    assert robot.stored["link_t"][-1]["up"] is False
+
+
+@pytest.mark.slow
+def test_a_wrong_secret_is_told_to_both_ends_and_the_right_one_connects(start: Start) -> None:
+    pair = SocketsPair((HERE, 0), name="t", secret="the right secret of this robot")
+    robot = start("robot", [pair.server()])
+    robot.until_link("t", up=False)
+    wrong = SocketsPair((HERE, pair.port), name="t", secret="the wrong secret of this robot")
+    intruder = start("intruder", [wrong.client("x")])
+    intruder.store("x", "evil")
+    intruder.until_link("t", up=False)
+    intruder.until(lambda: "secrets of the two ends differ" in intruder.stored["link_t"][-1]["reason"], "refused")
+    none = start("none", [SocketsPair((HERE, pair.port), name="t").client("x")])
+    none.until(lambda: none.stored["link_t"] and "asks for a shared" in none.stored["link_t"][-1]["reason"], "refused")
+    honest = start("honest", [SocketsPair((HERE, pair.port), name="t", secret=pair.secret).client("x")])
+    honest.until_link("t")
+    honest.store("x", "good")
+    assert robot.until_stored("x") == ["good"]
+
+
+@pytest.mark.slow
+def test_a_wrong_secret_is_told_also_through_a_line_that_delays(start: Start) -> None:
+    late = Faults(latency_s=0.02)
+    pair = SocketsPair((HERE, 0), name="t", secret="the right secret of this robot", faults=late)
+    robot = start("robot", [pair.server()])
+    robot.until_link("t", up=False)
+    wrong = SocketsPair((HERE, pair.port), name="t", secret="the wrong secret of this robot", faults=late)
+    intruder = start("intruder", [wrong.client("x")])
+    intruder.until_link("t", up=False)
+    intruder.until(lambda: "secrets of the two ends differ" in intruder.stored["link_t"][-1]["reason"], "refused")
+
+
+@pytest.mark.slow
+def test_a_page_that_waits_at_a_server_with_a_secret_goes_to_the_first_who_proves_it(start: Start) -> None:
+    pair = SocketsPair((HERE, 0), name="t", secret="the right secret of this robot")
+    robot = start("robot", [pair.server("depth")])
+    robot.until_link("t", up=False)
+    robot.store("depth", 1.5)
+    robot.until_stored("depth")
+    topside = start("topside", [pair.client()])
+    assert topside.until_stored("depth") == [1.5]
+    assert [state["reason"] for state in topside.stored["link_t"] if "came" in state["reason"]] == []
+
+
+@pytest.mark.slow
+def test_pages_large_and_small_cross_tls_both_ways(start: Start, files: dict[str, str]) -> None:
+    tls = Tls(files["robot_cert"], files["robot_key"], files["authority"])
+    pair = SocketsPair((HERE, 0), name="t", tls=tls, max_frame_bytes=1 << 23)
+    robot = start("robot", [pair.server("photo")])
+    robot.until_link("t", up=False)
+    client = start("client", [pair.client("x")])
+    client.until_link("t")
+    robot.until_link("t")
+    robot.store("photo", "y" * 3_000_000)
+    for value in range(2000):
+        client.store("x", value)
+    assert robot.until_stored("x", 2000) == list(range(2000))
+    assert client.until_stored("photo") == ["y" * 3_000_000]
+
+
+@pytest.mark.slow
+def test_a_server_that_the_authority_did_not_sign_is_not_talked_to(start: Start, files: dict[str, str]) -> None:
+    tls = Tls(files["robot_cert"], files["robot_key"], files["stranger"])
+    pair = SocketsPair((HERE, 0), name="t", tls=tls)
+    robot = start("robot", [pair.server()])
+    robot.until_link("t", up=False)
+    client = start("client", [pair.client("x")])
+    client.until_link("t", up=False)
+    client.until(lambda: "certificate verify failed" in client.stored["link_t"][-1]["reason"], "reason")
+    assert robot.thread.is_alive()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("has_it", ["server", "client"])
+def test_tls_on_one_end_only_is_said_with_what_to_try(start: Start, files: dict[str, str], has_it: str) -> None:
+    tls = Tls(files["robot_cert"], files["robot_key"], files["authority"])
+    pair = SocketsPair((HERE, 0), name="t", tls=tls if has_it == "server" else None)
+    robot = start("robot", [pair.server()])
+    robot.until_link("t", up=False)
+    there = SocketsPair((HERE, pair.port), name="t", tls=tls if has_it == "client" else None)
+    client = start("client", [there.client("x")])
+
+    def says(end: Any, words: str) -> None:
+        end.until(lambda: any(words in state["reason"] for state in end.stored["link_t"]), words)
+
+    fix = "Try: tls=Tls(...) on both ends"
+    says(robot if has_it == "server" else client, f"this end speaks TLS, the other does not. {fix} (")
+    if has_it == "client":  # to a client that is none, a server with TLS says nothing
+        says(robot, f"The other end speaks TLS, this one does not. {fix}.")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("which", "words"),
+    [
+        ("expired", "the other end's certificate has expired. Try: "),
+        ("elsewhere", "is for another address. Try: Tls(server_name="),
+        ("named", "is for another name. Try: Tls(server_name="),
+    ],
+)
+def test_a_certificate_that_does_not_fit_is_told_with_what_to_try(
+    start: Start, tmp_path: Path, which: str, words: str
+) -> None:
+    trustme = pytest.importorskip("trustme")
+    authority = trustme.CA()
+    yesterday = datetime.now(UTC) - timedelta(days=1)
+    cert = {
+        "expired": lambda: authority.issue_cert(HERE, not_after=yesterday),
+        "elsewhere": lambda: authority.issue_cert("10.0.0.7"),
+        "named": lambda: authority.issue_cert(HERE),
+    }[which]()
+    paths = [str(tmp_path / name) for name in ("cert", "key", "authority")]
+    for path, blob in zip(paths, (cert.cert_chain_pems[0], cert.private_key_pem, authority.cert_pem), strict=True):
+        blob.write_to_path(path)
+    tls = Tls(*paths, server_name="robot.example" if which == "named" else "")
+    pair = SocketsPair((HERE, 0), name="t", tls=tls)
+    robot = start("robot", [pair.server()])
+    robot.until_link("t", up=False)
+    client = start("client", [pair.client()])
+    client.until(lambda: any(words in state["reason"] for state in client.stored["link_t"]), words)
+    assert "([SSL: CERTIFICATE_VERIFY_FAILED]" in client.stored["link_t"][-1]["reason"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("who", ["student", "evil", "nobody"])
+def test_with_client_certificates_only_those_of_the_authority_get_in(
+    start: Start, files: dict[str, str], who: str
+) -> None:
+    server = Tls(files["robot_cert"], files["robot_key"], client_authority=files["authority"])
+    pair = SocketsPair((HERE, 0), name="t", tls=server)
+    robot = start("robot", [pair.server()])
+    robot.until_link("t", up=False)
+    own = {} if who == "nobody" else {"client_certificate": files[f"{who}_cert"], "client_key": files[f"{who}_key"]}
+    there = SocketsPair((HERE, pair.port), name="t", tls=Tls(authority=files["authority"], **own))
+    client = start("client", [there.client("x")])
+    client.store("x", who)
+    if who == "student":
+        assert robot.until_stored("x") == ["student"]
+        return
+    words = {
+        "evil": "is not signed by the authority this end trusts. Try: ",
+        "nobody": "the client shows no certificate. Try: ",
+    }
+    robot.until(lambda: words[who] in robot.stored["link_t"][-1]["reason"], "reason")
+    assert not robot.stored["x"]
+
+
+@pytest.mark.slow
+def test_who_does_not_speak_tls_gets_nowhere(start: Start, files: dict[str, str], raw: Callable[..., Any]) -> None:
+    tls = Tls(files["robot_cert"], files["robot_key"], files["authority"])
+    pair = SocketsPair((HERE, 0), name="t", tls=tls)
+    robot = start("robot", [pair.server()])
+    robot.until_link("t", up=False)
+    assert raw(pair.port).sock.recv(100)[:1] in (b"\x15", b"")  # an alert of TLS, or the end
+    client = start("client", [pair.client("x")])
+    client.until_link("t")
+
+
+def test_certificates_that_cannot_be_used_are_an_error_at_construction(files: dict[str, str]) -> None:
+    with pytest.raises(ConfigError, match=r"cannot use its files \(/nowhere\.pem"):
+        SocketsPair((HERE, 0), tls=Tls("/nowhere.pem", files["robot_key"])).server()
+    with pytest.raises(ConfigError, match="cannot use its files"):
+        SocketsPair((HERE, 0), tls=Tls(files["robot_cert"], files["student_key"])).server()
+    with pytest.raises(ConfigError, match="without the server's certificate"):
+        SocketsPair((HERE, 0), tls=Tls(authority=files["authority"])).server()
+    with pytest.raises(ConfigError, match="without the authority"):
+        SocketsPair((HERE, 0), tls=Tls(files["robot_cert"], files["robot_key"])).client()

@@ -1,0 +1,135 @@
+"""Links over TCP, on this machine's own address, each with a port that is free."""
+
+from __future__ import annotations
+
+import random
+import socket
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+import pytest
+
+from snr_sim import Config, SimRunner, SocketsPair, TaskType, tasks
+from snr_sim.links.restarting import error_text
+from snr_sim.links.tcp_client import Calls, connect
+from snr_sim.testing.parts import PartFactory, TickerFactory
+
+HERE = "127.0.0.1"
+
+
+def free_port() -> int:
+    """A port that nobody has, below those that systems give to whoever connects to something meanwhile."""
+    while True:
+        port = random.randrange(20_000, 32_000)
+        with socket.socket() as sock, suppress(OSError):
+            sock.bind((HERE, port))
+            return port
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("order", ["robot first", "topside first"])
+def test_weakness_9_two_way_links_start_in_either_order(start: Callable[..., Any], order: str) -> None:
+    down, up = SocketsPair((HERE, free_port()), name="down"), SocketsPair((HERE, free_port()), name="up")
+    roles = {
+        "topside": [down.client("controller_input"), up.server()],
+        "robot": [down.server(), up.client(["depth"])],
+    }
+    names = ["robot", "topside"] if order == "robot first" else ["topside", "robot"]
+    first = start(names[0], roles[names[0]])
+    first.until_link("down", up=False)
+    running = {names[0]: first, names[1]: start(names[1], roles[names[1]])}
+    for node in running.values():
+        node.until_link("down")
+        node.until_link("up")
+    running["topside"].store("controller_input", {"axis": 0.5})
+    running["robot"].store("depth", 1.5)
+    assert running["robot"].until_stored("controller_input") == [{"axis": 0.5}]
+    assert running["topside"].until_stored("depth") == [1.5]
+
+
+def test_the_same_config_runs_in_lock_step_without_sockets() -> None:
+    pair = SocketsPair((HERE, 1), name="tether")
+    values = iter(range(20))
+    config = Config(
+        factories={
+            "robot": [TickerFactory(lambda loop: loop.store_data("x", next(values)), rate_hz=10), pair.client("x")],
+            "topside": [pair.server()],
+        }
+    )
+    runner = SimRunner(config, until_s=1.95)
+    runner.run()
+    assert runner.nodes["topside"].get_data("x") == 19
+    assert runner.nodes["topside"].get_data("link_tether")["received"] >= 10
+
+
+@pytest.mark.slow
+def test_a_node_that_never_rests_still_hears_its_links(start: Callable[..., Any]) -> None:
+    """Its own thread reads them at the door; if it does not come there, the link's thread does."""
+    pair = SocketsPair(("127.0.0.1", 0), name="wire")
+    busy = PartFactory({(TaskType.event, "again"): lambda task, task_id: tasks.event("again")}, "busy")
+    server = start("server", [pair.server(), busy])
+    server.until_link("wire", up=False)
+    server.node.schedule(tasks.event("again"))
+    client = start("client", [pair.client("depth")])
+    client.until_link("wire")
+    client.store("depth", *range(2_000))
+    assert server.until_stored("depth", 2_000) == list(range(2_000))
+
+
+@pytest.mark.slow
+def test_a_handler_that_takes_long_does_not_cost_the_link(start: Callable[..., Any]) -> None:
+    """The link's thread keeps it alive meanwhile: longer than the far end would wait for a silent one."""
+    pair = SocketsPair(("127.0.0.1", 0), name="wire", keep_alive_s=0.05, timeout_s=1.0)
+    done = threading.Event()
+    slow = PartFactory({(TaskType.process_data, "depth"): lambda task, task_id: done.wait(30.0) and None}, "slow")
+    server = start("server", [pair.server(), slow])
+    server.until_link("wire", up=False)
+    client = start("client", [pair.client("depth")])
+    client.until_link("wire")
+    client.store("depth", 1)
+    reports = len(client.stored["link_wire"])
+    client.until(lambda: len(client.stored["link_wire"]) >= reports + 3, "three reports, one a second")
+    done.set()
+    assert all(report["up"] for report in client.stored["link_wire"][reports:])
+
+
+@pytest.mark.parametrize("error", [OSError(1, "broken"), UnicodeError("a name"), RuntimeError("a bug"), MemoryError()])
+def test_call_that_fails_in_any_way_gets_an_answer(monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
+    def fail(host: str, port: int) -> socket.socket:
+        raise error
+
+    told: list[None] = []
+    calls = Calls(lambda: told.append(None))
+    monkeypatch.setattr("snr_sim.links.tcp_client.connect", fail)
+    calls._connect(HERE, 1)
+    assert calls.answers.get_nowait() == error_text(error)
+    assert told
+
+
+@pytest.mark.slow
+def test_name_that_no_certificate_has_leaves_the_client_calling(
+    start: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*args: object) -> None:
+        "".join(["x" * 70]).encode("idna")
+
+    monkeypatch.setattr("snr_sim.links.tcp_client.SocketPort", refuse)
+    with socket.create_server((HERE, 0)) as server:
+        client = start("client", [SocketsPair(server.getsockname(), name="t").client("depth")])
+        client.until(lambda: any("label" in report["reason"] for report in client.stored["link_t"]))
+        assert client.stored["link_t"][-1]["failures"] == 0
+
+
+@pytest.mark.slow
+def test_a_client_does_not_take_itself_for_the_server(monkeypatch: pytest.MonkeyPatch) -> None:
+    def call_oneself(address: tuple[str, int], timeout_s: float) -> socket.socket:
+        sock = socket.socket()
+        sock.bind((HERE, 0))
+        sock.connect(sock.getsockname())  # what a client does by chance when both ports are one
+        return sock
+
+    monkeypatch.setattr(socket, "create_connection", call_oneself)
+    with pytest.raises(ConnectionRefusedError, match="nobody listens"):
+        connect(HERE, 1)

@@ -1,0 +1,307 @@
+"""A scenario made ready and run: what is wrong with its files is said, and every run comes to a result."""
+
+import json
+import math
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim.cli.run import record_run
+from snr_sim.prelude.errors import ConfigError, DeviceError, MissingExtra, TraceError, UnknownName
+from snr_sim.recording.folder import RESULT_NAME, as_json, new_run_folder, read_result, write_result
+from snr_sim.recording.reader import read_trace
+from snr_sim.recording.trace import FILE_NAME, TraceWriter
+from snr_sim.scenario.flight import Flight, Result
+from snr_sim.scenario.library import find
+from snr_sim.scenario.simulation import Request, Simulation, prepare, request_of
+
+Scenario = Callable[..., Path]
+
+
+@pytest.fixture
+def scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Scenario:
+    """Returns a function that writes scenarios/own.py: lander_vertical, with some of its text replaced."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("SNR_SIM_PATH", raising=False)
+
+    def write(*changes: tuple[str, str]) -> Path:
+        text = find("scenarios", "lander_vertical").path.read_text()
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        path = tmp_path / "scenarios" / "own.py"
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def run(name: str = "own", **request: Any) -> tuple[Result, Any]:
+    simulation = prepare(Request(name, **request))
+    plant = simulation.plant()
+    return Flight(simulation, plant, simulation.config(plant)).run(), plant
+
+
+def record(name: str = "own", **request: Any) -> dict[str, Any]:
+    fields, status = record_run(Request(name, **request), Path("runs"), None, is_viewed=False, live="", is_quiet=True)
+    assert status == (0 if fields["success"] else 1)
+    return fields
+
+
+VERDICT = "    return judge(plant)"
+METRICS = "    return vertical_metrics(plant, start(seed), parameters(seed).engine)"
+PLANT = "    return Lander1D(start, parameters(seed).engine, seed, gear=APOLLO.gear)"
+
+
+def test_a_scenario_of_the_students_own_runs_like_ours(scenario: Scenario) -> None:
+    scenario()
+    own, _ = run()
+    ours, _ = run("lander_vertical")
+    assert (own.outcome, own.metrics, own.tasks) == (ours.outcome, ours.metrics, ours.tasks)
+    by_file, _ = run("./scenarios/own.py")
+    assert by_file.metrics == ours.metrics
+
+
+# What is wrong with its files is said before anything is written
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (PLANT, "    return None", "plant(seed, engine) returned None, which is not a plant"),
+        (PLANT, "    return 1 / 0", "own.py, line "),
+        (PLANT, "    return Lander1D", "which is not a plant"),
+        ("    begin = start(seed)", "    begin = strt(seed)", "NameError: name 'strt' is not defined"),
+        ('ROBOT = "lander"', 'ROBOT = "landr"', "no robot 'landr'"),
+        ('CONTROLLER = "optimal"', 'CONTROLLER = "optiml"', "did you mean 'optimal'?"),
+        (
+            "def plant(seed: int, engine: str)",
+            "def plant(seed: int)",
+            "plant(seed) is called with 2 argument(s): plant(seed, engine)",
+        ),
+    ],
+)
+def test_a_scenario_that_cannot_begin_is_explained(scenario: Scenario, old: str, new: str, said: str) -> None:
+    scenario((old, new))
+    with pytest.raises(ConfigError) as caught:
+        record()
+    assert said in str(caught.value)
+    assert not Path("runs").exists()
+
+
+@pytest.mark.parametrize(
+    ("returned", "said"),
+    [
+        ("None", "which has no components for the role 'lander'"),
+        ("[]", "which has no components for the role 'lander'"),
+        ('{"landr": []}', "which has no components for the role 'lander'"),
+        ('{"lander": 5}', "which has no components for the role 'lander'"),
+        ("1 / 0", "robot.py, line "),
+    ],
+)
+def test_a_robot_whose_roles_are_none_is_explained(scenario: Scenario, returned: str, said: str) -> None:
+    import shutil
+
+    shutil.copytree(find("robots", "lander").path, "robots/lander")
+    robot = Path("robots/lander/robot.py")
+    text = robot.read_text()
+    wired = '    return {"lander": [*sensors, *controller, engine]}'
+    assert wired in text
+    robot.write_text(text.replace(wired, f"    return {returned}"))
+    with pytest.raises(ConfigError) as caught:
+        record("lander_vertical")
+    assert said in str(caught.value)
+    assert not Path("runs").exists()
+
+
+@pytest.mark.parametrize(
+    ("returned", "said"),
+    [
+        ("5", "robot.py: dressed(rig) returned 5, which is not a plant"),
+        ("None", "returned None, which is not a plant"),
+        ("1 / 0", "ZeroDivisionError"),
+    ],
+)
+def test_a_robot_that_puts_no_plant_in_the_plants_place_is_explained(
+    scenario: Scenario, returned: str, said: str
+) -> None:
+    import shutil
+
+    shutil.copytree(find("robots", "lander").path, "robots/lander")
+    robot = Path("robots/lander/robot.py")
+    text = robot.read_text()
+    kept = "        return rig.plant\n"
+    assert text.count(kept) == 1
+    robot.write_text(text.replace(kept, f"        return {returned}\n"))
+    with pytest.raises(ConfigError) as caught:
+        record("lander_vertical")
+    assert said in str(caught.value)
+    assert not Path("runs").exists()
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"engine": "pymnk"}, {"io": "p"}, {"role": "x"}, {"controller": "x"}, {"scenario": "x"}]
+)
+def test_what_is_not_known_is_refused_by_prepare(wrong: dict[str, str]) -> None:
+    with pytest.raises(UnknownName):
+        prepare(Request(**{"scenario": "lander_vertical", **wrong}))
+
+
+# What goes wrong in flight comes to a result, and a trace that is whole
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (VERDICT, "    return None if plant.time_s < 5.0 else 1 / 0", "ZeroDivisionError"),
+        (VERDICT, '    return "landed" if plant.time_s > 5.0 else None', "returned 'landed', which is not a Verdict"),
+        (VERDICT, "    return plant.time_s > 5.0", "which is not a Verdict"),
+        (METRICS, "    return 1 / 0", "while metrics(plant, seed) was called"),
+        (METRICS, "    return None", "returned None, which is not a dict"),
+        (PLANT, PLANT.replace("return", "lander =") + "\n    lander.step = lambda dt_s: 1 / 0\n    return lander",
+         "ZeroDivisionError"),
+    ],
+)  # fmt: skip
+def test_a_scenario_that_fails_in_flight_comes_to_an_error_with_its_line(
+    scenario: Scenario, old: str, new: str, said: str
+) -> None:
+    scenario((old, new))
+    fields = record()
+    assert fields["outcome"] == "error"
+    assert said in fields["error"]
+    assert fields["error"].startswith("scenarios/own.py")
+    folder = Path(fields["run_dir"])
+    assert read_trace(folder / FILE_NAME).is_ended
+    assert read_result(folder) == json.loads(as_json(fields))
+
+
+def test_a_time_limit_ends_a_run(scenario: Scenario) -> None:
+    scenario(("TIME_LIMIT_S = 240.0", "TIME_LIMIT_S = 3"))
+    fields = record()
+    assert (fields["outcome"], fields["success"]) == ("timeout", False)
+    assert fields["sim_time_s"] == pytest.approx(3.0, abs=0.1)
+
+
+def test_numbers_that_json_does_not_have_become_null(scenario: Scenario, tmp_path: Path) -> None:
+    scenario(
+        (
+            METRICS,
+            "    import numpy as np\n    return {'a': float('nan'), 'b': np.int64(3), 'c': np.array([1.0, np.inf])}",
+        )
+    )
+    fields = record()
+    assert json.loads((Path(fields["run_dir"]) / RESULT_NAME).read_bytes())["c"] == [1.0, None]
+    assert json.loads(as_json(fields))["a"] is None
+    assert json.loads(as_json({"n": {1, 2}, "p": tmp_path, 3: math.inf})) == {
+        "n": [1, 2],
+        "p": str(tmp_path),
+        "3": None,
+    }
+
+
+@pytest.mark.parametrize("where", ["controller", "scenario"])
+def test_the_engine_is_off_after_a_run_that_failed(scenario: Scenario, tmp_path: Path, where: str) -> None:
+    mine = tmp_path / "mine.py"
+    coast = (find("robots", "lander").path / "controllers" / "coast.py").read_text()
+    fails = "        if self.get_time_s() > 5.0:\n            raise ValueError\n" if where == "controller" else ""
+    mine.write_text(coast.replace("0.0", "1.0").replace("        command:", f"{fails}        command:"))
+    scenario(*([(VERDICT, "    return None if plant.time_s < 5.0 else 1 / 0")] if where == "scenario" else []))
+    result, plant = run(controller=str(mine))
+    assert result.outcome == "error"
+    fuel_kg = plant.truth()["values"]["fuel_kg"]
+    plant.step(0.5)  # the engine's lag
+    plant.step(0.5)
+    low_kg = plant.truth()["values"]["fuel_kg"]
+    plant.step(0.5)
+    assert plant.truth()["values"]["fuel_kg"] == pytest.approx(low_kg, abs=0.5)
+    assert low_kg <= fuel_kg
+
+
+# A run is the same however it is looked at
+
+
+@pytest.mark.parametrize("name", ["lander_vertical", "lander_pad"])
+def test_recording_changes_nothing(name: str, tmp_path: Path) -> None:
+    bare, _ = run(name, seed=3)
+    simulation = prepare(Request(name, seed=3))
+    plant = simulation.plant()
+    config = simulation.config(plant)
+    recorder = TraceWriter(tmp_path / FILE_NAME, simulation.header(plant, config))
+    recorded = Flight(simulation, plant, config, recorder, pace=1e6, on_advance=lambda time_s: None).run()
+    recorder.close()
+    bare.wall_time_s = recorded.wall_time_s = 0.0
+    assert bare == recorded
+
+
+def test_a_header_leads_back_to_its_request(tmp_path: Path) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text('OPTIONS = {"a": "something"}\n\n\ndef factories(robot):\n    return []\n')
+    simulation = prepare(Request("lander_pad", seed=5, controller=str(path), options={"a": "b"}))
+    plant = simulation.plant()
+    header = simulation.header(plant, simulation.config(plant))
+    again = prepare(request_of(simulation.opening(), header))
+    assert isinstance(again, Simulation)
+    assert again.request.scenario == "lander_pad"
+    assert again.request.controller == str(path)
+    assert (again.request.seed, again.request.engine, again.request.options) == (
+        5,
+        simulation.request.engine,
+        {"a": "b"},
+    )
+    assert again.sources() == header.sources
+    other = path.rename(tmp_path / "other.py")
+    assert prepare(request_of(simulation.opening(), header, str(other))).request.controller == str(other)
+
+
+def test_a_controller_file_is_found_again_from_another_folder(
+    scenario: Scenario, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    coast = (find("robots", "lander").path / "controllers" / "coast.py").read_text()
+    Path("mine.py").write_text(coast)
+    fields = record("lander_vertical", controller="mine.py")
+    trace = read_trace(Path(fields["run_dir"]) / FILE_NAME)
+    assert trace.header.controller == "mine"
+    monkeypatch.chdir("/")
+    assert prepare(request_of(trace.opening, trace.header)).config(None)
+
+
+# Run folders
+
+
+def test_run_folders_are_never_shared(tmp_path: Path) -> None:
+    folders = {new_run_folder(tmp_path / "a" / "b", "own", -3) for _ in range(20)}
+    assert len(folders) == 20
+    assert all(folder.name.startswith("own--3-") for folder in folders)
+
+
+def test_a_result_is_whole_or_absent(tmp_path: Path) -> None:
+    assert read_result(tmp_path) == {}
+    write_result(tmp_path, {"a": 1})
+    assert read_result(tmp_path) == {"a": 1}
+    (tmp_path / RESULT_NAME).write_text('{"a": ')
+    assert read_result(tmp_path) == {}
+    with pytest.raises(TraceError, match=r"result.json could not be written: No such file or directory"):
+        write_result(tmp_path / "gone", {"a": 1})
+    assert [path.name for path in tmp_path.iterdir()] == [RESULT_NAME]
+
+
+@pytest.mark.parametrize(("io", "extra"), [("sim", "sim"), ("pi", "hardware")])
+def test_without_numpy_a_run_says_what_to_install_where_it_is_to_run(
+    monkeypatch: pytest.MonkeyPatch, io: str, extra: str
+) -> None:
+    monkeypatch.setitem(sys.modules, "numpy", None)
+    with pytest.raises(MissingExtra) as refused:
+        prepare(Request("urov_teleop", role="urov", io=io))
+    assert f"snr_sim[{extra}]" in refused.value.fix
+
+
+def test_a_port_is_looked_for_without_the_settings_that_follow_it(tmp_path: Path) -> None:
+    port = tmp_path / "ttyACM0"
+    port.touch()
+    prepare(Request("lander_pad", io=f"maestro:{port},crc")).check_wires()
+    with pytest.raises(DeviceError, match=rf"no serial port {port}1\."):
+        prepare(Request("lander_pad", io=f"maestro:{port}1,crc")).check_wires()

@@ -1,0 +1,98 @@
+# ruff: noqa: E501 (a table of changes)
+"""What is seen of a controller before it runs: nothing that is right, and nothing that may be right."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from snr_sim.scenario.flight import Flight
+from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.scenario.source_checks import notes_before, notes_on_files
+from tests.assignments.mistakes import LABS as ALL_LABS
+from tests.assignments.mistakes import write_solution, write_starter
+from tests.cli.student_mistakes import GENTLE
+
+ROOT = Path(__file__).parents[2]
+SCENARIOS = {"lander": "lander_pad", "urov": "urov_depth_hold"}
+CONTROLLERS = sorted(
+    path for path in ROOT.glob("robots/*/controllers/*.py") if path.stem not in ("q",) and path.stem[0] != "_"
+)
+# The file of a lab that is a controller, and a scenario of its robot.
+LABS = {
+    "01_hello_thruster": ("hello_thruster.py", "urov_depth_hold"),
+    "02_depth_hold": ("depth_hold.py", "urov_depth_hold"),
+    "04_pub_sub_graph": ("graph.py", "urov_depth_hold"),
+    "05_mission_state_machine": ("mission.py", "urov_gate"),
+    "07_two_nodes": ("two_nodes.py", "urov_bad_link"),
+    "08_sim_to_pi": ("depth_hold.py", "urov_depth_hold"),
+    "09_debug_by_replay": ("repaired.py", "lander_low_gate"),
+}
+
+
+def notes_on(path: Path, scenario: str) -> list[str]:
+    simulation = prepare(Request(scenario, controller=str(path)))
+    plant = simulation.plant()
+    return notes_before(simulation, Flight(simulation, plant, simulation.config(plant)).nodes)
+
+
+def own(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "mine.py"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize("path", CONTROLLERS, ids=lambda path: path.stem)
+def test_nothing_is_wrong_with_controllers_that_ship(path: Path, tmp_path: Path) -> None:
+    shutil.copytree(path.parent, tmp_path / "mine")
+    assert notes_on(tmp_path / "mine" / path.name, SCENARIOS[path.parts[-3]]) == []
+
+
+@pytest.mark.parametrize("lab", LABS)
+def test_nothing_is_wrong_with_references_of_labs(lab: str, tmp_path: Path) -> None:
+    file, scenario = LABS[lab]
+    assert notes_on(write_solution(lab, tmp_path / "mine") / file, scenario) == []
+
+
+@pytest.mark.parametrize("is_solved", [True, False])
+def test_nothing_is_wrong_with_any_file_of_a_lab(is_solved: bool, tmp_path: Path) -> None:
+    for lab in ALL_LABS:
+        folder = (write_solution if is_solved else write_starter)(lab, tmp_path / lab)
+        assert notes_on_files(sorted(folder.glob("*.py"))) == [], lab
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('self.get_data("radar")', 'self.get_data("ra" + "dar")'),
+        ("radar[", 'radar.get("altitude_n", 0.0) + radar['),
+        ("        radar =", '        key = "wind"\n        self.store_data(key, 1.0)\n        self.get_data("wind")\n        radar ='),
+        ("        radar =", '        self.store_data("wind", 1.0)\n        self.get_data("wind")\n        radar ='),
+        ("        radar =", '        self.get_data("radar_prev")\n        self.get_data("link_tether")\n        radar ='),
+        ("        radar =", "        vars(self)['gain'] = 1.0\n        setattr(self, 'gian', 2.0)\n        self.gian\n        radar ="),
+        ("        radar =", '        radar = {"here": 1}\n        radar["here"]\n        radar ='),
+        ("class Gentle(", "class Base:\n    gain = 1.0\n\n    def twice(self):\n        return self.of_both\n\n\nclass Gentle("),
+        ("        radar =", "        self.parent.name, self.rng, self.log, self.factory\n        radar ="),
+    ],
+)  # fmt: skip
+def test_what_may_be_right_is_left_alone(tmp_path: Path, old: str, new: str) -> None:
+    assert old in GENTLE
+    assert notes_on(own(tmp_path, GENTLE.replace(old, new, 1)), "lander_vertical") == []
+
+
+def test_source_that_is_nested_too_deeply_is_left_alone(tmp_path: Path) -> None:
+    deep = "DEEP = " + " + ".join(["1"] * 700) + "\n"
+    assert notes_on(own(tmp_path, deep + GENTLE.replace("altitude_m", "altitude_n")), "lander_vertical") == []
+
+
+def test_run_is_the_same_whether_its_source_was_looked_at_or_not(tmp_path: Path) -> None:
+    path = own(tmp_path, GENTLE.replace("min(max(throttle, 0.0), 1.0)", "0.25"))
+    ends = []
+    for is_looked_at in (False, True):
+        simulation = prepare(Request("lander_vertical", controller=str(path)))
+        plant = simulation.plant()
+        flight = Flight(simulation, plant, simulation.config(plant))
+        if is_looked_at:
+            assert notes_before(simulation, flight.nodes) == []
+        ends.append((flight.run().metrics, plant.snapshot()))
+    assert repr(ends[0]) == repr(ends[1])

@@ -1,0 +1,164 @@
+"""The picture of a run: that it is drawn, small, the same each time, and says what happened. Looks are for eyes."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from snr_sim.prelude.errors import MissingExtra, TraceError
+from snr_sim.recording.records import EndRecord, Header, Record, TruthRecord
+from snr_sim.view import picture, picture_canvas
+from snr_sim.view.picture_plots import ticks
+
+image_module = pytest.importorskip("PIL.Image")
+
+GROUND = {
+    "kind": "mesh",
+    "vertices_m": [[-90.0, -5.0, 0.0], [90.0, -5.0, 0.0], [90.0, 5.0, 0.0], [-90.0, 5.0, 0.0]],
+    "triangles": [[0, 1, 2], [0, 2, 3]],
+    "rgb": [110, 110, 110],
+}
+BOX = {"kind": "box", "half_size_m": [2.0, 2.0, 1.5], "center_m": [0.0, 0.0, 0.0], "rgb": [210, 160, 60]}
+LEG = {"kind": "polyline", "points_m": [[1.0, 0.0, -1.0], [2.5, 0.0, -3.0]], "rgb": [200, 200, 200], "radius_m": 0.1}
+
+
+def header(**changes: Any) -> Header:
+    fields: dict[str, Any] = {
+        "kit": "0.1.0", "python": "3.11", "platform": "here", "packages": {}, "scenario": "lander_pad",
+        "robot": "lander", "controller": "pad", "roles": ["lander"], "engine": "none", "io": "sim", "seed": 7,
+        "options": {}, "nodes": ["lander"], "clock": "sim", "commands": {}, "sources": {},
+        "scene": {"statics": {"ground": GROUND}, "bodies": {"module": [BOX, LEG]}},
+    }  # fmt: skip
+    return Header(**(fields | changes))
+
+
+def descent(sideways_mps: float) -> list[Record]:
+    """Twenty seconds from 100 m down to a ground on which the feet, 3 m below the middle, come to stand."""
+    records: list[Record] = []
+    for k in range(81):
+        t = 0.25 * k
+        z, tilt = 3.0 + 100.0 * (1.0 - t / 20.0) ** 2, 0.1 * math.sin(t)
+        pose = [sideways_mps * (20.0 - t), 0.0, z, 0.0, math.sin(tilt / 2), 0.0, math.cos(tilt / 2)]
+        values = {
+            "altitude_m": z - 3.0,
+            "vertical_mps": -10.0 * (1.0 - t / 20.0),
+            "throttle": 0.4,
+            "fuel_kg": 600.0 - 5 * t,
+        }
+        arrows = {"thrust": [pose[0], 0.0, z - 1.5, 300.0, 0.0, 9e3]} if t > 5.0 else {}
+        records.append(TruthRecord(len(records) + 1, t, {"module": pose}, arrows, values))
+    return records
+
+
+def drawn(tmp_path: Path, records: list[Record], **changes: Any) -> Path:
+    path = tmp_path / "run.png"
+    picture.draw_run(header(**changes), records, path)
+    return path
+
+
+@pytest.fixture
+def words(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What is written on the sheet."""
+    said: list[str] = []
+    write = picture_canvas.Canvas.text
+
+    def note(self: Any, at: Any, text: str, *args: Any) -> None:
+        said.append(text)
+        write(self, at, text, *args)
+
+    monkeypatch.setattr(picture_canvas.Canvas, "text", note)
+    return said
+
+
+def test_a_run_becomes_a_small_picture_of_twice_the_readme_s_width(tmp_path: Path) -> None:
+    path = drawn(tmp_path, descent(4.0))
+    assert path.stat().st_size < 120_000
+    with image_module.open(path) as image:
+        assert image.format == "PNG"
+        assert image.size == (1800, 1000)
+        assert len(image.convert("RGB").getcolors(1 << 24)) > 50
+
+
+def test_the_same_trace_makes_the_same_picture(tmp_path: Path) -> None:
+    assert drawn(tmp_path, descent(4.0)).read_bytes() == drawn(tmp_path, descent(4.0)).read_bytes()
+
+
+def test_it_says_what_ran_how_it_ended_and_what_it_cost(tmp_path: Path, words: list[str]) -> None:
+    drawn(tmp_path, [*descent(4.0), EndRecord(99, 20.0, "lander", "landed", {})])
+    assert "lander_pad" in words
+    assert "seed 7, controller 'pad'" in words
+    assert "landed, 20.0 s" in words
+    assert any("100 kg of fuel" in text for text in words)
+
+
+def test_the_touchdown_told_is_the_judged_one_and_no_other(tmp_path: Path, words: list[str]) -> None:
+    judged = {"vertical_mps": 0.9, "lateral_mps": -0.33, "attitude_deg": -2.43, "rate_degps": 0.5}
+    picture.draw_run(header(), descent(4.0), tmp_path / "run.png", "landed", judged)
+    assert any("touchdown: vertical 0.9 m/s, lateral -0.3 m/s, attitude -2.4 °, rate 0.5 °/s" in text for text in words)
+    words.clear()
+    drawn(tmp_path, descent(4.0))
+    assert not any("touchdown" in text for text in words)
+
+
+def test_a_body_that_only_falls_is_spread_out_along_time(tmp_path: Path, words: list[str]) -> None:
+    drawn(tmp_path, descent(0.0))
+    assert words.count("s") == 2  # the axis below the scene, and the one below the plots
+    assert len([text for text in words if text.endswith(" s") and text[:-2].isdigit()]) > 3
+
+
+def test_values_that_are_not_finite_leave_a_gap(tmp_path: Path) -> None:
+    records = descent(4.0)
+    odd = msgspec.structs.replace(records[3], values={"altitude_m": float("nan"), "throttle": float("inf")})
+    assert drawn(tmp_path, [*records[:3], odd, *records[4:]]).is_file()
+
+
+def test_one_moment_is_a_picture_too(tmp_path: Path) -> None:
+    assert drawn(tmp_path, descent(4.0)[:1]).is_file()
+
+
+def test_a_scene_without_ground_is_drawn(tmp_path: Path) -> None:
+    assert drawn(tmp_path, descent(4.0), scene={"bodies": {"module": [BOX]}}).is_file()
+
+
+def test_a_trace_without_true_states_says_so(tmp_path: Path) -> None:
+    with pytest.raises(TraceError, match="no true states"):
+        drawn(tmp_path, [EndRecord(1, 0.0, "lander", "", {})])
+
+
+def test_without_pillow_the_message_says_how_to_get_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "PIL.ImageFont", None)
+    with pytest.raises(MissingExtra, match=r"snr_sim\[view\]"):
+        drawn(tmp_path, descent(4.0))
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "expected"), [(0.0, 1.0, [0.0, 0.5, 1.0]), (-3.0, 21.0, [0.0, 10.0, 20.0]), (5.0, 5.0, [5.0])]
+)
+def test_ticks_are_round_numbers(low: float, high: float, expected: list[float]) -> None:
+    assert ticks(low, high, 3) == expected
+
+
+def test_on_land_there_is_one_view_and_nothing_is_said_of_where_it_is_seen_from(
+    tmp_path: Path, words: list[str]
+) -> None:
+    drawn(tmp_path, descent(2.0))
+    assert not [word for word in words if word.startswith("from ")]
+
+
+def test_whether_the_criterion_was_met_shows_in_the_colour_of_the_outcome(tmp_path: Path) -> None:
+    for success, color in ((True, picture.MET), (False, picture.NOT_MET), (None, picture.INK)):
+        picture.draw_run(header(), descent(2.0), tmp_path / "run.png", "landed", None, success)
+        with image_module.open(tmp_path / "run.png") as image:
+            title = {rgb for _, rgb in image.convert("RGB").crop((1500, 20, 1780, 60)).getcolors(1 << 16)}
+        others = {picture.MET, picture.NOT_MET, picture.INK} - {color}
+        assert min(_apart(rgb, color) for rgb in title) < 20
+        assert all(min(_apart(rgb, other) for rgb in title) > 20 for other in others)
+
+
+def _apart(one: tuple[int, ...], other: tuple[int, ...]) -> int:
+    return max(abs(a - b) for a, b in zip(one, other, strict=True))

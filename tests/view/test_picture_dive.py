@@ -1,0 +1,241 @@
+"""The picture of a dive: what must be in it, where, and in which colour. Whether it is beautiful is for eyes."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from snr_sim.recording.records import Header, Record, TruthRecord
+from snr_sim.view import picture, picture_canvas, picture_dive, picture_layout, picture_water
+
+image_module = pytest.importorskip("PIL.Image")
+
+BOX = {"kind": "box", "half_size_m": [0.25, 0.2, 0.15], "center_m": [0.0, 0.0, 0.0], "rgb": [210, 160, 60]}
+EDGE = [[-9.0, -6.0], [9.0, -6.0], [9.0, 6.0], [-9.0, 6.0], [-9.0, -6.0]]
+RIM_RGB, GATE_RGB = (250, 0, 250), (0, 250, 0)
+
+
+def line(points: list[list[float]], rgb: tuple[int, int, int], **more: Any) -> dict[str, Any]:
+    return {"kind": "polyline", "points_m": points, "rgb": list(rgb), "radius_m": 0.03, **more}
+
+
+def gate(x: float, name: str) -> dict[str, Any]:
+    corners = [[x, 0.7, -1.0], [x, 0.7, -2.0], [x, -0.7, -2.0], [x, -0.7, -1.0], [x, 0.7, -1.0]]
+    return line(corners, GATE_RGB, label=name)
+
+
+def header(*gates: dict[str, Any], **scene: Any) -> Header:
+    statics = {
+        "surface": line([[x, y, 0.0] for x, y in EDGE], (9, 9, 9)),
+        "rim": line([[x, y, 0.4] for x, y in EDGE], RIM_RGB),
+        **{shape["label"]: shape for shape in gates},
+    }
+    fields: dict[str, Any] = {
+        "kit": "0.1.0", "python": "3.11", "platform": "here", "packages": {}, "scenario": "urov", "robot": "urov",
+        "controller": "holds", "roles": ["urov"], "engine": "none", "io": "sim", "seed": 7, "options": {},
+        "nodes": ["urov"], "clock": "sim", "commands": {}, "sources": {},
+        "scene": {"statics": statics, "bodies": {"vehicle": [BOX]}, **scene},
+    }  # fmt: skip
+    return Header(**fields)
+
+
+def dive(to_m: list[float], turns_rad: float = 0.0, pull_n: float = 1.0, **values: list[float]) -> list[Record]:
+    """A dive in a straight line from 1 m below the surface, in a current, that ends turned about its upright axis."""
+    records: list[Record] = []
+    for i in range(21):
+        place = [i / 20.0 * end for end in to_m]
+        half = 0.5 * turns_rad * i / 20.0
+        pose = [place[0], place[1], place[2] - 1.0, 0.0, 0.0, math.sin(half), math.cos(half)]
+        arrows = {"T1": [*pose[:3], 5.0, 0.0, 1.0], "current": [*pose[:3], 8.0, 8.0, 0.0]}
+        arrows["tether"] = [*pose[:3], 0.0, 0.0, pull_n]
+        told = {"depth_m": -pose[2], **{name: series[i] for name, series in values.items()}}
+        records.append(TruthRecord(i, 0.5 * i, {"vehicle": pose}, arrows, told))
+    return records
+
+
+def from_the_tenth(value: float) -> list[float]:
+    return [0.0] * 10 + [value] * 11
+
+
+@pytest.fixture
+def said(monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[float, float]]:
+    """What is written on the sheet, and where."""
+    written: dict[str, tuple[float, float]] = {}
+    write = picture_canvas.Canvas.text
+
+    def note(self: Any, at: Any, text: str, *args: Any) -> None:
+        written[text] = at
+        write(self, at, text, *args)
+
+    monkeypatch.setattr(picture_canvas.Canvas, "text", note)
+    return written
+
+
+def drawn(tmp_path: Path, records: list[Record], ran: Header | None = None) -> Any:
+    picture.draw_run(ran or header(), records, tmp_path / "run.png")
+    with image_module.open(tmp_path / "run.png") as image:
+        return image.convert("RGB")
+
+
+def count(image: Any, rgb: tuple[int, int, int], box: tuple[int, int, int, int] | None = None) -> int:
+    """Returns how many pixels have about this colour; a picture has a palette of 128."""
+    part = image.crop(box) if box else image
+    colors = part.getcolors(1 << 24)
+    return sum(n for n, found in colors if max(abs(a - b) for a, b in zip(found, rgb, strict=True)) < 24)
+
+
+@pytest.mark.parametrize(
+    ("to_m", "turns_rad", "larger"),
+    [
+        ([1.0, 0.0, -3.0], 0.0, "from the south"),
+        ([1.0, 4.0, -3.0], 0.0, "from the south"),
+        ([1.0, 4.0, -3.0], 1.5, "from above"),
+        ([1.0, 4.0, -0.2], 0.0, "from above"),
+        ([4.0, 0.1, -2.0], 1.5, "from the south"),
+        ([0.3, 0.1, 0.0], 0.0, "from above"),
+    ],
+)
+def test_a_dive_is_seen_from_above_and_from_the_south_and_larger_where_its_way_shows(
+    tmp_path: Path, said: dict[str, tuple[float, float]], to_m: list[float], turns_rad: float, larger: str
+) -> None:
+    drawn(tmp_path, dive(to_m, turns_rad))
+    views = {text.partition(":")[0]: at for text, at in said.items() if text.startswith("from ")}
+    above, south = views["from above"][1], views["from the south"][1]
+    upper, lower = south - above, picture_layout.SCENE[3] - south
+    assert (upper > lower) == (larger == "from above")
+    assert "current 0.28 m/s" in said or larger == "from the south"  # only what is seen of it from there
+    assert "current 0.20 m/s" in said or larger == "from above"
+
+
+def test_a_dive_in_its_plane_is_seen_from_the_south_alone_and_has_a_pitch_and_no_heading(
+    tmp_path: Path, said: dict[str, tuple[float, float]]
+) -> None:
+    angles = {"pitch_rad": [0.1] * 21, "yaw_rad": [0.0] * 21, "sway_mps": [0.0] * 21, "surge_mps": [0.5] * 21}
+    image = drawn(tmp_path, dive([4.0, 0.0, -1.0], **angles), header(is_planar=True))
+    assert {"from the south: east is right", "pitch", "surge", "to the east"} <= said.keys()
+    assert not any(text.startswith("from above") for text in said)
+    assert not {"heading", "heading [°]", "sway", "to the north"} & said.keys()
+    assert count(image, picture_dive.PATH) > 100
+    drawn(tmp_path, dive([4.0, 0.0, -1.0], **angles))
+    assert {"heading", "sway", "to the north", "from above: north is up"} <= said.keys()
+
+
+def test_from_the_south_there_is_one_surface_and_water_only_below_it(tmp_path: Path) -> None:
+    image = drawn(tmp_path, dive([0.5, 0.0, -2.0]))
+    top = int(2 * (picture_layout.SCENE[1] + 0.4 * (picture_layout.SCENE[3] - picture_layout.SCENE[1])))
+    south = (100, top, 1184, 900)
+    assert count(image, RIM_RGB, south) == 0  # the pool's edge, seen from its side, would look like another one
+    column = [image.getpixel((104, y)) for y in range(top + 20, 900)]
+    blue = [abs(pixel[2] - picture_water.WATER[2]) < 12 and pixel[2] > 60 for pixel in column]
+    assert not blue[0]
+    assert all(blue[blue.index(True) + 4 :])
+
+
+def test_on_the_map_there_is_no_water_beyond_the_edge_of_the_pool(tmp_path: Path) -> None:
+    image = drawn(tmp_path, dive([8.0, 5.0, -0.1]))
+    assert count(image, RIM_RGB) > 500
+    assert count(image, picture_water.DECK) > 5_000
+
+
+def test_gates_far_off_the_way_are_shown_whole_and_named(
+    tmp_path: Path, said: dict[str, tuple[float, float]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lines: list[Any] = []
+    draw = picture_canvas.Canvas.line
+
+    def note(self: Any, points: Any, color: Any, *args: Any) -> None:
+        lines.extend(points if color == GATE_RGB else [])
+        draw(self, points, color, *args)
+
+    monkeypatch.setattr(picture_canvas.Canvas, "line", note)
+    drawn(tmp_path, dive([0.5, 0.0, -1.0]), header(gate(3.0, "gate 1"), gate(8.0, "gate 2")))
+    assert {"gate 1", "gate 2"} <= set(said)
+    left, _, right, _ = picture_layout.SCENE
+    xs = sorted({round(x, 3) for x, _ in lines})
+    assert len(xs) == 2  # two gates, each a line from where they are seen, and none of them cut at an edge
+    assert left < xs[0]
+    assert xs[-1] < right
+
+
+def test_what_is_broken_is_crossed_out_and_said(tmp_path: Path, said: dict[str, tuple[float, float]]) -> None:
+    whole = drawn(tmp_path, dive([2.0, 0.0, -1.0], broken_T1=[0.0] * 21))
+    assert count(whole, picture_dive.BROKEN) == 0
+    assert not any("fails" in text for text in said)
+    broken = drawn(tmp_path, dive([2.0, 0.0, -1.0], broken_T1=from_the_tenth(1.0)))
+    assert count(broken, picture_dive.BROKEN) > 100
+    assert "5.0 s  T1 fails" in said
+    assert "push of T1" in said
+
+
+def test_a_leak_and_a_payload_are_shown_and_said(tmp_path: Path, said: dict[str, tuple[float, float]]) -> None:
+    drawn(tmp_path, dive([0.5, 0.0, -2.0], water_l=from_the_tenth(0.4)))
+    assert {"5.0 s  water comes in", "water in the hull"} <= set(said)
+    load = drawn(tmp_path, dive([0.5, 0.0, -2.0], load_kg=[0.6] * 15 + [0.0] * 6))
+    assert "7.5 s  payload of 0.6 kg let go" in said
+    assert count(load, picture_dive.LOAD) > 100
+
+
+@pytest.mark.parametrize(
+    ("length_m", "pull_n", "words", "color"),
+    [(35.0, 0.2, "tether: slack, pulls 0.2 N", picture_water.SLACK), (0.5, 40.0, "tether: taut, pulls 40.0 N", None)],
+)
+def test_the_tether_is_drawn_to_the_vehicle_and_says_how_it_pulls(
+    tmp_path: Path,
+    said: dict[str, tuple[float, float]],
+    length_m: float,
+    pull_n: float,
+    words: str,
+    color: tuple[int, int, int] | None,
+) -> None:
+    tether = {"anchor_m": [2.0, 0.0, 0.0], "body": "vehicle", "place_m": [0.0, 0.0, 0.1], "length_m": length_m}
+    image = drawn(tmp_path, dive([0.5, 0.0, -2.0], pull_n=pull_n), header(tethers={"tether": tether}))
+    assert words in said
+    assert count(image, color or picture_water.TAUT) > 200
+
+
+def test_times_stand_beside_the_vehicles_and_not_over_them(
+    tmp_path: Path, said: dict[str, tuple[float, float]]
+) -> None:
+    drawn(tmp_path, dive([8.0, 0.3, -0.1]))
+    times = [at for text, at in said.items() if text.endswith(" s") and text[:-2].isdigit()]
+    assert len(times) > 4
+    labels = picture_layout.Labels([(100.0, 100.0)], 20.0, (0.0, 0.0, 200.0, 200.0))
+    assert labels.place([(90.0, 100.0), (125.0, 100.0)], 30.0, 10.0) == (125.0, 100.0)
+    assert labels.place([(130.0, 105.0), (180.0, 100.0), (125.0, 112.0)], 30.0, 10.0) == (125.0, 112.0)
+    assert labels.place([(90.0, 100.0), (190.0, 100.0)], 30.0, 10.0) is None
+
+
+def test_what_the_scenario_measured_stands_in_the_picture(tmp_path: Path, said: dict[str, tuple[float, float]]) -> None:
+    measured: dict[str, float | str] = {"settling_s": 5.9, "gates": 3, "fault": "stuck", "energy_j": 2447.6}
+    picture.draw_run(header(), dive([0.5, 0.0, -2.0]), tmp_path / "run.png", "held", None, True, measured)
+    assert "settling 5.90 s, fault stuck, energy 2448 J" in said
+    assert "held, 10.0 s" in said
+
+
+def test_why_it_was_missed_stands_there_instead_as_far_as_there_is_room(
+    tmp_path: Path, said: dict[str, tuple[float, float]]
+) -> None:
+    records, path = dive([0.5, 0.0, -2.0]), tmp_path / "run.png"
+    picture.draw_run(header(), records, path, "missed", None, False, {"settling_s": 5.9}, "ended 1 m off.")
+    assert "ended 1 m off." in said
+    assert not any("settling" in text for text in said)
+    picture.draw_run(header(), records, path, "missed", None, False, {}, "it was off, and off again, " * 20)
+    (cut,) = (text for text in said if text.startswith("it was off"))
+    assert cut.endswith(" ...")
+    assert 100 < len(cut) < 400
+
+
+def test_a_dive_is_drawn_the_same_each_time_and_small(tmp_path: Path) -> None:
+    files = []
+    for name in ("first.png", "second.png"):
+        picture.draw_run(header(gate(3.0, "gate 1")), dive([8.0, 0.3, -0.1]), tmp_path / name)
+        files.append((tmp_path / name).read_bytes())
+    assert files[0] == files[1]
+    assert len(files[0]) < 120_000
+
+
+def test_a_dive_of_one_moment_is_a_picture_too(tmp_path: Path) -> None:
+    assert drawn(tmp_path, dive([1.0, 0.0, -1.0])[:1]).size == (1800, 1000)

@@ -1,0 +1,99 @@
+"""A run in a notebook's page: what the frame shows and who serves it, and what is said where there is no viewer."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+from pathlib import Path
+
+import pytest
+
+from snr_sim.prelude.errors import TraceError
+from snr_sim.view.view_notebook import RunFrame, show_run
+
+VIEW = b"what stands in a view.rrd"
+
+
+@pytest.fixture
+def rrd(tmp_path: Path) -> Path:
+    path = tmp_path / "view.rrd"
+    path.write_bytes(VIEW)
+    return path
+
+
+def page_of(frame: RunFrame) -> str:
+    """Returns the address that the frame loads, without what it asks the page to show."""
+    html = frame._repr_html_()
+    assert html is not None
+    (address,) = re.findall(r'<iframe src="([^"?]+)\?', html)
+    return str(address)
+
+
+def read(address: str) -> tuple[bytes, dict[str, str]]:
+    with urllib.request.urlopen(address, timeout=60) as answer:
+        return answer.read(), dict(answer.headers)
+
+
+@pytest.mark.slow
+def test_the_frame_loads_the_viewer_from_this_computer_and_may_load_nothing_else(rrd: Path) -> None:
+    pytest.importorskip("rerun")
+    page = page_of(show_run(rrd))
+    assert re.fullmatch(r"http://127\.0\.0\.1:\d+/", page)
+    body, headers = read(page)
+    assert b"canvas" in body
+    rules = headers["Content-Security-Policy"].split()
+    assert {rule for rule in rules if "://" in rule} == {"http://127.0.0.1:*"}
+
+
+@pytest.mark.slow
+def test_the_run_is_there_after_the_notebook_has_tidied_up(rrd: Path) -> None:
+    pytest.importorskip("rerun")
+    page = page_of(show_run(rrd))
+    rrd.unlink()
+    assert read(page + "view.rrd")[0] == VIEW
+
+
+@pytest.mark.slow
+def test_a_frame_is_as_high_as_asked_and_a_page_without_frames_says_what_is_missing(rrd: Path) -> None:
+    pytest.importorskip("rerun")
+    frame = show_run(rrd, height_px=333)
+    assert 'height="333"' in str(frame._repr_html_())
+    assert repr(frame) == "The rerun viewer, on this computer, for as long as this notebook's kernel runs."
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="asks the kernel for a process's children")
+def test_a_killed_notebook_leaves_no_viewer_behind(rrd: Path) -> None:
+    pytest.importorskip("rerun")
+    code = f"from snr_sim.view.view_notebook import show_run; print(show_run({str(rrd)!r}).url, flush=True); input()"
+    kernel = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    try:
+        assert kernel.stdout is not None
+        page = kernel.stdout.readline().split("?")[0]
+        assert b"canvas" in read(page)[0]  # so the viewer has run, and its answer is here whole
+        kernel_folder = Path(f"/proc/{kernel.pid}/task")
+        assert [file.read_text() for file in kernel_folder.glob("*/children") if file.read_text()] == []
+    finally:
+        kernel.kill()
+        kernel.communicate()
+    with pytest.raises(urllib.error.URLError):
+        read(page)
+
+
+def test_without_a_viewer_one_line_says_what_to_install(rrd: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    find_spec = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name, *rest: None if "rerun" in name else find_spec(name))
+    frame = show_run(rrd)
+    assert (frame.url, frame._repr_html_()) == ("", None)
+    assert re.fullmatch(r"Here the rerun viewer would show this run\. .*pip install 'snr_sim\[view\]'.*", repr(frame))
+    assert show_run(rrd.parent / "what only a viewer could have written.rrd").url == ""
+
+
+def test_a_run_that_is_not_there_is_named(tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    with pytest.raises(TraceError, match="no run at"):
+        show_run(tmp_path / "nothing")
