@@ -44,7 +44,8 @@ def _command() -> Callable[..., Any]:
     return typer.main.get_command(app)
 
 
-_NUMBERS = {"valid integer": "a whole number", "valid number": "a number", "valid float": "a number"}
+# typer before 0.28 has another word for an integer.
+_NUMBERS = {"valid int": "a whole number", "valid number": "a number", "valid float": "a number"}
 _TYPER_STOPPED = 130  # what typer returns when it has caught a KeyboardInterrupt before us
 
 

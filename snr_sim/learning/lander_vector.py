@@ -58,6 +58,8 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
 
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012 - as gymnasium has it
 
+    closed = True  # until it is made: gymnasium before 1.3 closes also what could not be
+
     def __init__(
         self, single: LanderEnv, num_envs: int, max_episode_steps: int | None, autoreset_mode: AutoresetMode | str
     ) -> None:
@@ -76,6 +78,7 @@ class LanderVectorEnv(VectorEnv[Any, Any, Any]):
         self.observation_space = batch_space(single.observation_space, num_envs)
         self.action_space = batch_space(single.action_space, num_envs)
         self._single = single
+        self.closed = False
         self._scenario = single.run.scenario
         self._parameters: Any = single.run.with_seed(0).robot.parameters
         self._rate_hz, self._step_s = single.rate_hz, 1.0 / single.rate_hz

@@ -54,6 +54,7 @@ def block() -> None:
                 delattr(module, name)
     os.supports_dir_fd.clear()
     os.supports_fd.clear()
+    shutil._use_fd_functions = False  # type: ignore[attr-defined]  # it has asked before
     socket.socketpair = lambda: pair(unix)  # there over TCP
     begin = subprocess.Popen.__init__
 
