@@ -23,7 +23,7 @@ DEVIATIONS = -NormalDist().inv_cdf(1e-4 / 16)
 LIMITS = {
     "settling_s": 8.0,
     "overshoot_deg": 12.0,
-    "steady_error_deg": 4.0,
+    "steady_error_deg": 5.0,
     "depth_error_m": 0.2,
 }  # urov_heading_hold's
 
