@@ -82,7 +82,7 @@ class Spawned:
         out: Callable[[str], None] | None = None,
         err: Callable[[str], None] | None = None,
     ) -> None:
-        if spawned.is_reading_main:
+        if spawned.is_reading_program:
             raise ConfigError(
                 "The program starts a process again while that process still reads the program.",
                 fix="let what runs the robot stand under: if __name__ == '__main__':",

@@ -12,8 +12,8 @@ from multiprocessing.connection import Connection
 
 HELD_BACK = (signal.SIGINT, signal.SIGTERM)
 
-# Whether this process is reading the program it was started from: that must not start it again.
-is_reading_main = False
+# Whether this process is reading the files of the program it was started from: they must not start it again.
+is_reading_program = False
 
 
 def command(target: str, line: int) -> str:
