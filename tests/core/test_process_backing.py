@@ -237,9 +237,16 @@ def test_a_page_whose_name_is_no_text_is_not_there_as_in_any_loop() -> None:
 
 @pytest.mark.slow
 def test_an_object_that_cannot_leave_the_process_is_told_at_the_students_line() -> None:
-    with pytest.raises(ComponentFailed, match="store_page 'frame' holds an object that cannot leave it") as caught:
+    with pytest.raises(ComponentFailed, match="store_page 'frame' holds an object that cannot be sent") as caught:
         run(loops.StepsFactory(loops.store_object))
     assert 'loop.store_data("frame", Frame())' in str(caught.value).splitlines()[0]
+
+
+@pytest.mark.slow
+def test_an_object_that_cannot_go_into_the_process_is_an_error_of_the_loop_that_asks_for_it() -> None:
+    store = TickerFactory(lambda loop: loop.store_data("question", threading.Event()), "asker", 20)
+    with pytest.raises(ComponentFailed, match="page 'question' holds an object that cannot be sent"):
+        run(loops.StepsFactory(loops.answer), store)
 
 
 @pytest.mark.slow

@@ -21,7 +21,6 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.machinery import ModuleSpec
 from multiprocessing.connection import Connection
-from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any
 
@@ -209,14 +208,12 @@ def _with_packages(names: Iterable[str]) -> Iterator[str]:
                 yield ".".join(parts[:end])
 
 
-def _folders(name: str) -> Iterator[Path]:
-    """Yield the folders of a student's module and of the packages that it is in; none for any other module."""
+def _folders(name: str) -> list[str]:
+    """Return the folders of a student's module and of its outermost package; none for any other module."""
     file = file_of(sys.modules[name])
-    if file is not None and is_student_file(str(file)):
-        yield file.parent
-        parts = name.split(".")
-        for end in range(1, len(parts)):
-            yield from map(Path, getattr(sys.modules.get(".".join(parts[:end])), "__path__", ()))
+    if file is None or not is_student_file(str(file)):
+        return []
+    return [str(file.parent), *getattr(sys.modules.get(name.partition(".")[0]), "__path__", ())]
 
 
 def _source(name: str) -> list[Any]:
