@@ -190,7 +190,7 @@ def test_loops_in_processes_end_together_and_not_one_after_the_other(tmp_path: P
 
 
 @pytest.mark.slow
-def test_large_arrays_arrive_whole_and_in_order_through_shared_memory() -> None:
+def test_large_arrays_arrive_whole_and_in_order() -> None:
     node = run(loops.StepsFactory(loops.store_array))
     for i in range(20):
         data = node.get_data(f"frame{i}")
