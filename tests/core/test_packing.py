@@ -132,7 +132,18 @@ def test_a_file_that_starts_a_process_wherever_it_is_read_is_told_what_it_lacks(
 
 
 STRUCT = '''
+from __future__ import annotations
+
+import enum
+
 import msgspec
+
+
+class Kind(enum.Enum):
+    water = "w"
+
+
+FACTOR = 2.0
 
 
 class Depth(msgspec.Struct, frozen=True, tag="deep"):
@@ -140,10 +151,11 @@ class Depth(msgspec.Struct, frozen=True, tag="deep"):
 
     m: float
     names: list[str] = []
-    factor = 2.0
+    kinds: list[Kind] = []
+    above: Depth | None = None
 
-    def twice(self) -> "Depth":
-        return Depth(self.m * self.factor)
+    def twice(self) -> Depth:
+        return Depth(self.m * FACTOR)
 
     @property
     def cm(self) -> float:
@@ -162,7 +174,9 @@ def test_a_record_of_the_program_is_sent_with_its_fields_and_methods(monkeypatch
     Depth, KeyDepth = unpack_again([program.Depth, program.KeyDepth])  # noqa: N806
     assert Depth is not program.Depth
     assert (Depth(2.0).twice().cm, Depth(1.0).names, Depth.__doc__) == (400.0, [], "Of the water.")
-    assert msgspec.json.encode(Depth(1.0)) == b'{"type":"deep","m":1.0,"names":[]}'
+    assert msgspec.json.encode(Depth(1.0)) == b'{"type":"deep","m":1.0,"names":[],"kinds":[],"above":null}'
+    back = msgspec.json.decode(b'{"type":"deep","m":1,"kinds":["w"],"above":{"type":"deep","m":2}}', type=Depth)
+    assert (back.kinds[0].name, back.above) == ("water", Depth(2.0))
     assert KeyDepth(1.0, key="a") == KeyDepth(m=1.0, key="a")
     with pytest.raises(AttributeError):
         Depth(1.0).m = 2.0

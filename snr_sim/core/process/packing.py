@@ -152,6 +152,8 @@ def _reduce_struct(kind: Any) -> tuple[Any, ...]:
         if not (name == "__slots__" or inspect.ismemberdescriptor(value) or inspect.isgetsetdescriptor(value))
     }
     namespace = {name: members.pop(name) for name in _PARTS_OF_STRUCT if name in members}
+    # msgspec looks names in annotations up in the class's module, which the process does not have.
+    members["__annotations__"] = kind.__annotations__ | {field.name: field.type for field in own}
     made_of = (type(kind), kind.__name__, kind.__bases__, namespace, fields, options)
     return _struct, made_of, members, None, None, _set_members
 
