@@ -14,6 +14,7 @@ from snr_sim.core.process.messages import BYTES_FROM, MessageLine
 from snr_sim.prelude.errors import ValueEncodingError
 
 LARGE = BYTES_FROM // 8  # so many float64
+pytestmark = pytest.mark.slow  # a thread sends what does not fit into the line
 
 
 @pytest.fixture
