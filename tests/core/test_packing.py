@@ -1,6 +1,7 @@
 """Factories on their way to another process: also those loaded by path, and what is said of those that cannot go."""
 
 import importlib
+import linecache
 import os
 import pickle
 import subprocess
@@ -180,6 +181,15 @@ def test_a_record_of_the_program_is_sent_with_its_fields_and_methods(monkeypatch
     assert KeyDepth(1.0, key="a") == KeyDepth(m=1.0, key="a")
     with pytest.raises(AttributeError):
         Depth(1.0).m = 2.0
+
+
+def test_lines_of_a_notebook_come_along_for_messages(monkeypatch: pytest.MonkeyPatch) -> None:
+    program = types.ModuleType("__main__")
+    monkeypatch.setitem(sys.modules, "__main__", program)
+    cell = ["def look():\n", "    raise ValueError\n"]
+    monkeypatch.setitem(linecache.cache, "/cell.py", (1, None, cell, "/cell.py"))
+    exec(compile("".join(cell), "/cell.py", "exec"), program.__dict__)
+    assert pack(program.look, "look", "Loop 'eye'")["lines"] == {"/cell.py": cell}
 
 
 FACTORY = """
