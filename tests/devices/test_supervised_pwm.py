@@ -21,7 +21,7 @@ from snr_sim.devices.pwm.pwm_supervisor import Supervisor
 from snr_sim.devices.pwm.supervised_pwm import SupervisedPwm
 from snr_sim.devices.wire.child_port import ChildPort
 from snr_sim.devices.wire.i2c_bus import I2cBus
-from snr_sim.devices.wire.lease_messages import Open, decode, encode
+from snr_sim.devices.wire.lease_messages import Answer, Message, Open, decode, encode, receive
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import LOST, NOT_ACTIVE
 from snr_sim.testing.i2c_parts import FakeBus, Pca9685Part
@@ -40,15 +40,15 @@ class Line:
 
     def __init__(self, now_s: Callable[[], float]) -> None:
         self.supervisor = Supervisor(now_s)
-        self._answers: list[bytes] = []
+        self._answers: list[Answer] = []
         self.is_deaf = self.is_dead = False
 
     def write(self, order: bytes) -> None:
         self._check()
         if not self.is_deaf:
-            self._answers.append(encode(self.supervisor.obey(decode(order))))
+            self._answers.append(self.supervisor.obey(decode(order)))
 
-    def read(self) -> list[bytes]:
+    def read(self) -> list[Answer]:
         self._check()
         answers, self._answers = self._answers, []
         return answers
@@ -221,14 +221,14 @@ def test_bytes_that_are_no_message_are_refused(data: bytes) -> None:
         decode(data)
 
 
-def write_for_ever(port: ChildPort) -> None:
+def write_for_ever(port: ChildPort[Message]) -> None:
     while True:
         port.write(bytes(8192))
 
 
 @pytest.mark.slow
 def test_a_process_that_does_not_read_or_has_ended_is_told_without_waiting() -> None:
-    port = ChildPort("snr_sim.devices.pwm.pwm_supervisor:run", 8192)
+    port = ChildPort("snr_sim.devices.pwm.pwm_supervisor:run", receive)
     os.kill(port.pid, signal.SIGSTOP)
     with pytest.raises(DeviceError, match=f"process {port.pid} does not read what it is sent: it hangs"):
         write_for_ever(port)

@@ -21,18 +21,7 @@ from multiprocessing.connection import Connection
 
 from snr_sim.core.process import spawned
 from snr_sim.devices.pwm.pwm_guard import Guard
-from snr_sim.devices.wire.lease_messages import (
-    MOST_BYTES,
-    Answer,
-    Arm,
-    Close,
-    Disarm,
-    Lease,
-    Message,
-    Open,
-    decode,
-    encode,
-)
+from snr_sim.devices.wire.lease_messages import Answer, Arm, Close, Disarm, Lease, Message, Open, encode, receive
 from snr_sim.prelude.device import PwmOut
 from snr_sim.prelude.errors import DeviceError, SnrError
 
@@ -142,8 +131,8 @@ def run(line: Connection) -> int:
         _serve(line, supervisor)
     except DeviceError as error:
         why = error.message
-    except OSError:
-        pass  # it went while it was answered
+    except (EOFError, OSError):
+        pass  # it has gone
     finally:
         supervisor.end(time.sleep)  # before anything is said: nobody may be there to take it
     if not supervisor.has_closed:
@@ -155,8 +144,4 @@ def run(line: Connection) -> int:
 def _serve(line: Connection, supervisor: Supervisor) -> None:
     while not supervisor.has_closed:
         if line.poll(supervisor.look()):
-            try:
-                order = line.recv_bytes(MOST_BYTES)
-            except EOFError:
-                return
-            line.send_bytes(encode(supervisor.obey(decode(order))))
+            line.send_bytes(encode(supervisor.obey(receive(line))))

@@ -11,18 +11,7 @@ from typing import Any
 from snr_sim.devices.pwm.plain_pwm import PlainPwm
 from snr_sim.devices.pwm.pwm_backend import PwmBackend
 from snr_sim.devices.wire.child_port import ChildPort
-from snr_sim.devices.wire.lease_messages import (
-    MOST_BYTES,
-    Answer,
-    Arm,
-    Close,
-    Disarm,
-    Lease,
-    Message,
-    Open,
-    decode,
-    encode,
-)
+from snr_sim.devices.wire.lease_messages import Answer, Arm, Close, Disarm, Lease, Message, Open, encode, receive
 from snr_sim.prelude.device import LEASE_S
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import NOT_ACTIVE, SLEWING
@@ -30,7 +19,7 @@ from snr_sim.prelude.signals import NOT_ACTIVE, SLEWING
 OPEN_S = 20.0  # until a fresh Python on a small computer has opened them
 ANSWER_S = 1.0
 
-open_supervisor = partial(ChildPort, "snr_sim.devices.pwm.pwm_supervisor:run", MOST_BYTES)
+open_supervisor = partial(ChildPort, "snr_sim.devices.pwm.pwm_supervisor:run", receive)
 
 
 class SupervisedPwm(PwmBackend):
@@ -53,7 +42,7 @@ class SupervisedPwm(PwmBackend):
         now_s: Callable[[], float],
         opener: str,
         args: Sequence[Any],
-        open_line: Callable[[], ChildPort] = open_supervisor,
+        open_line: Callable[[], ChildPort[Message]] = open_supervisor,
         monotonic_s: Callable[[], float] = time.monotonic,
     ) -> None:
         super().__init__(now_s, like.channels, like.limits_us, like.resolution_us)
@@ -61,7 +50,7 @@ class SupervisedPwm(PwmBackend):
         self.title = f"{like.title}, behind its supervisor,"
         self._opener, self._args = opener, list(args)
         self._open_line, self._monotonic_s = open_line, monotonic_s
-        self._line: ChildPort | None = None
+        self._line: ChildPort[Message] | None = None
         self._has_held = False
         self._seq = 0
         self._asked: list[float] = []
@@ -155,7 +144,7 @@ class SupervisedPwm(PwmBackend):
     def _hear(self) -> int:
         """Takes the answers that have come; returns how many."""
         heard = 0
-        for message in map(decode, self._opened().read()):
+        for message in self._opened().read():
             if isinstance(message, Answer):
                 heard += 1
                 self._answer = message
@@ -173,7 +162,7 @@ class SupervisedPwm(PwmBackend):
             line.write(encode(Close()))
         line.close()
 
-    def _opened(self) -> ChildPort:
+    def _opened(self) -> ChildPort[Message]:
         if self._line is None:
             raise DeviceError(f"{self.title} is not open.", fix="configure() it first.")
         return self._line

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import select
 import subprocess
+from collections.abc import Callable
 from contextlib import suppress
+from multiprocessing.connection import Connection
+from typing import Generic, TypeVar
 
 from snr_sim.core.process.spawn import how_it_ended, start_process
 from snr_sim.prelude.errors import DeviceError
 
 END_S = 5.0
 
+Message = TypeVar("Message")
 
-class ChildPort:
+
+class ChildPort(Generic[Message]):
     """A fresh Python that runs one function of the library. No call waits for it but `wait` and `close`.
 
     It is in a group of its own, so that Ctrl-C at a terminal does not reach it; it sees the end of this program,
@@ -20,12 +25,12 @@ class ChildPort:
 
     Args:
         target: "module:function", called there with the Connection to here.
-        max_bytes: of a message, well below what fits into a line; either side sends one at a time.
+        receive: returns the next message from a Connection. One is far shorter than what fits into the line.
     """
 
-    def __init__(self, target: str, max_bytes: int) -> None:
+    def __init__(self, target: str, receive: Callable[[Connection], Message]) -> None:
         self._process, self._line = start_process(target)
-        self._max_bytes = max_bytes
+        self._receive = receive
         self.name = f"process {self.pid}"
 
     @property
@@ -46,16 +51,16 @@ class ChildPort:
         except OSError as error:
             raise self._ended() from error
 
-    def read(self) -> list[bytes]:
+    def read(self) -> list[Message]:
         """Return the messages that have come.
 
         Raises:
             DeviceError: the process has ended.
         """
-        messages: list[bytes] = []
+        messages: list[Message] = []
         try:
             while self._line.poll():
-                messages.append(self._line.recv_bytes(self._max_bytes))
+                messages.append(self._receive(self._line))
         except (EOFError, OSError) as error:
             if not messages:
                 raise self._ended() from error

@@ -6,6 +6,7 @@ that all its processes share (CLOCK_MONOTONIC), so that a lease which waited in 
 
 from __future__ import annotations
 
+from multiprocessing.connection import Connection
 from typing import Any, TypeAlias
 
 import msgspec
@@ -111,3 +112,13 @@ def decode(body: bytes) -> Message:
         return _decoder.decode(body)
     except NO_JSON as error:
         raise DeviceError(f"{body[:60]!r} is no message of a supervisor: {error}.") from error
+
+
+def receive(connection: Connection) -> Message:
+    """Return the next message from a connection.
+
+    Raises:
+        EOFError, OSError: the other process has gone, or sends more than `MOST_BYTES`.
+        DeviceError: that is no message.
+    """
+    return decode(connection.recv_bytes(MOST_BYTES))
