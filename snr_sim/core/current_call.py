@@ -11,14 +11,11 @@ from typing import Any, NamedTuple
 
 from snr_sim.core.blame import Place, is_student_file, place_now
 from snr_sim.core.machine import EventMachine
-from snr_sim.core.recording_machine import RecordingMachine
 from snr_sim.prelude.task import Task
 
 _DEBUGGERS = ("bdb", "pdb")
 # The functions in which a task is executed; it is in their local variable `task`.
-_EXECUTING = tuple(
-    function.__code__ for function in (EventMachine.run_ready, EventMachine.execute_next, RecordingMachine.execute_next)
-)
+_EXECUTING = tuple(function.__code__ for function in (EventMachine.run_ready, EventMachine.execute_next))
 _is_student_file = lru_cache(maxsize=1024)(is_student_file)
 
 

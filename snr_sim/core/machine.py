@@ -1,7 +1,8 @@
 """The event machine: takes one task, runs its handlers, queues what they return. Everything else is around it.
 
 One step: what waits at the door is let in; a task is taken, oldest first, `terminate` before all others; `now_s` is
-latched; all handlers of the task run, in component order; what they returned is queued, in order.
+latched; all handlers of the task run, in component order; what they returned is queued, in order. With a recorder
+every step is recorded, and tickets wait in the queue instead of tasks: a ticket knows which record brought its task.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from snr_sim.core.door import Door
 from snr_sim.core.handlers import Lookup, handler_name
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ComponentFailed, TaskError
+from snr_sim.prelude.recorder import Handled, NodeRecorder, Ticket
 from snr_sim.prelude.task import SomeTasks, Task, TaskType
 
 # A run that is over finishes what is queued, and what follows from that, this many times over: the last page is
@@ -42,9 +44,12 @@ class EventMachine:
         lookup: who handles what.
         door: where inputs wait.
         latch: returns the time for the next task; None if `now_s` is set from outside, as in lock step.
+        recorder: gets every input and every executed task, if there is one.
     """
 
-    def __init__(self, lookup: Lookup, door: Door, latch: Callable[[], float] | None) -> None:
+    def __init__(
+        self, lookup: Lookup, door: Door, latch: Callable[[], float] | None, recorder: NodeRecorder | None = None
+    ) -> None:
         self.lookup = lookup
         self.door = door
         self.now_s = 0.0
@@ -55,7 +60,9 @@ class EventMachine:
         self.task: Task | None = None  # whose handlers run now
         self.is_ended = False
         self._latch = latch
-        self.queue: deque[Any] = deque()  # what waits inside, but for `terminate`: tasks, or what knows more of them
+        self._recorder = recorder
+        self._scheduled: list[Task] = []  # by the running component of a recorded node, so far
+        self.queue: deque[Any] = deque()  # what waits inside, but for `terminate`: tasks, or their tickets
         self._urgent: deque[Any] = deque()
 
     @property
@@ -69,14 +76,22 @@ class EventMachine:
         return len(self.queue) + len(self._urgent)
 
     @property
-    def next_task(self) -> Task | None:
-        """The task that `execute_next` will take."""
+    def next_ticket(self) -> Any:
+        """The ticket, or the task if there is no recorder, that `execute_next` will take; None if there is none."""
         waiting = self._urgent or self.queue
         return waiting[0] if waiting else None
 
+    @property
+    def next_task(self) -> Task | None:
+        """The task that `execute_next` will take."""
+        first = self.next_ticket
+        task: Task | None = first if first is None or self._recorder is None else first[0]
+        return task
+
     def waiting_tasks(self, at_most: int) -> list[Task]:
         """Returns the oldest tasks that have been let in, also for another thread: a copy is made in one step."""
-        return list(islice(self.queue, at_most))
+        oldest = list(islice(self.queue, at_most))
+        return oldest if self._recorder is None else [ticket[0] for ticket in oldest]
 
     def run_ready(self) -> None:
         """Executes tasks until none is left, the machine has ended, or it has executed `most_executed` tasks.
@@ -85,6 +100,9 @@ class EventMachine:
             HandlerFailed: a handler raised, or returned something that is not tasks.
             ComponentFailed: a loop failed on its own thread.
         """
+        if self._recorder is not None:
+            self._run_recorded()
+            return
         # The loop everything stands on: local names, and no calls but the handlers'.
         queue, urgent, waiting = self.queue, self._urgent, self.door.waiting
         take, put, cache, latch, terminate = queue.popleft, queue.append, self.lookup.cache, self._latch, _TERMINATE
@@ -128,24 +146,57 @@ class EventMachine:
             self.executed += executed
             self.running = self.task = None
 
+    def _run_recorded(self) -> None:
+        queue, urgent, waiting = self.queue, self._urgent, self.door.waiting
+        while self.executed < self.most_executed:
+            if waiting:
+                self.let_in()
+            if not (queue or urgent):
+                return
+            self.execute_next()
+            if self.is_ended:
+                return
+
     def execute_next(self) -> None:
-        """Executes one task; there must be one.
+        """Executes one task; there must be one. A recorder gets it also when a handler raises: the trace is whole.
 
         Raises:
             HandlerFailed: as above.
         """
-        task = self.task = (self._urgent or self.queue).popleft()
+        ticket = (self._urgent or self.queue).popleft()
+        recorder, scheduled = self._recorder, self._scheduled
+        task = self.task = ticket if recorder is None else ticket[0]
         if self._latch is not None:
             self.now_s = self._latch()
         self.executed += 1
+        handled: list[Handled] = []
         try:
-            for component, handler, task_id, _ in self.lookup.find(task):
-                self.running = component
-                self._queue_all(as_tasks(handler(task, task_id), component, handler))
+            try:
+                entries = self.lookup.cache[task.type][task.name]
+            except (KeyError, TypeError):
+                entries = self.lookup.find(task)
+            for self.running, handler, task_id, label in entries:
+                returned = handler(task, task_id)
+                if type(returned) is not Task or scheduled:
+                    outputs = (*scheduled, *as_tasks(returned, self.running, handler))
+                    scheduled.clear()
+                    handled.append((label, outputs))
+                else:
+                    handled.append((label, (returned,)))
+        except (ComponentFailed, HandlerFailed):
+            raise
         except BaseException as error:
-            raise HandlerFailed(self.running, task) from error
+            culprit, self.running = self.running, None  # nobody interrupts the recorder
+            self._queue_handled(ticket, handled)
+            raise HandlerFailed(culprit, task) from error
         finally:
             self.running = self.task = None
+            if scheduled:
+                scheduled.clear()
+        if recorder is None:
+            self._queue_handled(ticket, handled)
+        elif tickets := recorder.task(self.now_s, ticket, handled):
+            self._queue_tickets(tickets)
 
     def drain(self) -> int:
         """Finishes what is queued when the machine has ended; returns how many tasks were cut off."""
@@ -182,17 +233,50 @@ class EventMachine:
             component.begin()
         finally:
             self.running = None
+        if self._recorder is not None and self._scheduled:
+            tickets = self._recorder.begun(self.now_s, component.name, tuple(self._scheduled))
+            self._scheduled.clear()
+            self._queue_tickets(tickets)
 
     def schedule(self, tasks: Sequence[Task]) -> None:
-        """Queues what the running component schedules, before what it will return."""
-        self._queue_all(tasks)
+        """Queues what the running component schedules, before what it will return; recorded, it is part of that."""
+        if self._recorder is None:
+            self._queue_all(tasks)
+        else:
+            self._scheduled.extend(tasks)
+
+    def forget_queued(self) -> None:
+        """Drops what waits, at the door or inside: a replay does not finish what the recorded run left."""
+        self.door.waiting.clear()
+        self.queue.clear()
+        self._urgent.clear()
+
+    def admit(self, task: Task, source: str) -> None:
+        """Queues an input without a door, as a replay does."""
+        self._enter(task, source)
 
     def _enter(self, task: Task, source: str) -> None:
-        (self._urgent if task.type is _TERMINATE else self.queue).append(task)
+        if self._recorder is None:
+            (self._urgent if task.type is _TERMINATE else self.queue).append(task)
+            return
+        if self._latch is not None:
+            self.now_s = self._latch()
+        self._queue_tickets((self._recorder.input(self.now_s, source, task),))
+
+    def _queue_handled(self, ticket: Any, handled: list[Handled]) -> None:
+        if self._recorder is not None:
+            self._queue_tickets(self._recorder.task(self.now_s, ticket, handled))
+            return
+        for _, outputs in handled:
+            self._queue_all(outputs)
 
     def _queue_all(self, tasks: Sequence[Task]) -> None:
         for task in tasks:
             (self._urgent if task.type is _TERMINATE else self.queue).append(task)
+
+    def _queue_tickets(self, tickets: Sequence[Ticket]) -> None:
+        for ticket in tickets:
+            (self._urgent if ticket[0].type is _TERMINATE else self.queue).append(ticket)
 
 
 _TERMINATE = TaskType.terminate

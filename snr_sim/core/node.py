@@ -22,7 +22,6 @@ from snr_sim.core.loose_ends import loose_ends, nobody
 from snr_sim.core.machine import EventMachine, HandlerFailed, as_tasks
 from snr_sim.core.node_core import NodeCore
 from snr_sim.core.page_data import data_of_page
-from snr_sim.core.recording_machine import RecordingMachine
 from snr_sim.core.reload.sources import being_read
 from snr_sim.core.reload.trial import Trial
 from snr_sim.core.thesis_members import NodeMembers
@@ -105,11 +104,7 @@ class Node(NodeMembers):
         latch = None if isinstance(self.clock, SimClock) else self.clock.now_s
         lookup = Lookup(self.components, self.profiler)
         self._recorder = recorder.for_node(self.name) if recorder is not None else None
-        self.machine = (
-            EventMachine(lookup, self.door, latch)
-            if self._recorder is None
-            else RecordingMachine(lookup, self.door, latch, self._recorder)
-        )
+        self.machine = EventMachine(lookup, self.door, latch, self._recorder)
         self._thread_id = threading.get_ident()
         self._begun: list[Component] = []
         self._is_over = False

@@ -170,10 +170,8 @@ def _marked_object(value: Any) -> Any:
     if config is not None:
         if config.tag_field == MARK and config.tag == "page":
             return _marked_page(value)
-        if (
-            config.tag_field == MARK and config.tag == "shared"
-        ):  # core/process/shared_arrays.py: between processes, never on disk
-            return {MARK: "shared", **{name: getattr(value, name) for name in type(value).__struct_fields__}}
+        if config.tag_field == MARK and config.tag == "array_bytes":  # core/process/messages.py: never on disk
+            return {MARK: config.tag, **{name: getattr(value, name) for name in type(value).__struct_fields__}}
         fields = {name: _marked(getattr(value, name)) for name in type(value).__struct_fields__}
     else:
         fields = {str(name): _marked(item) for name, item in _attributes(value).items()}

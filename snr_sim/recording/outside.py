@@ -22,7 +22,6 @@ from typing import Any
 
 from snr_sim.core.blame import is_student_file, short_path
 from snr_sim.core.machine import EventMachine
-from snr_sim.core.recording_machine import RecordingMachine
 
 _CLOCKS = (
     *(getattr(time, name) for name in ("time", "monotonic", "perf_counter", "process_time", "thread_time")),
@@ -59,7 +58,7 @@ _EVENTS = {
 # What these ask changes no answer of a handler: a log line's time, a traceback's source line.
 _HARMLESS = ("logging", "traceback", "linecache", "warnings", "tokenize")
 # Files may be read while a robot is put together; a handler (or `begin`) finds other things in them each time.
-_HANDLING = (RecordingMachine.execute_next.__code__, EventMachine.begin_component.__code__)
+_HANDLING = (EventMachine.execute_next.__code__, EventMachine.begin_component.__code__)
 _READ_HINT = "read it in the factory or in a Loop, so that it does not change between runs"
 
 

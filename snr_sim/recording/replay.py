@@ -15,7 +15,6 @@ from snr_sim.core.clocks import SimClock
 from snr_sim.core.config import Config
 from snr_sim.core.machine import HandlerFailed
 from snr_sim.core.node import Node
-from snr_sim.core.recording_machine import RecordingMachine
 from snr_sim.core.watchdog import Watchdog
 from snr_sim.prelude.errors import ComponentFailed, TraceError, ValueEncodingError
 from snr_sim.prelude.page import KINDS
@@ -81,7 +80,6 @@ class _Driver:
     """Brings the inputs and has the tasks executed, in the recorded order."""
 
     def __init__(self, node: Node, clock: ReplayClock, checker: Checker, before_task: Callable[[int], None]) -> None:
-        assert isinstance(node.machine, RecordingMachine)
         self._node = node
         self._machine = node.machine
         self._clock = clock

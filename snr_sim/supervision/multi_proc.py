@@ -1,8 +1,8 @@
 """Roles side by side, each in a process of its own, with one program that starts, watches and ends them all.
 
-    main thread                      a thread per role             the process (supervision/role_process.py)
+    main thread                      a ChildProcess per role       the process (supervision/role_process.py)
     news: signals, ends  <-------    hears messages and lines  <---    runs the node, prints, fails, ends
-    "end", "now", kill   --------------------------------------->      a terminate task; an interrupt; nothing to say
+    end("SIGTERM"), end("now"), kill  -------------------------->      a terminate task; an interrupt; nothing to say
 
 The processes are in groups of their own, so Ctrl-C at the terminal reaches only this program, once.
 """
@@ -13,20 +13,20 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from queue import Empty, SimpleQueue
 from types import FrameType
-from typing import Any, TextIO, TypeAlias
+from typing import Any, TypeAlias
 
 from snr_sim.core.config import Config
 from snr_sim.core.door import LOOK_UP_S
+from snr_sim.core.process.child_process import ChildProcess
 from snr_sim.core.process.packing import pack
-from snr_sim.core.process.spawn import Spawned, how_it_ended, print_line
+from snr_sim.core.process.spawn import print_line
 from snr_sim.prelude.component import PortFactory, RoleName
 from snr_sim.prelude.errors import ComponentFailed, ConfigError
 from snr_sim.prelude.promises import keeps
-from snr_sim.prelude.values import decode_value, encode_value
 from snr_sim.supervision.role_process import RoleRun, run_role
 
 TARGET = "snr_sim.supervision.role_process:run"
@@ -34,6 +34,7 @@ TARGET = "snr_sim.supervision.role_process:run"
 # ends itself before that, and halts its loops: see `core/last_resort.py`.
 GRACE_S = 4.0
 SHORT_GRACE_S = 1.0
+PRINTED_NOTHING = "It had printed nothing on stderr.\n  Try: run that role alone and watch its memory."
 
 # What the main thread is told: ("signal", name), ("failed", role, message, component), ("over", role, status).
 News: TypeAlias = tuple[Any, ...]
@@ -78,7 +79,9 @@ class MultiProcRunner:
         self._run = run
         self._ends_all = set(ends_all)
         self._news: SimpleQueue[News] = SimpleQueue()
-        self._running: dict[RoleName, RoleProcess] = {}
+        self._running: dict[RoleName, ChildProcess] = {}
+        self._overdue: set[RoleName] = set()
+        self._failed: set[RoleName] = set()  # that have reported it themselves
         self._failures: list[ComponentFailed] = []
         self._signals = 0
         self._has_run = False
@@ -105,7 +108,8 @@ class MultiProcRunner:
                     self._wait()
             finally:
                 for process in self._running.values():  # only if this program fails itself
-                    process.end_at_once()
+                    process.kill()
+                    process.listener.join()
         if self._failures:
             raise self._failures[0]
 
@@ -115,10 +119,29 @@ class MultiProcRunner:
                 port.claim()
             orders = [self._order(role) for role in self.roles]
             for role, order in zip(self.roles, orders, strict=True):
-                self._running[role] = RoleProcess(role, order, self._news)
+                self._running[role] = self._started(role, order)
         finally:
             for port in ports:
                 port.release()  # an end of a pipe that stays open here would hide that its role has ended
+
+    def _started(self, role: RoleName, order: dict[str, Any]) -> ChildProcess:
+        def on_end(status: int, error: Exception | None) -> None:
+            if error is not None:
+                self._news.put(("failed", role, f"{type(error).__name__}: {error}", ""))
+            self._news.put(("over", role, status))
+
+        process = ChildProcess(
+            f"role '{role}'",
+            TARGET,
+            order,
+            lambda kind, *values: self._news.put((kind, role, *values)),  # "failed", message, component
+            on_end,
+            order["packed"]["descriptors"],
+            out=lambda line: print_line(sys.stdout, f"[{role}] {line}"),
+            err=lambda line: print_line(sys.stderr, f"[{role}] {line}"),
+        )
+        process.start()
+        return process
 
     def _order(self, role: RoleName) -> dict[str, Any]:
         factories = self._config.get(role)
@@ -141,8 +164,8 @@ class MultiProcRunner:
         except Empty:
             if self._kill_at_s is not None and time.monotonic() >= self._kill_at_s:
                 self._kill_at_s = None
+                self._overdue.update(self._running)
                 for process in self._running.values():
-                    process.is_overdue = True
                     process.kill()
             return
         if what == "signal":
@@ -162,6 +185,7 @@ class MultiProcRunner:
             self._kill_at_s = time.monotonic()
 
     def _on_failure(self, role: RoleName, message: str, component: str) -> None:
+        self._failed.add(role)
         if self._failures:
             message = f"{message}\n  in role '{role}', after another role had failed."
             print_line(sys.stderr, message)
@@ -173,10 +197,10 @@ class MultiProcRunner:
     def _on_end(self, role: RoleName, status: int) -> None:
         process = self._running.pop(role)
         process.listener.join()
-        if process.is_overdue:
+        if role in self._overdue:
             self._on_failure(role, f"The process of role '{role}' did not end when it was asked, and was killed.", "")
-        elif status and not process.has_failed and not process.is_not_wanted:
-            self._on_failure(role, process.obituary(status), "")
+        elif status and role not in self._failed and not process.is_killed:
+            self._on_failure(role, process.exit_message(status, "", PRINTED_NOTHING), "")
         elif role in self._ends_all:
             self._end_all("SIGTERM", GRACE_S)
 
@@ -185,82 +209,6 @@ class MultiProcRunner:
             process.end(how)
         kill_at_s = time.monotonic() + grace_s
         self._kill_at_s = kill_at_s if self._kill_at_s is None else min(self._kill_at_s, kill_at_s)
-
-
-class RoleProcess:
-    """One role's process, and the thread that listens to it.
-
-    Args:
-        role: which.
-        order: what it needs to know.
-        news: where to tell what becomes of it.
-    """
-
-    def __init__(self, role: RoleName, order: dict[str, Any], news: SimpleQueue[News]) -> None:
-        self.role = role
-        self.has_failed = False  # and has said so itself
-        self.is_overdue = False
-        self.is_not_wanted = False  # it was to end before it had begun
-        self._news = news
-        descriptors = order["packed"]["descriptors"]
-        self._process = Spawned(TARGET, descriptors, out=self._passed_to(sys.stdout), err=self._passed_to(sys.stderr))
-        self._orders: SimpleQueue[list[Any] | None] = SimpleQueue()
-        self._orders.put(["begin", order])
-        self._speaker = threading.Thread(target=self._speak, name=f"{role} speaker", daemon=True)
-        self._speaker.start()
-        self.listener = threading.Thread(target=self._listen, name=f"{role} listener", daemon=True)
-        self.listener.start()
-
-    def _passed_to(self, stream: TextIO) -> Callable[[str], None]:
-        return lambda line: print_line(stream, f"[{self.role}] {line}")
-
-    def _speak(self) -> None:
-        has_begun = False
-        while (order := self._orders.get()) is not None:
-            if order[0] == "go":
-                has_begun = not self.is_not_wanted
-            elif order[0] == "end":
-                self.is_not_wanted = not has_begun
-            if self.is_not_wanted:  # it is still starting, and has nothing to put in order
-                self.kill()
-            else:
-                self._process.say(encode_value(order))
-
-    def _listen(self) -> None:
-        status = self._process.listen(self._hear)
-        self._orders.put(None)
-        self._news.put(("over", self.role, status))
-
-    def _hear(self, raw: bytes) -> None:
-        what, *values = decode_value(raw)
-        if what == "ready":
-            self._orders.put(["go"])
-            return
-        message, component = values
-        self.has_failed = True
-        self._news.put(("failed", self.role, message, component))
-
-    def end(self, how: str) -> None:
-        """Asks it to end: by the name of a signal, or "now"."""
-        self._orders.put(["end", how])
-
-    def kill(self) -> None:
-        """Ends it, whatever it does."""
-        self._process.kill()
-
-    def end_at_once(self) -> None:
-        """Ends it and waits until it has gone."""
-        self.kill()
-        self.listener.join()
-
-    def obituary(self, status: int) -> str:
-        """Returns how it ended that did not say so itself."""
-        lines = "".join(f"\n    {line}" for line in self._process.last)
-        return f"The process of role '{self.role}' {how_it_ended(status)}. " + (
-            f"Its last lines:{lines}"
-            if lines
-            else "It had printed nothing on stderr.\n  Try: run that role alone and watch its memory."
-        )
 
 
 @contextmanager

@@ -1,15 +1,18 @@
 """Factories on their way to another process: also those loaded by path, and what is said of those that cannot go."""
 
 import importlib
+import linecache
 import os
 import pickle
 import subprocess
 import sys
 import threading
+import types
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
 from snr_sim import Config, Loop, LoopFactory, Mode, Node, TimeoutLoopFactory
@@ -104,32 +107,89 @@ def test_a_robot_that_was_loaded_by_path_is_loaded_from_there_with_its_neighbour
     assert node.get_data("lens") == "fisheye"
 
 
+GUARDED = PROGRAM + 'print("read")\nif __name__ == "__main__":\n    main()\n'
+UNGUARDED = PROGRAM + 'print("read")\nmain()\n'
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("how", [("robot.py",), ("-m", "robot")])
-def test_what_the_program_itself_defines_is_found_without_running_it_again(
-    how: tuple[str, ...], tmp_path: Path
+@pytest.mark.parametrize("text", [GUARDED, UNGUARDED])
+@pytest.mark.parametrize("how", [("robot.py",), ("-m", "robot"), ("-c", None)])
+def test_what_the_program_itself_defines_is_sent_without_running_it_again(
+    how: tuple[str | None, ...], text: str, tmp_path: Path
 ) -> None:
-    guarded = PROGRAM + 'print("read")\nif __name__ == "__main__":\n    main()\n'
-    status, out, err = run_program(guarded, "--fast", folder=tmp_path, how=how)
+    status, out, err = run_program(text, "--fast", folder=tmp_path, how=tuple(word or text for word in how))
     assert (status, err) == (0, "")
-    assert "read\n" in out
+    assert out.startswith("read\n__main__ ")
     assert out.endswith("['--fast']\n")
 
 
 @pytest.mark.slow
-def test_a_program_that_starts_again_wherever_it_is_read_is_told_what_it_lacks(tmp_path: Path) -> None:
-    status, _, err = run_program(PROGRAM + "main()\n", folder=tmp_path)
+def test_a_file_that_starts_a_process_wherever_it_is_read_is_told_what_it_lacks(tmp_path: Path) -> None:
+    (tmp_path / "boat.py").write_text(UNGUARDED)
+    status, _, err = run_program("import boat\n", folder=tmp_path)
     assert status == 1
     assert "starts a process again while that process still reads the program" in err
     assert "if __name__ == '__main__':" in err
 
 
-@pytest.mark.slow
-def test_what_is_defined_at_a_prompt_is_told_to_go_into_a_file(tmp_path: Path) -> None:
-    status, _, err = run_program("", folder=tmp_path, how=("-c", PROGRAM + "main()\n"))
-    assert status == 1
-    assert "EyeFactory is defined where no file is" in err
-    assert "put its class into a file" in err
+STRUCT = '''
+from __future__ import annotations
+
+import enum
+
+import msgspec
+
+
+class Kind(enum.Enum):
+    water = "w"
+
+
+FACTOR = 2.0
+
+
+class Depth(msgspec.Struct, frozen=True, tag="deep"):
+    """Of the water."""
+
+    m: float
+    names: list[str] = []
+    kinds: list[Kind] = []
+    above: Depth | None = None
+
+    def twice(self) -> Depth:
+        return Depth(self.m * FACTOR)
+
+    @property
+    def cm(self) -> float:
+        return self.m * 100
+
+
+class KeyDepth(Depth, kw_only=True):
+    key: str
+'''
+
+
+def test_a_record_of_the_program_is_sent_with_its_fields_and_methods(monkeypatch: pytest.MonkeyPatch) -> None:
+    program = types.ModuleType("__main__")
+    monkeypatch.setitem(sys.modules, "__main__", program)
+    exec(STRUCT, program.__dict__)
+    Depth, KeyDepth = unpack_again([program.Depth, program.KeyDepth])  # noqa: N806
+    assert Depth is not program.Depth
+    assert (Depth(2.0).twice().cm, Depth(1.0).names, Depth.__doc__) == (400.0, [], "Of the water.")
+    assert msgspec.json.encode(Depth(1.0)) == b'{"type":"deep","m":1.0,"names":[],"kinds":[],"above":null}'
+    back = msgspec.json.decode(b'{"type":"deep","m":1,"kinds":["w"],"above":{"type":"deep","m":2}}', type=Depth)
+    assert (back.kinds[0].name, back.above) == ("water", Depth(2.0))
+    assert KeyDepth(1.0, key="a") == KeyDepth(m=1.0, key="a")
+    with pytest.raises(AttributeError):
+        Depth(1.0).m = 2.0
+
+
+def test_lines_of_a_notebook_come_along_for_messages(monkeypatch: pytest.MonkeyPatch) -> None:
+    program = types.ModuleType("__main__")
+    monkeypatch.setitem(sys.modules, "__main__", program)
+    cell = ["def look():\n", "    raise ValueError\n"]
+    monkeypatch.setitem(linecache.cache, "/cell.py", (1, None, cell, "/cell.py"))
+    exec(compile("".join(cell), "/cell.py", "exec"), program.__dict__)
+    assert pack(program.look, "look", "Loop 'eye'")["lines"] == {"/cell.py": cell}
 
 
 FACTORY = """
@@ -205,11 +265,21 @@ class KeepingFactory(LoopFactory):
         return Loop(self, parent, "keeper")
 
 
-def local_function() -> Any:
-    def inside() -> None:
-        pass
+def locked() -> Any:
+    lock = threading.Lock()
+
+    def inside() -> bool:
+        return lock.locked()
 
     return inside
+
+
+def unpack_again(thing: Any) -> Any:
+    before = sys.argv[:], sys.meta_path[:]
+    try:
+        return unpack(pack(thing, "KeepingFactory", "Loop 'eye'"))
+    finally:
+        sys.argv[:], sys.meta_path[:] = before
 
 
 class Unwilling:
@@ -220,12 +290,7 @@ class Unwilling:
 @pytest.mark.parametrize(
     ("factory", "said", "fix"),
     [
-        (
-            KeepingFactory(1, lambda: None),
-            "attribute `kept[1]` cannot be sent there: a lambda (",
-            "top level of a file",
-        ),
-        (KeepingFactory(act=local_function()), "`named['act']` cannot be sent there: a function inside", "top level"),
+        (KeepingFactory(act=locked()), "`named['act'].lock` cannot be sent there: lock", "setup()"),
         (
             KeepingFactory(Inner({"a": [threading.Lock()]})),
             "`kept[0].value['a'][0]` cannot be sent there: lock",
@@ -248,22 +313,19 @@ def test_an_open_file_is_to_be_opened_in_setup(tmp_path: Path) -> None:
     assert "setup()" in caught.value.fix
 
 
-def test_a_factory_whose_class_is_inside_a_function_is_told_so() -> None:
+def test_what_is_defined_inside_a_function_is_sent() -> None:
     class LocalFactory(KeepingFactory):
-        pass
+        def sum(self) -> int:
+            return sum(act(2) for act in self.kept)
 
-    with pytest.raises(ConfigError, match="its class LocalFactory is defined inside a function"):
-        pack(LocalFactory(), "LocalFactory", "Loop 'eye'")
+    three = 3
+    assert unpack_again(LocalFactory(lambda x: x * three, lambda x: x + three)).sum() == 11
 
 
 def test_what_refers_to_itself_is_sent_and_comes_back_as_it_was() -> None:
     factory = KeepingFactory(Inner(1), key={"a": (1, 2)})
     factory.kept.append(factory)
-    before = sys.argv[:], sys.meta_path[:]
-    try:
-        back = unpack(pack(factory, "KeepingFactory", "Loop 'eye'"))
-    finally:
-        sys.argv[:], sys.meta_path[:] = before
+    back = unpack_again(factory)
     assert back.kept[1] is back
     assert back.reload_targets == [os]
     assert back.named == factory.named
@@ -272,6 +334,6 @@ def test_what_refers_to_itself_is_sent_and_comes_back_as_it_was() -> None:
 
 def test_what_refers_to_itself_and_cannot_be_sent_is_named_all_the_same() -> None:
     factory = KeepingFactory()
-    factory.kept += [factory, lambda: None]
-    with pytest.raises(ConfigError, match="a lambda"):
+    factory.kept += [factory, threading.Lock()]
+    with pytest.raises(ConfigError, match=r"`kept\[1\]` cannot be sent there: lock"):
         pack(factory, "KeepingFactory", "Loop 'eye'")

@@ -19,8 +19,9 @@ from snr_sim.devices.pwm.pca9685 import Pca9685Pwm
 from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
 from snr_sim.devices.pwm.pwm_supervisor import Supervisor
 from snr_sim.devices.pwm.supervised_pwm import SupervisedPwm
+from snr_sim.devices.wire.child_port import ChildPort
 from snr_sim.devices.wire.i2c_bus import I2cBus
-from snr_sim.devices.wire.lease_messages import LeaseFrames, Open, encode
+from snr_sim.devices.wire.lease_messages import Answer, Message, Open, decode, encode, receive
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import LOST, NOT_ACTIVE
 from snr_sim.testing.i2c_parts import FakeBus, Pca9685Part
@@ -39,18 +40,17 @@ class Line:
 
     def __init__(self, now_s: Callable[[], float]) -> None:
         self.supervisor = Supervisor(now_s)
-        self._frames, self._answers = LeaseFrames(), b""
+        self._answers: list[Answer] = []
         self.is_deaf = self.is_dead = False
 
-    def write(self, data: bytes) -> None:
+    def write(self, order: bytes) -> None:
         self._check()
-        for order in self._frames.feed(data):
-            if not self.is_deaf:
-                self._answers += encode(self.supervisor.obey(order))
+        if not self.is_deaf:
+            self._answers.append(self.supervisor.obey(decode(order)))
 
-    def read(self) -> bytes:
+    def read(self) -> list[Answer]:
         self._check()
-        answers, self._answers = self._answers, b""
+        answers, self._answers = self._answers, []
         return answers
 
     def wait(self, seconds: float) -> bool:
@@ -215,17 +215,29 @@ def test_a_robot_whose_supervisor_dies_is_neutral_until_it_has_commanded_neutral
     assert "The process 7 was killed by SIGKILL." in told
 
 
-@pytest.mark.parametrize(
-    ("data", "words"),
-    [
-        (b"\xff\xffxx", "65535 bytes was announced"),
-        (b"\x03\x00abc", "is no message of a supervisor"),
-        (b'\x0e\x00{"type":"Arx"}', "is no message of a supervisor"),
-    ],
-)
-def test_bytes_that_are_no_message_are_refused(data: bytes, words: str) -> None:
-    with pytest.raises(DeviceError, match=words):
-        LeaseFrames().feed(data)
+@pytest.mark.parametrize("data", [b"abc", b'{"type":"Arx"}'])
+def test_bytes_that_are_no_message_are_refused(data: bytes) -> None:
+    with pytest.raises(DeviceError, match="is no message of a supervisor"):
+        decode(data)
+
+
+def write_for_ever(port: ChildPort[Message]) -> None:
+    while True:
+        port.write(bytes(8192))
+
+
+@pytest.mark.slow
+def test_a_process_that_does_not_read_or_has_ended_is_told_without_waiting() -> None:
+    port = ChildPort("snr_sim.devices.pwm.pwm_supervisor:run", receive)
+    os.kill(port.pid, signal.SIGSTOP)
+    with pytest.raises(DeviceError, match=f"process {port.pid} does not read what it is sent: it hangs"):
+        write_for_ever(port)
+    os.kill(port.pid, signal.SIGKILL)
+    assert port.wait(GENEROUS_S)
+    for call in (port.read, lambda: port.write(b"x")):
+        with pytest.raises(DeviceError, match="was ended by SIGKILL"):
+            call()
+    port.close()
 
 
 def test_an_order_before_the_outputs_are_open_is_answered_with_what_to_do() -> None:
@@ -343,7 +355,7 @@ def test_h9_a_supervisor_that_is_killed_leaves_neutral_by_its_guard_is_told_and_
     wait_until(lambda: is_neutral(pins_us()), "the guard does nothing")
     wait_until(lambda: LOST in out.write_us([1900.0] * 2, time.monotonic()).why, "it is told")
     assert out.health().state == "error"
-    assert "was killed by SIGKILL" in out.health().why
+    assert "was ended by SIGKILL" in out.health().why
     out.configure()
     assert is_neutral(pins_us())
     assert LOST not in out.write_us([1900.0] * 2, time.monotonic()).why

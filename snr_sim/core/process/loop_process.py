@@ -7,7 +7,6 @@ is called by a thread as any other loop is, so it cannot tell where it is.
 from __future__ import annotations
 
 import logging
-import os
 import signal
 import threading
 import time
@@ -25,44 +24,50 @@ from snr_sim.core.door import LOOK_UP_S, Door
 from snr_sim.core.loop import Loop
 from snr_sim.core.node import Node
 from snr_sim.core.process import spawned
+from snr_sim.core.process.messages import MessageLine
 from snr_sim.core.process.packing import unpack
-from snr_sim.core.process.shared_arrays import SHARED, ArrayReceiver, ArraySender
 from snr_sim.core.reload.trial import Trial
-from snr_sim.prelude.errors import ComponentFailed, SnrError, ValueEncodingError
-from snr_sim.prelude.page import KINDS, DataKey, Page
+from snr_sim.prelude.errors import ComponentFailed, SnrError
+from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.task import Task
-from snr_sim.prelude.values import decode_value, encode_value
 
 _COUNTS_EVERY_S = 0.5
-_OBJECT = b'{"$":"object"'  # in JSON text this is never part of a string, where the quotes would be escaped
 
 
 def run(line: Connection) -> None:
     """Runs one loop until the node, or the node's death, ends it."""
-    begin = decode_value(line.recv_bytes())[1]
-    speaker = Speaker(line, ArraySender(begin["arrays"][0]), begin["loop"])
-    pages = RemoteDatastore(speaker)
+    messages = MessageLine(line)
+    begin = messages.receive()[1]
+    messages.user = f"Loop '{begin['loop']}'"
+    pages = RemoteDatastore(messages)
     life = Life()
     signal.signal(signal.SIGTERM, life.on_signal)
     spawned.hear_signals()
-    receiver = ArrayReceiver(begin["arrays"][1])
-    threading.Thread(target=listen, args=(line, speaker, receiver, pages, life), daemon=True).start()
+
+    def handle(kind: str, *values: Any) -> None:
+        if kind == "page":
+            pages.arrived(*values)
+        elif kind == "go":
+            life.may_go.set()
+
+    orders = (messages.receive, life.end, handle, 2.0 * JOIN_TIMEOUT_S)
+    threading.Thread(target=spawned.obey, args=orders, daemon=True).start()
     try:
-        node = LoopNode(begin, speaker, pages)
+        node = LoopNode(begin, messages, pages)
         loop = make_loop(node, begin)
     except (Exception, SystemExit) as error:
-        speaker.say("failed", describe_error(error, f"while loop '{begin['loop']}' was made in its process"))
-        speaker.say("over")
+        messages.send("failed", describe_error(error, f"while loop '{begin['loop']}' was made in its process"))
+        messages.send("over")
         return
-    backing = ProcessThread(loop, speaker)
+    backing = ProcessThread(loop, messages)
     if begin["is_tried"]:
-        loop.trial = LineTrial(speaker)
-    speaker.say("ready")
+        loop.trial = LineTrial(messages)
+    messages.send("ready")
     life.wait_until(life.may_go)
     if not life.is_ending.is_set():
         loop.begin_on(backing)
-        life.wait_until(life.is_ending, lambda: send_counts(speaker, node, backing))
-    finish(node, loop, backing, speaker)
+        life.wait_until(life.is_ending, lambda: send_counts(messages, node, backing))
+    finish(node, loop, backing, messages)
 
 
 def make_loop(node: Node, begin: dict[str, Any]) -> Loop:
@@ -72,21 +77,21 @@ def make_loop(node: Node, begin: dict[str, Any]) -> Loop:
     return loop
 
 
-def finish(node: Node, loop: Loop, backing: ProcessThread, speaker: Speaker) -> None:
+def finish(node: Node, loop: Loop, backing: ProcessThread, messages: MessageLine) -> None:
     """Ends the loop as a node ends it, and says that all is over."""
     for step, function in (("halt", backing.join), ("terminate", loop.terminate)):
         try:
             function()
         except BaseException as error:
             node.door.fail(node.failure_of(loop, error, step))
-    send_counts(speaker, node, backing)
-    speaker.say("over")
+    send_counts(messages, node, backing)
+    messages.send("over")
 
 
-def send_counts(speaker: Speaker, node: Node, backing: ProcessThread) -> None:
+def send_counts(messages: MessageLine, node: Node, backing: ProcessThread) -> None:
     """Tells how often the loop was called, how late, and what it took."""
     timings = {} if node.profiler is None else {name: astuple(one) for name, one in node.profiler.timings.items()}
-    speaker.say("counts", backing.ticks, backing.late_s, {name: list(timing) for name, timing in timings.items()})
+    messages.send("counts", backing.ticks, backing.late_s, {name: list(timing) for name, timing in timings.items()})
 
 
 class Life:
@@ -106,111 +111,53 @@ class Life:
 
     def on_signal(self, number: int, frame: FrameType | None) -> None:
         """Somebody ends all processes of this robot at once: so does this one, in order."""
-        threading.Thread(target=self.is_ending.set, daemon=True).start()  # no lock is taken in a signal's handler
+        threading.Thread(target=self.end, daemon=True).start()  # no lock is taken in a signal's handler
 
-    def on_orphaned(self) -> None:
-        """The node's process is gone: nobody will end this one."""
-        spawned.go_quiet()
+    def end(self, why: str = "") -> None:
+        """Ends the loop in order."""
         self.is_ending.set()
-        time.sleep(2.0 * JOIN_TIMEOUT_S)
-        os._exit(1)
-
-
-def listen(line: Connection, speaker: Speaker, receiver: ArrayReceiver, pages: RemoteDatastore, life: Life) -> None:
-    """Does what the node says, until it says nothing any more."""
-    while True:
-        try:
-            raw = line.recv_bytes()
-        except (EOFError, OSError):
-            life.on_orphaned()
-            return
-        kind, *values = decode_value(raw, {**KINDS, SHARED: receiver.copy})
-        if receiver.emptied:
-            speaker.say("emptied", receiver.emptied)
-            receiver.emptied = []
-        if kind == "page":
-            pages.arrived(*values)
-        elif kind == "emptied":
-            speaker.sender.take_back(values[0])
-        elif kind == "go":
-            life.may_go.set()
-        elif kind == "stop":
-            life.is_ending.set()
-
-
-class Speaker:
-    """Says things to the node, from any thread."""
-
-    def __init__(self, line: Connection, sender: ArraySender, loop_name: str) -> None:
-        self.sender = sender
-        self._line = line
-        self._loop_name = loop_name
-        self._speaking = threading.Lock()
-
-    def say(self, kind: str, *values: Any) -> None:
-        """Sends plain values.
-
-        Raises:
-            ValueEncodingError: one is an object of a class that the node could not make anew.
-        """
-        raw = encode_value([kind, *(self.sender.share(value) for value in values)])
-        if _OBJECT in raw:
-            raise ValueEncodingError(
-                f"Loop '{self._loop_name}' runs in a process of its own, and {_what(kind, values)} holds an object "
-                f"that cannot leave it: {raw[raw.index(_OBJECT) :][:120].decode(errors='replace')}",
-                fix="store numbers, text, lists, dicts and numpy arrays.",
-            )
-        with self._speaking:
-            try:
-                self._line.send_bytes(raw)
-            except OSError:
-                return  # the node is gone; `listen` has seen that, too
-
-
-def _what(kind: str, values: tuple[Any, ...]) -> str:
-    return f"{values[0]} '{values[1]}'" if kind == "task" else kind
 
 
 class LineDoor(Door):
     """Leads to the real node's door."""
 
-    def __init__(self, speaker: Speaker) -> None:
+    def __init__(self, messages: MessageLine) -> None:
         super().__init__()
-        self._speaker = speaker
+        self._messages = messages
 
     def put(self, task: Task, source: str) -> None:
         """Sends a task to the node."""
-        self._speaker.say("task", task.type.value, task.name, task.val_list)
+        self._messages.send("task", task.type.value, task.name, task.val_list)
 
     def fail(self, failure: SnrError) -> None:
         """Tells the node what has failed here; the first one counts."""
         if self.failure is None:
             self.failure = failure
-            self._speaker.say("failed", str(failure))
+            self._messages.send("failed", str(failure))
 
 
 class LineTrial(Trial):
     """Tells the node's trial of this loop; whether somebody still waits there, only the node knows."""
 
-    def __init__(self, speaker: Speaker) -> None:
+    def __init__(self, messages: MessageLine) -> None:
         super().__init__()
-        self._speaker = speaker
+        self._messages = messages
 
     def report(self, failure: ComponentFailed | None) -> bool:
         """Tells how `setup` went, or what failed after that; returns whether the node decides what comes of it."""
         if failure is None:
-            self._speaker.say("is set up")
+            self._messages.send("is set up")
             return True
-        self._speaker.say("failed", failure.message)
+        self._messages.send("failed", failure.message)
         return True
 
 
 class RemoteDatastore(Datastore):
     """Has the pages that the loop has asked for once: from then on they come by themselves."""
 
-    def __init__(self, speaker: Speaker) -> None:
+    def __init__(self, messages: MessageLine) -> None:
         super().__init__()
-        self._speaker = speaker
+        self._messages = messages
         self._asked: dict[DataKey, threading.Event] = {}
 
     def get(self, key: object) -> Page | None:
@@ -220,7 +167,7 @@ class RemoteDatastore(Datastore):
         has_come = self._asked.get(key)
         if has_come is None:
             has_come = self._asked[key] = threading.Event()
-            self._speaker.say("watch", key)
+            self._messages.send("watch", key)
         if not has_come.is_set():
             has_come.wait()
         return self.pages.get(key)
@@ -235,28 +182,28 @@ class RemoteDatastore(Datastore):
 class LoopNode(Node):
     """The node as the loop in this process sees it."""
 
-    def __init__(self, begin: dict[str, Any], speaker: Speaker, pages: RemoteDatastore) -> None:
+    def __init__(self, begin: dict[str, Any], messages: MessageLine, pages: RemoteDatastore) -> None:
         config = Config(Mode(begin["mode"]), {begin["role"]: []})
         super().__init__(begin["role"], config, clock=WallClock(begin["clock_start_s"]), seed=begin["seed"])
-        self.door = LineDoor(speaker)
+        self.door = LineDoor(messages)
         self.datastore = pages
-        self._speaker = speaker
+        self._messages = messages
         logger = logging.getLogger("snr")
-        logger.handlers[:] = [LineHandler(speaker)]
+        logger.handlers[:] = [LineHandler(messages)]
         logger.setLevel(begin["log_level"])
         logger.propagate = False
 
     def note(self, text: str, lines: str = "") -> None:
         """Sends a remark to the node."""
-        self._speaker.say("note", lines + text)
+        self._messages.send("note", lines + text)
 
 
 class LineHandler(logging.Handler):
     """Sends what is logged to the node, which knows who wants to read it."""
 
-    def __init__(self, speaker: Speaker) -> None:
+    def __init__(self, messages: MessageLine) -> None:
         super().__init__()
-        self._speaker = speaker
+        self._messages = messages
 
     def emit(self, record: logging.LogRecord) -> None:
         """Sends one record."""
@@ -265,16 +212,16 @@ class LineHandler(logging.Handler):
         except Exception:  # a log call that is wrong, or an object's own __str__
             self.handleError(record)
             return
-        self._speaker.say("log", record.name, record.levelno, line)
+        self._messages.send("log", record.name, record.levelno, line)
 
 
 class ProcessThread(ThreadBacking):
     """Calls the loop from a thread, and tells the node when no more ticks will come."""
 
-    def __init__(self, loop: Loop, speaker: Speaker) -> None:
+    def __init__(self, loop: Loop, messages: MessageLine) -> None:
         super().__init__(loop)
-        self._speaker = speaker
+        self._messages = messages
 
     def _run(self) -> None:
         super()._run()
-        self._speaker.say("stopped")
+        self._messages.send("stopped")

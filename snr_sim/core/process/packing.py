@@ -1,256 +1,269 @@
-"""Factories on their way into another process: packed here, unpacked there, and said in words where that cannot be.
+"""Factories on their way into another process: packed here, unpacked there, and reported where that cannot be.
 
-Only this way: a process gets objects from who started it, and sends back nothing but plain values. Code goes as the
-source of its files: also of those that were loaded by path, such as a robot's, of the student's files around them that
-are loaded too, and of the program itself. So the process runs what its node runs, as exactly as `source_of` knows it.
-An open socket or pipe goes as its descriptor, which the process must be given when it is started (`Spawned`).
+Only this way: a process gets objects from the process that started it, and sends back nothing but plain values. What
+the program itself defines, in a file, a notebook or at a prompt, goes as cloudpickle sends it: the code itself. The
+student's other files go as the source that was loaded, with those around them. So the process runs what its node runs,
+as exactly as `source_of` knows it. An open socket or pipe goes as its descriptor, which the process has to be given
+when it is started.
 """
 
 from __future__ import annotations
 
-import importlib
+import importlib.abc
 import importlib.util
+import inspect
 import io
 import linecache
 import os
 import pickle
 import socket
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from importlib.abc import MetaPathFinder, SourceLoader
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.machinery import ModuleSpec
 from multiprocessing.connection import Connection
-from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any
 
-from snr_sim.core.blame import is_student_file, short_path
+import cloudpickle
+import msgspec
+
+from snr_sim.core.blame import is_student_file
 from snr_sim.core.process import spawned
 from snr_sim.core.reload.sources import file_of, source_of
 from snr_sim.prelude.errors import ConfigError, SnrError
 
 _MAIN = "__main__"
-_MAIN_THERE = "__main_of_parent__"  # not "__main__", so that what stands under `if __name__ == ...` does not run
+_PARTS_OF_STRUCT = ("__module__", "__qualname__", "__doc__", "__annotations__", "__post_init__")
 # Of the files around those that are needed: far more than a course's robots have, and sent in a few milliseconds.
 _NEIGHBOURS_MAX_BYTES = 4_000_000
 
 
 def pack(thing: Any, name: str, user: str) -> dict[str, Any]:
-    """Returns plain values that `unpack` makes the same object of, in another process.
+    """Return plain values that `unpack` makes the same object of, in another process.
 
     That process has to be started with the file descriptors in "descriptors", under the same numbers.
 
     Args:
         thing: a factory, or several.
-        name: its name in words, such as "VisionFactory".
-        user: who needs it, such as "loop 'vision'".
+        name: its name in messages, such as "VisionFactory".
+        user: the component or role that needs it, such as "Loop 'vision'".
 
     Raises:
-        ConfigError: it cannot go there; names the attribute, and what to do.
+        ConfigError: it cannot be sent; names the attribute, and what to do.
     """
     try:
-        packer = _dump(thing)
+        pickler = _dump(thing)
     except SnrError as error:  # it refuses by itself
         raise ConfigError(f"{user} runs in a process of its own. {error.message}", fix=error.fix) from error
     except Exception as error:  # a student's __reduce__ may raise anything
         where, what = _culprit(thing, error)
         raise ConfigError(
             f"{user} runs in a process of its own, and {name}{where} cannot be sent there: {what}.",
-            fix=_fix(what),
+            fix="open files, ports and cameras in the loop's setup(): that runs in the process. Keep their names here.",
         ) from error
-    main, modules = sys.modules[_MAIN], list(packer.modules)
-    if _MAIN in modules and not getattr(main, "__file__", None):
-        raise ConfigError(
-            f"{user} runs in a process of its own, and {name} is defined where no file is: at a prompt, in a notebook.",
-            fix="put its class into a file, and import it from there.",
-        )
     return {
-        "pickle": packer.data.getvalue(),
-        "descriptors": packer.descriptors,
-        "modules": _neighbours(modules) | {module: place for name in modules for module, place in _places(name)},
-        "main": [getattr(main.__spec__, "name", None), *_file_and_source(main)] if _MAIN in modules else None,
+        "pickle": pickler.data.getvalue(),
+        "descriptors": pickler.descriptors,
+        "modules": _sources(pickler.modules),
+        "lines": {file: linecache.getlines(file) for file in pickler.files},
         "argv": sys.argv,
     }
 
 
 def unpack(packed: Mapping[str, Any]) -> Any:
-    """Returns the object that was packed.
+    """Return the object that was packed.
 
     Raises:
         Exception: whatever the files it comes from raise when they are read here.
     """
     sys.argv[:] = packed["argv"]
-    sys.meta_path.insert(0, _PackedFinder(packed["modules"]))
-    if packed["main"] is not None:
-        _read_main(*packed["main"])
-    return _Unpacker(io.BytesIO(packed["pickle"])).load()
+    sys.meta_path.insert(0, _SentModules(packed["modules"]))
+    for file, lines in packed["lines"].items():
+        _show(file, lines)
+    spawned.is_reading_program = True
+    try:
+        return pickle.loads(packed["pickle"])
+    finally:
+        spawned.is_reading_program = False
 
 
-class _Packer(pickle.Pickler):
-    """Sends modules by name, and takes down whose classes and functions, and which descriptors, are needed."""
+class _Pickler(cloudpickle.Pickler):  # type: ignore[misc] # it has no types
+    """Also records which modules, files of code and descriptors the process needs."""
 
     def __init__(self) -> None:
         self.data = io.BytesIO()
         super().__init__(self.data)
         self.modules: dict[str, None] = {}
+        self.files: dict[str, None] = {}
         self.descriptors: list[int] = []
 
-    def persistent_id(self, obj: Any) -> tuple[Any, ...] | None:
-        """Returns how `_Unpacker` finds a module, a socket or a pipe; None for all else."""
+    def reducer_override(self, obj: Any) -> Any:
+        """Return how to make an object again, or NotImplemented for what pickle itself can do."""
         if isinstance(obj, ModuleType):
             self.modules[obj.__name__] = None
-            return "module", obj.__name__
-        if type(obj) is socket.socket:
-            self.descriptors.append(obj.fileno())
-            return "socket", obj.fileno()
-        if isinstance(obj, Connection):  # pickle would send the bare number, which means another file there
-            self.descriptors.append(obj.fileno())
-            return "pipe", obj.fileno(), obj.readable, obj.writable
-        return None
-
-    def reducer_override(self, obj: Any) -> Any:
-        """Takes down the module of a class or function."""
-        if isinstance(obj, (type, FunctionType)) and isinstance(obj.__module__, str):
+        elif isinstance(obj, (type, FunctionType)) and isinstance(obj.__module__, str):
             self.modules[obj.__module__] = None
-        return NotImplemented
+            if isinstance(obj, FunctionType) and obj.__module__ == _MAIN:
+                self.files[obj.__code__.co_filename] = None
+            elif obj.__module__ == _MAIN and isinstance(obj, msgspec.StructMeta):
+                return _reduce_struct(obj)
+        elif type(obj) is socket.socket:
+            self.descriptors.append(obj.fileno())
+            return _inherited_socket, (obj.fileno(),)
+        elif isinstance(obj, Connection):  # pickle would send the bare number, which means another file there
+            self.descriptors.append(obj.fileno())
+            return _inherited_pipe, (obj.fileno(), obj.readable, obj.writable)
+        return super().reducer_override(obj)
 
 
-class _Unpacker(pickle.Unpickler):
-    def persistent_load(self, pid: Any) -> ModuleType | socket.socket | Connection:
-        """Returns the module of that name, or the socket or pipe of that descriptor."""
-        kind, name, *flags = pid
-        if kind == "module":
-            return importlib.import_module(name)
-        os.set_inheritable(name, False)
-        return socket.socket(fileno=name) if kind == "socket" else Connection(name, *flags)
+def _dump(thing: Any) -> _Pickler:
+    pickler = _Pickler()
+    pickler.dump(thing)
+    return pickler
 
 
-def _dump(thing: Any) -> _Packer:
-    packer = _Packer()
-    packer.dump(thing)
-    return packer
+def _inherited_socket(descriptor: int) -> socket.socket:
+    os.set_inheritable(descriptor, False)
+    return socket.socket(fileno=descriptor)
 
 
-def _places(name: str) -> Iterator[tuple[str, list[Any]]]:
-    """Yields a module and the packages it is in, each with its file and the folders of its submodules."""
-    parts = name.split(".")
-    if parts[0] in ("snr_sim", _MAIN) or parts[0] in sys.stdlib_module_names:
-        return
-    for end in range(1, len(parts) + 1):
-        part = ".".join(parts[:end])
-        module = sys.modules.get(part)
-        file, folders = getattr(module, "__file__", None), getattr(module, "__path__", None)
-        if module is not None and (folders is not None if file is None else file.endswith(".py")):
-            yield part, [*_file_and_source(module), None if folders is None else list(folders)]
+def _inherited_pipe(descriptor: int, is_readable: bool, is_writable: bool) -> Connection:
+    os.set_inheritable(descriptor, False)
+    return Connection(descriptor, is_readable, is_writable)
 
 
-def _neighbours(names: Sequence[str]) -> dict[str, list[Any]]:
-    """Returns the places of a student's loaded modules in the folders of those that are needed, and beneath them.
+def _reduce_struct(kind: Any) -> tuple[Any, ...]:
+    """Return how to make a msgspec Struct again; cloudpickle 3.1 makes it without its fields."""
+    config = kind.__struct_config__
+    options = {name: getattr(config, name) for name in dir(config) if name[0] != "_"}
+    own = [field for field in msgspec.structs.fields(kind) if field.name in kind.__annotations__]
+    options["kw_only"] = any(field.name not in kind.__match_args__ for field in own)
+    fields = {
+        field.name: {
+            key: value
+            for key in ("default", "default_factory")
+            if (value := getattr(field, key)) is not msgspec.NODEFAULT
+        }
+        for field in own
+    }
+    members = {
+        name: value
+        for name, value in vars(kind).items()
+        if not (name == "__slots__" or inspect.ismemberdescriptor(value) or inspect.isgetsetdescriptor(value))
+    }
+    namespace = {name: members.pop(name) for name in _PARTS_OF_STRUCT if name in members}
+    # msgspec looks names in annotations up in the class's module, which the process does not have.
+    members["__annotations__"] = kind.__annotations__ | {field.name: field.type for field in own}
+    made_of = (type(kind), kind.__name__, kind.__bases__, namespace, fields, options)
+    return _struct, made_of, members, None, None, _set_members
 
-    The ones that are needed may import them, and the process is not to read a file that is just being written.
+
+def _struct(
+    meta: Any,
+    name: str,
+    bases: tuple[type, ...],
+    namespace: dict[str, Any],
+    fields: dict[str, dict[str, Any]],
+    options: dict[str, Any],
+) -> Any:
+    defaults = {field: msgspec.field(**default) for field, default in fields.items()}
+    return meta(name, bases, namespace | defaults, **options)
+
+
+def _set_members(kind: type, members: dict[str, Any]) -> None:
+    """Add methods to a class that exists already, as they may refer to it."""
+    for name, value in members.items():
+        setattr(kind, name, value)
+
+
+def _sources(needed: Iterable[str]) -> dict[str, list[Any]]:
+    """Return file, source and folders of submodules of each module that the process cannot read itself, by name.
+
+    These are the needed ones but for Python's and the library's, and the student's loaded modules beside and beneath
+    theirs: the needed ones may import those, and the process is not to read a file that is just being written.
     """
-    folders = tuple({f"{folder}{os.sep}" for name in names for folder in _folders(name)})
-    found: dict[str, list[Any]] = {}
+    needed = [name for name in needed if name in sys.modules]
+    folders = tuple({f"{folder}{os.sep}" for name in needed for folder in _folders(name)})
+    found = {name: _source(name) for name in _with_packages(needed)}
     left_bytes = _NEIGHBOURS_MAX_BYTES
     for name, module in list(sys.modules.items()):
         file = file_of(module) if isinstance(module, ModuleType) else None
-        if file is None or not str(file).startswith(folders) or not is_student_file(str(file)):
-            continue
-        new = {part: place for part, place in _places(name) if part not in found}
-        left_bytes -= sum(len(source or b"") for _, source, _ in new.values())
-        if left_bytes < 0:
-            break
-        found |= new
+        if file is not None and str(file).startswith(folders) and is_student_file(str(file)):
+            new = {part: _source(part) for part in _with_packages([name]) if part not in found}
+            left_bytes -= sum(len(source or b"") for _, source, _ in new.values())
+            if left_bytes < 0:
+                break
+            found |= new
     return found
 
 
-def _folders(name: str) -> Iterator[Path]:
-    """Yields the folders that a student's module, and the packages it is in, stand in; of any other module none."""
-    parts = name.split(".")
-    module = sys.modules.get(name)
-    file = None if module is None else file_of(module)
+def _with_packages(names: Iterable[str]) -> Iterator[str]:
+    """Yield modules and the packages that they are in, but for those that every process has."""
+    for name in names:
+        parts = name.split(".")
+        if parts[0] in ("snr_sim", _MAIN) or parts[0] in sys.stdlib_module_names:
+            continue
+        for end in range(1, len(parts) + 1):
+            module = sys.modules.get(".".join(parts[:end]))
+            file = getattr(module, "__file__", None)
+            if hasattr(module, "__path__") if file is None else file.endswith(".py"):
+                yield ".".join(parts[:end])
+
+
+def _folders(name: str) -> list[str]:
+    """Return the folders of a student's module and of its outermost package; none for any other module."""
+    file = file_of(sys.modules[name])
     if file is None or not is_student_file(str(file)):
-        return
-    yield file.parent
-    for end in range(1, len(parts)):
-        yield from map(Path, getattr(sys.modules.get(".".join(parts[:end])), "__path__", ()))
+        return []
+    return [str(file.parent), *getattr(sys.modules.get(name.partition(".")[0]), "__path__", ())]
 
 
-def _file_and_source(module: ModuleType) -> tuple[str | None, bytes | None]:
-    file = getattr(module, "__file__", None)
+def _source(name: str) -> list[Any]:
+    module = sys.modules[name]
+    file, folders = getattr(module, "__file__", None), getattr(module, "__path__", None)
     try:
-        return file, None if file is None else source_of(module)
-    except OSError:  # it is gone, and was never read by us: the process says so
-        return file, None
+        source = None if file is None else source_of(module)
+    except OSError:  # it is gone, and was never read by us: the process reports it
+        source = None
+    return [file, source, None if folders is None else list(folders)]
 
 
-class _PackedLoader(SourceLoader):
-    """Loads a module from source that came along."""
+class _SentModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
+    """Finds each module where the other process has it from, whatever else may have its name.
 
-    def __init__(self, file: str, source: bytes) -> None:
-        self._file = file
-        self._source = source
+    Args:
+        modules: as `_sources` returns them.
+    """
 
-    def get_filename(self, fullname: str) -> str:
-        """Returns the file's path."""
-        return self._file
-
-    def get_data(self, path: str) -> bytes:
-        """Returns the source; there is nothing else."""
-        if path != self._file:
-            raise OSError(f"{path} did not come along")
-        return self._source
-
-    def exec_module(self, module: ModuleType) -> None:
-        """Executes the module; a message about it shows the line that came along, not what stands in the file now."""
-        lines = importlib.util.decode_source(self._source).splitlines(keepends=True)
-        linecache.cache[self._file] = (len(self._source), None, lines, self._file)
-        super().exec_module(module)
-
-
-class _PackedFinder(MetaPathFinder):
-    """Finds each module where the other process has it from, whatever else may have its name."""
-
-    def __init__(self, places: Mapping[str, Sequence[Any]]) -> None:
-        self._places = places
+    def __init__(self, modules: Mapping[str, Sequence[Any]]) -> None:
+        self._modules = modules
 
     def find_spec(self, fullname: str, path: Any, target: Any = None) -> ModuleSpec | None:
-        """Returns the spec of a module that was packed."""
-        if fullname not in self._places:
+        """Return the spec of a module that was sent."""
+        if fullname not in self._modules:
             return None
-        file, source, folders = self._places[fullname]
-        if file is not None:
-            return _spec_of(fullname, file, source, folders)
-        spec = ModuleSpec(fullname, None, is_package=True)
-        spec.submodule_search_locations = folders
-        return spec
+        file, source, folders = self._modules[fullname]
+        if file is None:
+            spec = ModuleSpec(fullname, None, is_package=True)
+            spec.submodule_search_locations = folders
+            return spec
+        loader = None if source is None else self
+        return importlib.util.spec_from_file_location(fullname, file, loader=loader, submodule_search_locations=folders)
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Execute a module; a message about it shows the line that was sent, not what is in the file now."""
+        file, source, _ = self._modules[module.__name__]
+        _show(file, importlib.util.decode_source(source).splitlines(keepends=True))
+        exec(compile(source, file, "exec", dont_inherit=True), module.__dict__)
 
 
-def _spec_of(name: str, file: str, source: bytes | None, folders: Any = None) -> ModuleSpec | None:
-    loader = None if source is None else _PackedLoader(file, source)
-    return importlib.util.spec_from_file_location(name, file, loader=loader, submodule_search_locations=folders)
-
-
-def _read_main(name: str | None, file: str, source: bytes | None) -> None:
-    """Reads the program that the other process is running, without what stands under `if __name__ == "__main__"`."""
-    spawned.is_reading_main = True
-    try:
-        if name is not None:  # python -m name
-            sys.modules[_MAIN] = importlib.import_module(name)
-            return
-        spec = _spec_of(_MAIN_THERE, file, source)
-        assert spec is not None
-        assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        sys.modules[_MAIN] = sys.modules[_MAIN_THERE] = module
-        spec.loader.exec_module(module)
-    finally:
-        spawned.is_reading_main = False
+def _show(file: str, lines: list[str]) -> None:
+    linecache.cache[file] = (sum(map(len, lines)), None, lines, file)
 
 
 def _culprit(thing: Any, error: Exception) -> tuple[str, str]:
-    """Returns the way to the innermost part that cannot be sent, such as "'s attribute `on_tick`", and what it is."""
-    way, seen = "", {id(thing)}
+    """Return the path to the innermost part that cannot be sent, such as "'s attribute `on_tick`", and what it is."""
+    path, seen = "", {id(thing)}
     while True:
         for step, part in _parts(thing):
             if id(part) in seen:  # it refers to what it is part of
@@ -258,11 +271,11 @@ def _culprit(thing: Any, error: Exception) -> tuple[str, str]:
             try:
                 _dump(part)
             except Exception as its_error:
-                way, thing, error = way + step, part, its_error
+                path, thing, error = path + step, part, its_error
                 seen.add(id(part))
                 break
         else:
-            return (f"'s attribute `{way.lstrip('.')}`" if way else ""), _description(thing, error)
+            return (f"'s attribute `{path.lstrip('.')}`" if path else ""), f"{type(thing).__name__} ({error})"
 
 
 def _parts(thing: Any) -> Iterator[tuple[str, Any]]:
@@ -270,20 +283,10 @@ def _parts(thing: Any) -> Iterator[tuple[str, Any]]:
         yield from ((f"[{key!r}]", value) for key, value in thing.items())
     elif isinstance(thing, (list, tuple, set, frozenset)):
         yield from ((f"[{place}]", value) for place, value in enumerate(thing))
-    elif not isinstance(thing, (type, FunctionType, ModuleType)):
+    elif isinstance(thing, FunctionType):
+        names = inspect.getclosurevars(thing)
+        yield from ((f".{name}", value) for name, value in {**names.globals, **names.nonlocals}.items())
+    elif not isinstance(thing, ModuleType):
         yield from ((f".{name}", value) for name, value in getattr(thing, "__dict__", {}).items())
-
-
-def _description(thing: Any, error: Exception) -> str:
-    if isinstance(thing, FunctionType):
-        place = f"{short_path(thing.__code__.co_filename)}, line {thing.__code__.co_firstlineno}"
-        return f"a lambda ({place})" if thing.__name__ == "<lambda>" else f"a function inside another one ({place})"
-    if "<locals>" in type(thing).__qualname__:
-        return f"its class {type(thing).__name__} is defined inside a function"
-    return f"{type(thing).__name__} ({error})"
-
-
-def _fix(what: str) -> str:
-    if "inside" in what or "lambda" in what:
-        return "define it with def or class at the top level of a file: a process finds code by its name."
-    return "open files, ports and cameras in the loop's setup(): that runs in the process. Keep their names here."
+        if not isinstance(thing, type):
+            yield "", type(thing)

@@ -1,8 +1,8 @@
 """A loop in a process of its own: heavy work that leaves the node's interpreter lock alone. The node's side of it.
 
-    node's thread                 keeper threads                      the process (core/process/loop_process.py)
-    begin, stop, join   ------->  writer: go, pages, stop  ------->   a node without components, the loop on a thread
-    the door            <-------  listener: tasks, failures  <-----   what the loop schedules
+    node's thread                 threads of the ChildProcess     the process (core/process/loop_process.py)
+    begin, stop, join   ------->  writer: go, pages, end  ----->  a node without components, the loop on a thread
+    the door            <-------  listener: tasks, failures  <--  what the loop schedules
 
 What comes back is plain values (`prelude/values.py`), never pickled objects. The pages that the loop asks for are sent
 when they change: always the newest, so a slow loop does not have old ones pile up; those it misses are counted.
@@ -11,11 +11,9 @@ when they change: always the newest, so a slow loop does not have old ones pile 
 from __future__ import annotations
 
 import logging
-import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from snr_sim.core.backing import JOIN_TIMEOUT_S
@@ -23,14 +21,12 @@ from snr_sim.core.blame import describe_error
 from snr_sim.core.component import CORE_NAME
 from snr_sim.core.datastore import PREVIOUS
 from snr_sim.core.node_core import NodeCore
+from snr_sim.core.process.child_process import ChildProcess, Message
 from snr_sim.core.process.packing import pack
-from snr_sim.core.process.shared_arrays import SHARED, ArrayReceiver, ArraySender, make_shared_file
-from snr_sim.core.process.spawn import Spawned, how_it_ended
 from snr_sim.core.profiler import Timing
 from snr_sim.prelude.errors import ComponentFailed
-from snr_sim.prelude.page import KINDS, DataKey, Page
+from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.task import Task, TaskType
-from snr_sim.prelude.values import decode_value, encode_value
 
 if TYPE_CHECKING:
     from snr_sim.core.loop import Loop
@@ -41,7 +37,6 @@ TARGET = "snr_sim.core.process.loop_process:run"
 # How much longer than a thread a process may take to end: it waits for its thread itself, halts it from outside if need
 # be, and has to say so. There is nothing that SIGTERM could add to that, so who is later is killed.
 _LONGER_S = 0.3
-_STOP: list[Any] = ["stop"]
 
 
 class ProcessBacking:
@@ -52,16 +47,13 @@ class ProcessBacking:
     def __init__(self, loop: Loop) -> None:
         self._loop = loop
         self._node = loop.parent
-        self._outbox: SimpleQueue[list[Any] | None] = SimpleQueue()
-        self._changed: set[DataKey] = set()  # keys in the outbox
+        self._child: ChildProcess | None = None
+        self._changed: set[DataKey] = set()  # keys that are to be sent
         self.skipped = 0  # pages that a newer one replaced before they were sent
-        self._is_going = False
-        self._is_killed = False
         self._is_finished = False  # it has said that all is over
         self._is_refused = False  # it failed in a trial: somebody has been told, and the node goes on
         self._late_failure: ComponentFailed | None = None  # since the node goes on without it: `join` tells
         self._give_up_s: float | None = None
-        self._threads: list[threading.Thread] = []
         self._taps: list[tuple[list[Tap], Tap]] = []  # ours, and the lists they are in
         self.is_stopped = False
         self.ticks = 0
@@ -73,101 +65,55 @@ class ProcessBacking:
         packed = pack(loop.factory, type(loop.factory).__name__, f"Loop '{loop.name}'")
         # What this object has to let go of, the process' own has let go of.
         loop.__dict__["terminate"] = _nothing
-        arrays_out, arrays_in = make_shared_file(), make_shared_file()
-        self._sender, self._receiver = ArraySender(arrays_out), ArrayReceiver(arrays_in)
-        try:
-            self._process = Spawned(TARGET, (arrays_out, arrays_in, *packed["descriptors"]))
-        except BaseException:
-            self._close()
-            raise
-        self._outbox.put(
-            [
-                "begin",
-                {
-                    "factory": packed,
-                    "loop": loop.name,
-                    "role": node.role,
-                    "mode": node.mode.value,
-                    "seed": node.seed,
-                    "clock_start_s": time.monotonic() - node.clock.now_s(),
-                    "log_level": loop.log.getEffectiveLevel(),
-                    "arrays": [arrays_in, arrays_out],
-                    "is_tried": loop.trial is not None,
-                },
-            ]
-        )
-        for run, name in ((self._listen, "listener"), (self._write, "writer")):
-            self._threads.append(threading.Thread(target=run, name=f"{loop.name} {name}", daemon=True))
-            self._threads[-1].start()
+        order = {
+            "factory": packed,
+            "loop": loop.name,
+            "role": node.role,
+            "mode": node.mode.value,
+            "seed": node.seed,
+            "clock_start_s": time.monotonic() - node.clock.now_s(),
+            "log_level": loop.log.getEffectiveLevel(),
+            "is_tried": loop.trial is not None,
+        }
+        name = f"loop '{loop.name}'"
+        self._child = ChildProcess(name, TARGET, order, self._on_message, self._on_end, packed["descriptors"])
+        self._child.start()
 
     def hurry(self) -> None:
         """Changes nothing: news is on its way to the process, and its tick there comes when it is due."""
 
-    # The writer's thread: alone in saying anything, so that the listener never waits for a process that does not read.
-
-    def _write(self) -> None:
-        is_stopping = False
-        while (message := self._outbox.get()) is not None:
-            if message[0] == "go":
-                if is_stopping:
-                    continue
-                self._is_going = True
-            elif message is _STOP:
-                is_stopping = True
-                if not self._is_going:  # it has not set anything up, so there is nothing to wait for
-                    self._kill()
-                    continue
-            elif message[0] == "page":
-                key = message[1]
-                self._changed.discard(key)  # before the page is read: a newer one asks again
-                message = ["page", key, self._sender.share(self._node.datastore.get(key))]
-            self._process.say(encode_value(message))
-
-    def _kill(self) -> None:
-        self._is_killed = True
-        self._process.kill()
-
-    def _tell_of(self, key: DataKey) -> None:
+    def _send_page(self, key: DataKey) -> None:
+        assert self._child is not None
         if key in self._changed:
             self.skipped += 1
             return
+
+        def newest() -> Message:
+            self._changed.discard(key)  # before the page is read: a newer one asks again
+            return "page", key, self._node.datastore.get(key)
+
         self._changed.add(key)
-        self._outbox.put(["page", key])
+        self._child.send(newest)
 
     # The listener's thread
 
-    def _listen(self) -> None:
-        try:
-            status = self._process.listen(self._hear)
-        except Exception as error:
-            self._fail(describe_error(error, f"while the node heard the process of loop '{self._loop.name}'"))
-            self._kill()
-            status = self._process.listen(_nothing)
+    def _on_end(self, status: int, error: Exception | None) -> None:
+        assert self._child is not None
         self.is_stopped = True
-        if not self._is_finished and not self._is_killed:
-            self._fail(self._obituary(status))
-        self._outbox.put(None)
-        self._threads[1].join()
-        self._close()
+        if error is not None:
+            self._fail(describe_error(error, f"while the node heard the process of loop '{self._loop.name}'"))
+        elif not self._is_finished and not self._child.is_killed:
+            when = f" at t = {self._node.clock.now_s():.3f} s, after at least {self.ticks} ticks"
+            self._fail(self._child.exit_message(status, when, "It had printed nothing."))
 
-    def _hear(self, raw: bytes) -> None:
-        try:
-            kind, *values = decode_value(raw, {**KINDS, SHARED: self._receiver.copy})
-        finally:
-            if self._receiver.emptied:
-                self._outbox.put(["emptied", self._receiver.emptied])
-                self._receiver.emptied = []
+    def _on_message(self, kind: str, *values: Any) -> None:
         if kind == "task":
             type_name, name, val_list = values
             self._node.enter(Task(TaskType(type_name), name, val_list), self._loop.name)
         elif kind == "counts":
             self._count(*values)
-        elif kind == "ready":
-            self._outbox.put(["go"])
         elif kind == "watch":
             self._watch(*values)
-        elif kind == "emptied":
-            self._sender.take_back(values[0])
         elif kind == "log":
             name, level, text = values
             logging.getLogger(name).log(level, "%s", text)
@@ -191,13 +137,13 @@ class ProcessBacking:
         """Sends a page from now on whenever it is stored, and once at once."""
 
         def tap(page: Page) -> None:
-            self._tell_of(key)
+            self._send_page(key)
 
         for stored in {key, key.removesuffix(PREVIOUS)}:
             taps = self._core().taps.setdefault(stored, [])
             taps.append(tap)
             self._taps.append((taps, tap))
-        self._tell_of(key)
+        self._send_page(key)
 
     def _core(self) -> NodeCore:
         core = self._node.components[CORE_NAME]
@@ -219,17 +165,6 @@ class ProcessBacking:
         """Tells whoever waits to hear what came of `setup`; returns whether somebody did."""
         return self._loop.trial is not None and self._loop.trial.report(failure)
 
-    def _obituary(self, status: int) -> str:
-        lines = "".join(f"\n    {line}" for line in self._process.last)
-        return (
-            f"The process of loop '{self._loop.name}' {how_it_ended(status)} at t = {self._node.clock.now_s():.3f} s, "
-            f"after at least {self.ticks} ticks. " + (f"Its last lines:{lines}" if lines else "It had printed nothing.")
-        )
-
-    def _close(self) -> None:
-        self._sender.close()
-        self._receiver.close()
-
     # The end
 
     def stop(self) -> None:
@@ -237,7 +172,8 @@ class ProcessBacking:
         self.is_stopped = True
         if self._give_up_s is None:
             self._give_up_s = time.monotonic() + JOIN_TIMEOUT_S + _LONGER_S
-            self._outbox.put(_STOP)
+            if self._child is not None:
+                self._child.end()
 
     def join(self) -> None:
         """Stops, and returns once the process has ended; one that does not is ended.
@@ -246,13 +182,13 @@ class ProcessBacking:
             ComponentFailed: the loop was taken out of its node, and failed after that.
         """
         self.stop()
-        if not self._threads or self._give_up_s is None:
+        if self._child is None or self._give_up_s is None:
             return
-        listener = self._threads[0]
+        listener = self._child.listener
         with suppress(KeyboardInterrupt):  # whoever is impatient wants it ended now
             listener.join(max(self._give_up_s - time.monotonic(), 0.0))
         if listener.is_alive():
-            self._kill()
+            self._child.kill()
             listener.join()
             self._node.note(
                 f"The process of loop '{self._loop.name}' did not end within {JOIN_TIMEOUT_S + _LONGER_S:.1f} s and "

@@ -1,10 +1,10 @@
 """A fresh Python that runs one function of the kit: started, talked to, listened to, ended.
 
-Loops and roles in processes stand on it. It is `subprocess` and not `multiprocessing`, because so: what the process
-prints is heard from its first byte, also when it cannot even import; no tracker process stays beside it; and it is born
-with signals held back, in a group of its own, so that Ctrl-C at a terminal reaches only the one who ends it in order.
-What is said between the two are bytes on a socket pair. When either side dies, however it does, the other one sees the
-end of that line. Linux and macOS.
+Loops, roles and graders in processes stand on it, and the ports of `devices/wire/child_port.py`. It is `subprocess` and
+not `multiprocessing`, because so: what the process prints is heard from its first byte, also when it cannot even
+import; no tracker process stays beside it; and it is born with signals held back, in a group of its own, so that Ctrl-C
+at a terminal reaches only the one who ends it in order. What is said between the two are bytes on a socket pair. When
+either side dies, however it does, the other one sees the end of that line. Linux and macOS.
 """
 
 from __future__ import annotations
@@ -15,13 +15,14 @@ import subprocess
 import sys
 import threading
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
-from multiprocessing.connection import Pipe, wait
+from multiprocessing.connection import Connection, Pipe, wait
 from typing import TextIO
 
 from snr_sim.core.process import spawned
+from snr_sim.core.process.messages import MessageLine
 from snr_sim.core.standard_streams import open_closed_streams
 from snr_sim.prelude.errors import ConfigError
 
@@ -82,28 +83,14 @@ class Spawned:
         out: Callable[[str], None] | None = None,
         err: Callable[[str], None] | None = None,
     ) -> None:
-        if spawned.is_reading_main:
-            raise ConfigError(
-                "The program starts a process again while that process still reads the program.",
-                fix="let what runs the robot stand under: if __name__ == '__main__':",
-            )
-        if os.name != "posix":
-            raise ConfigError("Loops and roles in processes need Linux or macOS.", fix="let them be threads here.")
-        open_closed_streams()  # else the line would get their numbers
-        self.line, far = Pipe()
         self.last: deque[str] = deque(maxlen=LAST_LINES)
         self._err = err or partial(print_line, sys.stderr)
-        with far, _signals_held_back():
-            self._process = subprocess.Popen(
-                [sys.executable, "-c", spawned.command(target, far.fileno())],
-                stdin=subprocess.DEVNULL,
-                stdout=None if out is None else subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                pass_fds=(far.fileno(), *fds),
-                process_group=0,
-            )
+        self._process, line = start_process(
+            target, fds, stdout=None if out is None else subprocess.PIPE, stderr=subprocess.PIPE
+        )
         # Elsewhere the end of the line has to do, which a grandchild that was forked may keep open.
         self._death = os.pidfd_open(self.pid) if hasattr(os, "pidfd_open") else None
+        self.line = MessageLine(line, death=self._death)
         self._outputs = [
             Printed(pipe.fileno(), pass_on)
             for pipe, pass_on in ((self._process.stdout, out), (self._process.stderr, self._keep))
@@ -121,11 +108,7 @@ class Spawned:
 
     def say(self, message: bytes) -> bool:
         """Sends a message; returns whether somebody was there to get it. Waits while the line is full."""
-        try:
-            self.line.send_bytes(message)
-        except OSError:
-            return False
-        return True
+        return self.line.send_bytes(message)
 
     def listen(self, hear: Callable[[bytes], None]) -> int:
         """Hears the process out until it has ended; returns its exit status, or a signal's number, negative.
@@ -142,10 +125,13 @@ class Spawned:
                     del outputs[pipe]
             if line in ready:
                 try:
-                    message = self.line.recv_bytes()
+                    message = self.line.receive_bytes()
                 except (EOFError, OSError):
                     break
-                hear(message)
+                try:
+                    hear(message)
+                except EOFError:  # it ended before it had sent all of an array
+                    break
             elif self._death in ready:
                 break
         return self._bury()
@@ -174,6 +160,47 @@ class Spawned:
             self._process.kill()
 
 
+def start_process(
+    target: str, fds: Sequence[int] = (), stdout: int | None = None, stderr: int | None = None
+) -> tuple[subprocess.Popen[bytes], Connection]:
+    """Return a fresh Python that runs one function of the library, and our end of the line to it.
+
+    Args:
+        target, fds: as for `Spawned`.
+        stdout, stderr: as for `subprocess.Popen`; our own if not given.
+
+    Raises:
+        ConfigError: processes cannot be started here.
+    """
+    if spawned.is_reading_program:
+        raise ConfigError(
+            "The program starts a process again while that process still reads the program.",
+            fix="let what runs the robot stand under: if __name__ == '__main__':",
+        )
+    if os.name != "posix":
+        raise ConfigError("Loops and roles in processes need Linux or macOS.", fix="let them be threads here.")
+    open_closed_streams()  # else the line would get their numbers
+    near, far = Pipe()
+    # With signals held back: see `spawned.hear_signals`.
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, spawned.HELD_BACK)
+    try:
+        with far:
+            process = subprocess.Popen(
+                [sys.executable, "-c", spawned.command(target, far.fileno())],
+                stdin=subprocess.DEVNULL,
+                stdout=stdout,
+                stderr=stderr,
+                pass_fds=(far.fileno(), *fds),
+                process_group=0,
+            )
+    except BaseException:
+        near.close()
+        raise
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    return process, near
+
+
 def how_it_ended(status: int) -> str:
     """Returns an exit status in words.
 
@@ -194,13 +221,3 @@ def print_line(stream: TextIO, line: str) -> None:
     with _printing, suppress(ValueError, OSError):
         stream.write(line + "\n")
         stream.flush()
-
-
-@contextmanager
-def _signals_held_back() -> Iterator[None]:
-    """Has a process that is started meanwhile begin life deaf to Ctrl-C and SIGTERM: see `spawned.hear_signals`."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, spawned.HELD_BACK)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -1,4 +1,4 @@
-"""Inside a process that `core/process/spawn.py` has started: its first steps."""
+"""Inside a process that `core/process/spawn.py` has started: its first steps, its orders and its end."""
 
 from __future__ import annotations
 
@@ -7,13 +7,17 @@ import importlib
 import os
 import signal
 import sys
+import threading
+import time
+from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
+from typing import Any
 
 HELD_BACK = (signal.SIGINT, signal.SIGTERM)
 
-# Whether this process is reading the program it was started from: that must not start it again.
-is_reading_main = False
+# Whether this process is reading the files of the program it was started from: they must not start it again.
+is_reading_program = False
 
 
 def command(target: str, line: int) -> str:
@@ -42,6 +46,31 @@ def main(target: str, line: int) -> None:
             with suppress(OSError, ValueError):  # nobody reads it any more
                 stream.flush()
         os._exit(status)  # not by sys.exit: a thread that hangs must not keep the process
+
+
+def obey(
+    receive: Callable[[], list[Any]], end: Callable[[str], None], handle: Callable[..., None], orphan_s: float
+) -> None:
+    """Handle the messages of the process that started this one; in a thread of its own, it does not return.
+
+    Args:
+        receive: returns the next message.
+        end: ends in order, for a reason; also when the other process has gone.
+        handle: gets all other messages: kind, then values.
+        orphan_s: how long after the other process has gone this one goes, whatever it does.
+    """
+    while True:
+        try:
+            kind, *values = receive()
+        except (EOFError, OSError):
+            go_quiet()
+            end("orphaned")
+            time.sleep(orphan_s)
+            os._exit(1)
+        if kind == "end":
+            threading.Thread(target=end, args=values, daemon=True).start()
+        else:
+            handle(kind, *values)
 
 
 def go_quiet() -> None:

@@ -12,8 +12,6 @@ the kernel, or of the power: for real water, the outputs need an enable pin on a
 from __future__ import annotations
 
 import importlib
-import os
-import select
 import signal
 import sys
 import time
@@ -21,9 +19,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
 
+from snr_sim.core.process import spawned
 from snr_sim.devices.pwm.pwm_guard import Guard
-from snr_sim.devices.wire.child_port import send_all
-from snr_sim.devices.wire.lease_messages import Answer, Arm, Close, Disarm, Lease, LeaseFrames, Message, Open, encode
+from snr_sim.devices.wire.lease_messages import Answer, Arm, Close, Disarm, Lease, Message, Open, encode, receive
 from snr_sim.prelude.device import PwmOut
 from snr_sim.prelude.errors import DeviceError, SnrError
 
@@ -126,14 +124,15 @@ class Supervisor:
 def run(line: Connection) -> int:
     """The process: obeys until its line ends."""
     signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(0))  # to neutral on the way out
+    spawned.hear_signals()
     supervisor = Supervisor(time.monotonic, lambda out: Guard(out, [line.fileno()]))
     why = "the robot's program has gone without closing them"
     try:
-        _serve(line.fileno(), supervisor)
+        _serve(line, supervisor)
     except DeviceError as error:
         why = error.message
-    except OSError:
-        pass  # it went while it was answered
+    except (EOFError, OSError):
+        pass  # it has gone
     finally:
         supervisor.end(time.sleep)  # before anything is said: nobody may be there to take it
     if not supervisor.has_closed:
@@ -142,16 +141,7 @@ def run(line: Connection) -> int:
     return 0
 
 
-def _serve(fd: int, supervisor: Supervisor) -> None:
-    frames = LeaseFrames()
+def _serve(line: Connection, supervisor: Supervisor) -> None:
     while not supervisor.has_closed:
-        if not select.select([fd], [], [], supervisor.look())[0]:
-            continue
-        try:
-            data = os.read(fd, 65536)
-        except ConnectionError:
-            return
-        if not data:
-            return
-        for order in frames.feed(data):
-            send_all(fd, encode(supervisor.obey(order)))
+        if line.poll(supervisor.look()):
+            line.send_bytes(encode(supervisor.obey(receive(line))))

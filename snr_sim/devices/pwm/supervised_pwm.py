@@ -11,8 +11,7 @@ from typing import Any
 from snr_sim.devices.pwm.plain_pwm import PlainPwm
 from snr_sim.devices.pwm.pwm_backend import PwmBackend
 from snr_sim.devices.wire.child_port import ChildPort
-from snr_sim.devices.wire.lease_messages import Answer, Arm, Close, Disarm, Lease, LeaseFrames, Message, Open, encode
-from snr_sim.devices.wire.serial_port import BytePort
+from snr_sim.devices.wire.lease_messages import Answer, Arm, Close, Disarm, Lease, Message, Open, encode, receive
 from snr_sim.prelude.device import LEASE_S
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import NOT_ACTIVE, SLEWING
@@ -20,7 +19,7 @@ from snr_sim.prelude.signals import NOT_ACTIVE, SLEWING
 OPEN_S = 20.0  # until a fresh Python on a small computer has opened them
 ANSWER_S = 1.0
 
-open_supervisor = partial(ChildPort, "snr_sim.devices.pwm.pwm_supervisor:run")
+open_supervisor = partial(ChildPort, "snr_sim.devices.pwm.pwm_supervisor:run", receive)
 
 
 class SupervisedPwm(PwmBackend):
@@ -43,7 +42,7 @@ class SupervisedPwm(PwmBackend):
         now_s: Callable[[], float],
         opener: str,
         args: Sequence[Any],
-        open_line: Callable[[], BytePort] = open_supervisor,
+        open_line: Callable[[], ChildPort[Message]] = open_supervisor,
         monotonic_s: Callable[[], float] = time.monotonic,
     ) -> None:
         super().__init__(now_s, like.channels, like.limits_us, like.resolution_us)
@@ -51,8 +50,7 @@ class SupervisedPwm(PwmBackend):
         self.title = f"{like.title}, behind its supervisor,"
         self._opener, self._args = opener, list(args)
         self._open_line, self._monotonic_s = open_line, monotonic_s
-        self._line: BytePort | None = None
-        self._frames = LeaseFrames()
+        self._line: ChildPort[Message] | None = None
         self._has_held = False
         self._seq = 0
         self._asked: list[float] = []
@@ -71,7 +69,7 @@ class SupervisedPwm(PwmBackend):
             DeviceError: what it says, or that it died.
         """
         self._let_go()
-        self._line, self._frames = self._open_line(), LeaseFrames()
+        self._line = self._open_line()
         self._asked_of.clear()
         try:
             self._order(Open(self._opener, [*self._args, self._has_held]), OPEN_S)
@@ -146,7 +144,7 @@ class SupervisedPwm(PwmBackend):
     def _hear(self) -> int:
         """Takes the answers that have come; returns how many."""
         heard = 0
-        for message in self._frames.feed(self._opened().read()):
+        for message in self._opened().read():
             if isinstance(message, Answer):
                 heard += 1
                 self._answer = message
@@ -164,7 +162,7 @@ class SupervisedPwm(PwmBackend):
             line.write(encode(Close()))
         line.close()
 
-    def _opened(self) -> BytePort:
+    def _opened(self) -> ChildPort[Message]:
         if self._line is None:
             raise DeviceError(f"{self.title} is not open.", fix="configure() it first.")
         return self._line

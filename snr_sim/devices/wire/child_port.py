@@ -1,42 +1,36 @@
-"""A port to a process of our own: bytes to it and from it, and the end of it as a cable that was pulled."""
+"""A port to a process of our own: messages to it and from it, and the end of it as a cable that was pulled."""
 
 from __future__ import annotations
 
-import os
 import select
-import signal
-import socket
 import subprocess
-import sys
+from collections.abc import Callable
 from contextlib import suppress
+from multiprocessing.connection import Connection
+from typing import Generic, TypeVar
 
-from snr_sim.core.process import spawned
+from snr_sim.core.process.spawn import how_it_ended, start_process
 from snr_sim.prelude.errors import DeviceError
 
 END_S = 5.0
 
+Message = TypeVar("Message")
 
-class ChildPort:
-    """A fresh Python that runs one function of the kit. Keeps the promise of BytePort.
+
+class ChildPort(Generic[Message]):
+    """A fresh Python that runs one function of the library. No call waits for it but `wait` and `close`.
 
     It is in a group of its own, so that Ctrl-C at a terminal does not reach it; it sees the end of this program,
     however that comes, as the end of its line.
 
     Args:
         target: "module:function", called there with the Connection to here.
+        receive: returns the next message from a Connection. One is far shorter than what fits into the line.
     """
 
-    def __init__(self, target: str) -> None:
-        near, far = socket.socketpair()
-        with far:
-            self._process = subprocess.Popen(
-                [sys.executable, "-c", spawned.command(target, far.fileno())],
-                stdin=subprocess.DEVNULL,
-                pass_fds=(far.fileno(),),
-                process_group=0,
-            )
-        near.setblocking(False)
-        self._line = near
+    def __init__(self, target: str, receive: Callable[[Connection], Message]) -> None:
+        self._process, self._line = start_process(target)
+        self._receive = receive
         self.name = f"process {self.pid}"
 
     @property
@@ -44,32 +38,37 @@ class ChildPort:
         """Its number."""
         return self._process.pid
 
-    def write(self, data: bytes) -> None:
-        """Sends bytes."""
-        try:
-            sent = self._line.send(data)
-        except BlockingIOError:
-            sent = 0
-        except OSError as error:
-            raise self._ended() from error
-        if sent != len(data):
-            raise DeviceError(f"The {self.name} does not read what it is sent: it hangs.", fix=f"kill -9 {self.pid}")
+    def write(self, message: bytes) -> None:
+        """Send a message.
 
-    def read(self) -> bytes:
-        """Returns what has come."""
+        Raises:
+            DeviceError: the process has ended, or does not read.
+        """
+        if not select.select([], [self._line], [], 0)[1]:
+            raise DeviceError(f"The {self.name} does not read what it is sent: it hangs.", fix=f"kill -9 {self.pid}")
         try:
-            data = self._line.recv(65536)
-        except BlockingIOError:
-            return b""
+            self._line.send_bytes(message)
         except OSError as error:
             raise self._ended() from error
-        if not data:
-            raise self._ended()
-        return data
+
+    def read(self) -> list[Message]:
+        """Return the messages that have come.
+
+        Raises:
+            DeviceError: the process has ended.
+        """
+        messages: list[Message] = []
+        try:
+            while self._line.poll():
+                messages.append(self._receive(self._line))
+        except (EOFError, OSError) as error:
+            if not messages:
+                raise self._ended() from error
+        return messages
 
     def wait(self, seconds: float) -> bool:
-        """Returns whether bytes have come, or the end."""
-        return bool(select.select([self._line], [], [], seconds)[0])
+        """Return whether a message has come, or the end."""
+        return self._line.poll(seconds)
 
     def close(self) -> None:
         """Ends its line, and so it."""
@@ -84,20 +83,7 @@ class ChildPort:
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(END_S)
         status = self._process.returncode
-        how = "ended its line" if status is None else f"ended with status {status}"
-        if status is not None and status < 0:
-            with suppress(ValueError):
-                how = f"was killed by {signal.Signals(-status).name}"
+        how = "ended its line" if status is None else how_it_ended(status)
         return DeviceError(
             f"The {self.name} {how}.", fix="what it printed stands above; `dmesg | tail` tells of memory."
         )
-
-
-def send_all(fd: int, data: bytes) -> None:
-    """Writes to a line from inside of such a process.
-
-    Raises:
-        OSError: nobody is there any more.
-    """
-    while data:
-        data = data[os.write(fd, data) :]

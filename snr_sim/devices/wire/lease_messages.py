@@ -1,11 +1,12 @@
-"""What a program and the supervisor of its outputs say to each other over a pipe, as bytes.
+"""What a program and the supervisor of its outputs say to each other over a `multiprocessing` connection.
 
-Each message is JSON behind two bytes of length; nobody takes more than `MOST_BYTES`. Times are of the computer's clock
+Each message is JSON, never a pickle; nobody takes more than `MOST_BYTES`. Times are of the computer's clock
 that all its processes share (CLOCK_MONOTONIC), so that a lease which waited in the pipe is as old as it is.
 """
 
 from __future__ import annotations
 
+from multiprocessing.connection import Connection
 from typing import Any, TypeAlias
 
 import msgspec
@@ -14,7 +15,6 @@ from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.values import NO_JSON
 
 MOST_BYTES = 8192
-_HEAD = 2
 
 
 class Open(msgspec.Struct, frozen=True, tag=True):
@@ -88,44 +88,37 @@ _decoder: msgspec.json.Decoder[Message] = msgspec.json.Decoder(Message)
 
 
 def encode(message: Message) -> bytes:
-    """Returns a message as its frame.
+    """Returns a message as bytes.
 
     >>> encode(Arm())
-    b'\\x0e\\x00{"type":"Arm"}'
+    b'{"type":"Arm"}'
     """
     body = _encoder.encode(message)
     if len(body) > MOST_BYTES:
         raise DeviceError(f"A message of {len(body)} bytes to the supervisor of outputs; at most {MOST_BYTES}.")
-    return len(body).to_bytes(_HEAD, "little") + body
+    return body
 
 
-class LeaseFrames:
-    """Bytes in, messages out, however they are cut."""
+def decode(body: bytes) -> Message:
+    """Return the message that `encode` wrote.
 
-    def __init__(self) -> None:
-        self._rest = b""
+    Raises:
+        DeviceError: that is no message.
 
-    def feed(self, data: bytes) -> list[Message]:
-        """Takes bytes; returns the messages that are complete.
+    >>> decode(b'{"type":"Arm"}')
+    Arm()
+    """
+    try:
+        return _decoder.decode(body)
+    except NO_JSON as error:
+        raise DeviceError(f"{body[:60]!r} is no message of a supervisor: {error}.") from error
 
-        Raises:
-            DeviceError: that is no message. Nothing after it can be trusted.
 
-        >>> frames = LeaseFrames()
-        >>> frames.feed(b"\\x0e"), frames.feed(b'\\x00{"type":"Arm"}\\x0e')
-        ([], [Arm()])
-        """
-        self._rest += data
-        messages: list[Message] = []
-        while len(self._rest) >= _HEAD:
-            length = int.from_bytes(self._rest[:_HEAD], "little")
-            if length > MOST_BYTES:
-                raise DeviceError(f"A message of {length} bytes was announced; at most {MOST_BYTES} are taken.")
-            if len(self._rest) < _HEAD + length:
-                break
-            body, self._rest = self._rest[_HEAD : _HEAD + length], self._rest[_HEAD + length :]
-            try:
-                messages.append(_decoder.decode(body))
-            except NO_JSON as error:
-                raise DeviceError(f"{body[:60]!r} is no message of a supervisor: {error}.") from error
-        return messages
+def receive(connection: Connection) -> Message:
+    """Return the next message from a connection.
+
+    Raises:
+        EOFError, OSError: the other process has gone, or sends more than `MOST_BYTES`.
+        DeviceError: that is no message.
+    """
+    return decode(connection.recv_bytes(MOST_BYTES))

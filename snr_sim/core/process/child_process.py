@@ -1,0 +1,124 @@
+"""A process that is given its order, set going when it is ready, watched, and ended in order.
+
+owner's thread            threads of the child process               the process (core/process/spawned.py)
+send, end, kill   --->    writer: "begin", "go", messages, "end"  --->   obey
+on_message, on_end  <---  listener: "ready", messages, prints     <---   what runs there
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from queue import SimpleQueue
+from typing import Any, TypeAlias
+
+from snr_sim.core.process.spawn import Spawned, how_it_ended
+from snr_sim.prelude.errors import ValueEncodingError
+
+Message: TypeAlias = tuple[Any, ...]
+
+
+class ChildProcess:
+    """A process of ours and the two threads that keep it.
+
+    Args:
+        name: for messages, such as "loop 'eye'".
+        target: "module:function"; see `Spawned`.
+        order: what it needs to know: plain values.
+        on_message: gets the kind and values of each message, on the listener's thread; and on the writer's thread
+            "failed" with what cannot be sent.
+        on_end: gets the exit status, and what `on_message` raised or None, on the listener's thread.
+        descriptors: that it inherits.
+        out, err: get the lines that it prints; see `Spawned`.
+
+    Raises:
+        ConfigError: processes cannot be started here.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        target: str,
+        order: Mapping[str, Any],
+        on_message: Callable[..., None],
+        on_end: Callable[[int, Exception | None], None],
+        descriptors: list[int],
+        out: Callable[[str], None] | None = None,
+        err: Callable[[str], None] | None = None,
+    ) -> None:
+        self.name = name
+        self.is_killed = False  # by us: late, or before there was anything to put in order
+        self._on_message, self._on_end = on_message, on_end
+        self._process = Spawned(target, descriptors, out, err)
+        self._process.line.user = f"{name[0].upper()}{name[1:]}"
+        self._outbox: SimpleQueue[Message | Callable[[], Message] | None] = SimpleQueue()
+        self._outbox.put(("begin", order))
+        self.listener = threading.Thread(target=self._listen, name=f"{name} listener", daemon=True)
+        self._writer = threading.Thread(target=self._write, name=f"{name} writer", daemon=True)
+
+    def start(self) -> None:
+        """Begin to listen; no message is lost before."""
+        self._writer.start()
+        self.listener.start()
+
+    def send(self, message: Message | Callable[[], Message]) -> None:
+        """Send a message, or what a function returns when it is its turn; never waits. From any thread."""
+        self._outbox.put(message)
+
+    def end(self, how: str = "") -> None:
+        """Ask it to end; one that has not begun has nothing to put in order and is killed."""
+        self._outbox.put(("end", how))
+
+    def kill(self) -> None:
+        """End it, whatever it does."""
+        self.is_killed = True
+        self._process.kill()
+
+    def exit_message(self, status: int, when: str, otherwise: str) -> str:
+        """Return how a process ended that did not report it itself.
+
+        Args:
+            status: its exit status.
+            when: follows that.
+            otherwise: what to say if it had printed nothing.
+        """
+        lines = "".join(f"\n    {line}" for line in self._process.last)
+        said = f"Its last lines:{lines}" if lines else otherwise
+        return f"The process of {self.name} {how_it_ended(status)}{when}. {said}"
+
+    # The writer's thread is the only one that sends, so the listener never waits for a process that does not read.
+
+    def _write(self) -> None:
+        has_begun = False
+        while (message := self._outbox.get()) is not None:
+            if callable(message):
+                message = message()
+            if message[0] == "go":
+                has_begun = not self.is_killed
+            elif message[0] == "end" and not has_begun:
+                self.kill()
+            if self.is_killed:
+                continue
+            try:
+                self._process.line.send(*message)
+            except ValueEncodingError as error:
+                self._on_message("failed", str(error), "")
+
+    def _listen(self) -> None:
+        failure = None
+        try:
+            status = self._process.listen(self._receive)
+        except Exception as error:
+            failure = error
+            self.kill()
+            status = self._process.listen(lambda raw: None)
+        self._outbox.put(None)
+        self._writer.join()
+        self._on_end(status, failure)
+
+    def _receive(self, raw: bytes) -> None:
+        kind, *values = self._process.line.decode(raw)
+        if kind == "ready":
+            self._outbox.put(("go",))
+        else:
+            self._on_message(kind, *values)
