@@ -33,7 +33,7 @@ class Address:
 
 
 class SocketPort:
-    """A TCP socket, perhaps inside TLS, as a port.
+    """A socket, perhaps inside TLS, as a stream of bytes that never makes anybody wait.
 
     Args:
         sock: connected.
@@ -45,7 +45,8 @@ class SocketPort:
         sock.setblocking(False)
         with suppress(OSError):  # not every family of sockets has it
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self.is_shareable = context is None  # OpenSSL is not for two threads at a time
+        # Whether one thread may write while another reads, and `select` shows all that has come: not OpenSSL's.
+        self.is_shareable = context is None
         self._sock = sock
         self._blocked: tuple[type[Exception], ...] = ()
         self._broken: tuple[type[ssl.SSLError], ...] = ()
@@ -59,11 +60,11 @@ class SocketPort:
             )
 
     def fileno(self) -> int:
-        """Returns the socket's descriptor."""
+        """Return what `select` waits for."""
         return self._sock.fileno()
 
     def read(self, most: int) -> bytes:
-        """Returns what has come; see Port."""
+        """Return what has come, b"" at the end; raise BlockingIOError if nothing has, OSError if it broke."""
         if self.is_shareable:
             return self._sock.recv(most)
         chunks: list[bytes] = []
@@ -80,11 +81,11 @@ class SocketPort:
         return b"".join(chunks)
 
     def has_more(self) -> bool:
-        """Whether TLS has taken in bytes that have not been read; see Port."""
+        """Whether bytes can be read that `select` does not show: those that TLS has taken in."""
         return not self.is_shareable and self._sock.pending() > 0  # type: ignore[attr-defined]
 
     def write(self, data: bytes | memoryview) -> int:
-        """Sends what fits; see Port."""
+        """Send what fits and return how much; raise BlockingIOError if nothing does, OSError if it broke."""
         try:
             return self._sock.send(data)
         except self._blocked:

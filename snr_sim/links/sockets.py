@@ -17,14 +17,15 @@ from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.links.faults import Faults
 from snr_sim.links.frames import MAX_FRAME_BYTES
+from snr_sim.links.link import Link
 from snr_sim.links.options import LinkOptions, as_keys
 from snr_sim.links.security import Tls, as_networks, as_secret, is_loopback
 from snr_sim.links.send_queue import Policy
 from snr_sim.links.session import Terms
-from snr_sim.links.simulated import Meeting, SimulatedLink
+from snr_sim.links.simulated import Meeting, Simulated
 from snr_sim.links.socket_port import Address, Claim
-from snr_sim.links.tcp_client import ClientLink
-from snr_sim.links.tcp_server import Gate, ServerLink
+from snr_sim.links.tcp_client import TcpClient
+from snr_sim.links.tcp_server import Gate, TcpServer
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.page import DataKey
 
@@ -80,7 +81,7 @@ class SocketsPair:
             raise ConfigError(f"A link with tls={tls!r}.", fix="Tls(certificate=..., key=..., authority=...), or None.")
         self.tls = tls
         self.allow = as_networks(allow)
-        self.meeting = Meeting()
+        self.meeting: Meeting[Simulated] = Meeting()
         self.options = LinkOptions(
             name or str(self.port),
             max_frame_bytes=max_frame_bytes,
@@ -198,11 +199,17 @@ class SocketsLoopFactory(LoopFactory):
 
     def get(self, parent: Node) -> Loop:
         """Returns the link."""
-        terms = self.pair.terms_for(parent.name, is_server=False)
+        pair = self.pair
+        terms = pair.terms_for(parent.name, is_server=False)
         if isinstance(parent.clock, SimClock):
-            return SimulatedLink(self, parent, self.options, terms, self.pair.meeting)
-        server_name = "" if self.pair.tls is None else self.pair.tls.server_name
-        return ClientLink(self, parent, self.options, terms, self.pair.address, self._context(), server_name)
+            return Link(self, parent, self.options, lambda link: Simulated(link, terms, pair.meeting))
+        server_name = "" if pair.tls is None else pair.tls.server_name
+        return Link(
+            self,
+            parent,
+            self.options,
+            lambda link: TcpClient(link, terms, pair.address, self._context(), server_name),
+        )
 
 
 class SocketsListenerFactory(LoopFactory):
@@ -258,7 +265,10 @@ class SocketsListenerFactory(LoopFactory):
 
     def get(self, parent: Node) -> Loop:
         """Returns the link."""
-        terms = self.pair.terms_for(parent.name, is_server=True)
+        pair = self.pair
+        terms = pair.terms_for(parent.name, is_server=True)
         if isinstance(parent.clock, SimClock):
-            return SimulatedLink(self, parent, self.options, terms, self.pair.meeting)
-        return ServerLink(self, parent, self.options, terms, self.pair.address, self._gate(), self._claim)
+            return Link(self, parent, self.options, lambda link: Simulated(link, terms, pair.meeting))
+        return Link(
+            self, parent, self.options, lambda link: TcpServer(link, terms, pair.address, self._gate(), self._claim)
+        )

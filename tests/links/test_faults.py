@@ -172,7 +172,7 @@ def test_the_same_faults_work_on_real_sockets(start: Callable[..., Any]) -> None
     for value in range(300):
         client.store("x", value)
     client.until_stored("x", 300)
-    way = client.node.components["link_t"].streams[0].way
+    way = client.node.components["link_t"].transport.streams[0].way
     client.end()  # sends what is still on its way
     came = robot.stored["x"]
     robot.until_link("t", up=False)

@@ -67,7 +67,7 @@ def test_a_page_that_comes_round_by_another_way_is_not_taken_back() -> None:
     page = Page("depth", 1.0, "auv_node", 0.0)
     there = me.brings(page, other, apart=False)
     assert there.origin == me.name == "rov1/auv_node"
-    assert other.brings(there, me, apart=False).origin == me.name  # by which FleetLink knows it
+    assert other.brings(there, me, apart=False).origin == me.name  # by which its Fleet knows it
     assert me.brings(page, Member("rov1", "camera_node"), apart=True) is page
 
 

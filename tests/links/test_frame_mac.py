@@ -223,10 +223,10 @@ def test_forged_frame_closes_that_connection_is_counted_and_logged_once(
     with caplog.at_level(logging.WARNING, "snr"):
         logging.getLogger("snr").setLevel(logging.WARNING)
         for count in (1, 2, 3):
-            (stream,) = link.streams
+            (stream,) = link.transport.streams
             stream.port._sock.come += encode_frame(Page("stick", "forged", "operator_node", 0.0).serialize())
             history.rounds(50)  # the other end is given a moment to read why
-            assert stream not in link.streams
+            assert stream not in link.transport.streams
             assert history.robot.get_data(LINK)["forged"] == count
             assert history.robot.get_data("stick") != "forged"
             history.settle()

@@ -99,7 +99,7 @@ def test_weakness_8_a_round_trip_does_not_wait_for_the_other_ends_acknowledgemen
         times_s.append(time.perf_counter() - start_s)
     assert statistics.median(times_s) < 0.03  # 0.04 is what Nagle's algorithm and a delayed acknowledgement cost
     for node in (robot, client):
-        (stream,) = node.node.components["link_t"].streams
+        (stream,) = node.node.components["link_t"].transport.streams
         assert stream.port._sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) != 0
 
 
@@ -117,7 +117,7 @@ def test_weakness_10_clients_that_connect_and_close_do_not_end_the_node(robot: A
 
 @pytest.mark.slow
 def test_weakness_11_a_server_listens_where_it_was_told_and_nowhere_else(robot: Any, pair: SocketsPair) -> None:
-    assert robot.node.components["link_t"]._listener.sock.getsockname()[0] == HERE
+    assert robot.node.components["link_t"].transport._listener.sock.getsockname()[0] == HERE
     with pytest.raises(OSError, match=r"."):
         socket.create_connection(("127.0.0.2", pair.port), 5)
 

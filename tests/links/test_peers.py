@@ -99,7 +99,7 @@ def test_a_page_that_another_node_passed_on_is_not_sent_to_the_node_that_made_it
     runner.run()
     assert stored == ["a_node"]
     link = runner.nodes["robot"].components["link_ar"]
-    assert (link.sent, link._state(3.0)["dropped"]) == (0, 0)  # type: ignore[attr-defined]
+    assert (link.sent, link.transport.state(3.0)["dropped"]) == (0, 0)  # type: ignore[attr-defined]
 
 
 @pytest.mark.slow
@@ -109,8 +109,8 @@ def test_page_that_is_stored_while_its_far_end_goes_is_counted(start: Start, pai
     start("pad", [pair.client()]).until_link("t")
     robot.until_link("t")
     link: Any = robot.node.components["link_t"]
-    (peer,) = link.peers
-    going = threading.Thread(target=lambda: peer.session.lost("it went.") or link.wake())  # type: ignore[func-returns-value]
+    (peer,) = link.transport.peers.up
+    going = threading.Thread(target=lambda: peer.session.lost("it went.") or link.transport.wake())  # type: ignore[func-returns-value]
     takes = peer.takes
 
     def take_slowly(frame: bytes) -> bool:
@@ -120,9 +120,9 @@ def test_page_that_is_stored_while_its_far_end_goes_is_counted(start: Start, pai
 
     peer.takes = take_slowly
     robot.store("depth", 1)
-    robot.until(lambda: not link.peers or link.peers != (peer,), "gone")
+    robot.until(lambda: link.transport.peers.up != (peer,), "gone")
     robot.end()
-    assert link.sent + link.dropped + link.unsent == 1
+    assert link.sent + link.dropped + link.transport.peers.unsent == 1
 
 
 def fly_late(count: int, begins_s: float, **options: Any) -> tuple[list[Any], SimRunner]:
@@ -151,7 +151,7 @@ def test_all_that_was_stored_before_the_link_was_first_up_crosses_in_order() -> 
     came, runner = fly_late(50, 2.0)
     assert came == list(range(50))
     link: Any = runner.nodes["robot"].components["link_t"]
-    assert (link.sent, link.dropped, link.unsent) == (50, 0, 0)
+    assert (link.sent, link.dropped, link.transport.peers.unsent) == (50, 0, 0)
     assert not [note for note in runner.nodes["robot"].notes if "dropped" in note]
 
 

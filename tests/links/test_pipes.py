@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, PipeLoopFactory, PipesPair, SimRunner
-from snr_sim.links.pipes import PipePort
+from snr_sim.links.pipes import port_of
 from snr_sim.prelude.errors import LinkError
 from snr_sim.testing.parts import TickerFactory
 
@@ -48,7 +48,7 @@ def test_a_pipes_pair_runs_in_lock_step_too() -> None:
 def test_a_pipe_that_goes_one_way_is_refused() -> None:
     reader, writer = Pipe(duplex=False)
     with pytest.raises(LinkError, match="one way only"):
-        PipePort(reader)
+        port_of(reader)
     reader.close()
     writer.close()
 
@@ -61,7 +61,7 @@ def test_link_over_a_pipe_that_fails_stays_down_and_its_node_runs(
     a, b = start("a", [pair.client("x")]), start("b", [pair.server()])
     a.until_link("pipe")
     b.until_link("pipe")
-    monkeypatch.setattr(a.node.components["link_pipe"], "_until_s", lambda now_s: 1 / 0)
+    monkeypatch.setattr(a.node.components["link_pipe"].transport, "_until_s", lambda now_s: 1 / 0)
     assert "ZeroDivisionError" in a.until_link("pipe", up=False)["reason"]
     assert "closed" in b.until_link("pipe", up=False)["reason"]
     monkeypatch.undo()

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from snr_sim.links.fleet import Member
-from snr_sim.links.roster import MAX_KEYS, MAX_MEMBERS, Roster
+from snr_sim.links.fleet import MAX_KEYS, MAX_MEMBERS, Member, Roster
 
 PLACE = "snr/fleet/rov1/auv_node/7"
 

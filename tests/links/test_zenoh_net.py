@@ -60,7 +60,7 @@ def test_looking_for_others_beyond_this_machine_needs_certificates() -> None:
 
 
 def test_a_net_opens_nothing_it_was_not_told_to(files: dict[str, str]) -> None:
-    config = ZenohNet(name="fleet", listen=HERE).link().settings.config("snr/fleet")
+    config = ZenohNet(name="fleet", listen=HERE).link().settings.config()
     assert config["listen"]["endpoints"] == [HERE]
     assert config["connect"]["endpoints"] == []
     assert config["scouting"]["multicast"]["enabled"] is False
@@ -71,7 +71,7 @@ def test_a_net_opens_nothing_it_was_not_told_to(files: dict[str, str]) -> None:
     assert [rule["key_exprs"] for rule in access["rules"]] == [["snr/fleet/**"]]
     student = {"client_certificate": files["student_cert"], "client_key": files["student_key"]}
     tls = Tls(authority=files["authority"], **student)
-    abroad = ZenohNet(discover=True, interfaces=["wlan0"], tls=tls).link().settings.config("snr/fleet")
+    abroad = ZenohNet(discover=True, interfaces=["wlan0"], tls=tls).link().settings.config()
     assert abroad["transport"]["link"]["protocols"] == ["tls"]
     assert abroad["transport"]["link"]["tls"]["enable_mtls"] is True
 
