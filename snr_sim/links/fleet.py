@@ -316,21 +316,21 @@ class SimulatedFleet(Fleet):
 
     Args:
         link, member, hearing: as of Fleet.
-        gathering: where it finds the others.
+        meeting: where it finds the others.
     """
 
-    def __init__(self, link: Link, member: Member, hearing: Hearing, gathering: Meeting[SimulatedFleet]) -> None:
+    def __init__(self, link: Link, member: Member, hearing: Hearing, meeting: Meeting[SimulatedFleet]) -> None:
         super().__init__(link, member, hearing)
         assert isinstance(link.parent.clock, SimClock)
         self.clock = link.parent.clock
-        self._gathering = gathering
+        self._meeting = meeting
         self._ways: dict[SimulatedFleet, Way] = {}
         self._newest: dict[DataKey, bytes] = {}
 
     def open(self, ports: ExitStack) -> None:
         """Meet the others; see Transport."""
         self.roster.own_place = self.roster.place_of(self.member, self.link.parent.role)
-        fleets = self._gathering.on(self.clock)
+        fleets = self._meeting.on(self.clock)
         for other in fleets:
             other._meet(self)
             self._meet(other)
@@ -396,7 +396,7 @@ class SimulatedFleet(Fleet):
 
     def see_off(self) -> None:
         """Leave the net; the others notice once what was sent before has come."""
-        self._gathering.leave(self.clock, self)
+        self._meeting.leave(self.clock, self)
         for other, way in self._ways.items():
             self._say(way, other.left)
         self._ways.clear()

@@ -145,11 +145,17 @@ class Link(RestartingLoop):
         factory: who made it.
         parent: its node.
         options: of the link.
-        transport: made for the link by this.
+        real: makes its transport.
+        simulated: makes it if the node lives under a SimClock.
     """
 
     def __init__(
-        self, factory: LoopFactory, parent: Node, options: LinkOptions, transport: Callable[[Link], Transport]
+        self,
+        factory: LoopFactory,
+        parent: Node,
+        options: LinkOptions,
+        real: Callable[[Link], Transport],
+        simulated: Callable[[Link], Transport],
     ) -> None:
         is_simulated = isinstance(parent.clock, SimClock)
         rate_hz = HOUSEKEEPING_HZ if is_simulated else 0.0  # on a thread its own waiting paces it
@@ -171,7 +177,7 @@ class Link(RestartingLoop):
         self._told: tuple[Any, ...] = ()
         self._told_s = float("-inf")
         self._logged: tuple[Any, ...] = ()
-        self.transport = transport(self)
+        self.transport = simulated(self) if is_simulated else real(self)
         self._carry = self.transport.carry
 
     def begin(self) -> None:

@@ -6,15 +6,13 @@ import os
 import socket
 from collections.abc import Iterable
 from contextlib import ExitStack
-from dataclasses import replace
 from multiprocessing import Pipe
 from typing import TYPE_CHECKING
 
-from snr_sim.core.clocks import SimClock
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.links.link import Link
-from snr_sim.links.options import LinkOptions, as_keys
+from snr_sim.links.options import LinkOptions
 from snr_sim.links.session import Terms
 from snr_sim.links.simulated import Meeting, Simulated
 from snr_sim.links.socket_port import SocketPort
@@ -69,8 +67,7 @@ class PipeLoopFactory(LoopFactory):
         self.conn = conn
         self.is_first = is_first
         self.meeting: Meeting[Simulated] = meeting or Meeting()
-        wanted = None if accept is None else frozenset(as_keys(accept))
-        self.options = replace(options or LinkOptions(name), keys=as_keys(data_keys), accept=wanted)
+        self.options = (options or LinkOptions(name)).for_end(data_keys, accept)
 
     def claim(self) -> None:
         """Does nothing: a pipe is open from the start; see PortFactory."""
@@ -81,18 +78,21 @@ class PipeLoopFactory(LoopFactory):
 
     def get(self, parent: Node) -> Loop:
         """Returns the link."""
-        options = self.options
         terms = Terms(
             parent.name,
             is_server=not self.is_first,
-            max_frame_bytes=options.max_frame_bytes,
-            keep_alive_s=options.keep_alive_s,
-            timeout_s=options.timeout_s,
+            max_frame_bytes=self.options.max_frame_bytes,
+            keep_alive_s=self.options.keep_alive_s,
+            timeout_s=self.options.timeout_s,
             greeting_s=float("inf"),  # the other process may take its time to start, and a pipe is made only once
         )
-        if isinstance(parent.clock, SimClock):
-            return Link(self, parent, options, lambda link: Simulated(link, terms, self.meeting))
-        return Link(self, parent, options, lambda link: PipeEnd(link, terms, self.conn))
+        return Link(
+            self,
+            parent,
+            self.options,
+            real=lambda link: PipeEnd(link, terms, self.conn),
+            simulated=lambda link: Simulated(link, terms, self.meeting),
+        )
 
 
 class PipesPair:

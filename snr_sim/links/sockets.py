@@ -9,16 +9,14 @@ Under a SimClock both ends meet in memory instead, in the same sessions with the
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from snr_sim.core.clocks import SimClock
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.links.faults import Faults
 from snr_sim.links.frames import MAX_FRAME_BYTES
 from snr_sim.links.link import Link
-from snr_sim.links.options import LinkOptions, as_keys
+from snr_sim.links.options import LinkOptions
 from snr_sim.links.security import Tls, as_networks, as_secret, is_loopback
 from snr_sim.links.send_queue import Policy
 from snr_sim.links.session import Terms
@@ -127,11 +125,6 @@ class SocketsPair:
         """
         return SocketsListenerFactory(self, keys, accept)
 
-    def options_for(self, keys: DataKey | Iterable[DataKey], accept: Iterable[DataKey] | None) -> LinkOptions:
-        """Returns what one end is told."""
-        wanted = None if accept is None else frozenset(as_keys(accept))
-        return replace(self.options, keys=as_keys(keys), accept=wanted)
-
     def terms_for(self, node: str, is_server: bool) -> Terms:
         """Returns what one end brings to its sessions."""
         options = self.options
@@ -182,7 +175,7 @@ class SocketsLoopFactory(LoopFactory):
     ) -> None:
         super().__init__()
         self.pair = pair if isinstance(pair, SocketsPair) else SocketsPair(pair)
-        self.options = self.pair.options_for(data_keys, accept)
+        self.options = self.pair.options.for_end(data_keys, accept)
         self._context()
 
     def _context(self) -> ssl.SSLContext | None:
@@ -201,14 +194,13 @@ class SocketsLoopFactory(LoopFactory):
         """Returns the link."""
         pair = self.pair
         terms = pair.terms_for(parent.name, is_server=False)
-        if isinstance(parent.clock, SimClock):
-            return Link(self, parent, self.options, lambda link: Simulated(link, terms, pair.meeting))
         server_name = "" if pair.tls is None else pair.tls.server_name
         return Link(
             self,
             parent,
             self.options,
-            lambda link: TcpClient(link, terms, pair.address, self._context(), server_name),
+            real=lambda link: TcpClient(link, terms, pair.address, self._context(), server_name),
+            simulated=lambda link: Simulated(link, terms, pair.meeting),
         )
 
 
@@ -234,7 +226,7 @@ class SocketsListenerFactory(LoopFactory):
         if isinstance(pair, int):
             pair = ("127.0.0.1", pair)
         self.pair = pair = pair if isinstance(pair, SocketsPair) else SocketsPair(pair)
-        self.options = pair.options_for(data_keys, accept)
+        self.options = pair.options.for_end(data_keys, accept)
         # Who has a secret or a certificate of ours may come from anywhere.
         asks_who = pair.secret is not None or (pair.tls is not None and pair.tls.client_authority is not None)
         if not (asks_who or pair.allow or is_loopback(pair.host)):
@@ -267,8 +259,10 @@ class SocketsListenerFactory(LoopFactory):
         """Returns the link."""
         pair = self.pair
         terms = pair.terms_for(parent.name, is_server=True)
-        if isinstance(parent.clock, SimClock):
-            return Link(self, parent, self.options, lambda link: Simulated(link, terms, pair.meeting))
         return Link(
-            self, parent, self.options, lambda link: TcpServer(link, terms, pair.address, self._gate(), self._claim)
+            self,
+            parent,
+            self.options,
+            real=lambda link: TcpServer(link, terms, pair.address, self._gate(), self._claim),
+            simulated=lambda link: Simulated(link, terms, pair.meeting),
         )

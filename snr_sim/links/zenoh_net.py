@@ -12,10 +12,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
-from snr_sim.core.clocks import SimClock
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.links.faults import Faults
@@ -23,7 +22,7 @@ from snr_sim.links.fleet import Hearing, Member, SimulatedFleet, prefix_of
 from snr_sim.links.frames import MAX_FRAME_BYTES
 from snr_sim.links.link import Link
 from snr_sim.links.messages import MAX_NAME_CHARS
-from snr_sim.links.options import LinkOptions, as_keys
+from snr_sim.links.options import LinkOptions
 from snr_sim.links.security import Tls, is_loopback
 from snr_sim.links.send_queue import Policy
 from snr_sim.links.simulated import Meeting
@@ -97,7 +96,7 @@ class ZenohNet:
         self.connect = as_endpoints("connect=", connect, tls)
         self.interfaces = (interfaces,) if isinstance(interfaces, str) else tuple(interfaces)
         self.discover = discover
-        self.gathering: Meeting[SimulatedFleet] = Meeting()
+        self.meeting: Meeting[SimulatedFleet] = Meeting()
         self.options = LinkOptions(
             name,
             max_frame_bytes=max_page_bytes,
@@ -134,7 +133,7 @@ class ZenohNet:
         """
         return ZenohLinkFactory(
             self,
-            replace(self.options, keys=as_keys(keys), accept=None if accept is None else frozenset(as_keys(accept))),
+            self.options.for_end(keys, accept),
             Hearing(None if robots is None else frozenset([robots] if isinstance(robots, str) else robots), apart),
             self.robot if robot is None else _as_name("robot", robot),
             ZenohSettings(
@@ -180,14 +179,13 @@ class ZenohLinkFactory(LoopFactory):
     def get(self, parent: Node) -> Loop:
         """Returns the link."""
         member = Member(self.robot or parent.name, parent.name)
-        hearing, gathering, settings = self.hearing, self.net.gathering, self.settings
-        if isinstance(parent.clock, SimClock):
-            return Link(self, parent, self.options, lambda link: SimulatedFleet(link, member, hearing, gathering))
+        settings = self.settings
         return Link(
             self,
             parent,
             self.options,
-            lambda link: Zenoh(link, member, hearing, settings.config(), settings.waits_for),
+            real=lambda link: Zenoh(link, member, self.hearing, settings.config(), settings.waits_for),
+            simulated=lambda link: SimulatedFleet(link, member, self.hearing, self.net.meeting),
         )
 
 
