@@ -207,8 +207,7 @@ def test_pages_that_faults_still_delay_count_as_dropped_when_the_session_ends(
     start: Callable[..., Any], raw: Callable[..., Any]
 ) -> None:
     pair = SocketsPair((HERE, 0), name="t", faults=Faults(latency_s=60.0))
-    robot = start("robot", [pair.server("depth")])
-    robot.until_link("t", up=False)
+    robot = start("robot", [pair.server("depth")], down="t")
     far = raw(pair.port)
     robot.until_link("t")
     robot.store("depth", *range(7))
@@ -222,8 +221,7 @@ def test_pages_that_faults_still_delay_count_as_dropped_when_the_session_ends(
 def test_the_log_names_the_link_that_is_up_or_down(start: Callable[..., Any], caplog: pytest.LogCaptureFixture) -> None:
     pair = SocketsPair((HERE, 0), name="tether")
     with caplog.at_level("INFO"):
-        robot = start("robot", [pair.server()])
-        robot.until_link("tether", up=False)
+        robot = start("robot", [pair.server()], down="tether")
         topside = start("topside", [pair.client()])
         robot.until_link("tether")
         topside.end()
@@ -236,8 +234,7 @@ def test_the_log_names_the_link_that_is_up_or_down(start: Callable[..., Any], ca
 @pytest.mark.slow
 def test_a_page_of_a_node_whose_clock_shows_another_time_is_as_old_as_it_is(start: Callable[..., Any]) -> None:
     pair = SocketsPair((HERE, 0), name="tether")
-    robot = start("robot", [pair.server()])
-    robot.until_link("tether", up=False)
+    robot = start("robot", [pair.server()], down="tether")
     topside = start("topside", [pair.client("controls")], clock=WallClock(time.monotonic() - 5000.0))
     begun_s = robot.node.clock.now_s()
     topside.store("controls", 1)
@@ -252,10 +249,8 @@ def test_a_page_of_a_node_whose_clock_shows_another_time_is_as_old_as_it_is(star
 @pytest.mark.parametrize("key", ["link_tether", "reload", "add_component"])
 def test_what_a_node_tells_of_itself_no_far_end_can_overwrite(start: Callable[..., Any], key: str) -> None:
     pair = SocketsPair((HERE, 0), name="tether")
-    robot = start("robot", [pair.server()])
-    robot.until_link("tether", up=False)
-    intruder = start("intruder", [SocketsPair((HERE, pair.port), name="other").client([key, "end"])])
-    intruder.until_link("other")
+    robot = start("robot", [pair.server()], down="tether")
+    intruder = start("intruder", [SocketsPair((HERE, pair.port), name="other").client([key, "end"])], up="other")
     intruder.store(key, {"up": True, "peers": 5})
     intruder.store("end", 1)
     robot.until_stored("end")
@@ -266,8 +261,7 @@ def test_what_a_node_tells_of_itself_no_far_end_can_overwrite(start: Callable[..
 @pytest.mark.slow
 def test_what_a_far_end_tells_of_itself_comes_in_if_it_is_asked_for(start: Callable[..., Any]) -> None:
     pair = SocketsPair((HERE, 0), name="tether")
-    topside = start("topside", [pair.server(accept=["reload"])])
-    topside.until_link("tether", up=False)
+    topside = start("topside", [pair.server(accept=["reload"])], down="tether")
     robot = start("robot", [pair.client("reload")])
     robot.store("reload", {"ok": True})
     assert topside.until_stored("reload") == [{"ok": True}]

@@ -11,7 +11,8 @@ import pytest
 from snr_sim import Config, PipeLoopFactory, PipesPair, SimRunner
 from snr_sim.links.pipes import port_of
 from snr_sim.prelude.errors import LinkError
-from snr_sim.testing.parts import TickerFactory
+
+from .conftest import ticks
 
 
 @pytest.mark.slow
@@ -33,14 +34,7 @@ def test_pages_cross_a_pipe_both_ways_and_the_end_is_noticed(start: Callable[...
 
 def test_a_pipes_pair_runs_in_lock_step_too() -> None:
     pair = PipesPair()
-    values = iter(range(100))
-    config = Config(
-        factories={
-            "a": [TickerFactory(lambda loop: loop.store_data("x", next(values)), rate_hz=10), pair.client("x")],
-            "b": [pair.server()],
-        }
-    )
-    runner = SimRunner(config, until_s=1.01)
+    runner = SimRunner(Config(factories={"a": [ticks("x"), pair.client("x")], "b": [pair.server()]}), until_s=1.01)
     runner.run()
     assert runner.nodes["b"].get_data("x") == 10
 
