@@ -14,7 +14,7 @@ from snr_sim.core.node import Node
 from snr_sim.links.link import Link
 from snr_sim.links.options import LinkOptions
 from snr_sim.links.session import Terms
-from snr_sim.links.simulated import Meeting, Simulated
+from snr_sim.links.simulated import Meeting, SimulatedTransport
 from snr_sim.links.socket_port import SocketPort
 from snr_sim.links.streams import Streams
 from snr_sim.prelude.errors import LinkError
@@ -60,13 +60,13 @@ class PipeLoopFactory(LoopFactory):
         *,
         name: str = "pipe",
         is_first: bool = True,
-        meeting: Meeting[Simulated] | None = None,
+        meeting: Meeting[SimulatedTransport] | None = None,
         options: LinkOptions | None = None,
     ) -> None:
         super().__init__()
         self.conn = conn
         self.is_first = is_first
-        self.meeting: Meeting[Simulated] = meeting or Meeting()
+        self.meeting: Meeting[SimulatedTransport] = meeting or Meeting()
         self.options = (options or LinkOptions(name)).for_end(data_keys, accept)
 
     def claim(self) -> None:
@@ -91,7 +91,7 @@ class PipeLoopFactory(LoopFactory):
             parent,
             self.options,
             real=lambda link: PipeEnd(link, terms, self.conn),
-            simulated=lambda link: Simulated(link, terms, self.meeting),
+            simulated=lambda link: SimulatedTransport(link, terms, self.meeting),
         )
 
 
@@ -105,7 +105,7 @@ class PipesPair:
     def __init__(self, options: LinkOptions | None = None) -> None:
         self.options = options or LinkOptions("pipe")
         self.client_conn, self.server_conn = Pipe()
-        self.meeting: Meeting[Simulated] = Meeting()
+        self.meeting: Meeting[SimulatedTransport] = Meeting()
 
     def client(
         self, keys: DataKey | Iterable[DataKey] = (), *, accept: Iterable[DataKey] | None = None

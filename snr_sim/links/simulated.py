@@ -1,4 +1,4 @@
-"""Simulated: the ends of a pair under one SimClock. The same sessions and faults as over a wire, and no wire.
+"""SimulatedTransport: the ends of a pair under one SimClock. The same sessions and faults as over a wire, and no wire.
 
 So a config of several roles runs as one lock-step simulation, and as processes over TCP, without a change.
 """
@@ -52,7 +52,7 @@ class SimulatedPeer(Peer):
 
     far: SimulatedPeer
 
-    def __init__(self, session: Session, near: Simulated, way: Way) -> None:
+    def __init__(self, session: Session, near: SimulatedTransport, way: Way) -> None:
         super().__init__(session, near.link.options, way)
         self.near = near
         self.is_admitted = False
@@ -92,7 +92,7 @@ class SimulatedPeer(Peer):
         self.far.near.arrive(self.far, self.session.seal(frame))
 
 
-class Simulated(Transport):
+class SimulatedTransport(Transport):
     """An end of a pair under a SimClock; alone it is down, and runs all the same.
 
     Args:
@@ -101,7 +101,7 @@ class Simulated(Transport):
         meeting: where it finds the other end.
     """
 
-    def __init__(self, link: Link, terms: Terms, meeting: Meeting[Simulated]) -> None:
+    def __init__(self, link: Link, terms: Terms, meeting: Meeting[SimulatedTransport]) -> None:
         super().__init__(link)
         assert isinstance(link.parent.clock, SimClock)
         self.clock = link.parent.clock

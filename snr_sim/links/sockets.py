@@ -20,7 +20,7 @@ from snr_sim.links.options import LinkOptions
 from snr_sim.links.security import Tls, as_networks, as_secret, is_loopback
 from snr_sim.links.send_queue import Policy
 from snr_sim.links.session import Terms
-from snr_sim.links.simulated import Meeting, Simulated
+from snr_sim.links.simulated import Meeting, SimulatedTransport
 from snr_sim.links.socket_port import Address, Claim
 from snr_sim.links.tcp_client import TcpClient
 from snr_sim.links.tcp_server import Gate, TcpServer
@@ -79,7 +79,7 @@ class SocketsPair:
             raise ConfigError(f"A link with tls={tls!r}.", fix="Tls(certificate=..., key=..., authority=...), or None.")
         self.tls = tls
         self.allow = as_networks(allow)
-        self.meeting: Meeting[Simulated] = Meeting()
+        self.meeting: Meeting[SimulatedTransport] = Meeting()
         self.options = LinkOptions(
             name or str(self.port),
             max_frame_bytes=max_frame_bytes,
@@ -200,7 +200,7 @@ class SocketsLoopFactory(LoopFactory):
             parent,
             self.options,
             real=lambda link: TcpClient(link, terms, pair.address, self._context(), server_name),
-            simulated=lambda link: Simulated(link, terms, pair.meeting),
+            simulated=lambda link: SimulatedTransport(link, terms, pair.meeting),
         )
 
 
@@ -264,5 +264,5 @@ class SocketsListenerFactory(LoopFactory):
             parent,
             self.options,
             real=lambda link: TcpServer(link, terms, pair.address, self._gate(), self._claim),
-            simulated=lambda link: Simulated(link, terms, pair.meeting),
+            simulated=lambda link: SimulatedTransport(link, terms, pair.meeting),
         )

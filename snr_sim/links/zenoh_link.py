@@ -1,4 +1,4 @@
-"""Zenoh: one node's way to a ZenohNet. The one door to the package `zenoh`.
+"""ZenohTransport: one node's way to a ZenohNet. The one door to the package `zenoh`.
 
 What Zenoh sees of each node, at its place in the net (see fleet.py):
 
@@ -111,7 +111,7 @@ class ZenohCallbacks:
         return not any(thread.is_alive() for thread in ending)
 
 
-class Zenoh(Fleet):
+class ZenohTransport(Fleet):
     """Sends and hears pages over Zenoh.
 
     Args:

@@ -26,7 +26,7 @@ from snr_sim.links.options import LinkOptions
 from snr_sim.links.security import Tls, is_loopback
 from snr_sim.links.send_queue import Policy
 from snr_sim.links.simulated import Meeting
-from snr_sim.links.zenoh_link import Zenoh
+from snr_sim.links.zenoh_link import ZenohTransport
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.page import DataKey
 
@@ -184,7 +184,7 @@ class ZenohLinkFactory(LoopFactory):
             self,
             parent,
             self.options,
-            real=lambda link: Zenoh(link, member, self.hearing, settings.config(), settings.waits_for),
+            real=lambda link: ZenohTransport(link, member, self.hearing, settings.config(), settings.waits_for),
             simulated=lambda link: SimulatedFleet(link, member, self.hearing, self.net.meeting),
         )
 

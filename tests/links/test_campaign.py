@@ -189,12 +189,12 @@ class History:
         """Each stream of a link is open, and its selector knows no other descriptor."""
         link = self.link(node)
         assert self.has_bugs or not link.failures, link.failures
-        way = link.transport
-        own = {stream.descriptor for stream in way.streams} | {way._wake_out.fileno()}
+        transport = link.transport
+        own = {stream.descriptor for stream in transport.streams} | {transport._wake_out.fileno()}
         if node is self.robot:
-            own.add(way._listener.sock.fileno())
+            own.add(transport._listener.sock.fileno())
         assert own <= self.network.open.keys()
-        assert {key.fd for key in way._selector.get_map().values()} <= own
+        assert {key.fd for key in transport._selector.get_map().values()} <= own
 
     def end(self) -> None:
         """End both nodes: each page was sent, dropped or kept, and no descriptor is left."""

@@ -22,6 +22,8 @@ from snr_sim.links.messages import Hello, Refused, encode_message
 from snr_sim.links.streams import READ_BYTES
 from snr_sim.testing.parts import PartFactory
 
+from .test_session import HOSTILE
+
 pytestmark = pytest.mark.slow
 
 HERE = "127.0.0.1"
@@ -55,17 +57,10 @@ def serves(robot: Any, start: Start, pair: SocketsPair) -> bool:
     return True
 
 
-NONSENSE = {
-    "HTTP": b"GET / HTTP/1.1\r\nHost: robot\r\n\r\n",
-    "a length of 4 GB": b"\xff\xff\xff\xff",
-    "an empty frame": b"\x00\x00\x00\x00",
+SAME = ("HTTP", "a length of 4 GB", "an empty frame", "JSON that is not a page", "NaN", "deep nesting")
+NONSENSE = {what: HOSTILE[what] for what in SAME} | {
     "random bytes": b"\x00\x00\x00\x03\xfe\xdc\xba",
-    "JSON that is not a page": encode_frame(b"[1, 2, 3]"),
-    "NaN": encode_frame(b'{"$":"page","key":"x","data":NaN,"origin":"a","created_at_s":0}'),
     "an integer of 5000 digits": encode_frame(Page("x", 10**5000, "raw", 0.0).serialize()),
-    "deep nesting": encode_frame(
-        b'{"$":"page","key":"x","origin":"a","created_at_s":0,"data":' + b"[" * 99_999 + b"]" * 99_999 + b"}"
-    ),
 }
 
 

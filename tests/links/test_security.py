@@ -81,6 +81,12 @@ def test_only_this_machine_and_named_networks_are_allowed() -> None:
         as_networks(["10.1.*"])
 
 
+@pytest.fixture
+def tls(files: dict[str, str]) -> Tls:
+    """What a server shows, and whom a client trusts."""
+    return Tls(files["robot_cert"], files["robot_key"], files["authority"])
+
+
 @pytest.mark.slow
 def test_an_address_that_is_not_allowed_is_told_so_before_it_is_listened_to(
     start: Start, raw: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
@@ -132,8 +138,7 @@ def test_a_page_that_waits_at_a_server_with_a_secret_goes_to_the_first_who_prove
 
 
 @pytest.mark.slow
-def test_pages_large_and_small_cross_tls_both_ways(start: Start, files: dict[str, str]) -> None:
-    tls = Tls(files["robot_cert"], files["robot_key"], files["authority"])
+def test_pages_large_and_small_cross_tls_both_ways(start: Start, tls: Tls) -> None:
     pair = SocketsPair((HERE, 0), name="t", tls=tls, max_frame_bytes=1 << 23)
     robot = start("robot", [pair.server("photo")], down="t")
     client = start("client", [pair.client("x")], up="t")
@@ -157,8 +162,7 @@ def test_a_server_that_the_authority_did_not_sign_is_not_talked_to(start: Start,
 
 @pytest.mark.slow
 @pytest.mark.parametrize("has_it", ["server", "client"])
-def test_tls_on_one_end_only_is_said_with_what_to_try(start: Start, files: dict[str, str], has_it: str) -> None:
-    tls = Tls(files["robot_cert"], files["robot_key"], files["authority"])
+def test_tls_on_one_end_only_is_said_with_what_to_try(start: Start, tls: Tls, has_it: str) -> None:
     pair = SocketsPair((HERE, 0), name="t", tls=tls if has_it == "server" else None)
     robot = start("robot", [pair.server()], down="t")
     there = SocketsPair((HERE, pair.port), name="t", tls=tls if has_it == "client" else None)
@@ -228,8 +232,7 @@ def test_with_client_certificates_only_those_of_the_authority_get_in(
 
 
 @pytest.mark.slow
-def test_who_does_not_speak_tls_gets_nowhere(start: Start, files: dict[str, str], raw: Callable[..., Any]) -> None:
-    tls = Tls(files["robot_cert"], files["robot_key"], files["authority"])
+def test_who_does_not_speak_tls_gets_nowhere(start: Start, tls: Tls, raw: Callable[..., Any]) -> None:
     pair = SocketsPair((HERE, 0), name="t", tls=tls)
     start("robot", [pair.server()], down="t")
     assert raw(pair.port).sock.recv(100)[:1] in (b"\x15", b"")  # an alert of TLS, or the end

@@ -532,8 +532,8 @@ def test_link_that_fails_is_down_with_the_reason_and_joins_again(start: Start, n
     for running in (one, other):
         running.until_link("fleet")
         link = running.node.components["link_fleet"]
-        way = link.transport
-        way._arrive = lambda way=way: (way.__dict__.pop("_arrive"), 1 / 0)  # once
+        zenoh_way = link.transport
+        zenoh_way._arrive = lambda way=zenoh_way: (way.__dict__.pop("_arrive"), 1 / 0)  # once
         running.until(lambda running=running: running.stored["link_fleet"][-1]["failures"] == 1)
         down = next(page for page in running.stored["link_fleet"] if page["failures"] == 1)
         assert not down["up"]
