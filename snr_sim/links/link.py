@@ -108,16 +108,16 @@ class Transport:
         link: whose pages they are.
     """
 
+    # Sends a page to every far end but the one that brought it, if any, on the node's thread: the page, as it crosses,
+    # in a frame, and who brought it.
+    carry: Callable[[Page, bytes, bytes, object], None]
+
     def __init__(self, link: Link) -> None:
         self.link = link
         self.lock = threading.Lock()  # held while all is closed; and for what else must not happen then
 
     def open(self, ports: ExitStack) -> None:
         """Open what is needed, and push onto `ports` how to close it; what it raises first is an error of `begin`."""
-
-    def carry(self, page: Page, raw: bytes, frame: bytes, by: object) -> None:
-        """Send a page to every far end but the one that brought it (`by`, if any); on the node's thread."""
-        raise NotImplementedError
 
     def round(self) -> None:
         """Wait until something happens, and act on it; in lock step do what time asks for."""

@@ -131,8 +131,8 @@ class Peers:
         """Return what was lost before anybody had connected, and which names meant two nodes."""
         return [words for words in (self._early.loss, *sorted(self._warned)) if words]
 
-    def carry(self, page: Page, frame: bytes, by: object) -> None:
-        """Put a page for all that are up but the one that brought it, or keep it for who comes."""
+    def carry(self, page: Page, raw: bytes, frame: bytes, by: object) -> None:
+        """Put a page for all that are up but the one that brought it, or keep it for who comes; see Transport."""
         with self._meeting:  # so that nothing is put for a peer whose pages have been counted for the last time
             peers = self.up
             if not peers and by is None:

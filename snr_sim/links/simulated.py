@@ -17,7 +17,6 @@ from snr_sim.links.link import BEFORE_LOOPS, Link, Transport
 from snr_sim.links.messages import NONCE_BYTES
 from snr_sim.links.peers import Peer, Peers
 from snr_sim.links.session import Session, Terms
-from snr_sim.prelude.page import Page
 
 One = TypeVar("One")
 
@@ -106,6 +105,7 @@ class SimulatedTransport(Transport):
         assert isinstance(link.parent.clock, SimClock)
         self.clock = link.parent.clock
         self.peers = Peers(link, terms, LEAST_TRANSIT_S)
+        self.carry = self.peers.carry
         self._is_server = terms.is_server
         self._meeting = meeting
         self._far_ends: list[SimulatedPeer] = []
@@ -116,10 +116,6 @@ class SimulatedTransport(Transport):
             self._meeting.on(self.clock).append(self)
         else:
             self.clock.call_at(self.clock.now_s(), self._call, BEFORE_LOOPS)
-
-    def carry(self, page: Page, raw: bytes, frame: bytes, by: object) -> None:
-        """Put a page for all far ends; see Transport."""
-        self.peers.carry(page, frame, by)
 
     def state(self, now_s: float) -> dict[str, Any]:
         """Return how the link is; see Transport."""

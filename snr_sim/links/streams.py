@@ -21,7 +21,6 @@ from snr_sim.links.peers import Peers
 from snr_sim.links.session import Terms
 from snr_sim.links.socket_port import SocketPort
 from snr_sim.links.stream_peer import Account, StreamPeer
-from snr_sim.prelude.page import Page
 
 READ_BYTES = 1 << 17  # in one system call, of a frame that has begun
 # Of the frames that begin, all peers together are read so much in a round, each an equal share: a page that comes next
@@ -56,6 +55,7 @@ class Streams(Transport):
     def __init__(self, link: Link, terms: Terms) -> None:
         super().__init__(link)
         self.peers = Peers(link, terms)
+        self.carry = self.peers.carry
         self.streams: list[StreamPeer] = []  # all, also those that are not up
         self.now_s = link.parent.clock.now_s
         self._node = link.parent
@@ -81,10 +81,6 @@ class Streams(Transport):
             sock.setblocking(False)
         self._selector.register(self._wake_out, selectors.EVENT_READ, self._woken)
         ports.callback(self._drop_all)
-
-    def carry(self, page: Page, raw: bytes, frame: bytes, by: object) -> None:
-        """Put a page for all far ends; see Transport."""
-        self.peers.carry(page, frame, by)
 
     def notes(self) -> list[str]:
         """Return what to note; see Transport."""

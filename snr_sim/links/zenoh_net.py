@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any
 
 from snr_sim.core.loop import Loop, LoopFactory
@@ -136,11 +135,8 @@ class ZenohNet:
             self.options.for_end(keys, accept),
             Hearing(None if robots is None else frozenset([robots] if isinstance(robots, str) else robots), apart),
             self.robot if robot is None else _as_name("robot", robot),
-            ZenohSettings(
-                self,
-                self.listen if listen is None else as_endpoints("listen=", listen, self.tls),
-                self.connect if connect is None else as_endpoints("connect=", connect, self.tls),
-            ),
+            self.listen if listen is None else as_endpoints("listen=", listen, self.tls),
+            self.connect if connect is None else as_endpoints("connect=", connect, self.tls),
         )
 
 
@@ -151,14 +147,18 @@ def _as_name(what: str, name: str) -> str:
 
 
 class ZenohLinkFactory(LoopFactory):
-    """Makes a node's link to a net.
+    """Makes a node's link to a net. Nothing is open on the network that was not asked for.
 
     Args:
-        net: of which.
+        net: whose certificates, interfaces and limits it has.
         options: of the link.
         hearing: what the node wants to hear.
         robot: it belongs to, or "".
-        settings: what it may do on the network.
+        listen: addresses it opens.
+        connect: addresses it calls, again and again.
+
+    Raises:
+        ConfigError: certificates are missing, or it could meet nobody.
     """
 
     def __init__(
@@ -167,86 +167,16 @@ class ZenohLinkFactory(LoopFactory):
         options: LinkOptions,
         hearing: Hearing,
         robot: str,
-        settings: ZenohSettings,
+        listen: tuple[str, ...],
+        connect: tuple[str, ...],
     ) -> None:
         super().__init__()
         self.net = net
         self.options = options
         self.hearing = hearing
         self.robot = robot
-        self.settings = settings
-
-    def get(self, parent: Node) -> Loop:
-        """Returns the link."""
-        member = Member(self.robot or parent.name, parent.name)
-        settings = self.settings
-        return Link(
-            self,
-            parent,
-            self.options,
-            real=lambda link: ZenohTransport(link, member, self.hearing, settings.config(), settings.waits_for),
-            simulated=lambda link: SimulatedFleet(link, member, self.hearing, self.net.meeting),
-        )
-
-
-@dataclass(frozen=True)
-class Endpoint:
-    """An address as Zenoh writes it: tcp/127.0.0.1:7447.
-
-    Args:
-        text: all of it.
-        protocol: "tcp" or "tls".
-        host: without brackets.
-    """
-
-    text: str
-    protocol: str
-    host: str
-
-
-def as_endpoints(what: str, endpoints: str | Iterable[str], tls: Tls | None) -> tuple[Endpoint, ...]:
-    """Returns addresses, checked: beyond this machine, only TLS with certificates on both sides is good enough.
-
-    Raises:
-        ConfigError: one is no address, or anybody could listen in there.
-    """
-    found = []
-    for text in [endpoints] if isinstance(endpoints, str) else endpoints:
-        match = _ENDPOINT.fullmatch(text) if isinstance(text, str) else None
-        if match is None or match["protocol"] not in ("tcp", "tls") or int(match["port"]) >= 1 << 16:
-            raise ConfigError(
-                f"{what} holds {text!r}, which is no address.", fix='"tcp/127.0.0.1:7447" or "tls/192.168.2.1:7447".'
-            )
-        endpoint = Endpoint(text, match["protocol"], match["host"].strip("[]"))
-        if endpoint.protocol == "tcp" and not is_loopback(endpoint.host):
-            raise ConfigError(
-                f"{what} holds {text}: without TLS, anybody in that network could steer this node.",
-                fix=f'"tls/{text.removeprefix("tcp/")}" and tls=Tls(...) with certificates for both sides.',
-            )
-        if endpoint.protocol == "tls" and tls is None:
-            raise ConfigError(f"{what} holds {text}, and there is no tls=.", fix="tls=Tls(...).")
-        found.append(endpoint)
-    return tuple(found)
-
-
-@dataclass(frozen=True)
-class ZenohSettings:
-    """What one node of a net may do on the network. Nothing is open that was not asked for.
-
-    Args:
-        net: whose certificates, interfaces and limits it has.
-        listen: addresses it opens.
-        connect: addresses it calls, again and again.
-
-    Raises:
-        ConfigError: certificates are missing, or it could meet nobody.
-    """
-
-    net: ZenohNet
-    listen: tuple[Endpoint, ...]
-    connect: tuple[Endpoint, ...]
-
-    def __post_init__(self) -> None:
+        self.listen = listen
+        self.connect = connect
         if not (self.listen or self.connects):
             raise ConfigError(
                 "A node of a net neither listens nor connects, so it would meet nobody.",
@@ -261,6 +191,17 @@ class ZenohSettings:
         if self.net.tls is not None:
             _check_tls(self.net.tls, bool(self.listen), self.connects)
 
+    def get(self, parent: Node) -> Loop:
+        """Returns the link."""
+        member = Member(self.robot or parent.name, parent.name)
+        return Link(
+            self,
+            parent,
+            self.options,
+            real=lambda link: ZenohTransport(link, member, self.hearing, self.config(), self.waits_for),
+            simulated=lambda link: SimulatedFleet(link, member, self.hearing, self.net.meeting),
+        )
+
     @property
     def connects(self) -> bool:
         """Whether it calls anybody."""
@@ -274,19 +215,19 @@ class ZenohSettings:
     @property
     def waits_for(self) -> str:
         """Whom it connects to, in words; "" if it listens itself."""
-        return "" if self.listen else ", ".join(each.text for each in self.connect) or "anybody to be discovered"
+        return "" if self.listen else ", ".join(self.connect) or "anybody to be discovered"
 
     def config(self) -> dict[str, Any]:
         """Return Zenoh's configuration: no keys but the net's get in or out."""
-        protocols = [each.protocol for each in (*self.listen, *self.connect)]
+        protocols = [address.partition("/")[0] for address in (*self.listen, *self.connect)]
         timeout_ms, stuck_us = int(self.net.options.timeout_s * 1000), int(STUCK_S * 1e6)
         return {
             # Between those connected to a router it passes on, which it does not between peers. Who does not listen is
             # a client and no router, because routers miss who comes within 0.1 s of another's going (1.10).
             "mode": "router" if self.listen else "client",
-            "listen": {"endpoints": [each.text for each in self.listen], "timeout_ms": 0, "exit_on_failure": True},
+            "listen": {"endpoints": list(self.listen), "timeout_ms": 0, "exit_on_failure": True},
             "connect": {
-                "endpoints": [each.text for each in self.connect],
+                "endpoints": list(self.connect),
                 # For ever, in the background; but a client would block for so long, so its link tries again itself.
                 "timeout_ms": -1 if self.listen else 0,
                 "exit_on_failure": not self.listen,
@@ -337,6 +278,30 @@ class ZenohSettings:
                 "policies": [{"rules": ["net"], "subjects": ["all"]}],
             },
         }
+
+
+def as_endpoints(what: str, endpoints: str | Iterable[str], tls: Tls | None) -> tuple[str, ...]:
+    """Returns addresses, checked: beyond this machine, only TLS with certificates on both sides is good enough.
+
+    Raises:
+        ConfigError: one is no address, or anybody could listen in there.
+    """
+    found = []
+    for text in [endpoints] if isinstance(endpoints, str) else endpoints:
+        match = _ENDPOINT.fullmatch(text) if isinstance(text, str) else None
+        if match is None or match["protocol"] not in ("tcp", "tls") or int(match["port"]) >= 1 << 16:
+            raise ConfigError(
+                f"{what} holds {text!r}, which is no address.", fix='"tcp/127.0.0.1:7447" or "tls/192.168.2.1:7447".'
+            )
+        if match["protocol"] == "tcp" and not is_loopback(match["host"].strip("[]")):
+            raise ConfigError(
+                f"{what} holds {text}: without TLS, anybody in that network could steer this node.",
+                fix=f'"tls/{text.removeprefix("tcp/")}" and tls=Tls(...) with certificates for both sides.',
+            )
+        if match["protocol"] == "tls" and tls is None:
+            raise ConfigError(f"{what} holds {text}, and there is no tls=.", fix="tls=Tls(...).")
+        found.append(text)
+    return tuple(found)
 
 
 def _tls(tls: Tls, listens: bool, connects: bool) -> dict[str, Any]:

@@ -46,7 +46,7 @@ def net() -> ZenohNet:
 
 def joins(net: ZenohNet, keys: Any = (), **options: Any) -> Any:
     """A link that connects to where the net's first node listens."""
-    return net.link(keys, listen=(), connect=[net.listen[0].text], **options)
+    return net.link(keys, listen=(), connect=[net.listen[0]], **options)
 
 
 def names(running: Any) -> list[str]:
@@ -61,7 +61,7 @@ class Process:
     def __init__(
         self, net: ZenohNet, role: str, keys: Any = (), program: Sequence[str] = (str(NODE),), **options: Any
     ) -> None:
-        where = {"name": net.name, "connect": [net.listen[0].text], **options}
+        where = {"name": net.name, "connect": [net.listen[0]], **options}
         command = [sys.executable, *program, role, json.dumps(where), json.dumps({"keys": keys})]
         self.popen = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         self.stored: dict[str, list[Any]] = {}
@@ -138,7 +138,7 @@ def stranger(net: ZenohNet) -> Iterator[Callable[[], Any]]:
         config = zenoh.Config()
         for name, value in {
             "mode": "client",
-            "connect": {"endpoints": [net.listen[0].text]},
+            "connect": {"endpoints": [net.listen[0]]},
             "scouting": {"multicast": {"enabled": False}},
         }.items():
             config.insert_json5(name, json.dumps(value))
@@ -156,7 +156,7 @@ def stranger(net: ZenohNet) -> Iterator[Callable[[], Any]]:
 @pytest.mark.slow
 def test_pages_go_both_ways_and_either_node_starts_first(start: Start, net: ZenohNet) -> None:
     rov = start("rov", [joins(net, "depth")])
-    assert rov.until_link("fleet", up=False)["reason"].startswith(f"waits for {net.listen[0].text}")
+    assert rov.until_link("fleet", up=False)["reason"].startswith(f"waits for {net.listen[0]}")
     rov.store("depth", 1.5)  # before anybody hears it
     shore = start("shore", [net.link("mission")])
     assert list(shore.until_link("fleet")["peers"]) == ["rov_node"]
@@ -213,7 +213,7 @@ def test_robots_with_the_same_program_are_told_apart(start: Start, net: ZenohNet
 
 @pytest.mark.slow
 def test_nets_with_different_names_never_meet(start: Start, net: ZenohNet) -> None:
-    other = ZenohNet(name="other fleet?", connect=net.listen[0].text)
+    other = ZenohNet(name="other fleet?", connect=net.listen[0])
     shore = start("shore", [net.link()])
     alien = start("alien", [other.link("x")])
     alien.store("x", "theirs")
@@ -313,7 +313,7 @@ def test_the_link_says_how_long_a_round_trip_takes(start: Start, net: ZenohNet) 
 
 @pytest.mark.slow
 def test_faults_delay_and_lose_pages_and_say_how_many(start: Start, net: ZenohNet) -> None:
-    bad = ZenohNet(name="fleet", connect=net.listen[0].text, faults=Faults(latency_s=0.2, loss=0.5, seed=1))
+    bad = ZenohNet(name="fleet", connect=net.listen[0], faults=Faults(latency_s=0.2, loss=0.5, seed=1))
     shore = start("shore", [net.link()])
     rov = start("rov", [bad.link("x")], seed=1, up="fleet")
     rov.store("x", *range(40), "last?")
@@ -350,7 +350,7 @@ def test_the_one_that_listens_may_be_killed_and_come_back(
     start: Start, process: Callable[..., Process], net: ZenohNet
 ) -> None:
     rov = start("rov", [joins(net, "x")])
-    listens = {"listen": [net.listen[0].text], "connect": []}
+    listens = {"listen": [net.listen[0]], "connect": []}
     shore = process(net, "shore", **listens)
     rov.until_link("fleet")
     shore.kill()
