@@ -130,20 +130,16 @@ class SimulatedTransport(Transport):
         if not servers:
             self.link.reason = "nobody listens."
         elif not self._far_ends and not self.link.is_terminated():
-            here, there = self.meet(servers[-1].role), servers[-1].meet(self.role)
+            here, there = self.meet(servers[-1]), servers[-1].meet(self)
             here.far, there.far = there, here
             here.pump()
             there.pump()
 
-    @property
-    def role(self) -> str:
-        """Its node's."""
-        return self.link.parent.role
-
-    def meet(self, far_role: str) -> SimulatedPeer:
-        """Begin a session with the node of another role."""
+    def meet(self, other: SimulatedTransport) -> SimulatedPeer:
+        """Begin a session with another node."""
+        roles = f"{self.link.parent.role} {other.link.parent.role}"
         # The same in every run; a secret that nobody listens to needs no better one.
-        nonce = hashlib.blake2b(f"{self.role} {far_role}".encode(), digest_size=NONCE_BYTES).digest()
+        nonce = hashlib.blake2b(roles.encode(), digest_size=NONCE_BYTES).digest()
         peer = SimulatedPeer(self.peers.new_session(nonce), self, self.peers.new_way())
         self._far_ends.append(peer)
         return peer

@@ -23,7 +23,7 @@ from snr_sim.links.session import Terms
 from snr_sim.links.simulated import Meeting, SimulatedTransport
 from snr_sim.links.socket_port import Address, Claim
 from snr_sim.links.tcp_client import TcpClient
-from snr_sim.links.tcp_server import Gate, TcpServer
+from snr_sim.links.tcp_server import TcpServer
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.page import DataKey
 
@@ -235,13 +235,12 @@ class SocketsListenerFactory(LoopFactory):
                 fix='secret= on both ends, or allow=["192.168.2.7"] with the addresses that may connect.',
             )
         self._asks_who = asks_who
-        self._gate()
+        self._context()
         self._claim = Claim(f"The link '{self.options.name}'")
 
-    def _gate(self) -> Gate:
-        """Return who may connect; as for a client, a context of TLS is made again for each link."""
-        context = None if self.pair.tls is None else self.pair.tls.server_context()
-        return Gate(self._asks_who, self.pair.allow, context)
+    def _context(self) -> ssl.SSLContext | None:
+        """Return what TLS needs; made again for each link, as for a client."""
+        return None if self.pair.tls is None else self.pair.tls.server_context()
 
     def claim(self) -> None:
         """Listens already; see PortFactory."""
@@ -263,6 +262,8 @@ class SocketsListenerFactory(LoopFactory):
             self,
             parent,
             self.options,
-            real=lambda link: TcpServer(link, terms, pair.address, self._gate(), self._claim),
+            real=lambda link: TcpServer(
+                link, terms, pair.address, self._claim, self._asks_who, pair.allow, self._context()
+            ),
             simulated=lambda link: SimulatedTransport(link, terms, pair.meeting),
         )

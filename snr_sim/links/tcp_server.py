@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from snr_sim.links.link import Link
@@ -24,36 +23,34 @@ MAX_NEWCOMERS = 64  # connections that are not up, or not any more
 ACCEPTS_PER_ROUND = 8
 
 
-@dataclass(frozen=True)
-class Gate:
-    """Who may connect.
-
-    Args:
-        asks_who: clients have to prove who they are, and may come from anywhere.
-        allow: otherwise only from here, and from this machine.
-        context: of TLS, if wanted.
-    """
-
-    asks_who: bool
-    allow: tuple[Network, ...]
-    context: ssl.SSLContext | None
-
-
 class TcpServer(Streams):
     """Listens, and serves each client by itself.
 
     Args:
         link, terms: as of Streams.
         address: where it listens.
-        gate: who may connect.
         claim: of the port there.
+        asks_who: clients have to prove who they are, and may come from anywhere.
+        allow: otherwise only from here, and from this machine.
+        context: of TLS, if wanted.
     """
 
-    def __init__(self, link: Link, terms: Terms, address: Address, gate: Gate, claim: Claim) -> None:
+    def __init__(
+        self,
+        link: Link,
+        terms: Terms,
+        address: Address,
+        claim: Claim,
+        asks_who: bool,
+        allow: tuple[Network, ...],
+        context: ssl.SSLContext | None,
+    ) -> None:
         super().__init__(link, terms)
         self._address = address
-        self._gate = gate
         self._claim = claim
+        self._asks_who = asks_who
+        self._allow = allow
+        self._context = context
         self._newcomers = Newcomers()
         self._has_told = False  # that an address may not greet now
 
@@ -86,12 +83,12 @@ class TcpServer(Streams):
             one.failure = "others came while it said nothing."
             self._for(one, self._pump)
         try:
-            port = SocketPort(sock, self._gate.context)
+            port = SocketPort(sock, self._context)
         except (OSError, ValueError):  # of TLS
             sock.close()
             return
         stream = self._add_stream(port, where)
-        if not (self._gate.asks_who or is_allowed(address[0], self._gate.allow)):
+        if not (self._asks_who or is_allowed(address[0], self._allow)):
             self.link.log.warning("refused %s, which is not in allow=.", where)
             stream.session.refuse(
                 f"{address[0]} may not connect to node '{self.link.parent.name}'. "
