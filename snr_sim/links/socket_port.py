@@ -9,6 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from snr_sim.core.loop import LoopFactory
 from snr_sim.links.tls_errors import tls_words
 from snr_sim.prelude.errors import LinkError
 
@@ -105,43 +106,56 @@ class SocketPort:
         self._sock.close()
 
 
-class Claim:
-    """A port at which somebody listens before the component that will serve it is there.
+class ListenerFactory(LoopFactory):
+    """Makes a loop that listens at an address, which may listen before the loop is there; a PortFactory.
 
     Args:
+        address: of this machine; the port that a 0 becomes is written there.
         who: wants it, for the words of an error.
     """
 
-    def __init__(self, who: str = "A link") -> None:
+    def __init__(self, address: Address, who: str) -> None:
+        super().__init__()
+        self.address = address
         self._who = who
         self._held: socket.socket | None = None
 
-    def make(self, address: Address) -> None:
-        """Listens; the port that a 0 has become stands in the address.
+    @property
+    def host(self) -> str:
+        """Where others reach it."""
+        return self.address.host
+
+    @property
+    def port(self) -> int:
+        """Its port; when any was asked for, the one it has, once it listens."""
+        return self.address.port
+
+    def claim(self) -> None:
+        """Listen already; see PortFactory.
 
         Raises:
             LinkError: the port is taken, or the host is not this machine.
         """
         if self._held is None:
-            self._held = listen(address.host, address.port, self._who)
-            address.port = self._held.getsockname()[1]
-
-    def take(self, address: Address) -> socket.socket:
-        """Returns the socket that listens, for the caller to close; made now if it was not before.
-
-        Raises:
-            LinkError: as of `make`.
-        """
-        self.make(address)
-        held, self._held = self._held, None
-        assert held is not None
-        return held
+            self._held = listen(self.host, self.port, self._who)
+            self.address.port = self._held.getsockname()[1]
 
     def release(self) -> None:
-        """Closes it, if nobody has taken it. Safe to call twice."""
+        """Let go of the port, if no loop has taken it; see PortFactory. Safe to call twice."""
         if self._held is not None:
             self._held.close()
             self._held = None
+
+    def listener(self) -> socket.socket:
+        """Return the socket that listens, for the loop to close; made now if it was not before.
+
+        Raises:
+            LinkError: as of `claim`.
+        """
+        self.claim()
+        held, self._held = self._held, None
+        assert held is not None
+        return held
 
 
 def listen(host: str, port: int, who: str = "A link") -> socket.socket:

@@ -21,7 +21,7 @@ from snr_sim.links.security import Tls, as_networks, as_secret, is_loopback
 from snr_sim.links.send_queue import Policy
 from snr_sim.links.session import Terms
 from snr_sim.links.simulated import Meeting, SimulatedTransport
-from snr_sim.links.socket_port import Address, Claim
+from snr_sim.links.socket_port import Address, ListenerFactory
 from snr_sim.links.tcp_client import TcpClient
 from snr_sim.links.tcp_server import TcpServer
 from snr_sim.prelude.errors import ConfigError
@@ -204,7 +204,7 @@ class SocketsLoopFactory(LoopFactory):
         )
 
 
-class SocketsListenerFactory(LoopFactory):
+class SocketsListenerFactory(ListenerFactory):
     """Makes the end that is called.
 
     Args:
@@ -222,10 +222,10 @@ class SocketsListenerFactory(LoopFactory):
         data_keys: DataKey | Iterable[DataKey] = (),
         accept: Iterable[DataKey] | None = None,
     ) -> None:
-        super().__init__()
         if isinstance(pair, int):
             pair = ("127.0.0.1", pair)
         self.pair = pair = pair if isinstance(pair, SocketsPair) else SocketsPair(pair)
+        super().__init__(pair.address, f"The link '{pair.options.name}'")
         self.options = pair.options.for_end(data_keys, accept)
         # Who has a secret or a certificate of ours may come from anywhere.
         asks_who = pair.secret is not None or (pair.tls is not None and pair.tls.client_authority is not None)
@@ -236,19 +236,10 @@ class SocketsListenerFactory(LoopFactory):
             )
         self._asks_who = asks_who
         self._context()
-        self._claim = Claim(f"The link '{self.options.name}'")
 
     def _context(self) -> ssl.SSLContext | None:
         """Return what TLS needs; made again for each link, as for a client."""
         return None if self.pair.tls is None else self.pair.tls.server_context()
-
-    def claim(self) -> None:
-        """Listens already; see PortFactory."""
-        self._claim.make(self.pair.address)
-
-    def release(self) -> None:
-        """Lets go of the port; see PortFactory."""
-        self._claim.release()
 
     def where(self) -> str:
         """Return where it listens, in words."""
@@ -262,8 +253,6 @@ class SocketsListenerFactory(LoopFactory):
             self,
             parent,
             self.options,
-            real=lambda link: TcpServer(
-                link, terms, pair.address, self._claim, self._asks_who, pair.allow, self._context()
-            ),
+            real=lambda link: TcpServer(link, terms, self.listener, self._asks_who, pair.allow, self._context()),
             simulated=lambda link: SimulatedTransport(link, terms, pair.meeting),
         )

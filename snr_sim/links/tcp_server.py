@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ from snr_sim.links.listener import Listener
 from snr_sim.links.newcomers import Newcomers, crowd, source_of
 from snr_sim.links.security import Network, is_allowed
 from snr_sim.links.session import Terms
-from snr_sim.links.socket_port import Address, Claim, SocketPort
+from snr_sim.links.socket_port import SocketPort
 from snr_sim.links.stream_peer import StreamPeer
 from snr_sim.links.streams import Streams
 
@@ -28,8 +29,7 @@ class TcpServer(Streams):
 
     Args:
         link, terms: as of Streams.
-        address: where it listens.
-        claim: of the port there.
+        listener: returns the socket that listens.
         asks_who: clients have to prove who they are, and may come from anywhere.
         allow: otherwise only from here, and from this machine.
         context: of TLS, if wanted.
@@ -39,15 +39,13 @@ class TcpServer(Streams):
         self,
         link: Link,
         terms: Terms,
-        address: Address,
-        claim: Claim,
+        listener: Callable[[], socket.socket],
         asks_who: bool,
         allow: tuple[Network, ...],
         context: ssl.SSLContext | None,
     ) -> None:
         super().__init__(link, terms)
-        self._address = address
-        self._claim = claim
+        self._listen = listener
         self._asks_who = asks_who
         self._allow = allow
         self._context = context
@@ -57,7 +55,7 @@ class TcpServer(Streams):
     def open(self, ports: ExitStack) -> None:
         """Listen; see Transport."""
         super().open(ports)
-        sock = self._claim.take(self._address)
+        sock = self._listen()
         ports.callback(sock.close)
         self._listener = Listener(sock, self._selector, self.link.log, self._accept)
 
