@@ -157,7 +157,7 @@ class Streams(Transport):
         """Sends what waits and says goodbye; not for longer than `LINGER_S`."""
         with self.lock:
             for stream in self.streams:
-                self._leave_door(stream)
+                self._stand_at_door(stream, False)
         see_off(self.streams, self.now_s, self.peers.farewell())
 
     def state(self, now_s: float) -> dict[str, Any]:
@@ -328,18 +328,13 @@ class Streams(Transport):
 
     def _watch(self, stream: StreamPeer) -> None:
         """Has `select` wait for what this stream can do now."""
+        is_open, is_leaving = stream in self.streams, stream.leaves_s is not None
+        is_at_door = is_open and stream.is_admitted and stream.port.is_shareable and not is_leaving
+        self._stand_at_door(stream, is_at_door)
+        is_read = is_leaving or not (is_at_door or (stream.is_admitted and self.link.is_deaf))
         wanted = 0
-        if stream in self.streams:
-            is_leaving = stream.leaves_s is not None
-            is_read = is_leaving or not (stream.is_admitted and self.link.is_deaf)
-            if stream.is_admitted and stream.port.is_shareable and not is_leaving:
-                self._bring_to_door(stream)
-                is_read = False
-            else:
-                self._leave_door(stream)
+        if is_open:
             wanted = (selectors.EVENT_READ if is_read else 0) | (selectors.EVENT_WRITE if stream.is_blocked else 0)
-        else:
-            self._leave_door(stream)
         if wanted == stream.watched:
             return
         if not wanted:
@@ -350,13 +345,12 @@ class Streams(Transport):
             self._selector.modify(stream.descriptor, wanted, stream)
         stream.watched = wanted
 
-    def _bring_to_door(self, stream: StreamPeer) -> None:
-        if not stream.is_at_door:
+    def _stand_at_door(self, stream: StreamPeer, is_wanted: bool) -> None:
+        """Have the node's thread read a stream while it waits at its door, or not any more."""
+        if is_wanted and not stream.is_at_door:
             self._node.door.watch(stream.descriptor, self._serve_at_door, stream)
             stream.is_at_door = True
-
-    def _leave_door(self, stream: StreamPeer) -> None:
-        if stream.is_at_door:
+        elif stream.is_at_door and not is_wanted:
             stream.is_at_door = False
             self._node.door.unwatch(stream.descriptor)
 
