@@ -9,14 +9,14 @@ import struct
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
 import msgspec
 import pytest
 
-from snr_sim import Config, Node, Task, TaskType, tasks
+from snr_sim import Config, Node, SimRunner, Task, TaskType, tasks
 from snr_sim.core.clocks import WallClock
 from snr_sim.core.config import AnyFactory
 from snr_sim.links.frames import FrameReader, encode_frame
@@ -45,6 +45,13 @@ def ticks(key: str, rate_hz: float = 10.0) -> TickerFactory:
     """Stores 0, 1, 2, ... at a rate."""
     values = itertools.count()
     return TickerFactory(lambda loop: loop.store_data(key, next(values)), f"ticks_{key}", rate_hz)
+
+
+def simulate(roles: Mapping[str, Sequence[AnyFactory]], until_s: float | None = None, **options: Any) -> SimRunner:
+    """Runs roles in lock step, and returns the runner."""
+    runner = SimRunner(Config(factories=dict(roles)), until_s=until_s, **options)
+    runner.run()
+    return runner
 
 
 class Running:

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from snr_sim import Config, Faults, SimRunner, SocketsPair, Task, TaskType
+from snr_sim import Faults, SocketsPair, Task, TaskType
 from snr_sim.links.faults import Luck, Way
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.rng import rng_for
 from snr_sim.testing.parts import PartFactory
 
-from .conftest import ear, ticks
+from .conftest import ear, simulate, ticks
 
 
 def arrivals(faults: Faults, count: int = 2000, seed: int = 1, every_s: float = 0.01) -> list[tuple[float, ...]]:
@@ -121,7 +121,7 @@ def fly(faults: Faults, seed: int = 0, until_s: float = 20.0) -> tuple[list[Any]
 
     watch = PartFactory({(TaskType.store_page, "link_t"): note})
     roles: dict[str, list[Any]] = {"a": [ticks("x"), pair.client("x"), watch], "b": [pair.server(), ear(came)]}
-    SimRunner(Config(factories=roles), seed=seed, until_s=until_s).run()
+    simulate(roles, seed=seed, until_s=until_s)
     return came, reports
 
 

@@ -6,21 +6,19 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Config, Faults, SimRunner, ZenohNet, tasks
+from snr_sim import Faults, ZenohNet, tasks
 from snr_sim.links.fleet import MAX_KEYS, MAX_MEMBERS, Member, Roster
 from snr_sim.prelude.page import Page
 from snr_sim.testing.parts import TickerFactory
 
-from .conftest import ticks
+from .conftest import simulate, ticks
 
 HERE = "tcp/127.0.0.1:7447"
 PLACE = "snr/fleet/rov1/auv_node/7"
 
 
-def run(factories: dict[str, Any], until_s: float = 1.95) -> dict[str, Any]:
-    runner = SimRunner(Config(factories=factories), until_s=until_s)
-    runner.run()
-    return dict(runner.nodes)
+def run(roles: dict[str, Any], until_s: float = 1.95) -> dict[str, Any]:
+    return dict(simulate(roles, until_s).nodes)
 
 
 def test_every_node_of_a_net_hears_every_other_and_no_page_twice() -> None:

@@ -11,13 +11,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from snr_sim import Config, Faults, Page, SimRunner, SocketsPair, TaskType
+from snr_sim import Faults, Page, SocketsPair, TaskType
 from snr_sim.console.wire import PURPOSE, Command, asked, decode_answered, decode_asked
 from snr_sim.links.frame_mac import FrameMac
 from snr_sim.links.frames import HEADER_BYTES, MAC_BYTES, FrameReader, encode_frame
 from snr_sim.links.session import Session, Terms
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
+from .conftest import simulate
 from .test_campaign import LINK, History
 
 SECRET = b"sixteen or more bytes"
@@ -241,7 +242,7 @@ def test_simulated_link_carries_with_macs_what_it_carried_without(monkeypatch: p
         pair = SocketsPair(("127.0.0.1", 1), name="t", secret=SECRET, faults=faults)
         keep = PartFactory({TaskType.store_page: lambda task, task_id: stored.append(task.val_list[0])})
         source = TickerFactory(lambda loop: loop.store_data("x", loop.get_time_s()))
-        SimRunner(Config(factories={"a": [source, pair.client("x")], "b": [keep, pair.server()]}), until_s=10.0).run()
+        simulate({"a": [source, pair.client("x")], "b": [keep, pair.server()]}, until_s=10.0)
         return stored
 
     with_macs = run()

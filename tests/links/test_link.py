@@ -19,6 +19,8 @@ from snr_sim.links.options import LinkOptions
 from snr_sim.prelude.errors import ComponentFailed, ConfigError, ParameterError
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
+from .conftest import simulate
+
 HERE = "127.0.0.1"
 LIMIT_S = 90.0
 
@@ -90,11 +92,7 @@ def test_a_role_that_lists_an_end_without_calling_it_is_told_to_call_it() -> Non
 def test_a_key_that_nobody_stores_is_noted_with_the_nearest_name() -> None:
     tether = SocketsPair((HERE, 1), name="tether")
     depths = TickerFactory(lambda loop: loop.store_data("depth", 1.5), rate_hz=10)
-    runner = SimRunner(
-        Config(factories={"robot": [depths, tether.server(["dept", "depth"])], "topside": [tether.client()]}),
-        until_s=1.0,
-    )
-    runner.run()
+    runner = simulate({"robot": [depths, tether.server(["dept", "depth"])], "topside": [tether.client()]}, until_s=1.0)
     (note,) = [note for note in runner.nodes["robot"].notes if "link_tether" in note]
     assert note.startswith("'link_tether' waits for store_page 'dept', which nobody stored; did you mean 'depth'?")
     assert not any("link_tether" in note for note in runner.nodes["topside"].notes)
@@ -104,8 +102,7 @@ def test_a_kept_out_key_that_no_terminal_shows_stands_in_no_note() -> None:
     tether = SocketsPair((HERE, 1), name="tether")
     sends = TickerFactory(lambda loop: (loop.store_data("d\x1b[2J", 1), loop.store_data("heading", 1)), rate_hz=10)
     roles = {"robot": [sends, tether.server(["d\x1b[2J", "heading"])], "topside": [tether.client(accept=["depth"])]}
-    runner = SimRunner(Config(factories=roles), until_s=1.0)
-    runner.run()
+    runner = simulate(roles, until_s=1.0)
     (note,) = (note for note in runner.nodes["topside"].notes if "link_tether" in note)
     assert "heading" in note
     assert note.isprintable()
@@ -124,8 +121,7 @@ def test_an_accepted_key_that_never_comes_is_noted_with_those_that_were_kept_out
         "robot": [TickerFactory(store, rate_hz=10), tether.server(keys)],
         "topside": [tether.client(accept=[accept])],
     }
-    runner = SimRunner(Config(factories=roles), until_s=1.0)
-    runner.run()
+    runner = simulate(roles, until_s=1.0)
     link = runner.nodes["topside"].components["link_tether"]
     notes = [note for note in runner.nodes["topside"].notes if "link_tether" in note]
     assert len(link._kept_out) == KEPT_OUT_REMEMBERED  # type: ignore[attr-defined]

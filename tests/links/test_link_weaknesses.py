@@ -14,10 +14,12 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Config, Page, SimRunner, SocketsPair, Task, TaskType
+from snr_sim import Page, SocketsPair, Task, TaskType
 from snr_sim.links.frames import encode_frame
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.testing.parts import PartFactory, TickerFactory
+
+from .conftest import simulate
 
 HERE = "127.0.0.1"
 Start = Callable[..., Any]
@@ -170,7 +172,7 @@ def test_weakness_14_a_page_goes_round_a_mesh_of_four_at_most_once_per_link() ->
         factories[name] += [pair.client("x") for (_, client), pair in pairs.items() if client == name]
         factories[name].append(PartFactory(keeps))  # type: ignore[arg-type]
     factories["a"].append(TickerFactory(lambda loop: (loop.store_data("x", 1), loop.stop())))
-    SimRunner(Config(factories=factories), until_s=20.0).run()
+    simulate(factories, until_s=20.0)
     assert set(stored) == set(names)
     assert len(stored) <= 1 + 2 * len(pairs)
 

@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Config, Faults, SimRunner, SocketsPair
+from snr_sim import Faults, SimRunner, SocketsPair
 from snr_sim.testing.parts import TickerFactory
 
-from .conftest import ear, ticks
+from .conftest import ear, simulate, ticks
 
 HERE = "127.0.0.1"
 Start = Callable[..., Any]
@@ -93,8 +93,7 @@ def test_a_page_that_another_node_passed_on_is_not_sent_to_the_node_that_made_it
         "b": [with_relay.server(), between.client("x")],
         "robot": [between.server(), with_robot.server("x"), ear(stored, field="origin")],
     }
-    runner = SimRunner(Config(factories=roles), until_s=3.0)
-    runner.run()
+    runner = simulate(roles, until_s=3.0)
     assert stored == ["a_node"]
     link = runner.nodes["robot"].components["link_ar"]
     assert (link.sent, link.transport.state(3.0)["dropped"]) == (0, 0)  # type: ignore[attr-defined]
@@ -138,8 +137,7 @@ def fly_late(count: int, begins_s: float, **options: Any) -> tuple[list[Any], Si
         "robot": [TickerFactory(store, "talker", 100.0), pair.server(["say", "dive"])],
         "topside": [ear(came, key=None), pair.client()],
     }
-    runner = SimRunner(Config(factories=roles), until_s=begins_s + 8.0)
-    runner.run()
+    runner = simulate(roles, until_s=begins_s + 8.0)
     return [data for data in came if isinstance(data, int)], runner
 
 
@@ -170,7 +168,7 @@ def test_once_the_link_was_up_the_newest_of_each_key_is_kept_for_who_comes_again
     pair = SocketsPair((HERE, 0), name="t", faults=Faults(cut=((1.0, 6.0),)))
     came: list[Any] = []
     roles: dict[str, list[Any]] = {"robot": [ticks("x"), pair.server("x")], "topside": [ear(came), pair.client()]}
-    SimRunner(Config(factories=roles), until_s=10.0).run()
+    simulate(roles, until_s=10.0)
     gap = max(later - earlier for earlier, later in itertools.pairwise(came))
     assert came[:10] == list(range(10))
     assert 45 < gap < 75

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Config, PipeLoopFactory, PipesPair, SimRunner
+from snr_sim import PipeLoopFactory, PipesPair
 from snr_sim.links.pipes import port_of
 from snr_sim.prelude.errors import LinkError
 
-from .conftest import ticks
+from .conftest import simulate, ticks
 
 
 @pytest.mark.slow
@@ -34,8 +34,7 @@ def test_pages_cross_a_pipe_both_ways_and_the_end_is_noticed(start: Callable[...
 
 def test_a_pipes_pair_runs_in_lock_step_too() -> None:
     pair = PipesPair()
-    runner = SimRunner(Config(factories={"a": [ticks("x"), pair.client("x")], "b": [pair.server()]}), until_s=1.01)
-    runner.run()
+    runner = simulate({"a": [ticks("x"), pair.client("x")], "b": [pair.server()]}, until_s=1.01)
     assert runner.nodes["b"].get_data("x") == 10
 
 

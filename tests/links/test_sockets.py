@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Config, SimRunner, SocketsPair, TaskType, tasks
+from snr_sim import SocketsPair, TaskType, tasks
 from snr_sim.links.restarting import error_text
 from snr_sim.links.tcp_client import Calls, connect
 from snr_sim.testing.parts import PartFactory
 
-from .conftest import free_port, ticks
+from .conftest import free_port, simulate, ticks
 
 HERE = "127.0.0.1"
 
@@ -41,10 +41,7 @@ def test_weakness_9_two_way_links_start_in_either_order(start: Callable[..., Any
 
 def test_the_same_config_runs_in_lock_step_without_sockets() -> None:
     pair = SocketsPair((HERE, 1), name="tether")
-    runner = SimRunner(
-        Config(factories={"robot": [ticks("x"), pair.client("x")], "topside": [pair.server()]}), until_s=1.95
-    )
-    runner.run()
+    runner = simulate({"robot": [ticks("x"), pair.client("x")], "topside": [pair.server()]}, until_s=1.95)
     assert runner.nodes["topside"].get_data("x") == 19
     assert runner.nodes["topside"].get_data("link_tether")["received"] >= 10
 
