@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
@@ -268,20 +268,17 @@ class Fleet(Transport):
         """Send a page to all others; on the node's thread."""
         raise NotImplementedError
 
-    def let_in(self, member: Member, pages: Iterable[Page], by: object) -> None:
-        """Let pages in that another member sent, as far as this one wants them."""
-        link, robots = self.link, self.hearing.robots
-        accept, wanted = link.options.accept, []
-        for page in pages:
-            is_mine = page.origin == self.member.name  # came round, by another way
-            is_heard = not is_mine and (robots is None or member.robot in robots)
-            if is_heard and (accept is None or link.is_accepted(page.key, accept)):
-                page = member.brings(page, self.member, self.hearing.apart)
-                if 0 < len(page.key) <= MAX_KEY_CHARS:
-                    wanted.append(page)
-                    continue
-            link.unwanted += 1
-        link.bring(wanted, by, is_chosen=True)
+    def let_in(self, member: Member, page: Page, by: object) -> None:
+        """Let a page in that another member sent, if this one wants it."""
+        link, robots, accept = self.link, self.hearing.robots, self.link.options.accept
+        is_mine = page.origin == self.member.name  # came round, by another way
+        is_heard = not is_mine and (robots is None or member.robot in robots)
+        if is_heard and (accept is None or link.is_accepted(page.key, accept)):
+            page = member.brings(page, self.member, self.hearing.apart)
+            if 0 < len(page.key) <= MAX_KEY_CHARS:
+                link.bring([page], by, is_chosen=True)
+                return
+        link.unwanted += 1
 
     @property
     def dropped(self) -> int:
@@ -363,7 +360,7 @@ class SimulatedFleet(Fleet):
         """A page has come."""
         far = self._hear(sender)
         if far is not None:
-            self.let_in(sender.member, [Page.deserialize(raw)], far)
+            self.let_in(sender.member, Page.deserialize(raw), far)
 
     def _hear(self, sender: SimulatedFleet) -> Far | None:
         if sender not in self._ways or self.link.parent.is_terminated:

@@ -328,7 +328,7 @@ class ZenohTransport(Fleet):
             return
         self.link.note_size(len(letter))
         far.received += 1
-        self.let_in(far.member, [page], far)
+        self.let_in(far.member, page, far)
 
     def _send_out(self) -> None:
         """Sends what waits; blocks as long as a far end does not read."""
