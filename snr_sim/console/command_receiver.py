@@ -13,7 +13,6 @@ from snr_sim.console.conversation import LINES_AT_ONCE, LINES_PER_S, Conversatio
 from snr_sim.console.line import Line
 from snr_sim.console.wire import DEFAULT_PORT, LINE_FRAME_MAX_BYTES, PURPOSE, SECRET_IS
 from snr_sim.core.backing import ThreadBacking
-from snr_sim.core.loop import LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.links.allowance import Allowance
 from snr_sim.links.listener import Listener
@@ -21,7 +20,7 @@ from snr_sim.links.newcomers import Newcomers, crowd, source_of
 from snr_sim.links.restarting import RestartingLoop
 from snr_sim.links.security import as_secret, is_loopback
 from snr_sim.links.session import Terms
-from snr_sim.links.socket_port import Address, Claim
+from snr_sim.links.socket_port import Address, ListenerFactory
 from snr_sim.prelude.errors import ConfigError
 
 CONSOLES_MAX = 8
@@ -33,7 +32,7 @@ OUTCOME_EVERY_S = 0.002  # the node mostly does at once what it was asked for
 LINGER_S = 0.2  # how long a node's end may take to send the last answers
 
 
-class CommandReceiverFactory(LoopFactory):
+class CommandReceiverFactory(ListenerFactory):
     """Lets consoles reach the node: `snr console HOST:PORT`, or a RemoteConsole.
 
     Args:
@@ -54,7 +53,7 @@ class CommandReceiverFactory(LoopFactory):
         token: str | bytes | None = None,
         name: str = "console",
     ) -> None:
-        super().__init__()
+        super().__init__(Address(host, port), "A console")
         if not (isinstance(port, int) and 0 <= port < 1 << 16):
             raise ConfigError(f"A console's port is {port!r}.", fix="a number from 1024 to 65535, or 0 for a free one.")
         self.token = as_secret(token, "token=")
@@ -63,35 +62,7 @@ class CommandReceiverFactory(LoopFactory):
                 f"A console on {host} without a token would let anybody in that network steer this node.",
                 fix='token=secret_from_file("token.txt") here, and --token-file token.txt for `snr console`.',
             )
-        self.address = Address(host, port)
         self.name = name
-        self._claim = Claim("A console")
-
-    @property
-    def host(self) -> str:
-        """Where consoles reach it."""
-        return self.address.host
-
-    @property
-    def port(self) -> int:
-        """Its port; when any was asked for, the one it has, once it listens."""
-        return self.address.port
-
-    def claim(self) -> None:
-        """Listens already; see PortFactory."""
-        self._claim.make(self.address)
-
-    def release(self) -> None:
-        """Lets go of the port; see PortFactory."""
-        self._claim.release()
-
-    def listener(self) -> socket.socket:
-        """Returns the socket that listens, for the loop to close.
-
-        Raises:
-            LinkError: the port is taken, or the host is not this machine.
-        """
-        return self._claim.take(self.address)
 
     def get(self, parent: Node) -> CommandReceiver:
         """Returns the loop."""

@@ -1,24 +1,35 @@
-"""Fleets: nets of many nodes on several robots, where every node hears every other. What all kinds of nets share.
+"""Fleets: nets of many nodes on several robots, where every node hears every other; over Zenoh or simulated.
 
 Two robots may run the same program, so their nodes may have the same names. A net therefore knows each node by its
-robot and its own name, and says so in what arrives: see `Member.brings`.
+robot and its own name, and says so in what arrives: see `Member.brings`. Each has a place among the net's keys,
+`snr/<net>/<robot>/<node>/<id>` (docs/formats.md), under which the others' rosters know it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import threading
+from collections import deque
+from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
+from urllib.parse import quote, unquote
 
 from msgspec.structs import replace
 
-from snr_sim.core.loop import LoopFactory
-from snr_sim.core.node import Node
-from snr_sim.links.link import Link
-from snr_sim.links.options import MAX_KEY_CHARS, LinkOptions
+from snr_sim.core.clocks import SimClock
+from snr_sim.links.faults import LEAST_TRANSIT_S, Faults, Way
+from snr_sim.links.link import BEFORE_LOOPS, Link, Transport, by_name
+from snr_sim.links.options import MAX_KEY_CHARS
+from snr_sim.links.session import OFFSETS_REMEMBERED
+from snr_sim.links.simulated import Meeting
 from snr_sim.prelude.page import DataKey, Page
 
 PING_BYTES = 64  # about what asking whether somebody is there costs on a wire
+MAX_MEMBERS = 1000  # of a net; more are not listened to
+MAX_KEYS = 1000  # of a member, whose pages are counted; of more it is not known what was missed
+ALONE = "nobody else is in the net."
 
 
 @dataclass(frozen=True)
@@ -73,44 +84,321 @@ class Hearing:
     apart: bool = False
 
 
-class FleetLink(Link):
-    """A link to all other nodes of a net.
+def encoded(text: str) -> str:
+    """Returns a name or a page's key as one part of a key of Zenoh's, which knows some characters as its own.
+
+    >>> encoded("depth/of rov*")
+    'depth%2Fof%20rov%2A'
+    """
+    return quote(text, safe="", errors="replace")
+
+
+def prefix_of(net: str) -> str:
+    """Return with what all places of a net begin."""
+    return f"snr/{encoded(net)}"
+
+
+class Far:
+    """Another node of the net.
 
     Args:
-        factory: who made it.
-        parent: its node.
-        options: of the link.
+        member: which.
+        now_s: when it was first heard.
+    """
+
+    def __init__(self, member: Member, now_s: float) -> None:
+        self.member = member
+        self.heard_s = now_s
+        self.rtt_s: float | None = None
+        self.clock_offset_s: float | None = None  # as of Session
+        self._offsets_s: deque[float] = deque(maxlen=OFFSETS_REMEMBERED)
+        self.is_here = False  # has shown itself, asked or answered
+        self.has_left = False  # has said so, and not shown itself since
+        self.received = 0
+        self.missed = 0
+        self.numbers: dict[str, int] = {}  # of the newest page of each key
+
+    def note_offset(self, offset_s: float) -> None:
+        """Takes in how far the clocks are apart, too large by what its answer took to come here."""
+        self._offsets_s.append(offset_s)
+        self.clock_offset_s = min(self._offsets_s)
+
+
+class Roster:
+    """All other nodes of a net, as far as one knows, and which of their pages have come. For several threads at a time.
+
+    Args:
+        prefix: with which all places of the net begin.
+    """
+
+    def __init__(self, prefix: str) -> None:
+        self.prefix = prefix
+        self.own_place = ""
+        self.news = ""  # who left last
+        self._fars: dict[str, Far] = {}
+        self._missed = 0  # of those forgotten
+        self._has_newcomer = False
+        self._guard = threading.Lock()
+
+    def place_of(self, member: Member, identity: str) -> str:
+        """Returns where a member stands, of those that there may be with its name."""
+        return f"{self.prefix}/{encoded(member.robot)}/{encoded(member.node)}/{identity}"
+
+    def shows(self, place: str, now_s: float) -> None:
+        """Somebody shows itself."""
+        with self._guard:
+            far = self._at(place, now_s)
+            if far is not None:
+                far.has_left = False
+                self._hear(far, now_s)
+
+    def leaves(self, place: str) -> None:
+        """Somebody leaves, or is cut off. It stays known: it may come back, and send its last page again."""
+        with self._guard:
+            far = self._fars.get(place)
+            if far is not None:
+                far.is_here, far.has_left = False, True
+                self.news = f"'{far.member.name}' left."
+
+    def cut_off(self) -> None:
+        """Mark all others as gone: this node has left the net itself."""
+        with self._guard:
+            self.news = ""
+            for far in self._fars.values():
+                far.is_here = False
+
+    def hears(self, place: str, now_s: float) -> Far | None:
+        """Somebody asks or answers, and so is there. What comes from one who has left was on its way."""
+        with self._guard:
+            far = self._at(place, now_s)
+            if far is None or far.has_left:
+                return None
+            self._hear(far, now_s)
+            return far
+
+    def takes(self, place: str, key: str, number: int, now_s: float) -> tuple[Far | None, bool]:
+        """Somebody sends a page; returns who, and whether the page is new.
+
+        Args:
+            place: of whoever sends it.
+            key: of the page.
+            number: of the page among those of its key, from 1 on; 0 if it has none.
+            now_s: the time.
+        """
+        with self._guard:
+            far = self._at(place, now_s)
+            if far is None:
+                return None, False
+            far.heard_s = now_s
+            last = far.numbers.get(key)
+            if not number or (last is None and len(far.numbers) >= MAX_KEYS):
+                return far, True
+            if last is not None:
+                if number <= last:
+                    return far, False
+                far.missed += number - last - 1
+            far.numbers[key] = number
+            return far, True
+
+    def take_newcomer(self) -> bool:
+        """Returns whether somebody has come since this was asked last."""
+        with self._guard:
+            has_one, self._has_newcomer = self._has_newcomer, False
+            return has_one
+
+    def here(self) -> list[Far]:
+        """Returns those that are there."""
+        with self._guard:
+            return [far for far in self._fars.values() if far.is_here]
+
+    @property
+    def missed(self) -> int:
+        """Pages of others that did not arrive."""
+        with self._guard:
+            return self._missed + sum(far.missed for far in self._fars.values())  # exact: integers
+
+    def _hear(self, far: Far, now_s: float) -> None:
+        far.heard_s = now_s
+        self._has_newcomer = self._has_newcomer or not far.is_here
+        far.is_here = True
+
+    def _at(self, place: str, now_s: float) -> Far | None:
+        """Returns who is at a place, known or new; None if nobody can be there."""
+        far = self._fars.get(place)
+        if far is not None:
+            return far
+        parts = place.removeprefix(f"{self.prefix}/").split("/")
+        if len(parts) != 3 or "*" in place or not place.startswith(f"{self.prefix}/") or place == self.own_place:
+            return None
+        if not (unquote(parts[0]) + unquote(parts[1])).isprintable():  # names are shown in terminals
+            return None
+        if len(self._fars) >= MAX_MEMBERS:
+            oldest = next((place for place, far in self._fars.items() if not far.is_here), None)
+            if oldest is None:
+                return None
+            self._missed += self._fars.pop(oldest).missed
+        far = self._fars[place] = Far(Member(unquote(parts[0]), unquote(parts[1])), now_s)
+        return far
+
+
+class Fleet(Transport):
+    """Carries pages to and from all other nodes of a net. How they cross is its subclasses' business.
+
+    Args:
+        link: as of Transport.
         member: the node, as the net knows it.
         hearing: what it wants to hear.
     """
 
-    def __init__(
-        self, factory: LoopFactory, parent: Node, options: LinkOptions, member: Member, hearing: Hearing
-    ) -> None:
-        super().__init__(factory, parent, options)
+    def __init__(self, link: Link, member: Member, hearing: Hearing) -> None:
+        super().__init__(link)
         self.member = member
         self.hearing = hearing
+        self.roster = Roster(prefix_of(link.options.name))
+        self.now_s = link.parent.clock.now_s
+        self._ping_s = 0.0  # when to ask next who is there
+        link.reason = ALONE
 
-    def _carry(self, page: Page, raw: bytes, frame: bytes, by: object) -> None:
-        if by is None:  # what a net has brought, all of the net have heard already
-            self._send(page.key, raw, frame)
+    def carry(self, page: Page, raw: bytes, frame: bytes, by: object) -> None:
+        """Send a page to all others; what a net has brought, all of the net have heard already."""
+        if by is None:
+            self.send(page.key, raw)
 
-    def _send(self, key: DataKey, raw: bytes, frame: bytes) -> None:
-        """Sends a page to all others; on the node's thread."""
+    def send(self, key: DataKey, raw: bytes) -> None:
+        """Send a page to all others; on the node's thread."""
         raise NotImplementedError
 
-    def _bring_from(self, member: Member, pages: Iterable[Page], by: object) -> None:
-        """Lets pages in that another member sent, as far as this one wants them."""
-        accept, robots = self.options.accept, self.hearing.robots
-        wanted = []
-        for page in pages:
-            is_mine = page.origin == self.member.name  # came round, by another way
-            is_heard = not is_mine and (robots is None or member.robot in robots)
-            if not is_heard or not (accept is None or self._is_accepted(page.key, accept)):
-                self.unwanted += 1
-            else:
-                wanted.append(member.brings(page, self.member, self.hearing.apart))
-        self._bring(wanted, by)
+    def let_in(self, member: Member, page: Page, by: object) -> None:
+        """Let a page in that another member sent, if this one wants it."""
+        link, robots, accept = self.link, self.hearing.robots, self.link.options.accept
+        is_mine = page.origin == self.member.name  # came round, by another way
+        is_heard = not is_mine and (robots is None or member.robot in robots)
+        if is_heard and (accept is None or link.is_accepted(page.key, accept)):
+            page = member.brings(page, self.member, self.hearing.apart)
+            if 0 < len(page.key) <= MAX_KEY_CHARS:
+                link.bring([page], by, is_chosen=True)
+                return
+        link.unwanted += 1
 
-    def _is_wanted(self, key: DataKey, accept: Any) -> bool:
-        return 0 < len(key) <= MAX_KEY_CHARS
+    @property
+    def dropped(self) -> int:
+        """Pages that did not get across, as far as this end knows."""
+        return self.link.dropped
+
+    def state_of(self, far: Far, now_s: float) -> dict[str, Any]:
+        """Return what there is to say of another node."""
+        return {"age_s": max(0.0, now_s - far.heard_s), "rtt_s": far.rtt_s}
+
+    def state(self, now_s: float) -> dict[str, Any]:
+        """Return how the link is; see Transport."""
+        link, shown = self.link, self.roster.here()
+        here = [far for far in shown if now_s - far.heard_s <= link.options.timeout_s]
+        reason = f"nothing was heard for {link.options.timeout_s:g} s." if shown else self.roster.news or link.reason
+        trips_s = [far.rtt_s for far in here if far.rtt_s is not None]
+        return {
+            "up": bool(here),
+            "age_s": max((max(0.0, now_s - far.heard_s) for far in here), default=None),
+            "dropped": self.dropped,
+            "rtt_s": max(trips_s, default=None),
+            "sent": link.sent,
+            "received": link.received,
+            "unwanted": link.unwanted,
+            "reason": "" if here else reason,
+            "peers": by_name((far.member.name, self.state_of(far, now_s)) for far in here),
+        }
+
+
+class SimulatedFleet(Fleet):
+    """A net's nodes under one SimClock. They meet in memory; each pair has its own way, with faults.
+
+    Args:
+        link, member, hearing: as of Fleet.
+        meeting: where it finds the others.
+    """
+
+    def __init__(self, link: Link, member: Member, hearing: Hearing, meeting: Meeting[SimulatedFleet]) -> None:
+        super().__init__(link, member, hearing)
+        assert isinstance(link.parent.clock, SimClock)
+        self.clock = link.parent.clock
+        self._meeting = meeting
+        self._ways: dict[SimulatedFleet, Way] = {}
+        self._newest: dict[DataKey, bytes] = {}
+
+    def open(self, ports: ExitStack) -> None:
+        """Meet the others; see Transport."""
+        self.roster.own_place = self.roster.place_of(self.member, self.link.parent.role)
+        fleets = self._meeting.on(self.clock)
+        for other in fleets:
+            other._meet(self)
+            self._meet(other)
+        fleets.append(self)
+
+    def _meet(self, other: SimulatedFleet) -> None:
+        link, node = self.link, self.link.parent
+        name = f"link:{link.name}:{node.role}->{other.link.parent.role}"
+        self._ways[other] = Way(link.options.faults or Faults(), node.seed, name, LEAST_TRANSIT_S)
+        self.roster.shows(other.roster.own_place, self.now_s())
+        for raw in self._newest.values():  # who comes late hears the newest of each key
+            self._send_to(other, raw)
+
+    def send(self, key: DataKey, raw: bytes) -> None:
+        """Send a page to all others; see Fleet."""
+        self._newest.pop(key, None)  # taken out, so that the order is that of storing
+        self._newest[key] = raw
+        self.link.sent += 1
+        for other in self._ways:
+            self._send_to(other, raw)
+
+    def _send_to(self, other: SimulatedFleet, raw: bytes) -> None:
+        way = self._ways[other]
+        lost = way.lost
+        for arrival_s in way.arrivals_s(len(raw), self.now_s()):
+            self.clock.call_at(arrival_s, partial(other.arrive, self, raw), BEFORE_LOOPS)
+        self.link.dropped += way.lost - lost
+
+    def arrive(self, sender: SimulatedFleet, raw: bytes) -> None:
+        """A page has come."""
+        far = self._hear(sender)
+        if far is not None:
+            self.let_in(sender.member, Page.deserialize(raw), far)
+
+    def _hear(self, sender: SimulatedFleet) -> Far | None:
+        if sender not in self._ways or self.link.parent.is_terminated:
+            return None
+        return self.roster.hears(sender.roster.own_place, self.now_s())
+
+    def _say(self, way: Way, hear: Callable[..., None], *words: Any) -> None:
+        """Call a method of another node with this one and some words, when they have crossed."""
+        for arrival_s in way.arrivals_s(PING_BYTES, self.now_s(), is_page=False):
+            self.clock.call_at(arrival_s, partial(hear, self, *words), BEFORE_LOOPS)
+
+    def pinged(self, sender: SimulatedFleet, asked_s: float, is_answer: bool) -> None:
+        """Somebody asks whether this node is there, or answers that it is."""
+        far = self._hear(sender)
+        if far is None:
+            return
+        if is_answer:
+            far.rtt_s = self.now_s() - asked_s
+        else:
+            self._say(self._ways[sender], sender.pinged, asked_s, True)
+
+    def round(self) -> None:
+        """Ask who is there, now and then, and say how the link is; see Transport."""
+        now_s = self.now_s()
+        if now_s >= self._ping_s:
+            self._ping_s = now_s + self.link.options.keep_alive_s
+            for other, way in self._ways.items():
+                self._say(way, other.pinged, now_s, False)
+        self.link.report(now_s)
+
+    def see_off(self) -> None:
+        """Leave the net; the others notice once what was sent before has come."""
+        self._meeting.leave(self.clock, self)
+        for other, way in self._ways.items():
+            self._say(way, other.left)
+        self._ways.clear()
+
+    def left(self, sender: SimulatedFleet) -> None:
+        """Another node has left the net."""
+        if self._ways.pop(sender, None) is not None:
+            self.roster.leaves(sender.roster.own_place)

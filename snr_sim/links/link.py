@@ -1,4 +1,4 @@
-"""Link: carries pages between this node and others. The part that all kinds of links share.
+"""Link: carries pages between this node and others, over one transport for each medium.
 
 Out: the node's core hands a page of one of the link's keys to `_out`, right after it was stored. In: the far end's
 pages enter through the door, from the link's name. So a replay, which makes no loops, needs no link. How the link
@@ -8,7 +8,9 @@ itself is stands in a page of its own name: {up, age_s, dropped, rtt_s, ...}.
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping, Sequence
+import threading
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from typing import Any
 
 from snr_sim.core.ages import LINK_PREFIX
@@ -20,6 +22,7 @@ from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.links.frames import HEADER_BYTES, encode_frame
 from snr_sim.links.options import MAX_KEY_CHARS, LinkOptions
+from snr_sim.links.restarting import RestartingLoop
 from snr_sim.links.wire_bounds import encode_page
 from snr_sim.prelude.errors import SnrError, nearest
 from snr_sim.prelude.page import DataKey, Page
@@ -33,23 +36,14 @@ HOUSEKEEPING_HZ = 10.0
 # From here on the link lets nothing more in until the node has caught up to half of it: a flood waits at its sender.
 MAX_TASKS_WAITING = 10_000
 MAX_BYTES_WAITING = 1 << 26
+# With more tasks than this waiting, more pages are likely to follow: then one send for many is cheaper than one each.
+FEW_TASKS = 32
 # Remembered of pages of other nodes that were passed on, so that none goes round in a mesh for ever.
 _RELAYED_REMEMBERED = 4096
 KEPT_OUT_REMEMBERED = 20  # keys of the far end that `accept` keeps out, for a note
 # What this node tells of itself; a far end's page of such a key comes in only if `accept` names it.
 OUTCOMES = frozenset((TaskType.reload.value, ADD_COMPONENT_TASK_NAME, REMOVE_COMPONENT_TASK_NAME))
 _STORE_PAGE = TaskType.store_page
-
-
-def unsendable(page: Page, error: SnrError, node: Node, link: str) -> SnrError:
-    """Returns the error of a page that cannot be sent; the line that stored it comes first, if it is known."""
-    what = f"{link} cannot send page '{page.key}': {error.message}"
-    when = f"at t = {page.created_at_s:.3f} s"
-    if page.origin != node.name:
-        return type(error)(f"{what}\n  It was made {when} by node '{page.origin}'.", fix=error.fix)
-    authors = [one for one in node.components.values() if isinstance(one, (Endpoint, Loop)) and one.is_of_robot]
-    lines, who = who_stored(page.key, authors)
-    return type(error)(f"{lines}{what}\n  It was stored {when} by {who}.", fix=error.fix)
 
 
 class Misfits:
@@ -73,12 +67,23 @@ class Misfits:
         Raises:
             SnrError: it is this node's own; of the kind of `error`.
         """
-        failure = unsendable(page, error, self._node, self._link)
+        failure = self._failure(page, error)
         if page.origin == self._node.name:
             raise failure from error
         if not self._is_told:
             self._is_told = True
             self._log.warning("%s Dropped, as will be all such pages.", failure)
+
+    def _failure(self, page: Page, error: SnrError) -> SnrError:
+        """Return the error of a page; the line that stored it comes first, if it is known."""
+        what = f"{self._link} cannot send page '{page.key}': {error.message}"
+        when = f"at t = {page.created_at_s:.3f} s"
+        if page.origin != self._node.name:
+            return type(error)(f"{what}\n  It was made {when} by node '{page.origin}'.", fix=error.fix)
+        components = self._node.components.values()
+        authors = [one for one in components if isinstance(one, (Endpoint, Loop)) and one.is_of_robot]
+        lines, who = who_stored(page.key, authors)
+        return type(error)(f"{lines}{what}\n  It was stored {when} by {who}.", fix=error.fix)
 
 
 def by_name(peers: Iterable[tuple[str, dict[str, Any]]]) -> dict[str, Any]:
@@ -96,23 +101,72 @@ def by_name(peers: Iterable[tuple[str, dict[str, Any]]]) -> dict[str, Any]:
     return said
 
 
-class Link(Loop):
-    """What all links share. A kind of link says how pages get across (`_carry`) and how it is (`_state`).
+class Transport:
+    """How pages get across: one class for each medium. The link calls all but `carry` on its own thread.
+
+    Args:
+        link: whose pages they are.
+    """
+
+    # Sends a page to every far end but the one that brought it, if any, on the node's thread: the page, as it crosses,
+    # in a frame, and who brought it.
+    carry: Callable[[Page, bytes, bytes, object], None]
+
+    def __init__(self, link: Link) -> None:
+        self.link = link
+        self.lock = threading.Lock()  # held while all is closed; and for what else must not happen then
+
+    def open(self, ports: ExitStack) -> None:
+        """Open what is needed, and push onto `ports` how to close it; what it raises first is an error of `begin`."""
+
+    def round(self) -> None:
+        """Wait until something happens, and act on it; in lock step do what time asks for."""
+        raise NotImplementedError
+
+    def wake(self) -> None:
+        """End the wait of a round."""
+
+    def see_off(self) -> None:
+        """Say goodbye to all far ends before everything is closed."""
+
+    def state(self, now_s: float) -> dict[str, Any]:
+        """Return how the link is: at least up, age_s, dropped, rtt_s, reason."""
+        raise NotImplementedError
+
+    def notes(self) -> Iterable[str]:
+        """Return what to note at the end of the run."""
+        return ()
+
+
+class Link(RestartingLoop):
+    """Takes pages of its keys to a transport, lets in what that brings, and stores how the link is.
 
     Args:
         factory: who made it.
         parent: its node.
         options: of the link.
+        real: makes its transport.
+        simulated: makes it if the node lives under a SimClock.
     """
 
-    def __init__(self, factory: LoopFactory, parent: Node, options: LinkOptions) -> None:
-        rate_hz = HOUSEKEEPING_HZ if isinstance(parent.clock, SimClock) else 0.0  # on a thread its own waiting paces it
+    def __init__(
+        self,
+        factory: LoopFactory,
+        parent: Node,
+        options: LinkOptions,
+        real: Callable[[Link], Transport],
+        simulated: Callable[[Link], Transport],
+    ) -> None:
+        is_simulated = isinstance(parent.clock, SimClock)
+        rate_hz = HOUSEKEEPING_HZ if is_simulated else 0.0  # on a thread its own waiting paces it
         super().__init__(factory, parent, f"link_{options.name}", rate_hz)
+        self.restarts = not is_simulated
         self.options = options
         self.dropped = 0  # pages that did not get across, as far as this end knows
         self.sent = 0
         self.received = 0
         self.unwanted = 0  # pages that came and were not let in
+        self.reason = ""  # why it is down, in words; its transport says so
         self._brought: dict[int, tuple[Page, object]] = {}  # came by this link, not stored yet: page and who brought it
         self._relayed: dict[bytes | int, None] = {}
         self._misfits = Misfits(parent, f"'{self.name}'", self.log)
@@ -123,6 +177,8 @@ class Link(Loop):
         self._told: tuple[Any, ...] = ()
         self._told_s = float("-inf")
         self._logged: tuple[Any, ...] = ()
+        self.transport = simulated(self) if is_simulated else real(self)
+        self._carry = self.transport.carry
 
     def begin(self) -> None:
         """Opens what is needed, and has the node's pages handed over from now on."""
@@ -138,10 +194,21 @@ class Link(Loop):
             for key in self.options.keys:
                 self.parent.untap(key, self._out)
 
+    def stop(self) -> None:
+        """Asks for no more rounds; ends the one that waits."""
+        super().stop()
+        if self._backing is not None:
+            self.transport.wake()
+
     def terminate(self) -> None:
-        """Tells at the end of the run which keys came to nothing: perhaps they are misspelt."""
-        if not self.parent.is_over or self.parent.never_ran:
-            return  # only taken out: what was not stored yet may still be; or nothing could be
+        """Tells at the end of the run what did not cross, and which keys came to nothing: perhaps they are misspelt."""
+        # If it is only taken out, what was not stored yet may still be; and nothing could be if the node never ran.
+        if self.parent.is_over and not self.parent.never_ran:
+            self._note_missed_keys()
+        for words in self.transport.notes():
+            self.parent.note(f"'{self.name}': {words}")
+
+    def _note_missed_keys(self) -> None:
         stored = self.parent.datastore.pages
         for key in self.options.keys:
             if key not in stored and key != RECORDING_KEY:  # which is only there when something is wrong
@@ -152,18 +219,24 @@ class Link(Loop):
             near = nearest(key, self._kept_out, "kept out were")
             self.parent.note(f"'{self.name}' accepts '{key}', of which no page came; {near}")
 
-    # What a kind of link does in its own way.
+    # A RestartingLoop's
 
-    def _open(self) -> None:
-        """Called first, on the node's thread; what raises here is an error of `begin`."""
+    def _open_ports(self, ports: ExitStack) -> None:
+        self.transport.open(ports)
 
-    def _carry(self, page: Page, raw: bytes, frame: bytes, by: object) -> None:
-        """Sends a page to every far end but the one that brought it (`by`, if any); on the node's thread."""
-        raise NotImplementedError
+    def _round(self) -> None:
+        self.transport.round()
 
-    def _state(self, now_s: float) -> dict[str, Any]:
-        """Returns how the link is: at least up, age_s, dropped, rtt_s, reason."""
-        raise NotImplementedError
+    def _shut(self) -> None:
+        with self.transport.lock:
+            super()._shut()
+
+    def _see_off(self) -> None:
+        self.transport.see_off()
+
+    def _show_down(self, reason: str) -> None:
+        self.reason, self._told = reason, ()
+        self.report(self.get_time_s())
 
     # Out
 
@@ -191,12 +264,12 @@ class Link(Loop):
 
     # In
 
-    def _bring(self, pages: Sequence[Page], by: object) -> None:
-        """Lets pages in that a far end sent."""
-        is_wanted, enter, name = self._is_wanted, self.parent.door.put, self.name
+    def bring(self, pages: Sequence[Page], by: object, is_chosen: bool = False) -> None:
+        """Let in the pages that a far end sent, as far as they are wanted; all if the transport has chosen them."""
+        is_wanted, enter, name = self.is_wanted, self.parent.door.put, self.name
         for page in pages:
             key = page.key
-            if not is_wanted(key, page.origin):
+            if not (is_chosen or is_wanted(key, page.origin)):
                 self.unwanted += 1
                 continue
             if key in self.options.keys:
@@ -204,17 +277,17 @@ class Link(Loop):
             enter(Task(_STORE_PAGE, key, [page]), name)
         self.received += len(pages)
 
-    def _is_wanted(self, key: DataKey, origin: str) -> bool:
+    def is_wanted(self, key: DataKey, origin: str) -> bool:
         """Whether a page of this key and origin may come in, whatever its data."""
         if origin == self.parent.name:
             return False
         accept = self.options.accept
         if accept is not None:
-            return self._is_accepted(key, accept)
+            return self.is_accepted(key, accept)
         is_own_state = key in OUTCOMES or (key.startswith(LINK_PREFIX) and key in self.parent.components)
         return 0 < len(key) <= MAX_KEY_CHARS and not is_own_state
 
-    def _is_accepted(self, key: DataKey, accept: frozenset[DataKey]) -> bool:
+    def is_accepted(self, key: DataKey, accept: frozenset[DataKey]) -> bool:
         """Whether a key is one of `accept`; remembered for notes at the end, of others only as many as one holds."""
         if key in accept:
             self._accepted.add(key)
@@ -223,12 +296,16 @@ class Link(Loop):
             self._kept_out.add(key)
         return False
 
-    def _note_size(self, page_bytes: int) -> None:
-        """Remembers how large pages are that come lately; see `_must_wait`."""
+    def has_few_tasks(self) -> bool:
+        """Whether the node has little to do beside what it does now."""
+        return self.parent.machine.queued <= FEW_TASKS
+
+    def note_size(self, page_bytes: int) -> None:
+        """Remembers how large pages are that come lately; see `must_wait`."""
         if page_bytes > self._largest_bytes:
             self._largest_bytes = page_bytes
 
-    def _must_wait(self) -> bool:
+    def must_wait(self) -> bool:
         """Whether the node has so much to do that nothing more may be let in."""
         tasks = self.parent.machine.queued
         if self.is_deaf:
@@ -238,9 +315,9 @@ class Link(Loop):
 
     # How it is
 
-    def _report(self, now_s: float) -> None:
+    def report(self, now_s: float) -> None:
         """Stores the link's state, if it has changed or a second has passed."""
-        state = self._state(now_s)
+        state = self.transport.state(now_s)
         gist = (state["up"], *state.get("peers", ()))
         # Not whenever the reason changes: strangers who come and go could then flood the node with reports.
         if gist == self._told and now_s - self._told_s < REPORT_EVERY_S:

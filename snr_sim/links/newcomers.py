@@ -14,6 +14,7 @@ from functools import lru_cache
 from typing import TypeVar
 
 from snr_sim.links.allowance import Allowance
+from snr_sim.links.security import as_host
 
 GREETINGS_PER_S = 10.0  # of one address
 GREETINGS_AT_ONCE = 40.0
@@ -56,11 +57,9 @@ def source_of(address: str) -> str:
     >>> source_of("192.0.2.1"), source_of("::ffff:192.0.2.1"), source_of("2001:db8::1:2:3:4%eth0"), source_of("::1")
     ('192.0.2.1', '192.0.2.1', '2001:db8::', 'this machine')
     """
-    try:
-        host = ipaddress.ip_address(address.partition("%")[0])  # an IPv6 address may name its interface
-    except ValueError:
+    host = as_host(address)
+    if host is None:
         return address
-    host = getattr(host, "ipv4_mapped", None) or host
     if host.is_loopback:
         return LOOPBACK
     if host.version == 6:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import get_args
 
 from snr_sim.links.faults import Faults
@@ -60,6 +60,10 @@ class LinkOptions:
             )
         if self.faults is not None and not isinstance(self.faults, Faults):
             raise ParameterError(f"A link with faults={self.faults!r}.", fix="Faults(loss=0.1), or None.")
+
+    def for_end(self, keys: DataKey | Iterable[DataKey], accept: Iterable[DataKey] | None) -> LinkOptions:
+        """Return the same for one end: pages of `keys` go out there, those of `accept` may come in; None is any."""
+        return replace(self, keys=as_keys(keys), accept=None if accept is None else frozenset(as_keys(accept)))
 
 
 def _check_count(name: str, value: object, most: int | None) -> None:

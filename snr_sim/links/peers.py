@@ -1,24 +1,25 @@
-"""PeerLink: a link that talks to each of its far ends in a Session: over sockets, pipes, or simulated."""
+"""Peers: the far ends that a link talks to in sessions, over sockets, pipes, or simulated; and what waits for them."""
 
 from __future__ import annotations
 
 import itertools
 import threading
+from collections import Counter
 from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from snr_sim.core.loop import LoopFactory
-from snr_sim.core.node import Node
-from snr_sim.links.early_pages import EarlyPages, Kept
 from snr_sim.links.faults import Faults, Way
 from snr_sim.links.frames import HEADER_BYTES
 from snr_sim.links.link import Link, by_name
 from snr_sim.links.messages import decode_message
 from snr_sim.links.options import LinkOptions
-from snr_sim.links.send_queue import SendQueue
+from snr_sim.links.send_queue import Policy, SendQueue
 from snr_sim.links.session import Session, Terms
 from snr_sim.prelude.page import DataKey, Page
+
+SHOWN_KEYS = 5
 
 
 class Peer:
@@ -60,46 +61,80 @@ class Peer:
         raise NotImplementedError
 
 
-class PeerLink(Link):
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """A page, and the frame that it is sent in; as long as that."""
+
+    page: Page
+    frame: bytes
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+
+class EarlyPages(SendQueue[Kept]):
+    """What is stored before a link is first up, up to the bound of its queue; counts what had to go for each key."""
+
+    def __init__(self, max_pages: int, policy: Policy) -> None:
+        super().__init__(max_pages, policy)
+        self.gone: Counter[DataKey] = Counter()
+
+    def _drop(self, frame: Kept) -> None:
+        super()._drop(frame)
+        self.gone[frame.page.key] += 1
+
+    @property
+    def loss(self) -> str:
+        """What had to go, in words; empty if nothing had to."""
+        if not self.gone:
+            return ""
+        most = ", ".join(f"{key} {count}" for key, count in self.gone.most_common(SHOWN_KEYS))
+        more = f" and {len(self.gone) - SHOWN_KEYS} keys more" if len(self.gone) > SHOWN_KEYS else ""
+        which = "oldest" if self.policy == "drop_oldest" else "newest"
+        return (
+            f"the {which} {self.dropped} pages that were stored before anybody had connected were dropped "
+            f"({most}{more}); queue_pages={self.max_pages} keeps no more."
+        )
+
+
+class Peers:
     """Keeps one session and one queue per far end.
 
     Whoever comes first gets all that was stored before, as far as the queue's bound goes. Who comes when all others
     have gone gets the newest page of each key: what is old by then would only hold up what is new.
 
     Args:
-        factory: who made it.
-        parent: its node.
-        options: of the link.
+        link: whose far ends they are.
         terms: of its sessions.
+        least_transit_s: of what is sent, if it is simulated.
     """
 
-    least_transit_s = 0.0  # of what is sent; a simulated link has some
-
-    def __init__(self, factory: LoopFactory, parent: Node, options: LinkOptions, terms: Terms) -> None:
-        super().__init__(factory, parent, options)
+    def __init__(self, link: Link, terms: Terms, least_transit_s: float = 0.0) -> None:
         self.terms = terms
-        self._decode = partial(decode_message, is_wanted=self._is_wanted)
-        self.peers: tuple[Peer, ...] = ()  # those that are up; never changed in place, so any thread may read it
-        self.reason = "nobody has connected yet."
+        self.up: tuple[Peer, ...] = ()  # never changed in place, so any thread may read it
+        self._link = link
+        link.reason = "nobody has connected yet."
+        self._node = link.parent
+        self._options = link.options
+        self._least_transit_s = least_transit_s
+        self._decode = partial(decode_message, is_wanted=link.is_wanted)
         self._was_left = False  # whether the last who went said goodbye
         self._lost = self._duplicated = 0  # by faults, on the ways to far ends that have gone
-        self._early: EarlyPages = EarlyPages(options.queue_pages, options.policy)
+        self._early = EarlyPages(link.options.queue_pages, link.options.policy)
         self._was_up = False
         self._newest: dict[DataKey, Kept] = {}  # stored while nobody was there any more
         self._numbers = itertools.count(1)
         self._warned: set[str] = set()  # of names that mean two nodes
         self._meeting = threading.Lock()  # held while a page is put for all peers, and when one comes or goes
 
-    def terminate(self) -> None:
-        """Tells at the end of the run also which names meant two nodes."""
-        super().terminate()
-        for words in (self._early.loss, *sorted(self._warned)):
-            if words:
-                self.parent.note(f"'{self.name}': {words}")
+    def notes(self) -> list[str]:
+        """Return what was lost before anybody had connected, and which names meant two nodes."""
+        return [words for words in (self._early.loss, *sorted(self._warned)) if words]
 
-    def _carry(self, page: Page, raw: bytes, frame: bytes, by: object) -> None:
+    def carry(self, page: Page, raw: bytes, frame: bytes, by: object) -> None:
+        """Put a page for all that are up but the one that brought it, or keep it for who comes; see Transport."""
         with self._meeting:  # so that nothing is put for a peer whose pages have been counted for the last time
-            peers = self.peers
+            peers = self.up
             if not peers and by is None:
                 self._keep(page, frame)
             for peer in peers:
@@ -111,7 +146,7 @@ class PeerLink(Link):
         name = peer.session.peer_node
         if name != page.origin:
             return True
-        if name == self.parent.name:  # made here, and the far end would take it for its own
+        if name == self._node.name:  # made here, and the far end would take it for its own
             peer.dropped += 1
             return False
         return any(other is not peer and other.session.peer_node == name for other in peers)
@@ -121,27 +156,20 @@ class PeerLink(Link):
         sessions: dict[str, Session] = {}
         for session in (peer.session for peer in peers):
             name = session.peer_node
-            if name == self.parent.name:
+            if name == self._node.name:
                 return (
                     f"the other end is also named '{name}': its pages are taken for ours and do not cross; "
                     "give one of the roles another name."
                 )
             other = sessions.setdefault(name, session)
             # Not if one has been silent since the other came: then somebody lost a connection and called again.
-            both_s = max(session.begun_s, other.begun_s) + self.options.keep_alive_s
+            both_s = max(session.begun_s, other.begun_s) + self._options.keep_alive_s
             if other is not session and min(session.heard_s, other.heard_s) > both_s:
                 return (
                     f"two far ends are named '{name}': each takes the other's pages for its own; "
                     "give one of the roles another name."
                 )
         return ""
-
-    def _report(self, now_s: float) -> None:
-        words = self._names_meant_twice(self.peers)
-        if words and words not in self._warned:
-            self._warned.add(words)
-            self.log.warning("%s: %s", self.name, words)
-        super()._report(now_s)
 
     @property
     def unsent(self) -> int:
@@ -153,49 +181,58 @@ class PeerLink(Link):
         if not self._was_up:
             before = self._early.dropped
             self._early.put(kept)
-            self.dropped += self._early.dropped - before
+            self._link.dropped += self._early.dropped - before
             return
         if self._newest.pop(page.key, None) is not None:  # taken out, so that the order is that of storing
-            self.dropped += 1
+            self._link.dropped += 1
         self._newest[page.key] = kept
 
-    def _admit(self, peer: Peer) -> None:
+    def admit(self, peer: Peer) -> None:
         """A session is up: what waits for somebody goes first, then whatever is stored from now on."""
         with self._meeting:
             kept = [*self._early.take(), *self._newest.values()]
             self._newest.clear()
             for one in kept:
-                if self._is_for(peer, one.page, (*self.peers, peer)) and peer.takes(one.frame):
+                if self._is_for(peer, one.page, (*self.up, peer)) and peer.takes(one.frame):
                     peer.put(one.frame)
-            self.peers = (*self.peers, peer)
+            self.up = (*self.up, peer)
             is_first, self._was_up = not self._was_up, True
         if is_first and self._early.loss:
-            self.log.warning("%s: %s", self.name, self._early.loss)
+            self._link.log.warning("%s: %s", self._link.name, self._early.loss)
 
-    def _dismiss(self, peer: Peer) -> None:
+    def dismiss(self, peer: Peer) -> None:
         """A session is over: what still waited for it is dropped."""
         with self._meeting:
-            self.peers = tuple(other for other in self.peers if other is not peer)
-        self.dropped += peer.all_dropped + peer.waiting
-        self.sent += peer.sent
+            self.up = tuple(other for other in self.up if other is not peer)
+        self._link.dropped += peer.all_dropped + peer.waiting
+        self._link.sent += peer.sent
         if peer.way is not None:
             self._lost += peer.way.lost
             self._duplicated += peer.way.duplicated
-        self.reason = peer.session.reason
+        self._link.reason = peer.session.reason
         self._was_left = peer.session.was_left
 
-    def _farewell(self) -> str:
+    def farewell(self) -> str:
         """Returns what is said to far ends when this one ends in order."""
-        why = (self.parent.exit_reason or "").rstrip(".")
-        return f"node '{self.parent.name}' ended{f': {why}' if why else ''}."
+        why = (self._node.exit_reason or "").rstrip(".")
+        return f"node '{self._node.name}' ended{f': {why}' if why else ''}."
 
-    def _new_way(self) -> Way:
+    def new_session(self, nonce: bytes | None = None) -> Session:
+        """Return a session with a new far end; its nonce is random if not given."""
+        return Session(self.terms, self._link.get_time_s(), self._decode, nonce)
+
+    def new_way(self) -> Way:
         """Returns the way out to a new far end: each session has a luck of its own, the same in every run."""
-        name = f"link:{self.name}:{self.parent.role}:{next(self._numbers)}"
-        return Way(self.options.faults or Faults(), self.parent.seed, name, self.least_transit_s)
+        name = f"link:{self._link.name}:{self._node.role}:{next(self._numbers)}"
+        return Way(self._options.faults or Faults(), self._node.seed, name, self._least_transit_s)
 
-    def _state(self, now_s: float) -> dict[str, Any]:
-        peers = self.peers
+    def state(self, now_s: float) -> dict[str, Any]:
+        """Return how the link is, and each far end; see `Transport.state`."""
+        peers, link = self.up, self._link
+        words = self._names_meant_twice(peers)
+        if words and words not in self._warned:
+            self._warned.add(words)
+            link.log.warning("%s: %s", link.name, words)
         each = by_name(
             (
                 peer.session.peer_node,
@@ -216,15 +253,15 @@ class PeerLink(Link):
             "up": bool(peers),
             "left": self._was_left and not peers,
             "age_s": max(0.0, *ages_s) if ages_s else None,
-            "dropped": self.dropped + sum(peer.all_dropped for peer in peers),  # exact: integers
+            "dropped": link.dropped + sum(peer.all_dropped for peer in peers),  # exact: integers
             "rtt_s": max(trips_s, default=None),
-            "sent": self.sent + sum(peer.sent for peer in peers),  # exact: integers
-            "received": self.received,
-            "unwanted": self.unwanted,
-            "reason": self._names_meant_twice(peers) if peers else self.reason,
+            "sent": link.sent + sum(peer.sent for peer in peers),  # exact: integers
+            "received": link.received,
+            "unwanted": link.unwanted,
+            "reason": words if peers else link.reason,
             "peers": each,
         }
-        if self.options.faults is not None:
+        if self._options.faults is not None:
             ways = [peer.way for peer in peers if peer.way is not None]
             state["lost"] = self._lost + sum(way.lost for way in ways)  # exact: integers
             state["duplicated"] = self._duplicated + sum(way.duplicated for way in ways)  # exact: integers

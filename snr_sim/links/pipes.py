@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import os
+import socket
 from collections.abc import Iterable
 from contextlib import ExitStack
-from dataclasses import replace
 from multiprocessing import Pipe
 from typing import TYPE_CHECKING
 
-from snr_sim.core.clocks import SimClock
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
-from snr_sim.links.options import LinkOptions, as_keys
+from snr_sim.links.link import Link
+from snr_sim.links.options import LinkOptions
 from snr_sim.links.session import Terms
-from snr_sim.links.simulated import Meeting, SimulatedLink
-from snr_sim.links.streams import StreamLink
+from snr_sim.links.simulated import Meeting, SimulatedTransport
+from snr_sim.links.socket_port import SocketPort
+from snr_sim.links.streams import Streams
 from snr_sim.prelude.errors import LinkError
 from snr_sim.prelude.page import DataKey
 
@@ -23,48 +24,19 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
 
-class PipePort:
-    """One end of a two-way pipe as a port.
-
-    Args:
-        conn: the end; the port closes it.
+def port_of(conn: Connection) -> SocketPort:
+    """Return one end of a two-way pipe as a port, which takes its place: POSIX makes such a pipe of two sockets.
 
     Raises:
-        LinkError: it is one-way, or this system's pipes cannot be waited for together with others.
+        LinkError: it is one-way, or this system makes its pipes of something else.
     """
-
-    is_shareable = True
-
-    def __init__(self, conn: Connection) -> None:
-        if os.name == "nt":
-            raise LinkError("Links over pipes need a POSIX system.", fix="SocketsPair(('127.0.0.1', 0)).")
-        if not (conn.readable and conn.writable):
-            raise LinkError("A link over a pipe that goes one way only.", fix="multiprocessing.Pipe(), without False.")
-        self._conn = conn
-        os.set_blocking(conn.fileno(), False)
-
-    def fileno(self) -> int:
-        """Returns the pipe's descriptor."""
-        return self._conn.fileno()
-
-    def read(self, most: int) -> bytes:
-        """Returns what has come; see Port."""
-        return os.read(self._conn.fileno(), most)
-
-    def has_more(self) -> bool:
-        """Return False: `select` shows all that has come; see Port."""
-        return False
-
-    def write(self, data: bytes | memoryview) -> int:
-        """Sends what fits; see Port."""
-        return os.write(self._conn.fileno(), data)
-
-    def end_writing(self) -> None:
-        """Does nothing: a pipe ends when it is closed, and the goodbye has been said."""
-
-    def close(self) -> None:
-        """Closes the pipe."""
-        self._conn.close()
+    if os.name == "nt":
+        raise LinkError("Links over pipes need a POSIX system.", fix="SocketsPair(('127.0.0.1', 0)).")
+    if not (conn.readable and conn.writable):
+        raise LinkError("A link over a pipe that goes one way only.", fix="multiprocessing.Pipe(), without False.")
+    port = SocketPort(socket.socket(fileno=os.dup(conn.fileno())))
+    conn.close()
+    return port
 
 
 class PipeLoopFactory(LoopFactory):
@@ -88,15 +60,14 @@ class PipeLoopFactory(LoopFactory):
         *,
         name: str = "pipe",
         is_first: bool = True,
-        meeting: Meeting | None = None,
+        meeting: Meeting[SimulatedTransport] | None = None,
         options: LinkOptions | None = None,
     ) -> None:
         super().__init__()
         self.conn = conn
         self.is_first = is_first
-        self.meeting = meeting or Meeting()
-        wanted = None if accept is None else frozenset(as_keys(accept))
-        self.options = replace(options or LinkOptions(name), keys=as_keys(data_keys), accept=wanted)
+        self.meeting: Meeting[SimulatedTransport] = meeting or Meeting()
+        self.options = (options or LinkOptions(name)).for_end(data_keys, accept)
 
     def claim(self) -> None:
         """Does nothing: a pipe is open from the start; see PortFactory."""
@@ -107,18 +78,21 @@ class PipeLoopFactory(LoopFactory):
 
     def get(self, parent: Node) -> Loop:
         """Returns the link."""
-        options = self.options
         terms = Terms(
             parent.name,
             is_server=not self.is_first,
-            max_frame_bytes=options.max_frame_bytes,
-            keep_alive_s=options.keep_alive_s,
-            timeout_s=options.timeout_s,
+            max_frame_bytes=self.options.max_frame_bytes,
+            keep_alive_s=self.options.keep_alive_s,
+            timeout_s=self.options.timeout_s,
             greeting_s=float("inf"),  # the other process may take its time to start, and a pipe is made only once
         )
-        if isinstance(parent.clock, SimClock):
-            return SimulatedLink(self, parent, options, terms, self.meeting)
-        return PipeLink(self, parent, options, terms)
+        return Link(
+            self,
+            parent,
+            self.options,
+            real=lambda link: PipeEnd(link, terms, self.conn),
+            simulated=lambda link: SimulatedTransport(link, terms, self.meeting),
+        )
 
 
 class PipesPair:
@@ -131,7 +105,7 @@ class PipesPair:
     def __init__(self, options: LinkOptions | None = None) -> None:
         self.options = options or LinkOptions("pipe")
         self.client_conn, self.server_conn = Pipe()
-        self.meeting = Meeting()
+        self.meeting: Meeting[SimulatedTransport] = Meeting()
 
     def client(
         self, keys: DataKey | Iterable[DataKey] = (), *, accept: Iterable[DataKey] | None = None
@@ -150,12 +124,20 @@ class PipesPair:
         )
 
 
-class PipeLink(StreamLink):
-    """One stream, from begin to end: a pipe that is closed does not come back."""
+class PipeEnd(Streams):
+    """One stream, from begin to end: a pipe that is closed does not come back.
 
-    factory: PipeLoopFactory
+    Args:
+        link, terms: as of Streams.
+        conn: its end of the pipe.
+    """
 
-    def _open_ports(self, ports: ExitStack) -> None:
-        super()._open_ports(ports)
-        if not self.is_shut:  # else the link's failure has closed the pipe, and it stays down
-            self._add_stream(PipePort(self.factory.conn), "pipe")
+    def __init__(self, link: Link, terms: Terms, conn: Connection) -> None:
+        super().__init__(link, terms)
+        self._conn = conn
+
+    def open(self, ports: ExitStack) -> None:
+        """Begin the session; see Transport."""
+        super().open(ports)
+        if not self.link.is_shut:  # else the link's failure has closed the pipe, and it stays down
+            self._add_stream(port_of(self._conn), "pipe")

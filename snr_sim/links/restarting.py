@@ -20,6 +20,7 @@ class RestartingLoop(Loop):
     came over the network: another program must not end the robot's program with it.
     """
 
+    restarts = True  # False in a simulation without ports: there a failure is our own, and ends the node as any loop's
     failures = 0  # errors that no byte of a far end should cause: each closed a stream, or the whole loop
     is_shut = False  # from a failure until everything is open again
     _failure = ""  # the last reason, logged once
@@ -61,6 +62,8 @@ class RestartingLoop(Loop):
                 self.is_shut, self.next_tick_at_s, self._opened_s = False, None, self.get_time_s()
             self._round()
         except Exception as error:
+            if not self.restarts:
+                raise
             self._restart_later(error)
 
     def _restart_later(self, error: Exception) -> None:
@@ -73,19 +76,22 @@ class RestartingLoop(Loop):
         if reason != self._failure:
             self.log.error("%s", reason, exc_info=error)
         self._failure = reason
-        self._try(self._shut)
-        self._try(partial(self._show_down, reason))
+        self.attempt(self._shut)
+        self.attempt(partial(self._show_down, reason))
 
     def halt(self) -> None:
         """Say goodbye and close everything."""
         if not self.is_shut:
-            self._try(self._see_off)
-        self._try(self._shut)
+            self.attempt(self._see_off)
+        self.attempt(self._shut)
 
-    def _try(self, step: Callable[[], object]) -> None:
+    def attempt(self, step: Callable[[], object]) -> None:
+        """Do one step of closing; what it raises is logged."""
         try:
             step()
         except Exception:
+            if not self.restarts:
+                raise
             self.log.exception("'%s' could not close in order", self.name)
 
 

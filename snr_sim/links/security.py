@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import ssl
 
 MIN_SECRET_BYTES = 16
+FileName: TypeAlias = str | Path | None
 Network: TypeAlias = ipaddress.IPv4Network | ipaddress.IPv6Network
 
 
@@ -126,15 +127,23 @@ def is_loopback(host: str) -> bool:
         return host == "localhost"
 
 
+def as_host(address: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+    """Return a peer's address, that of IPv4 if it stands in one of IPv6; None if it is none.
+
+    >>> as_host("::ffff:192.0.2.1"), as_host("fe80::1%eth0"), as_host("localhost")
+    (IPv4Address('192.0.2.1'), IPv6Address('fe80::1'), None)
+    """
+    try:
+        host = ipaddress.ip_address(address.partition("%")[0])  # an IPv6 address may name its interface
+    except ValueError:
+        return None
+    return getattr(host, "ipv4_mapped", None) or host
+
+
 def is_allowed(address: str, networks: Iterable[Network]) -> bool:
     """Returns whether a peer's address is this machine's own or in one of the networks."""
-    try:
-        peer = ipaddress.ip_address(address.partition("%")[0])  # an IPv6 address may name its interface
-    except ValueError:
-        return False
-    mapped = getattr(peer, "ipv4_mapped", None)
-    peer = mapped or peer
-    return peer.is_loopback or any(peer in network for network in networks)
+    peer = as_host(address)
+    return peer is not None and (peer.is_loopback or any(peer in network for network in networks))
 
 
 @dataclass(frozen=True)
@@ -154,13 +163,13 @@ class Tls:
         ConfigError: something that is no file's name.
     """
 
-    certificate: str | Path | None = None
-    key: str | Path | None = None
-    authority: str | Path | None = None
+    certificate: FileName = None
+    key: FileName = None
+    authority: FileName = None
     server_name: str = ""
-    client_authority: str | Path | None = None
-    client_certificate: str | Path | None = None
-    client_key: str | Path | None = None
+    client_authority: FileName = None
+    client_certificate: FileName = None
+    client_key: FileName = None
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -177,20 +186,9 @@ class Tls:
         Raises:
             ConfigError: a file is missing or is not what it should be.
         """
-        import ssl  # 10 ms, and most links do without
-
         if self.certificate is None:
             raise ConfigError("TLS without the server's certificate.", fix="Tls(certificate=..., key=...).")
-        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-        context.minimum_version = ssl.TLSVersion.TLSv1_2
-        try:
-            context.load_cert_chain(self.certificate, self.key)
-            if self.client_authority is not None:
-                context.load_verify_locations(self.client_authority)
-                context.verify_mode = ssl.CERT_REQUIRED
-        except OSError as error:
-            raise _unusable(error, self.certificate, self.key, self.client_authority) from error
-        return context
+        return _context(True, self.certificate, self.key, self.client_authority)
 
     def client_context(self) -> ssl.SSLContext:
         """Returns what a client needs.
@@ -198,24 +196,27 @@ class Tls:
         Raises:
             ConfigError: a file is missing or is not what it should be.
         """
-        import ssl  # as above
-
         if self.authority is None:
             raise ConfigError("TLS without the authority that signed the server.", fix="Tls(authority=...).")
-        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-        context.minimum_version = ssl.TLSVersion.TLSv1_2
-        try:
-            context.load_verify_locations(self.authority)
-            if self.client_certificate is not None:
-                context.load_cert_chain(self.client_certificate, self.client_key)
-        except OSError as error:
-            raise _unusable(error, self.authority, self.client_certificate, self.client_key) from error
-        return context
+        return _context(False, self.client_certificate, self.client_key, self.authority)
 
 
-def _unusable(error: OSError, *paths: str | Path | None) -> ConfigError:
-    names = ", ".join(str(path) for path in paths if path is not None)
-    return ConfigError(
-        f"TLS cannot use its files ({names}): {error.strerror or error}.",
-        fix="PEM files; the key must belong to the certificate, and be readable.",
-    )
+def _context(is_server: bool, certificate: FileName, key: FileName, authority: FileName) -> ssl.SSLContext:
+    """Return a context with an own certificate, if there is one, that takes those of an authority, if there is one."""
+    import ssl  # 10 ms, and most links do without
+
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER if is_server else ssl.PROTOCOL_TLS_CLIENT)
+    context.minimum_version = ssl.TLSVersion.TLSv1_2
+    try:
+        if certificate is not None:
+            context.load_cert_chain(certificate, key)
+        if authority is not None:
+            context.load_verify_locations(authority)
+            context.verify_mode = ssl.CERT_REQUIRED
+    except OSError as error:
+        names = ", ".join(str(path) for path in (certificate, key, authority) if path is not None)
+        raise ConfigError(
+            f"TLS cannot use its files ({names}): {error.strerror or error}.",
+            fix="PEM files; the key must belong to the certificate, and be readable.",
+        ) from error
+    return context

@@ -1,4 +1,4 @@
-"""SimulatedLink: the ends of a pair under one SimClock. The same sessions and faults as over a wire, and no wire.
+"""SimulatedTransport: the ends of a pair under one SimClock. The same sessions and faults as over a wire, and no wire.
 
 So a config of several roles runs as one lock-step simulation, and as processes over TCP, without a change.
 """
@@ -6,42 +6,39 @@ So a config of several roles runs as one lock-step simulation, and as processes 
 from __future__ import annotations
 
 import hashlib
+from contextlib import ExitStack
 from functools import partial
+from typing import Any, Generic, TypeVar
 from weakref import WeakKeyDictionary
 
 from snr_sim.core.clocks import SimClock
-from snr_sim.core.loop import LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.links.faults import LEAST_TRANSIT_S, Way
-from snr_sim.links.link import BEFORE_LOOPS
+from snr_sim.links.link import BEFORE_LOOPS, Link, Transport
 from snr_sim.links.messages import NONCE_BYTES
-from snr_sim.links.options import LinkOptions
-from snr_sim.links.peers import Peer, PeerLink
+from snr_sim.links.peers import Peer, Peers
 from snr_sim.links.session import Session, Terms
 
+One = TypeVar("One")
 
-class Meeting:
-    """Where the ends of one pair find each other, per clock."""
+
+class Meeting(Generic[One]):
+    """Where the servers of one pair, or the nodes of one net, are found, per clock."""
 
     def __init__(self) -> None:
-        self._servers: WeakKeyDictionary[SimClock, SimulatedLink] = WeakKeyDictionary()
+        self._there: WeakKeyDictionary[SimClock, list[One]] = WeakKeyDictionary()
 
-    def __reduce__(self) -> tuple[type[Meeting], tuple[()]]:
+    def __reduce__(self) -> tuple[type[Meeting[One]], tuple[()]]:
         """Return an empty one for another process: clocks stay where they are."""
         return Meeting, ()
 
-    def open(self, clock: SimClock, server: SimulatedLink) -> None:
-        """A server is there."""
-        self._servers[clock] = server
+    def on(self, clock: SimClock) -> list[One]:
+        """Return those that are there, in the order in which they came; to be changed in place."""
+        return self._there.setdefault(clock, [])
 
-    def find(self, clock: SimClock) -> SimulatedLink | None:
-        """Returns the server, if there is one."""
-        return self._servers.get(clock)
-
-    def close(self, clock: SimClock, server: SimulatedLink) -> None:
-        """A server is gone."""
-        if self._servers.get(clock) is server:
-            del self._servers[clock]
+    def leave(self, clock: SimClock, one: One) -> None:
+        """Take one out, if it is there."""
+        if one in self.on(clock):
+            self.on(clock).remove(one)
 
 
 class SimulatedPeer(Peer):
@@ -49,14 +46,14 @@ class SimulatedPeer(Peer):
 
     Args:
         session, way: as of Peer.
-        link: whose it is.
+        near: whose it is.
     """
 
     far: SimulatedPeer
 
-    def __init__(self, session: Session, link: SimulatedLink, way: Way) -> None:
-        super().__init__(session, link.options, way)
-        self.link = link
+    def __init__(self, session: Session, near: SimulatedTransport, way: Way) -> None:
+        super().__init__(session, near.link.options, way)
+        self.near = near
         self.is_admitted = False
         self.is_gone = False
         self._way = way
@@ -69,7 +66,7 @@ class SimulatedPeer(Peer):
 
     def pump(self) -> None:
         """Sends what the way takes now; the rest when it is free again."""
-        clock = self.link.clock
+        clock = self.near.clock
         for frame in self.session.take_output():
             self._send(frame, is_page=False)
         while len(self.queue) and self._way.is_free(clock.now_s()):
@@ -85,72 +82,79 @@ class SimulatedPeer(Peer):
         self.pump()
 
     def _send(self, frame: bytes, is_page: bool) -> None:
-        clock = self.link.clock
+        clock = self.near.clock
         for arrival_s in self._way.arrivals_s(len(frame), clock.now_s(), is_page):
             clock.call_at(arrival_s, partial(self._deliver, frame), BEFORE_LOOPS)
 
     def _deliver(self, frame: bytes) -> None:
         # Sealed only now: faults lose, repeat and reorder pages before they are sent, as over sockets.
-        self.far.link.arrive(self.far, self.session.seal(frame))
+        self.far.near.arrive(self.far, self.session.seal(frame))
 
 
-class SimulatedLink(PeerLink):
+class SimulatedTransport(Transport):
     """An end of a pair under a SimClock; alone it is down, and runs all the same.
 
     Args:
-        factory: who made it.
-        parent: its node.
-        options: of the link.
+        link: as of Transport.
         terms: of its sessions.
         meeting: where it finds the other end.
     """
 
-    least_transit_s = LEAST_TRANSIT_S
-
-    def __init__(
-        self, factory: LoopFactory, parent: Node, options: LinkOptions, terms: Terms, meeting: Meeting
-    ) -> None:
-        super().__init__(factory, parent, options, terms)
-        assert isinstance(parent.clock, SimClock)
-        self.clock = parent.clock
-        self._meeting_place = meeting
+    def __init__(self, link: Link, terms: Terms, meeting: Meeting[SimulatedTransport]) -> None:
+        super().__init__(link)
+        assert isinstance(link.parent.clock, SimClock)
+        self.clock = link.parent.clock
+        self.peers = Peers(link, terms, LEAST_TRANSIT_S)
+        self.carry = self.peers.carry
+        self._is_server = terms.is_server
+        self._meeting = meeting
         self._far_ends: list[SimulatedPeer] = []
 
-    def _open(self) -> None:
-        if self.terms.is_server:
-            self._meeting_place.open(self.clock, self)
+    def open(self, ports: ExitStack) -> None:
+        """Wait for a client, or look for the server."""
+        if self._is_server:
+            self._meeting.on(self.clock).append(self)
         else:
             self.clock.call_at(self.clock.now_s(), self._call, BEFORE_LOOPS)
 
+    def state(self, now_s: float) -> dict[str, Any]:
+        """Return how the link is; see Transport."""
+        return self.peers.state(now_s)
+
+    def notes(self) -> list[str]:
+        """Return what to note; see Transport."""
+        return self.peers.notes()
+
     def _call(self) -> None:
-        server = self._meeting_place.find(self.clock)
-        if server is None:
-            self.reason = "nobody listens."
-        elif not self._far_ends and not self.is_terminated():
-            here, there = self._meet(server.parent.role), server._meet(self.parent.role)
+        servers = self._meeting.on(self.clock)
+        if not servers:
+            self.link.reason = "nobody listens."
+        elif not self._far_ends and not self.link.is_terminated():
+            here, there = self.meet(servers[-1]), servers[-1].meet(self)
             here.far, there.far = there, here
             here.pump()
             there.pump()
 
-    def _meet(self, far_role: str) -> SimulatedPeer:
+    def meet(self, other: SimulatedTransport) -> SimulatedPeer:
+        """Begin a session with another node."""
+        roles = f"{self.link.parent.role} {other.link.parent.role}"
         # The same in every run; a secret that nobody listens to needs no better one.
-        nonce = hashlib.blake2b(f"{self.parent.role} {far_role}".encode(), digest_size=NONCE_BYTES).digest()
-        session = Session(self.terms, self.clock.now_s(), self._decode, nonce)
-        peer = SimulatedPeer(session, self, self._new_way())
+        nonce = hashlib.blake2b(roles.encode(), digest_size=NONCE_BYTES).digest()
+        peer = SimulatedPeer(self.peers.new_session(nonce), self, self.peers.new_way())
         self._far_ends.append(peer)
         return peer
 
     def arrive(self, peer: SimulatedPeer, frame: bytes) -> None:
         """A frame has come."""
         session = peer.session
-        if peer.is_gone or self.parent.is_terminated:
+        if peer.is_gone or self.link.parent.is_terminated:
             return
         pages = session.receive(frame, self.clock.now_s())
         if session.is_up and not peer.is_admitted:
             peer.is_admitted = True
-            self._admit(peer)
-            self._report(self.clock.now_s())
-        self._bring(pages, peer)
+            self.peers.admit(peer)
+            self.link.report(self.clock.now_s())
+        self.link.bring(pages, peer)
         self._pump(peer)
 
     def _pump(self, peer: SimulatedPeer) -> None:
@@ -158,24 +162,23 @@ class SimulatedLink(PeerLink):
         if peer.session.is_closed and not peer.is_gone:
             peer.is_gone = True
             self._far_ends.remove(peer)
-            self.reason = peer.session.reason
+            self.link.reason = peer.session.reason
             if peer.is_admitted:
-                self._dismiss(peer)
+                self.peers.dismiss(peer)
 
-    def loop(self) -> None:
-        """Does what time asks for."""
+    def round(self) -> None:
+        """Do what time asks for; see Transport."""
         now_s = self.clock.now_s()
         for peer in list(self._far_ends):
             peer.session.tick(now_s)
             self._pump(peer)
-        if not self.terms.is_server and not self._far_ends:
+        if not self._is_server and not self._far_ends:
             self._call()
-        self._report(now_s)
+        self.link.report(now_s)
 
-    def halt(self) -> None:
-        """Says goodbye."""
-        if self.terms.is_server:
-            self._meeting_place.close(self.clock, self)
+    def see_off(self) -> None:
+        """Say goodbye; see Transport."""
+        self._meeting.leave(self.clock, self)
         for peer in list(self._far_ends):
-            peer.session.bye(self._farewell())
+            peer.session.bye(self.peers.farewell())
             self._pump(peer)

@@ -9,6 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from snr_sim.core.loop import LoopFactory
 from snr_sim.links.tls_errors import tls_words
 from snr_sim.prelude.errors import LinkError
 
@@ -33,7 +34,7 @@ class Address:
 
 
 class SocketPort:
-    """A TCP socket, perhaps inside TLS, as a port.
+    """A socket, perhaps inside TLS, as a stream of bytes that never makes anybody wait.
 
     Args:
         sock: connected.
@@ -45,7 +46,8 @@ class SocketPort:
         sock.setblocking(False)
         with suppress(OSError):  # not every family of sockets has it
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self.is_shareable = context is None  # OpenSSL is not for two threads at a time
+        # Whether one thread may write while another reads, and `select` shows all that has come: not OpenSSL's.
+        self.is_shareable = context is None
         self._sock = sock
         self._blocked: tuple[type[Exception], ...] = ()
         self._broken: tuple[type[ssl.SSLError], ...] = ()
@@ -59,11 +61,11 @@ class SocketPort:
             )
 
     def fileno(self) -> int:
-        """Returns the socket's descriptor."""
+        """Return what `select` waits for."""
         return self._sock.fileno()
 
     def read(self, most: int) -> bytes:
-        """Returns what has come; see Port."""
+        """Return what has come, b"" at the end; raise BlockingIOError if nothing has, OSError if it broke."""
         if self.is_shareable:
             return self._sock.recv(most)
         chunks: list[bytes] = []
@@ -80,11 +82,11 @@ class SocketPort:
         return b"".join(chunks)
 
     def has_more(self) -> bool:
-        """Whether TLS has taken in bytes that have not been read; see Port."""
+        """Whether bytes can be read that `select` does not show: those that TLS has taken in."""
         return not self.is_shareable and self._sock.pending() > 0  # type: ignore[attr-defined]
 
     def write(self, data: bytes | memoryview) -> int:
-        """Sends what fits; see Port."""
+        """Send what fits and return how much; raise BlockingIOError if nothing does, OSError if it broke."""
         try:
             return self._sock.send(data)
         except self._blocked:
@@ -104,43 +106,56 @@ class SocketPort:
         self._sock.close()
 
 
-class Claim:
-    """A port at which somebody listens before the component that will serve it is there.
+class ListenerFactory(LoopFactory):
+    """Makes a loop that listens at an address, which may listen before the loop is there; a PortFactory.
 
     Args:
+        address: of this machine; the port that a 0 becomes is written there.
         who: wants it, for the words of an error.
     """
 
-    def __init__(self, who: str = "A link") -> None:
+    def __init__(self, address: Address, who: str) -> None:
+        super().__init__()
+        self.address = address
         self._who = who
         self._held: socket.socket | None = None
 
-    def make(self, address: Address) -> None:
-        """Listens; the port that a 0 has become stands in the address.
+    @property
+    def host(self) -> str:
+        """Where others reach it."""
+        return self.address.host
+
+    @property
+    def port(self) -> int:
+        """Its port; when any was asked for, the one it has, once it listens."""
+        return self.address.port
+
+    def claim(self) -> None:
+        """Listen already; see PortFactory.
 
         Raises:
             LinkError: the port is taken, or the host is not this machine.
         """
         if self._held is None:
-            self._held = listen(address.host, address.port, self._who)
-            address.port = self._held.getsockname()[1]
-
-    def take(self, address: Address) -> socket.socket:
-        """Returns the socket that listens, for the caller to close; made now if it was not before.
-
-        Raises:
-            LinkError: as of `make`.
-        """
-        self.make(address)
-        held, self._held = self._held, None
-        assert held is not None
-        return held
+            self._held = listen(self.host, self.port, self._who)
+            self.address.port = self._held.getsockname()[1]
 
     def release(self) -> None:
-        """Closes it, if nobody has taken it. Safe to call twice."""
+        """Let go of the port, if no loop has taken it; see PortFactory. Safe to call twice."""
         if self._held is not None:
             self._held.close()
             self._held = None
+
+    def listener(self) -> socket.socket:
+        """Return the socket that listens, for the loop to close; made now if it was not before.
+
+        Raises:
+            LinkError: as of `claim`.
+        """
+        self.claim()
+        held, self._held = self._held, None
+        assert held is not None
+        return held
 
 
 def listen(host: str, port: int, who: str = "A link") -> socket.socket:

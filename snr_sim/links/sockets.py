@@ -9,22 +9,21 @@ Under a SimClock both ends meet in memory instead, in the same sessions with the
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from snr_sim.core.clocks import SimClock
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.links.faults import Faults
 from snr_sim.links.frames import MAX_FRAME_BYTES
-from snr_sim.links.options import LinkOptions, as_keys
+from snr_sim.links.link import Link
+from snr_sim.links.options import LinkOptions
 from snr_sim.links.security import Tls, as_networks, as_secret, is_loopback
 from snr_sim.links.send_queue import Policy
 from snr_sim.links.session import Terms
-from snr_sim.links.simulated import Meeting, SimulatedLink
-from snr_sim.links.socket_port import Address, Claim
-from snr_sim.links.tcp_client import ClientLink
-from snr_sim.links.tcp_server import Gate, ServerLink
+from snr_sim.links.simulated import Meeting, SimulatedTransport
+from snr_sim.links.socket_port import Address, ListenerFactory
+from snr_sim.links.tcp_client import TcpClient
+from snr_sim.links.tcp_server import TcpServer
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.prelude.page import DataKey
 
@@ -80,7 +79,7 @@ class SocketsPair:
             raise ConfigError(f"A link with tls={tls!r}.", fix="Tls(certificate=..., key=..., authority=...), or None.")
         self.tls = tls
         self.allow = as_networks(allow)
-        self.meeting = Meeting()
+        self.meeting: Meeting[SimulatedTransport] = Meeting()
         self.options = LinkOptions(
             name or str(self.port),
             max_frame_bytes=max_frame_bytes,
@@ -125,11 +124,6 @@ class SocketsPair:
             ConfigError: anybody in the network could connect.
         """
         return SocketsListenerFactory(self, keys, accept)
-
-    def options_for(self, keys: DataKey | Iterable[DataKey], accept: Iterable[DataKey] | None) -> LinkOptions:
-        """Returns what one end is told."""
-        wanted = None if accept is None else frozenset(as_keys(accept))
-        return replace(self.options, keys=as_keys(keys), accept=wanted)
 
     def terms_for(self, node: str, is_server: bool) -> Terms:
         """Returns what one end brings to its sessions."""
@@ -181,7 +175,7 @@ class SocketsLoopFactory(LoopFactory):
     ) -> None:
         super().__init__()
         self.pair = pair if isinstance(pair, SocketsPair) else SocketsPair(pair)
-        self.options = self.pair.options_for(data_keys, accept)
+        self.options = self.pair.options.for_end(data_keys, accept)
         self._context()
 
     def _context(self) -> ssl.SSLContext | None:
@@ -198,14 +192,19 @@ class SocketsLoopFactory(LoopFactory):
 
     def get(self, parent: Node) -> Loop:
         """Returns the link."""
-        terms = self.pair.terms_for(parent.name, is_server=False)
-        if isinstance(parent.clock, SimClock):
-            return SimulatedLink(self, parent, self.options, terms, self.pair.meeting)
-        server_name = "" if self.pair.tls is None else self.pair.tls.server_name
-        return ClientLink(self, parent, self.options, terms, self.pair.address, self._context(), server_name)
+        pair = self.pair
+        terms = pair.terms_for(parent.name, is_server=False)
+        server_name = "" if pair.tls is None else pair.tls.server_name
+        return Link(
+            self,
+            parent,
+            self.options,
+            real=lambda link: TcpClient(link, terms, pair.address, self._context(), server_name),
+            simulated=lambda link: SimulatedTransport(link, terms, pair.meeting),
+        )
 
 
-class SocketsListenerFactory(LoopFactory):
+class SocketsListenerFactory(ListenerFactory):
     """Makes the end that is called.
 
     Args:
@@ -223,11 +222,11 @@ class SocketsListenerFactory(LoopFactory):
         data_keys: DataKey | Iterable[DataKey] = (),
         accept: Iterable[DataKey] | None = None,
     ) -> None:
-        super().__init__()
         if isinstance(pair, int):
             pair = ("127.0.0.1", pair)
         self.pair = pair = pair if isinstance(pair, SocketsPair) else SocketsPair(pair)
-        self.options = pair.options_for(data_keys, accept)
+        super().__init__(pair.address, f"The link '{pair.options.name}'")
+        self.options = pair.options.for_end(data_keys, accept)
         # Who has a secret or a certificate of ours may come from anywhere.
         asks_who = pair.secret is not None or (pair.tls is not None and pair.tls.client_authority is not None)
         if not (asks_who or pair.allow or is_loopback(pair.host)):
@@ -236,21 +235,11 @@ class SocketsListenerFactory(LoopFactory):
                 fix='secret= on both ends, or allow=["192.168.2.7"] with the addresses that may connect.',
             )
         self._asks_who = asks_who
-        self._gate()
-        self._claim = Claim(f"The link '{self.options.name}'")
+        self._context()
 
-    def _gate(self) -> Gate:
-        """Return who may connect; as for a client, a context of TLS is made again for each link."""
-        context = None if self.pair.tls is None else self.pair.tls.server_context()
-        return Gate(self._asks_who, self.pair.allow, context)
-
-    def claim(self) -> None:
-        """Listens already; see PortFactory."""
-        self._claim.make(self.pair.address)
-
-    def release(self) -> None:
-        """Lets go of the port; see PortFactory."""
-        self._claim.release()
+    def _context(self) -> ssl.SSLContext | None:
+        """Return what TLS needs; made again for each link, as for a client."""
+        return None if self.pair.tls is None else self.pair.tls.server_context()
 
     def where(self) -> str:
         """Return where it listens, in words."""
@@ -258,7 +247,12 @@ class SocketsListenerFactory(LoopFactory):
 
     def get(self, parent: Node) -> Loop:
         """Returns the link."""
-        terms = self.pair.terms_for(parent.name, is_server=True)
-        if isinstance(parent.clock, SimClock):
-            return SimulatedLink(self, parent, self.options, terms, self.pair.meeting)
-        return ServerLink(self, parent, self.options, terms, self.pair.address, self._gate(), self._claim)
+        pair = self.pair
+        terms = pair.terms_for(parent.name, is_server=True)
+        return Link(
+            self,
+            parent,
+            self.options,
+            real=lambda link: TcpServer(link, terms, self.listener, self._asks_who, pair.allow, self._context()),
+            simulated=lambda link: SimulatedTransport(link, terms, pair.meeting),
+        )

@@ -10,70 +10,19 @@ import errno
 import heapq
 import threading
 from contextlib import suppress
-from typing import Protocol
 
 from snr_sim.links.faults import Way
-from snr_sim.links.options import LinkOptions
+from snr_sim.links.link import Link
 from snr_sim.links.peers import Peer
 from snr_sim.links.restarting import error_text
 from snr_sim.links.session import MAX_WAITING_BYTES, Session
+from snr_sim.links.socket_port import SocketPort
 
 WRITE_BYTES = 1 << 17  # in one system call, at least if so much waits
-# With more tasks than this waiting, more pages are likely to follow: then one send for many is cheaper than one each.
-FEW_TASKS = 32
-
-
-class Port(Protocol):
-    """A stream of bytes that never makes anybody wait."""
-
-    # Whether one thread may write while another reads, and `select` shows all that has come: not where TLS is between.
-    is_shareable: bool
-
-    def fileno(self) -> int:
-        """Returns what `select` waits for."""
-        ...
-
-    def read(self, most: int) -> bytes:
-        """Returns what has come, b"" at the end; raises BlockingIOError if nothing has, OSError if it broke."""
-        ...
-
-    def has_more(self) -> bool:
-        """Whether bytes can be read that `select` does not show."""
-        ...
-
-    def write(self, data: bytes | memoryview) -> int:
-        """Sends what fits and returns how much; raises BlockingIOError if nothing does, OSError if it broke."""
-        ...
-
-    def end_writing(self) -> None:
-        """Tells the far end that nothing more comes."""
-        ...
-
-    def close(self) -> None:
-        """Lets go of it."""
-        ...
-
-
-class Owner(Protocol):
-    """The link a peer belongs to, as far as the peer needs it."""
-
-    options: LinkOptions
-
-    def wake(self) -> None:
-        """Has the link's thread look around."""
-        ...
-
-    def has_few_tasks(self) -> bool:
-        """Whether the node has little to do beside what it does now."""
-        ...
-
-    def get_time_s(self) -> float:
-        """Returns the time."""
-        ...
 
 
 class Account:
-    """How much time reading from a far end, or from several, has taken lately; see `StreamLink._in_turn`."""
+    """How much time reading from a far end, or from several, has taken lately; see `Streams._in_turn`."""
 
     used_s = 0.0
 
@@ -90,7 +39,7 @@ class StreamPeer(Peer):
     """
 
     def __init__(
-        self, port: Port, session: Session, link: Owner, way: Way | None, where: str, account: Account
+        self, port: SocketPort, session: Session, link: Link, way: Way | None, where: str, account: Account
     ) -> None:
         super().__init__(session, link.options, way)
         self.where = where
@@ -116,14 +65,14 @@ class StreamPeer(Peer):
         """Sends a page at once if nothing stands before it; else it waits in line, and the thread is woken."""
         if self.way is not None:
             self._put_on_the_way(self.way, frame, is_page=True)
-            self._link.wake()
+            self._link.transport.wake()
             return
         with self._sending:
             is_first = not (self._control or len(self._cut_off) or len(self.queue) or self.failure)
             if is_first and self.port.is_shareable and self._link.has_few_tasks() and self._try(frame):
                 return
             self.queue.put(frame)
-        self._link.wake()
+        self._link.transport.wake()
 
     def _try(self, frame: bytes) -> bool:
         """Sends what fits of a page, and has the rest wait in front; returns whether the stream still works."""
@@ -138,7 +87,7 @@ class StreamPeer(Peer):
         self.sent += 1
         if done < len(sealed):
             self._cut_off = sealed[done:]
-            self._link.wake()
+            self._link.transport.wake()
         return True
 
     def fail(self, error: Exception) -> None:

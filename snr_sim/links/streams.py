@@ -1,4 +1,4 @@
-"""StreamLink: a link over streams of bytes, sockets or pipes.
+"""Streams: what carries a link over streams of bytes, sockets or pipes.
 
 What has come is read by the node's own thread while that waits at its door, because a change of threads takes longer
 than all the rest. Everything else (connecting, greeting, keeping alive, sending what could not be sent at once) is done
@@ -10,20 +10,17 @@ from __future__ import annotations
 import logging
 import selectors
 import socket
-import threading
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from functools import partial
 from operator import attrgetter
 from typing import Any
 
-from snr_sim.core.loop import LoopFactory
-from snr_sim.core.node import Node
-from snr_sim.links.options import LinkOptions
-from snr_sim.links.peers import PeerLink
-from snr_sim.links.restarting import RestartingLoop
-from snr_sim.links.session import Session, Terms
-from snr_sim.links.stream_peer import FEW_TASKS, Account, Port, StreamPeer
+from snr_sim.links.link import Link, Transport
+from snr_sim.links.peers import Peers
+from snr_sim.links.session import Terms
+from snr_sim.links.socket_port import SocketPort
+from snr_sim.links.stream_peer import Account, StreamPeer
 
 READ_BYTES = 1 << 17  # in one system call, of a frame that has begun
 # Of the frames that begin, all peers together are read so much in a round, each an equal share: a page that comes next
@@ -40,7 +37,7 @@ LINGER_S = 0.3
 _USED_S = attrgetter("account.used_s")
 
 
-class StreamLink(RestartingLoop, PeerLink):
+class Streams(Transport):
     """Waits for all its streams at once, and shares them with the node's thread: whoever holds the lock may touch them.
 
     Streams are read in rounds. In a round each is read once and gets its share, those first that have used least time
@@ -51,21 +48,21 @@ class StreamLink(RestartingLoop, PeerLink):
     What fails over one stream closes that stream (`_for`). What fails beyond them restarts the link.
 
     Args:
-        factory: who made it.
-        parent: its node.
-        options: of the link.
+        link: as of Transport.
         terms: of its sessions.
     """
 
-    def __init__(self, factory: LoopFactory, parent: Node, options: LinkOptions, terms: Terms) -> None:
-        super().__init__(factory, parent, options, terms)
+    def __init__(self, link: Link, terms: Terms) -> None:
+        super().__init__(link)
+        self.peers = Peers(link, terms)
+        self.carry = self.peers.carry
         self.streams: list[StreamPeer] = []  # all, also those that are not up
-        self._now_s = parent.clock.now_s
+        self.now_s = link.parent.clock.now_s
+        self._node = link.parent
         self._tend_s = 0.0
         self._is_woken = False
         self._is_round_over = False
-        self._is_slow = options.faults is not None  # then frames are due at moments of their own
-        self._lock = threading.Lock()  # held for steps that do not wait
+        self._is_slow = link.options.faults is not None  # then frames are due at moments of their own
         self._visits = -1  # of the node at its door, when last seen
         self._is_node_busy = True
         self.forged = 0  # streams that something between the two ends has changed
@@ -74,7 +71,8 @@ class StreamLink(RestartingLoop, PeerLink):
         self._half_read: dict[StreamPeer, None] = {}  # streams with bytes that `select` does not show
         self._greeting = Account()  # of all streams together that are not up
 
-    def _open_ports(self, ports: ExitStack) -> None:
+    def open(self, ports: ExitStack) -> None:
+        """Open what each round waits for; see Transport."""
         self._selector: selectors.BaseSelector = selectors.DefaultSelector()
         ports.callback(self._selector.close)
         self._wake_in, self._wake_out = socket.socketpair()
@@ -84,13 +82,9 @@ class StreamLink(RestartingLoop, PeerLink):
         self._selector.register(self._wake_out, selectors.EVENT_READ, self._woken)
         ports.callback(self._drop_all)
 
-    def _shut(self) -> None:
-        with self._lock:
-            super()._shut()
-
-    def _show_down(self, reason: str) -> None:
-        self.reason, self._told = reason, ()
-        self._report(self.get_time_s())
+    def notes(self) -> list[str]:
+        """Return what to note; see Transport."""
+        return self.peers.notes()
 
     def wake(self) -> None:
         """Has the link's thread look around; from any thread."""
@@ -110,29 +104,19 @@ class StreamLink(RestartingLoop, PeerLink):
         """Somebody woke the link: a page waits, or it is to stop."""
         self._pump_all()
 
-    def has_few_tasks(self) -> bool:
-        """Whether the node has little to do beside what it does now."""
-        return self.parent.machine.queued <= FEW_TASKS
-
-    def stop(self) -> None:
-        """Asks for no more rounds; ends the one that waits."""
-        super().stop()
-        if self._backing is not None:
-            self.wake()
-
-    def _round(self) -> None:
+    def round(self) -> None:
         """Waits until something happens and does what is to be done about it; again and again, while pages come."""
-        select, now = self._selector.select, self.get_time_s
+        select, now = self._selector.select, self.now_s
         self._is_round_over = False
         while not self._is_round_over:
             now_s = now()
             until_s = self._until_s(now_s)
             events = select(max(0.0, until_s - now_s))
-            with self._lock:
+            with self.lock:
                 self._act_on(events)
-            if not events or now_s >= until_s or not self.has_few_tasks():
+            if not events or now_s >= until_s or not self.link.has_few_tasks():
                 break
-        with self._lock:
+        with self.lock:
             self._stand_in(now())
             self._tend(now())
 
@@ -149,13 +133,13 @@ class StreamLink(RestartingLoop, PeerLink):
 
     def _in_turn(self, streams: list[StreamPeer], act: Callable[[StreamPeer], object]) -> None:
         """Act on each stream once, those first that have used least time lately, until the time of a round is over."""
-        begun_s = now_s = self._now_s()
+        begun_s = now_s = self.now_s()
         if len(streams) > 1:
             streams = sorted(streams, key=_USED_S)
         for stream in streams:
             account = stream.account
             act(stream)
-            last_s, now_s = now_s, self._now_s()
+            last_s, now_s = now_s, self.now_s()
             account.used_s += now_s - last_s
             if now_s - begun_s > ROUND_S:
                 break
@@ -163,21 +147,22 @@ class StreamLink(RestartingLoop, PeerLink):
             self._rest_s = now_s + (now_s - begun_s)
 
     def _until_s(self, now_s: float) -> float:
-        if self._half_read and not self.is_deaf:
+        if self._half_read and not self.link.is_deaf:
             return now_s
-        if self.is_deaf or self._is_node_busy:
+        if self.link.is_deaf or self._is_node_busy:
             return now_s + LOOK_EVERY_S
         return min([self._tend_s, *(stream.due_s for stream in self.streams)]) if self._is_slow else self._tend_s
 
-    def _see_off(self) -> None:
+    def see_off(self) -> None:
         """Sends what waits and says goodbye; not for longer than `LINGER_S`."""
-        with self._lock:
+        with self.lock:
             for stream in self.streams:
-                self._leave_door(stream)
-        see_off(self.streams, self.get_time_s, self._farewell())
+                self._stand_at_door(stream, False)
+        see_off(self.streams, self.now_s, self.peers.farewell())
 
-    def _state(self, now_s: float) -> dict[str, Any]:
-        return {**super()._state(now_s), "failures": self.failures, "forged": self.forged}
+    def state(self, now_s: float) -> dict[str, Any]:
+        """Return how the link is; see Transport."""
+        return {**self.peers.state(now_s), "failures": self.link.failures, "forged": self.forged}
 
     # Streams
 
@@ -192,17 +177,16 @@ class StreamLink(RestartingLoop, PeerLink):
             if stream in self.streams:
                 self._drop(stream)
 
-    def _add_stream(self, port: Port, where: str) -> StreamPeer:
-        session = Session(self.terms, self.get_time_s(), self._decode)
-        way = None if self.options.faults is None else self._new_way()
-        stream = StreamPeer(port, session, self, way, where, self._greeting)
+    def _add_stream(self, port: SocketPort, where: str) -> StreamPeer:
+        way = self.peers.new_way() if self._is_slow else None
+        stream = StreamPeer(port, self.peers.new_session(), self.link, way, where, self._greeting)
         self.streams.append(stream)
         self._for(stream, self._pump)
         return stream
 
     def _pump(self, stream: StreamPeer) -> None:
         """Sends what waits for a far end, and draws the conclusions."""
-        stream.pump(self.get_time_s())
+        stream.pump(self.now_s())
         if stream.failure or stream.session.is_closed:
             self._part_from(stream)
         if stream in self.streams:
@@ -219,7 +203,7 @@ class StreamLink(RestartingLoop, PeerLink):
 
     def _serve_at_door(self, ready: list[StreamPeer]) -> None:
         """Read a round of what has come, on the node's thread, which has nothing else to do."""
-        with self._lock:
+        with self.lock:
             self._in_turn(ready, self._read_at_door)
             for stream in ready:
                 if stream.failure or stream.session.wants_attention:
@@ -235,7 +219,7 @@ class StreamLink(RestartingLoop, PeerLink):
             self._read(stream)
             if stream.session.is_up and stream.session.wants_attention:
                 # A ping is answered here, as a page would be: a change of threads takes far longer than its way.
-                stream.pump(self._now_s())
+                stream.pump(self.now_s())
                 if stream.has_more:
                     self.wake()
         except Exception as error:  # the link's thread closes the stream
@@ -243,22 +227,22 @@ class StreamLink(RestartingLoop, PeerLink):
 
     def _stand_in(self, now_s: float) -> None:
         """Read a round of what has come for a node that has not been at its door since the last look."""
-        door = self.parent.door
+        door = self._node.door
         is_absent = not door.is_waited_at and door.visits == self._visits
         self._is_node_busy, self._visits = not door.is_waited_at, door.visits
-        is_early = now_s < self._rest_s or (now_s < self._read_s + STAND_IN_S and not self.has_few_tasks())
-        was_deaf, self.is_deaf = self.is_deaf, self._must_wait() or is_early
-        if self.is_deaf != was_deaf:
+        is_early = now_s < self._rest_s or (now_s < self._read_s + STAND_IN_S and not self.link.has_few_tasks())
+        was_deaf, self.link.is_deaf = self.link.is_deaf, self.link.must_wait() or is_early
+        if self.link.is_deaf != was_deaf:
             for stream in list(self.streams):
                 self._for(stream, self._watch)
-        if is_absent and not self.is_deaf:
+        if is_absent and not self.link.is_deaf:
             at_door = [stream for stream in self.streams if stream.is_at_door]
             self._in_turn(at_door, lambda stream: self._for(stream, self._read))
 
     def _read(self, stream: StreamPeer) -> None:
         """Let in what has come: of frames that begin no more than the stream's share."""
         session = stream.session
-        size_bytes = max(MIN_SHARE_BYTES, ROUND_BYTES // (len(self.peers) or 1))
+        size_bytes = max(MIN_SHARE_BYTES, ROUND_BYTES // (len(self.peers.up) or 1))
         if stream.unread_bytes and session.missing_bytes > size_bytes:
             size_bytes = min(READ_BYTES, session.missing_bytes)
         try:
@@ -277,79 +261,80 @@ class StreamLink(RestartingLoop, PeerLink):
             if stream.port.has_more():
                 self._half_read[stream] = None
         stream.unread_bytes += len(data)
-        now_s = self._now_s()
+        now_s = self.now_s()
         pages = session.receive(data, now_s)
         if not stream.is_admitted and session.is_up:
             stream.is_admitted, stream.account = True, Account()
-            stream.pump(self.get_time_s())  # what the session says stands before the first page
+            stream.pump(self.now_s())  # what the session says stands before the first page
             self._admit(stream)
             self._tend_s = 0.0  # tell it now
         if pages:
-            self._note_size(stream.unread_bytes // len(pages))
+            self.link.note_size(stream.unread_bytes // len(pages))
             stream.unread_bytes = 0
             self._read_s = now_s
-            self._bring(pages, stream)
+            self.link.bring(pages, stream)
 
     def _part_from(self, stream: StreamPeer) -> None:
         """The session is over. The far end is given a moment to read why: closing at once could take that back."""
         leaves_s = self._note_end(stream)
         if stream.due_s == float("inf"):  # else why it is over is still on its way, where faults delay it
             stream.end_writing()
-        if stream.failure or self.get_time_s() >= leaves_s:
+        if stream.failure or self.now_s() >= leaves_s:
             self._drop(stream)
 
     def _note_end(self, stream: StreamPeer) -> float:
         """Note once why a session is over; returns when its stream is closed at the latest."""
         if stream.leaves_s is not None:
             return stream.leaves_s
-        stream.leaves_s = self.get_time_s() + LINGER_S
+        stream.leaves_s = self.now_s() + LINGER_S
         if stream.failure:
             stream.session.lost(stream.failure)
         if stream.is_admitted:
-            self._dismiss(stream)
-        self.reason = stream.session.reason
-        self.unwanted += stream.session.rejected
+            self.peers.dismiss(stream)
+        self.link.reason = stream.session.reason
+        self.link.unwanted += stream.session.rejected
         self.forged += stream.session.was_forged
         is_news = stream.session.was_forged and self.forged == 1  # told once: it can happen again and again
-        self.log.log(logging.WARNING if is_news else logging.INFO, "%s: %s", stream.where, self.reason)
+        self.link.log.log(logging.WARNING if is_news else logging.INFO, "%s: %s", stream.where, self.link.reason)
         self._tend_s = 0.0
         return stream.leaves_s
 
     def _drop(self, stream: StreamPeer) -> None:
         """Close a stream. Every step is tried, whatever the others raise."""
         if stream.bug is not None:
-            self.failures += 1
+            self.link.failures += 1
             # One traceback is enough: a far end must not fill the log with more of them.
-            self.log.error("%s: %s", stream.where, stream.failure, exc_info=stream.bug if self.failures == 1 else None)
+            self.link.log.error(
+                "%s: %s", stream.where, stream.failure, exc_info=stream.bug if self.link.failures == 1 else None
+            )
         self.streams.remove(stream)
         self._half_read.pop(stream, None)
-        self._try(partial(self._note_end, stream))
-        self._try(partial(self._watch, stream))
-        self._try(stream.port.close)
-        self._try(partial(self._gone, stream))
+        self.link.attempt(partial(self._note_end, stream))
+        self.link.attempt(partial(self._watch, stream))
+        self.link.attempt(stream.port.close)
+        self.link.attempt(partial(self._gone, stream))
 
     def _drop_all(self) -> None:
         for stream in list(self.streams):
             stream.session.lost("the link was closed.")  # if it did not end in good order
             self._drop(stream)
 
+    def _admit(self, stream: StreamPeer) -> None:
+        """A session is up."""
+        self.peers.admit(stream)
+
     def _gone(self, stream: StreamPeer) -> None:
         """A stream is closed; a client calls again."""
 
     def _watch(self, stream: StreamPeer) -> None:
         """Has `select` wait for what this stream can do now."""
+        is_open, is_leaving = stream in self.streams, stream.leaves_s is not None
+        is_at_door = is_open and stream.is_admitted and stream.port.is_shareable and not is_leaving
+        self._stand_at_door(stream, is_at_door)
+        is_read = is_leaving or not (is_at_door or (stream.is_admitted and self.link.is_deaf))
         wanted = 0
-        if stream in self.streams:
-            is_leaving = stream.leaves_s is not None
-            is_read = is_leaving or not (stream.is_admitted and self.is_deaf)
-            if stream.is_admitted and stream.port.is_shareable and not is_leaving:
-                self._bring_to_door(stream)
-                is_read = False
-            else:
-                self._leave_door(stream)
+        if is_open:
             wanted = (selectors.EVENT_READ if is_read else 0) | (selectors.EVENT_WRITE if stream.is_blocked else 0)
-        else:
-            self._leave_door(stream)
         if wanted == stream.watched:
             return
         if not wanted:
@@ -360,15 +345,14 @@ class StreamLink(RestartingLoop, PeerLink):
             self._selector.modify(stream.descriptor, wanted, stream)
         stream.watched = wanted
 
-    def _bring_to_door(self, stream: StreamPeer) -> None:
-        if not stream.is_at_door:
-            self.parent.door.watch(stream.descriptor, self._serve_at_door, stream)
+    def _stand_at_door(self, stream: StreamPeer, is_wanted: bool) -> None:
+        """Have the node's thread read a stream while it waits at its door, or not any more."""
+        if is_wanted and not stream.is_at_door:
+            self._node.door.watch(stream.descriptor, self._serve_at_door, stream)
             stream.is_at_door = True
-
-    def _leave_door(self, stream: StreamPeer) -> None:
-        if stream.is_at_door:
+        elif stream.is_at_door and not is_wanted:
             stream.is_at_door = False
-            self.parent.door.unwatch(stream.descriptor)
+            self._node.door.unwatch(stream.descriptor)
 
     def _tend(self, now_s: float) -> None:
         """Does what time asks for."""
@@ -382,11 +366,11 @@ class StreamLink(RestartingLoop, PeerLink):
         self._greeting.used_s /= 2
         for stream in list(self.streams):
             stream.account.used_s /= 2
-            if self.is_deaf:
+            if self.link.is_deaf:
                 stream.session.forgive_silence(now_s)
             self._for(stream, lambda stream: stream.session.tick(now_s))
         self._pump_all()
-        self._report(now_s)
+        self.link.report(now_s)
 
 
 def see_off(streams: list[StreamPeer], now_s: Callable[[], float], reason: str) -> None:

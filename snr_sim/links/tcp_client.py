@@ -1,4 +1,4 @@
-"""ClientLink: the end of a TCP link that calls, and calls again whenever the connection is gone."""
+"""TcpClient: the end of a TCP link that calls, and calls again whenever the connection is gone."""
 
 from __future__ import annotations
 
@@ -10,15 +10,13 @@ from contextlib import ExitStack, suppress
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING
 
-from snr_sim.core.loop import LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.links.back_off import BackOff
-from snr_sim.links.options import LinkOptions
+from snr_sim.links.link import Link
 from snr_sim.links.restarting import error_text
 from snr_sim.links.session import Terms
 from snr_sim.links.socket_port import Address, SocketPort
 from snr_sim.links.stream_peer import StreamPeer
-from snr_sim.links.streams import StreamLink
+from snr_sim.links.streams import Streams
 
 if TYPE_CHECKING:
     import ssl
@@ -27,33 +25,27 @@ CONNECT_TIMEOUT_S = 5.0
 STEADY_S = 5.0  # a connection that lasted this long was a good one: the next try comes soon
 
 
-class ClientLink(StreamLink):
+class TcpClient(Streams):
     """Calls, and calls again whenever the connection is gone.
 
     Args:
-        factory, parent, options, terms: as of StreamLink.
+        link, terms: as of Streams.
         address: of the server; its port may become known only once that listens.
         context: of TLS, if wanted.
         server_name: what the server's certificate must say; its host if empty.
     """
 
     def __init__(
-        self,
-        factory: LoopFactory,
-        parent: Node,
-        options: LinkOptions,
-        terms: Terms,
-        address: Address,
-        context: ssl.SSLContext | None,
-        server_name: str,
+        self, link: Link, terms: Terms, address: Address, context: ssl.SSLContext | None, server_name: str
     ) -> None:
-        super().__init__(factory, parent, options, terms)
+        super().__init__(link, terms)
         self._address = address
         self._context = context
         self._server_name = server_name or address.host
 
-    def _open_ports(self, ports: ExitStack) -> None:
-        super()._open_ports(ports)
+    def open(self, ports: ExitStack) -> None:
+        """Call as soon as possible; see Transport."""
+        super().open(ports)
         self._call_s: float | None = 0.0  # when to call next; None while somebody does, or the line is open
         self._back_off = BackOff()
         self._up_s = 0.0
@@ -82,17 +74,17 @@ class ClientLink(StreamLink):
             sock.close()
             self._call_again(f"waits for {self._address}: {error}.")
             return
-        self._up_s = self.get_time_s()
+        self._up_s = self.now_s()
         self._add_stream(port, str(self._address))
 
     def _gone(self, stream: StreamPeer) -> None:
-        if self.get_time_s() - self._up_s >= STEADY_S:
+        if self.now_s() - self._up_s >= STEADY_S:
             self._back_off.forget()
         self._call_again(stream.session.reason)
 
     def _call_again(self, reason: str) -> None:
-        self.reason = reason
-        self._call_s = self.get_time_s() + self._back_off.next_s()
+        self.link.reason = reason
+        self._call_s = self.now_s() + self._back_off.next_s()
         self._tend_s = min(self._tend_s, self._call_s)
 
 

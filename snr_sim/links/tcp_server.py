@@ -1,22 +1,19 @@
-"""ServerLink: the end of a TCP link that is called, by one client or several."""
+"""TcpServer: the end of a TCP link that is called, by one client or several."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from snr_sim.core.loop import LoopFactory
-from snr_sim.core.node import Node
+from snr_sim.links.link import Link
 from snr_sim.links.listener import Listener
 from snr_sim.links.newcomers import Newcomers, crowd, source_of
-from snr_sim.links.options import LinkOptions
-from snr_sim.links.peers import Peer
 from snr_sim.links.security import Network, is_allowed
 from snr_sim.links.session import Terms
-from snr_sim.links.socket_port import Address, Claim, SocketPort
+from snr_sim.links.socket_port import SocketPort
 from snr_sim.links.stream_peer import StreamPeer
-from snr_sim.links.streams import StreamLink
+from snr_sim.links.streams import Streams
 
 if TYPE_CHECKING:
     import socket
@@ -27,66 +24,53 @@ MAX_NEWCOMERS = 64  # connections that are not up, or not any more
 ACCEPTS_PER_ROUND = 8
 
 
-@dataclass(frozen=True)
-class Gate:
-    """Who may connect.
+class TcpServer(Streams):
+    """Listens, and serves each client by itself.
 
     Args:
+        link, terms: as of Streams.
+        listener: returns the socket that listens.
         asks_who: clients have to prove who they are, and may come from anywhere.
         allow: otherwise only from here, and from this machine.
         context: of TLS, if wanted.
     """
 
-    asks_who: bool
-    allow: tuple[Network, ...]
-    context: ssl.SSLContext | None
-
-
-class ServerLink(StreamLink):
-    """Listens, and serves each client by itself.
-
-    Args:
-        factory, parent, options, terms: as of StreamLink.
-        address: where it listens.
-        gate: who may connect.
-        claim: of the port there.
-    """
-
     def __init__(
         self,
-        factory: LoopFactory,
-        parent: Node,
-        options: LinkOptions,
+        link: Link,
         terms: Terms,
-        address: Address,
-        gate: Gate,
-        claim: Claim,
+        listener: Callable[[], socket.socket],
+        asks_who: bool,
+        allow: tuple[Network, ...],
+        context: ssl.SSLContext | None,
     ) -> None:
-        super().__init__(factory, parent, options, terms)
-        self._address = address
-        self._gate = gate
-        self._claim = claim
+        super().__init__(link, terms)
+        self._listen = listener
+        self._asks_who = asks_who
+        self._allow = allow
+        self._context = context
         self._newcomers = Newcomers()
         self._has_told = False  # that an address may not greet now
 
-    def _open_ports(self, ports: ExitStack) -> None:
-        super()._open_ports(ports)
-        sock = self._claim.take(self._address)
+    def open(self, ports: ExitStack) -> None:
+        """Listen; see Transport."""
+        super().open(ports)
+        sock = self._listen()
         ports.callback(sock.close)
-        self._listener = Listener(sock, self._selector, self.log, self._accept)
+        self._listener = Listener(sock, self._selector, self.link.log, self._accept)
 
     def _accept(self, events: int) -> None:
         for _ in range(ACCEPTS_PER_ROUND):
-            come = self._listener.accept(self.get_time_s())
+            come = self._listener.accept(self.now_s())
             if come is None:
                 return
             self._receive(*come)
 
     def _receive(self, sock: socket.socket, address: tuple[Any, ...]) -> None:
         where = f"{address[0]}:{address[1]}"
-        if not self._newcomers.may_greet(address[0], self.get_time_s()):
+        if not self._newcomers.may_greet(address[0], self.now_s()):
             if not self._has_told:  # once: whoever connects must not fill the log
-                self.log.warning("refused %s and perhaps others: too many connections from one address.", where)
+                self.link.log.warning("refused %s and perhaps others: too many connections from one address.", where)
             self._has_told = True
             sock.close()
             return
@@ -97,36 +81,38 @@ class ServerLink(StreamLink):
             one.failure = "others came while it said nothing."
             self._for(one, self._pump)
         try:
-            port = SocketPort(sock, self._gate.context)
+            port = SocketPort(sock, self._context)
         except (OSError, ValueError):  # of TLS
             sock.close()
             return
         stream = self._add_stream(port, where)
-        if not (self._gate.asks_who or is_allowed(address[0], self._gate.allow)):
-            self.log.warning("refused %s, which is not in allow=.", where)
+        if not (self._asks_who or is_allowed(address[0], self._allow)):
+            self.link.log.warning("refused %s, which is not in allow=.", where)
             stream.session.refuse(
-                f"{address[0]} may not connect to node '{self.parent.name}'. "
+                f"{address[0]} may not connect to node '{self.link.parent.name}'. "
                 'Try: allow=["' + address[0] + '"] there, or a secret= on both ends.'
             )
             self._for(stream, self._pump)
 
-    def _admit(self, peer: Peer) -> None:
-        super()._admit(peer)
-        assert isinstance(peer, StreamPeer)
-        self._newcomers.know(_host_of(peer))
-        if len(self.peers) > MAX_PEERS:
-            peers = [stream for stream in self.streams if stream in self.peers]
-            crowded = crowd(peers, _source_of, lambda stream: stream.session.peer_node)
-            surplus = crowded[-1] if len(crowded) > 1 else peer  # who has only one connection keeps it
-            surplus.session.refuse(f"{MAX_PEERS} others are connected to node '{self.parent.name}', which is the most.")
+    def _admit(self, stream: StreamPeer) -> None:
+        super()._admit(stream)
+        self._newcomers.know(_host_of(stream))
+        if len(self.peers.up) > MAX_PEERS:
+            up = [other for other in self.streams if other in self.peers.up]
+            crowded = crowd(up, _source_of, lambda other: other.session.peer_node)
+            surplus = crowded[-1] if len(crowded) > 1 else stream  # who has only one connection keeps it
+            surplus.session.refuse(
+                f"{MAX_PEERS} others are connected to node '{self.link.parent.name}', which is the most."
+            )
 
     def _tend(self, now_s: float) -> None:
         self._listener.tend(now_s)
         super()._tend(now_s)
 
-    def _see_off(self) -> None:
+    def see_off(self) -> None:
+        """Take nobody any more, and say goodbye; see Transport."""
         self._listener.close()  # first: a client that has heard the goodbye may call again at once
-        super()._see_off()
+        super().see_off()
 
 
 def _host_of(stream: StreamPeer) -> str:

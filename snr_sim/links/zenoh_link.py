@@ -1,6 +1,6 @@
-"""ZenohLink: one node's link to a ZenohNet. The one door to the package `zenoh`.
+"""ZenohTransport: one node's way to a ZenohNet. The one door to the package `zenoh`.
 
-What Zenoh sees of each node, at its place in the net (see roster.py):
+What Zenoh sees of each node, at its place in the net (see fleet.py):
 
     <place>/alive        a liveliness token: goes when the node does, however that may be
     <place>/page/<key>   its pages, exactly as Page.serialize writes them; a number is attached
@@ -18,28 +18,22 @@ import heapq
 import json
 import math
 import threading
+import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from snr_sim.core.loop import LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.links.back_off import BackOff
 from snr_sim.links.faults import Way
-from snr_sim.links.fleet import PING_BYTES, FleetLink, Hearing, Member
-from snr_sim.links.link import by_name
-from snr_sim.links.options import LinkOptions
-from snr_sim.links.restarting import RestartingLoop
-from snr_sim.links.roster import Far, Roster, encoded
+from snr_sim.links.fleet import ALONE, PING_BYTES, Far, Fleet, Hearing, Member, encoded
+from snr_sim.links.link import Link
 from snr_sim.links.send_queue import SendQueue
 from snr_sim.links.wire_bounds import decode_page
-from snr_sim.links.zenoh_callbacks import ZenohCallbacks
-from snr_sim.links.zenoh_settings import ZenohSettings
 from snr_sim.prelude.errors import LinkError, MissingExtra, SnrError
 from snr_sim.prelude.page import DataKey
 
-ALONE = "nobody else is in the net."
 TEND_EVERY_S = 0.05
 MAX_TIME_BYTES = 32  # of the answer to a ping
 DEAF_LOOK_S = 0.002  # how often a link that lets nothing in looks whether the node has caught up
@@ -50,6 +44,7 @@ MAX_PLACE_BYTES = 1 << 13
 NUMBER_BYTES = 8
 
 
+@dataclass(slots=True, eq=False)
 class Letter:
     """A page on its way. Its length is that of its page.
 
@@ -57,76 +52,112 @@ class Letter:
         key: of the page.
         raw: the page, as Page.serialize writes it.
         far: whose it is; None is this node's own.
-        number: of the page among those of its key; 0 if it has none.
+        number: of the page among those of its key.
+        is_sent: to anybody.
     """
 
-    __slots__ = ("far", "is_sent", "key", "number", "raw")
-
-    def __init__(self, key: DataKey, raw: bytes, far: Far | None = None, number: int = 0) -> None:
-        self.key = key
-        self.raw = raw
-        self.far = far
-        self.number = number
-        self.is_sent = False  # to anybody
+    key: DataKey
+    raw: bytes
+    far: Far | None = None
+    number: int = 0
+    is_sent: bool = False
 
     def __len__(self) -> int:
         return len(self.raw)
 
 
-class ZenohLink(RestartingLoop, FleetLink):
+class ZenohCallbacks:
+    """Make callbacks and wait until the threads that Zenoh (1.10) starts for them have ended.
+
+    Zenoh starts a Python thread for each callback, a daemon where the declaring thread is one, and ends it when the
+    session closes or a query is over. `Session.close` does not wait for that. Up to Python 3.13, a daemon that takes
+    Python's lock while the interpreter ends is unwound through Zenoh's Rust frames, which aborts the whole process
+    ("FATAL: exception not rethrown"). So whoever ends the program has to wait for these threads first.
+    """
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._open = 0  # callbacks whose thread has not begun to end
+        self._ending: list[threading.Thread] = []
+
+    def make(self, wrap: Callable[..., Any], callback: Callable[[Any], None]) -> Any:
+        """Return `callback` as a handler.
+
+        Args:
+            wrap: zenoh.handlers.Callback.
+            callback: takes what Zenoh brings.
+        """
+        with self._changed:
+            self._open += 1
+        return wrap(callback, self._end)
+
+    def _end(self) -> None:
+        """Note that this thread ends; Zenoh calls it there, after the last call of the callback."""
+        with self._changed:
+            self._open -= 1
+            self._ending = [thread for thread in self._ending if thread.is_alive()]
+            self._ending.append(threading.current_thread())
+            self._changed.notify_all()
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until all threads have ended, for `timeout_s` at most, and return whether they have."""
+        until_s = time.monotonic() + timeout_s
+        with self._changed:
+            if not self._changed.wait_for(lambda: self._open == 0, timeout_s):
+                return False
+            ending = list(self._ending)
+        for thread in ending:
+            thread.join(max(0.0, until_s - time.monotonic()))
+        return not any(thread.is_alive() for thread in ending)
+
+
+class ZenohTransport(Fleet):
     """Sends and hears pages over Zenoh.
 
     Args:
-        factory, parent, options, member, hearing: as of FleetLink.
-        settings: what it may do on the network.
+        link, member, hearing: as of Fleet.
+        config: what Zenoh is told, by the names of its settings.
+        waits_for: whom it connects to, in words; "" if it listens.
     """
 
-    def __init__(
-        self,
-        factory: LoopFactory,
-        parent: Node,
-        options: LinkOptions,
-        member: Member,
-        hearing: Hearing,
-        settings: ZenohSettings,
-    ) -> None:
-        super().__init__(factory, parent, options, member, hearing)
-        self._waits_for = ", ".join(each.text for each in settings.connect) or "anybody to be discovered"
-        self.reason = ALONE if settings.listen else f"waits for {self._waits_for}."
+    def __init__(self, link: Link, member: Member, hearing: Hearing, config: dict[str, Any], waits_for: str) -> None:
+        super().__init__(link, member, hearing)
+        options, node = link.options, link.parent
+        self._waits_for = waits_for
+        if waits_for:
+            link.reason = f"waits for {waits_for}."
+        self._settings = config
         self._session: Any = None
         self._callbacks = ZenohCallbacks()
         self._has_joined = False
         self._back_off = BackOff()
         self._try_s = 0.0
-        self._settings = settings
-        self._roster = Roster(f"snr/{encoded(options.name)}")
         self._outbox: SendQueue[Letter] = SendQueue(options.queue_pages, options.policy)
         self._inbox: SendQueue[Letter] = SendQueue(options.queue_pages, options.policy)
         self._guard = threading.Lock()  # held for a few steps: of the two above, and what is on the way
         self._newest: dict[DataKey, Letter] = {}
         self._publishers: dict[DataKey, Any] = {}
-        self._way = (
-            None if options.faults is None else Way(options.faults, parent.seed, f"link:{self.name}:{parent.role}")
-        )
+        self._way = None if options.faults is None else Way(options.faults, node.seed, f"link:{link.name}:{node.role}")
         self._delayed: list[tuple[float, int, Callable[[], None]]] = []  # what is on the way: when it arrives
         self._count = 0
         self._bell: SimpleQueue[None] = SimpleQueue()
         self._is_rung = False
         self._tend_s = 0.0
-        self._ping_s = 0.0
 
-    def _open(self) -> None:
+    def open(self, ports: ExitStack) -> None:
+        """Open a session, if this end listens; see Transport."""
+        ports.callback(self._shut)
         self._zenoh = zenoh = _zenoh()
         self._config = zenoh.Config()
-        for name, value in self._settings.config(self._roster.prefix).items():
+        for name, value in self._settings.items():
             self._config.insert_json5(name, json.dumps(value))
-        if not self._settings.listen:
+        if self._waits_for:
             return  # that may take long, and is the link's thread's business
         try:
             self._session = zenoh.open(self._config)
         except zenoh.ZError as error:
             raise LinkError(
-                f"The net '{self.options.name}' cannot be opened: {_in_words(error)}",
+                f"The net '{self.link.options.name}' cannot be opened: {_in_words(error)}",
                 fix="is another program listening there, and is it an address of this machine?",
             ) from error
 
@@ -135,20 +166,20 @@ class ZenohLink(RestartingLoop, FleetLink):
         try:
             session = self._zenoh.open(self._config)
         except self._zenoh.ZError as error:
-            self.reason = f"waits for {self._waits_for}: {_in_words(error)}"
-            self._try_s = self.get_time_s() + self._back_off.next_s()
+            self.link.reason = f"waits for {self._waits_for}: {_in_words(error)}"
+            self._try_s = self.now_s() + self._back_off.next_s()
             return
-        if self.is_terminated():
+        if self.link.is_terminated():
             session.close()
             return
         self._session = session
 
     def _join_net(self) -> None:
         """Listens first and shows itself last: who sees this node can already be heard by it."""
-        session, accept, robots = self._session, self.options.accept, self.hearing.robots
-        prefix = self._roster.prefix
-        self._roster.own_place = place = self._roster.place_of(self.member, str(session.zid()))
-        self.reason = ALONE
+        session, accept, robots = self._session, self.link.options.accept, self.hearing.robots
+        prefix = self.roster.prefix
+        self.roster.own_place = place = self.roster.place_of(self.member, str(session.zid()))
+        self.link.reason = ALONE
         remote = self._zenoh.Locality.REMOTE
         for robot in ["*"] if robots is None else [encoded(robot) for robot in sorted(robots)]:
             for key in ["*"] if accept is None else [encoded(key) for key in sorted(accept)]:
@@ -172,43 +203,43 @@ class ZenohLink(RestartingLoop, FleetLink):
         size_bytes = len(sample.payload)
         attached = b"" if sample.attachment is None else sample.attachment.to_bytes()[: NUMBER_BYTES + 1]
         number = int.from_bytes(attached, "big") if len(attached) == NUMBER_BYTES else 0
-        raw = sample.payload.to_bytes() if size_bytes <= self.options.max_frame_bytes else b""
-        far, is_new = self._roster.takes(place, key, number, self.get_time_s())
+        raw = sample.payload.to_bytes() if size_bytes <= self.link.options.max_frame_bytes else b""
+        far, is_new = self.roster.takes(place, key, number, self.now_s())
         if far is None or not raw:
-            self.unwanted += 1
+            self.link.unwanted += 1
         elif is_new:
             with self._guard:
                 self._inbox.put(Letter(key, raw, far))
-            self._ring()
+            self.wake()
 
     def _seen(self, sample: Any) -> None:
         """Somebody has come or gone."""
         place = str(sample.key_expr).removesuffix("/alive")
         if sample.kind == self._zenoh.SampleKind.DELETE:
-            self._roster.leaves(place)
+            self.roster.leaves(place)
         else:
-            self._roster.shows(place, self.get_time_s())
+            self.roster.shows(place, self.now_s())
         self._tend_soon()
 
     def _tend_soon(self) -> None:
         self._tend_s = 0.0
-        self._ring()
+        self.wake()
 
     def _asked(self, query: Any) -> None:
         """Somebody asks whether this node is there."""
         if query.payload is not None and len(query.payload) <= MAX_PLACE_BYTES:
-            self._roster.hears(query.payload.to_bytes().decode(errors="replace"), self.get_time_s())
+            self.roster.hears(query.payload.to_bytes().decode(errors="replace"), self.now_s())
         self._put_on_the_way(PING_BYTES, lambda: self._answer(query), is_page=False)
 
     def _answer(self, query: Any) -> None:
         with suppress(self._zenoh.ZError):  # whoever asked is gone
-            query.reply(f"{self._roster.own_place}/ping", repr(self.get_time_s()).encode())
+            query.reply(f"{self.roster.own_place}/ping", repr(self.now_s()).encode())
 
     def _answered(self, asked_s: float, reply: Any) -> None:
         if reply.ok is None:
             return
-        now_s = self.get_time_s()
-        far = self._roster.hears(str(reply.ok.key_expr).removesuffix("/ping"), now_s)
+        now_s = self.now_s()
+        far = self.roster.hears(str(reply.ok.key_expr).removesuffix("/ping"), now_s)
         if far is not None:
             far.rtt_s = max(0.0, now_s - asked_s)
             their_s = _time_in(reply.ok.payload)
@@ -217,14 +248,15 @@ class ZenohLink(RestartingLoop, FleetLink):
 
     # On the node's thread
 
-    def _send(self, key: DataKey, raw: bytes, frame: bytes) -> None:
+    def send(self, key: DataKey, raw: bytes) -> None:
+        """Send a page to all others; see Fleet."""
         letter = Letter(key, raw)
         self._put_on_the_way(len(raw), lambda: self._post(letter), is_page=True)
 
     def _post(self, letter: Letter) -> None:
         with self._guard:
             self._outbox.put(letter)
-        self._ring()
+        self.wake()
 
     # From any thread
 
@@ -235,35 +267,30 @@ class ZenohLink(RestartingLoop, FleetLink):
             return
         with self._guard:
             if len(self._delayed) >= self._outbox.max_pages:
-                self.dropped += is_page
+                self.link.dropped += is_page
                 return
-            for arrival_s in self._way.arrivals_s(size_bytes, self.get_time_s(), is_page):
+            for arrival_s in self._way.arrivals_s(size_bytes, self.now_s(), is_page):
                 self._count += 1
                 heapq.heappush(self._delayed, (arrival_s, self._count, arrive))
-        self._ring()
+        self.wake()
 
-    def _ring(self) -> None:
-        """Has the link's thread look around."""
+    def wake(self) -> None:
+        """Have the link's thread look around; see Transport."""
         if not self._is_rung:
             self._is_rung = True
             self._bell.put(None)
 
-    def stop(self) -> None:
-        """Asks for no more rounds; ends the one that waits."""
-        super().stop()
-        self._ring()
-
     # On the link's thread
 
-    def _round(self) -> None:
+    def round(self) -> None:
         """Waits until there is something to do, and does it."""
         due_s = min(self._tend_s, self._delayed[0][0]) if self._delayed else self._tend_s
-        wait_s = DEAF_LOOK_S if self.is_deaf else due_s - self.get_time_s()
+        wait_s = DEAF_LOOK_S if self.link.is_deaf else due_s - self.now_s()
         if wait_s > 0:
             with suppress(Empty):
                 self._bell.get(timeout=wait_s)
         self._is_rung = False  # before looking, so that what comes after the look rings again
-        now_s = self.get_time_s()
+        now_s = self.now_s()
         if self._session is None and now_s >= self._try_s:
             self._connect()
         if self._session is not None and not self._has_joined:
@@ -271,17 +298,17 @@ class ZenohLink(RestartingLoop, FleetLink):
         self._arrive()
         self._take_in()
         self._send_out()
-        self._tend(self.get_time_s())
+        self._tend(self.now_s())
 
     def _arrive(self) -> None:
-        now_s = self.get_time_s()
+        now_s = self.now_s()
         while self._delayed and self._delayed[0][0] <= now_s:
             with self._guard:
                 _, _, arrive = heapq.heappop(self._delayed)
             arrive()
 
     def _take_in(self) -> None:
-        while not self._must_wait():
+        while not self.link.must_wait():
             with self._guard:
                 letters = self._inbox.take(BATCH_BYTES)
             if not letters:
@@ -297,16 +324,16 @@ class ZenohLink(RestartingLoop, FleetLink):
         except (SnrError, ValueError, RecursionError, MemoryError, OverflowError):
             page = None
         if page is None or encoded(page.key) != letter.key:
-            self.unwanted += 1
+            self.link.unwanted += 1
             return
-        self._note_size(len(letter))
+        self.link.note_size(len(letter))
         far.received += 1
-        self._bring_from(far.member, [page], far)
+        self.let_in(far.member, page, far)
 
     def _send_out(self) -> None:
         """Sends what waits; blocks as long as a far end does not read."""
-        is_heard = bool(self._roster.here())
-        if self._roster.take_newcomer():
+        is_heard = bool(self.roster.here())
+        if self.roster.take_newcomer():
             for letter in list(self._newest.values()):
                 self._put(letter, is_heard)
         while True:
@@ -317,7 +344,7 @@ class ZenohLink(RestartingLoop, FleetLink):
             for letter in letters:
                 last = self._newest.pop(letter.key, None)  # taken out, so that the order is that of storing
                 if last is not None and not last.is_sent:
-                    self.dropped += 1
+                    self.link.dropped += 1
                 letter.number = last.number + 1 if last is not None else 1
                 self._newest[letter.key] = letter
                 self._put(letter, is_heard)
@@ -327,11 +354,11 @@ class ZenohLink(RestartingLoop, FleetLink):
             return
         if is_heard and not letter.is_sent:
             letter.is_sent = True
-            self.sent += 1
+            self.link.sent += 1
         publisher = self._publishers.get(letter.key)
         if publisher is None:
             publisher = self._publishers[letter.key] = self._session.declare_publisher(
-                f"{self._roster.own_place}/page/{encoded(letter.key)}",
+                f"{self.roster.own_place}/page/{encoded(letter.key)}",
                 encoding=self._zenoh.Encoding.APPLICATION_JSON,
                 # Not BLOCK: with it, one who does not read can bring Zenoh's routing to a halt for all (1.10).
                 congestion_control=self._zenoh.CongestionControl.DROP,
@@ -345,71 +372,52 @@ class ZenohLink(RestartingLoop, FleetLink):
             return
         self._tend_s = now_s + TEND_EVERY_S
         if now_s >= self._ping_s:
-            self._ping_s = now_s + self.options.keep_alive_s
+            self._ping_s = now_s + self.link.options.keep_alive_s
             self._put_on_the_way(PING_BYTES, lambda: self._ask(now_s), is_page=False)
-        self._report(now_s)
+        self.link.report(now_s)
 
     def _ask(self, now_s: float) -> None:
         """Asks all others whether they are there."""
         if self._session is None:
             return
         self._session.get(
-            f"{self._roster.prefix}/*/*/*/ping",
+            f"{self.roster.prefix}/*/*/*/ping",
             self._background(lambda reply: self._answered(now_s, reply)),
             target=self._zenoh.QueryTarget.ALL,
             consolidation=self._zenoh.ConsolidationMode.NONE,
-            timeout=self.options.timeout_s,
-            payload=self._roster.own_place,
+            timeout=self.link.options.timeout_s,
+            payload=self.roster.own_place,
             congestion_control=self._zenoh.CongestionControl.DROP,
             allowed_destination=self._zenoh.Locality.REMOTE,
         )
 
-    def _state(self, now_s: float) -> dict[str, Any]:
-        shown = self._roster.here()
-        here = [far for far in shown if now_s - far.heard_s <= self.options.timeout_s]
-        reason = f"nothing was heard for {self.options.timeout_s:g} s." if shown else self._roster.news or self.reason
-        dropped = self.dropped + self._outbox.dropped + self._inbox.dropped + self._roster.missed
-        dropped += 0 if self._way is None else self._way.lost
-        trips_s = [far.rtt_s for far in here if far.rtt_s is not None]
-        return {
-            "up": bool(here),
-            "age_s": max((max(0.0, now_s - far.heard_s) for far in here), default=None),
-            "dropped": dropped,
-            "rtt_s": max(trips_s, default=None),
-            "sent": self.sent,
-            "received": self.received,
-            "unwanted": self.unwanted,
-            "failures": self.failures,
-            "reason": "" if here else reason,
-            "peers": by_name(
-                (
-                    far.member.name,
-                    {
-                        "age_s": max(0.0, now_s - far.heard_s),
-                        "rtt_s": far.rtt_s,
-                        "clock_offset_s": far.clock_offset_s,
-                        "dropped": far.missed,
-                        "received": far.received,
-                    },
-                )
-                for far in here
-            ),
-        }
+    @property
+    def dropped(self) -> int:
+        """Pages that did not get across, as far as this end knows; of others, by the numbers on what came."""
+        lost = 0 if self._way is None else self._way.lost
+        return self.link.dropped + self._outbox.dropped + self._inbox.dropped + self.roster.missed + lost
 
-    def halt(self) -> None:
-        """Sends what waits and leaves."""
+    def state_of(self, far: Far, now_s: float) -> dict[str, Any]:
+        """Return what there is to say of another node; see Fleet."""
+        more = {"clock_offset_s": far.clock_offset_s, "dropped": far.missed, "received": far.received}
+        return {**super().state_of(far, now_s), **more}
+
+    def state(self, now_s: float) -> dict[str, Any]:
+        """Return how the link is; see Transport."""
+        return {**super().state(now_s), "failures": self.link.failures}
+
+    def see_off(self) -> None:
+        """Send what waits, and leave; see Transport."""
         self._leave(self._send_out)
 
     def _shut(self) -> None:
+        if not self.link.is_shut:
+            return  # at the end: it has left already, and may still be sending
         self._leave(lambda: None)
         self._session, self._has_joined = None, False
         self._callbacks = ZenohCallbacks()
         self._publishers.clear()
-
-    def _show_down(self, reason: str) -> None:
-        self._roster.cut_off(reason)
-        self.reason, self._told = reason, ()
-        self._report(self.get_time_s())
+        self.roster.cut_off()
 
     def _leave(self, say_last: Callable[[], None]) -> None:
         """Leave on a thread of its own and wait for `LINGER_S` at most: what Zenoh does may block."""
@@ -423,7 +431,7 @@ class ZenohLink(RestartingLoop, FleetLink):
             session.close()
             callbacks.wait(LEAVE_S)
 
-        leaving = threading.Thread(target=leave, name=f"{self.name} leaves", daemon=True)
+        leaving = threading.Thread(target=leave, name=f"{self.link.name} leaves", daemon=True)
         leaving.start()
         leaving.join(LINGER_S)
         if leaving.is_alive():  # a Python that ends while a thread is in Zenoh is aborted

@@ -2,25 +2,56 @@
 
 from __future__ import annotations
 
+import itertools
+import random
 import socket
 import struct
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 import msgspec
 import pytest
 
-from snr_sim import Config, Node, Task, TaskType, tasks
+from snr_sim import Config, Node, SimRunner, Task, TaskType, tasks
 from snr_sim.core.clocks import WallClock
 from snr_sim.core.config import AnyFactory
 from snr_sim.links.frames import FrameReader, encode_frame
 from snr_sim.links.messages import Ping, Pong, decode_message
-from snr_sim.testing.parts import PartFactory
+from snr_sim.testing.parts import PartFactory, TickerFactory
 
 LIMIT_S = 90.0  # of any wait: long, because a loaded machine must not fail a test
+
+
+def free_port() -> int:
+    """A port that nobody has, below those that systems give to whoever connects to something meanwhile."""
+    while True:
+        port = random.randrange(20_000, 32_000)
+        with socket.socket() as sock, suppress(OSError):
+            sock.bind(("127.0.0.1", port))
+            return port
+
+
+def ear(came: list[Any], key: str | None = "x", field: str = "data") -> PartFactory:
+    """Keeps a field of each page that is stored under a key, or under any."""
+    what: Any = TaskType.store_page if key is None else (TaskType.store_page, key)
+    return PartFactory({what: lambda task, task_id: came.append(getattr(task.val_list[0], field))}, "ear")
+
+
+def ticks(key: str, rate_hz: float = 10.0) -> TickerFactory:
+    """Stores 0, 1, 2, ... at a rate."""
+    values = itertools.count()
+    return TickerFactory(lambda loop: loop.store_data(key, next(values)), f"ticks_{key}", rate_hz)
+
+
+def simulate(roles: Mapping[str, Sequence[AnyFactory]], until_s: float | None = None, **options: Any) -> SimRunner:
+    """Runs roles in lock step, and returns the runner."""
+    runner = SimRunner(Config(factories=dict(roles)), until_s=until_s, **options)
+    runner.run()
+    return runner
 
 
 class Running:
@@ -96,13 +127,15 @@ Start = Callable[..., Running]
 
 @pytest.fixture
 def start() -> Iterator[Start]:
-    """Starts a node: `start("role", [factories])`. All are ended after the test."""
+    """Starts a node, `start("role", [factories])`, and waits until its link is `down`, or `up`. Ends all of them."""
     started: list[Running] = []
 
-    def begin(role: str, factories: Sequence[AnyFactory], seed: int = 0, clock: WallClock | None = None) -> Running:
-        running = Running(role, factories, seed, clock)
+    def begin(role: str, factories: Sequence[AnyFactory], *, down: str = "", up: str = "", **options: Any) -> Running:
+        running = Running(role, factories, **options)
         started.append(running)
         running.thread.start()
+        if down or up:
+            running.until_link(down or up, up=bool(up))
         return running
 
     yield begin

@@ -31,7 +31,7 @@ def main() -> None:
     threading.Thread(target=wait, daemon=True).start()
     node.loop()
     link = node.components["link_t"]
-    print(node.get_data("stick"), link.sent, link.dropped, link.unsent)
+    print(node.get_data("stick"), link.sent, link.dropped, link.transport.peers.unsent)
 
 
 if __name__ == "__main__":

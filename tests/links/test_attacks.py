@@ -106,7 +106,7 @@ def test_pilot_over_real_sockets_under_attack_waits_a_quarter_second_at_most(kin
     with attack(kind, robot.pair.port):
         begun_s = time.monotonic()
         while (ended_s := time.monotonic()) < begun_s + ATTACK_S:
-            most = max(most, len(link.streams))
+            most = max(most, len(link.transport.streams))
             time.sleep(0.05)
     grown = memory_bytes() - memory
     said, _ = pilot.communicate("", LIMIT_S)

@@ -15,7 +15,7 @@ from snr_sim import Config, Node, SocketsPair
 from snr_sim.links.frames import encode_frame
 from snr_sim.links.messages import Auth, Bye, Hello, Ping, encode_message
 from snr_sim.links.restarting import RestartingLoop
-from snr_sim.links.streams import StreamLink
+from snr_sim.links.streams import Streams
 from snr_sim.links.tcp_server import MAX_NEWCOMERS
 from snr_sim.prelude.errors import ComponentFailed
 
@@ -66,7 +66,7 @@ class History:
         carry, self.expected[node.name] = link._carry, 0
 
         def count(*args: Any) -> None:
-            self.expected[node.name] += max(1, len(link.peers))
+            self.expected[node.name] += max(1, len(link.transport.peers.up))
             carry(*args)
 
         link._carry = count
@@ -129,7 +129,7 @@ class History:
 
     def break_line(self) -> None:
         """Break an honest stream: reset at one end, at both, or cut without notice."""
-        for stream in self.link(self.operator).streams:
+        for stream in self.link(self.operator).transport.streams:
             sock = stream.port._sock
             how = self.rng.randrange(3)
             if how == 2:
@@ -141,7 +141,7 @@ class History:
 
     def tamper(self) -> None:
         """Change, add or leave out bytes of an honest stream on their way."""
-        for stream in self.link(self.rng.choice(self.nodes)).streams:
+        for stream in self.link(self.rng.choice(self.nodes)).transport.streams:
             come = stream.port._sock.come
             i = self.rng.randrange(len(come) + 1)
             come[i : i + self.rng.randrange(3)] = self.rng.randbytes(self.rng.randrange(3))
@@ -153,13 +153,13 @@ class History:
         self.network.now_s += self.rng.choice((0.01, 0.5, 4.0))
 
     def bug_of_stream(self) -> None:
-        for stream in self.link(self.rng.choice(self.nodes)).streams[:1]:
+        for stream in self.link(self.rng.choice(self.nodes)).transport.streams[:1]:
             bugs = (RuntimeError("a bug"), OSError(errno.EIO, os.strerror(errno.EIO)))
             stream.port._sock.bug = self.rng.choice(bugs)
 
     def bug_of_link(self) -> None:
         if self.rng.random() < 0.3:
-            self.link(self.rng.choice(self.nodes))._selector.bug = RuntimeError("a bug")
+            self.link(self.rng.choice(self.nodes)).transport._selector.bug = RuntimeError("a bug")
 
     # What must be so afterwards
 
@@ -189,18 +189,19 @@ class History:
         """Each stream of a link is open, and its selector knows no other descriptor."""
         link = self.link(node)
         assert self.has_bugs or not link.failures, link.failures
-        own = {stream.descriptor for stream in link.streams} | {link._wake_out.fileno()}
+        transport = link.transport
+        own = {stream.descriptor for stream in transport.streams} | {transport._wake_out.fileno()}
         if node is self.robot:
-            own.add(link._listener.sock.fileno())
+            own.add(transport._listener.sock.fileno())
         assert own <= self.network.open.keys()
-        assert {key.fd for key in link._selector.get_map().values()} <= own
+        assert {key.fd for key in transport._selector.get_map().values()} <= own
 
     def end(self) -> None:
         """End both nodes: each page was sent, dropped or kept, and no descriptor is left."""
         for node in self.nodes:
             node.end("the history is over")
             link = self.link(node)
-            assert link.sent + link.dropped + link.unsent == self.expected[node.name]
+            assert link.sent + link.dropped + link.transport.peers.unsent == self.expected[node.name]
         assert not self.network.open
 
 
@@ -223,19 +224,19 @@ def test_links_in_random_histories_keep_node_and_honest_client(seeds: range) -> 
     play(seeds)
 
 
-def act_unguarded(link: StreamLink, stream: Any, act: Callable[..., object], *args: object) -> None:
-    """What `StreamLink._for` was: it acts on streams that an earlier event has closed, and lets errors pass."""
+def act_unguarded(streams: Streams, stream: Any, act: Callable[..., object], *args: object) -> None:
+    """What `Streams._for` was: it acts on streams that an earlier event has closed, and lets errors pass."""
     act(stream, *args)
 
 
 def test_campaign_without_guard_of_streams_finds_a_failed_link(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(StreamLink, "_for", act_unguarded)
+    monkeypatch.setattr(Streams, "_for", act_unguarded)
     with pytest.raises(AssertionError):
         play(range(0, 100, 2))  # no bugs but that one
 
 
 def test_campaign_without_guard_and_restart_finds_a_node_that_ended(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(StreamLink, "_for", act_unguarded)
+    monkeypatch.setattr(Streams, "_for", act_unguarded)
     monkeypatch.setattr(RestartingLoop, "loop", lambda self: self._round())
     with pytest.raises(ComponentFailed, match=r"list\.remove\(x\): x not in list"):
         play(range(0, 100, 2))
@@ -254,7 +255,7 @@ def history(monkeypatch: pytest.MonkeyPatch) -> Iterator[History]:
 
 def test_failed_link_shows_down_with_the_reason_and_is_up_again(history: History) -> None:
     link = history.link(history.robot)
-    link._selector.bug = RuntimeError("a bug")
+    link.transport._selector.bug = RuntimeError("a bug")
     history.rounds(1)
     page = history.robot.get_data(LINK)
     assert not page["up"]
@@ -279,14 +280,14 @@ def test_link_that_fails_again_and_again_waits_longer_and_logs_once(
 
 
 def test_bug_over_one_stream_closes_that_one_and_no_other(history: History) -> None:
-    (honest,) = history.link(history.robot).streams
+    (honest,) = history.link(history.robot).transport.streams
     history.connect()
     history.rounds(2)
-    other = next(stream for stream in history.link(history.robot).streams if stream is not honest)
+    other = next(stream for stream in history.link(history.robot).transport.streams if stream is not honest)
     other.port._sock.bug = RuntimeError("a bug")
     history.strangers[0].send(b"x")
     history.rounds(2)
-    assert history.link(history.robot).streams == [honest]
+    assert history.link(history.robot).transport.streams == [honest]
     assert history.link(history.robot).failures == 1
     assert not history.link(history.robot).is_shut
 
@@ -294,10 +295,10 @@ def test_bug_over_one_stream_closes_that_one_and_no_other(history: History) -> N
 def test_stranger_that_resets_before_it_is_refused_leaves_the_honest_client(monkeypatch: pytest.MonkeyPatch) -> None:
     history = History(4, monkeypatch)  # strangers are refused by their address
     history.settle()
-    (honest,) = history.link(history.robot).streams
+    (honest,) = history.link(history.robot).transport.streams
     history.connect()
     history.strangers[0].reset()
     history.rounds(2)
-    assert history.link(history.robot).streams == [honest]
+    assert history.link(history.robot).transport.streams == [honest]
     assert not honest.session.is_closed
     assert not history.link(history.robot).failures

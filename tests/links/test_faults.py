@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from snr_sim import Config, Faults, SimRunner, SocketsPair, TaskType
+from snr_sim import Faults, SocketsPair, Task, TaskType
 from snr_sim.links.faults import Luck, Way
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.rng import rng_for
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.parts import PartFactory
+
+from .conftest import ear, simulate, ticks
 
 
 def arrivals(faults: Faults, count: int = 2000, seed: int = 1, every_s: float = 0.01) -> list[tuple[float, ...]]:
@@ -111,29 +113,15 @@ def test_numbers_of_numpy_and_whole_ones_are_numbers() -> None:
 def fly(faults: Faults, seed: int = 0, until_s: float = 20.0) -> tuple[list[Any], list[dict[str, Any]]]:
     """Sends 0, 1, 2, ... at 10 Hz from a to b in lock step; returns what came, and a's reports about the link."""
     pair = SocketsPair(("127.0.0.1", 1), name="t", faults=faults)
-    values = iter(range(10_000))
     came: list[Any] = []
     reports: list[dict[str, Any]] = []
-    config = Config(
-        factories={
-            "a": [
-                TickerFactory(lambda loop: loop.store_data("x", next(values)), rate_hz=10),
-                pair.client("x"),
-                PartFactory(
-                    {
-                        (TaskType.store_page, "link_t"): lambda task, task_id: reports.append(
-                            {"t": task.val_list[0].created_at_s, **task.val_list[0].data}
-                        )
-                    }
-                ),
-            ],
-            "b": [
-                pair.server(),
-                PartFactory({(TaskType.store_page, "x"): lambda task, task_id: came.append(task.val_list[0].data)}),
-            ],
-        }
-    )
-    SimRunner(config, seed=seed, until_s=until_s).run()
+
+    def note(task: Task, task_id: Any) -> None:
+        reports.append({"t": task.val_list[0].created_at_s, **task.val_list[0].data})
+
+    watch = PartFactory({(TaskType.store_page, "link_t"): note})
+    roles: dict[str, list[Any]] = {"a": [ticks("x"), pair.client("x"), watch], "b": [pair.server(), ear(came)]}
+    simulate(roles, seed=seed, until_s=until_s)
     return came, reports
 
 
@@ -165,14 +153,13 @@ def test_the_same_faults_work_on_real_sockets(start: Callable[..., Any]) -> None
     pair = SocketsPair(
         ("127.0.0.1", 0), name="t", faults=Faults(latency_s=0.02, loss=0.3, duplication=0.2, reordering=0.2, seed=3)
     )
-    robot = start("robot", [pair.server()])
-    robot.until_link("t", up=False)
+    robot = start("robot", [pair.server()], down="t")
     client = start("client", [pair.client("x")])
     assert client.until_link("t")
     for value in range(300):
         client.store("x", value)
     client.until_stored("x", 300)
-    way = client.node.components["link_t"].streams[0].way
+    way = client.node.components["link_t"].transport.streams[0].way
     client.end()  # sends what is still on its way
     came = robot.stored["x"]
     robot.until_link("t", up=False)
@@ -185,10 +172,8 @@ def test_the_same_faults_work_on_real_sockets(start: Callable[..., Any]) -> None
 @pytest.mark.slow
 def test_the_rtt_over_real_sockets_shows_the_latency(start: Callable[..., Any]) -> None:
     pair = SocketsPair(("127.0.0.1", 0), name="t", faults=Faults(latency_s=0.05))
-    robot = start("robot", [pair.server()])
-    robot.until_link("t", up=False)
-    client = start("client", [pair.client("x")])
-    client.until_link("t")
+    start("robot", [pair.server()], down="t")
+    client = start("client", [pair.client("x")], up="t")
     client.until(lambda: (client.stored["link_t"][-1]["rtt_s"] or 0) >= 0.1, "rtt")
 
 

@@ -11,13 +11,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from snr_sim import Config, Faults, Page, SimRunner, SocketsPair, TaskType
+from snr_sim import Faults, Page, SocketsPair, TaskType
 from snr_sim.console.wire import PURPOSE, Command, asked, decode_answered, decode_asked
 from snr_sim.links.frame_mac import FrameMac
 from snr_sim.links.frames import HEADER_BYTES, MAC_BYTES, FrameReader, encode_frame
 from snr_sim.links.session import Session, Terms
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
+from .conftest import simulate
 from .test_campaign import LINK, History
 
 SECRET = b"sixteen or more bytes"
@@ -223,10 +224,10 @@ def test_forged_frame_closes_that_connection_is_counted_and_logged_once(
     with caplog.at_level(logging.WARNING, "snr"):
         logging.getLogger("snr").setLevel(logging.WARNING)
         for count in (1, 2, 3):
-            (stream,) = link.streams
+            (stream,) = link.transport.streams
             stream.port._sock.come += encode_frame(Page("stick", "forged", "operator_node", 0.0).serialize())
             history.rounds(50)  # the other end is given a moment to read why
-            assert stream not in link.streams
+            assert stream not in link.transport.streams
             assert history.robot.get_data(LINK)["forged"] == count
             assert history.robot.get_data("stick") != "forged"
             history.settle()
@@ -241,7 +242,7 @@ def test_simulated_link_carries_with_macs_what_it_carried_without(monkeypatch: p
         pair = SocketsPair(("127.0.0.1", 1), name="t", secret=SECRET, faults=faults)
         keep = PartFactory({TaskType.store_page: lambda task, task_id: stored.append(task.val_list[0])})
         source = TickerFactory(lambda loop: loop.store_data("x", loop.get_time_s()))
-        SimRunner(Config(factories={"a": [source, pair.client("x")], "b": [keep, pair.server()]}), until_s=10.0).run()
+        simulate({"a": [source, pair.client("x")], "b": [keep, pair.server()]}, until_s=10.0)
         return stored
 
     with_macs = run()

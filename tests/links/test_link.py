@@ -19,6 +19,8 @@ from snr_sim.links.options import LinkOptions
 from snr_sim.prelude.errors import ComponentFailed, ConfigError, ParameterError
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
+from .conftest import simulate
+
 HERE = "127.0.0.1"
 LIMIT_S = 90.0
 
@@ -90,11 +92,7 @@ def test_a_role_that_lists_an_end_without_calling_it_is_told_to_call_it() -> Non
 def test_a_key_that_nobody_stores_is_noted_with_the_nearest_name() -> None:
     tether = SocketsPair((HERE, 1), name="tether")
     depths = TickerFactory(lambda loop: loop.store_data("depth", 1.5), rate_hz=10)
-    runner = SimRunner(
-        Config(factories={"robot": [depths, tether.server(["dept", "depth"])], "topside": [tether.client()]}),
-        until_s=1.0,
-    )
-    runner.run()
+    runner = simulate({"robot": [depths, tether.server(["dept", "depth"])], "topside": [tether.client()]}, until_s=1.0)
     (note,) = [note for note in runner.nodes["robot"].notes if "link_tether" in note]
     assert note.startswith("'link_tether' waits for store_page 'dept', which nobody stored; did you mean 'depth'?")
     assert not any("link_tether" in note for note in runner.nodes["topside"].notes)
@@ -104,8 +102,7 @@ def test_a_kept_out_key_that_no_terminal_shows_stands_in_no_note() -> None:
     tether = SocketsPair((HERE, 1), name="tether")
     sends = TickerFactory(lambda loop: (loop.store_data("d\x1b[2J", 1), loop.store_data("heading", 1)), rate_hz=10)
     roles = {"robot": [sends, tether.server(["d\x1b[2J", "heading"])], "topside": [tether.client(accept=["depth"])]}
-    runner = SimRunner(Config(factories=roles), until_s=1.0)
-    runner.run()
+    runner = simulate(roles, until_s=1.0)
     (note,) = (note for note in runner.nodes["topside"].notes if "link_tether" in note)
     assert "heading" in note
     assert note.isprintable()
@@ -124,8 +121,7 @@ def test_an_accepted_key_that_never_comes_is_noted_with_those_that_were_kept_out
         "robot": [TickerFactory(store, rate_hz=10), tether.server(keys)],
         "topside": [tether.client(accept=[accept])],
     }
-    runner = SimRunner(Config(factories=roles), until_s=1.0)
-    runner.run()
+    runner = simulate(roles, until_s=1.0)
     link = runner.nodes["topside"].components["link_tether"]
     notes = [note for note in runner.nodes["topside"].notes if "link_tether" in note]
     assert len(link._kept_out) == KEPT_OUT_REMEMBERED  # type: ignore[attr-defined]
@@ -207,8 +203,7 @@ def test_pages_that_faults_still_delay_count_as_dropped_when_the_session_ends(
     start: Callable[..., Any], raw: Callable[..., Any]
 ) -> None:
     pair = SocketsPair((HERE, 0), name="t", faults=Faults(latency_s=60.0))
-    robot = start("robot", [pair.server("depth")])
-    robot.until_link("t", up=False)
+    robot = start("robot", [pair.server("depth")], down="t")
     far = raw(pair.port)
     robot.until_link("t")
     robot.store("depth", *range(7))
@@ -222,8 +217,7 @@ def test_pages_that_faults_still_delay_count_as_dropped_when_the_session_ends(
 def test_the_log_names_the_link_that_is_up_or_down(start: Callable[..., Any], caplog: pytest.LogCaptureFixture) -> None:
     pair = SocketsPair((HERE, 0), name="tether")
     with caplog.at_level("INFO"):
-        robot = start("robot", [pair.server()])
-        robot.until_link("tether", up=False)
+        robot = start("robot", [pair.server()], down="tether")
         topside = start("topside", [pair.client()])
         robot.until_link("tether")
         topside.end()
@@ -236,8 +230,7 @@ def test_the_log_names_the_link_that_is_up_or_down(start: Callable[..., Any], ca
 @pytest.mark.slow
 def test_a_page_of_a_node_whose_clock_shows_another_time_is_as_old_as_it_is(start: Callable[..., Any]) -> None:
     pair = SocketsPair((HERE, 0), name="tether")
-    robot = start("robot", [pair.server()])
-    robot.until_link("tether", up=False)
+    robot = start("robot", [pair.server()], down="tether")
     topside = start("topside", [pair.client("controls")], clock=WallClock(time.monotonic() - 5000.0))
     begun_s = robot.node.clock.now_s()
     topside.store("controls", 1)
@@ -252,10 +245,8 @@ def test_a_page_of_a_node_whose_clock_shows_another_time_is_as_old_as_it_is(star
 @pytest.mark.parametrize("key", ["link_tether", "reload", "add_component"])
 def test_what_a_node_tells_of_itself_no_far_end_can_overwrite(start: Callable[..., Any], key: str) -> None:
     pair = SocketsPair((HERE, 0), name="tether")
-    robot = start("robot", [pair.server()])
-    robot.until_link("tether", up=False)
-    intruder = start("intruder", [SocketsPair((HERE, pair.port), name="other").client([key, "end"])])
-    intruder.until_link("other")
+    robot = start("robot", [pair.server()], down="tether")
+    intruder = start("intruder", [SocketsPair((HERE, pair.port), name="other").client([key, "end"])], up="other")
     intruder.store(key, {"up": True, "peers": 5})
     intruder.store("end", 1)
     robot.until_stored("end")
@@ -266,8 +257,7 @@ def test_what_a_node_tells_of_itself_no_far_end_can_overwrite(start: Callable[..
 @pytest.mark.slow
 def test_what_a_far_end_tells_of_itself_comes_in_if_it_is_asked_for(start: Callable[..., Any]) -> None:
     pair = SocketsPair((HERE, 0), name="tether")
-    topside = start("topside", [pair.server(accept=["reload"])])
-    topside.until_link("tether", up=False)
+    topside = start("topside", [pair.server(accept=["reload"])], down="tether")
     robot = start("robot", [pair.client("reload")])
     robot.store("reload", {"ok": True})
     assert topside.until_stored("reload") == [{"ok": True}]

@@ -14,10 +14,12 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Config, Page, SimRunner, SocketsPair, Task, TaskType
+from snr_sim import Page, SocketsPair, Task, TaskType
 from snr_sim.links.frames import encode_frame
 from snr_sim.prelude.errors import ConfigError
 from snr_sim.testing.parts import PartFactory, TickerFactory
+
+from .conftest import simulate
 
 HERE = "127.0.0.1"
 Start = Callable[..., Any]
@@ -31,15 +33,12 @@ def pair() -> SocketsPair:
 
 @pytest.fixture
 def robot(start: Start, pair: SocketsPair) -> Any:
-    running = start("robot", [pair.server("depth")])
-    running.until_link("t", up=False)
-    return running
+    return start("robot", [pair.server("depth")], down="t")
 
 
 @pytest.mark.slow
 def test_weakness_6_a_flood_of_pages_comes_whole_and_in_order(start: Start, robot: Any, pair: SocketsPair) -> None:
-    client = start("client", [pair.client("x")])
-    client.until_link("t")
+    client = start("client", [pair.client("x")], up="t")
     for value in range(20_000):
         client.node.store_data("x", value, False)
     robot.until(lambda: robot.stored["x"] and robot.stored["x"][-1] == 19_999, "the last")
@@ -50,8 +49,7 @@ def test_weakness_6_a_flood_of_pages_comes_whole_and_in_order(start: Start, robo
 def test_weakness_7_a_page_of_5_mb_arrives_when_the_limit_is_raised(
     start: Start, robot: Any, pair: SocketsPair
 ) -> None:
-    client = start("client", [pair.client("x")])
-    client.until_link("t")
+    client = start("client", [pair.client("x")], up="t")
     numbers = [i / 7 for i in range(300_000)]
     client.store("x", numbers)
     assert robot.until_stored("x") == [numbers]
@@ -89,8 +87,7 @@ def test_weakness_8_a_round_trip_does_not_wait_for_the_other_ends_acknowledgemen
         return robot.node.store_data_task("pong", task.val_list[0].data)
 
     robot = start("robot", [pair.server("pong"), PartFactory({(TaskType.store_page, "ping"): answer})])
-    client = start("client", [pair.client("ping")])
-    client.until_link("t")
+    client = start("client", [pair.client("ping")], up="t")
     times_s = []
     for i in range(30):
         start_s = time.perf_counter()
@@ -99,7 +96,7 @@ def test_weakness_8_a_round_trip_does_not_wait_for_the_other_ends_acknowledgemen
         times_s.append(time.perf_counter() - start_s)
     assert statistics.median(times_s) < 0.03  # 0.04 is what Nagle's algorithm and a delayed acknowledgement cost
     for node in (robot, client):
-        (stream,) = node.node.components["link_t"].streams
+        (stream,) = node.node.components["link_t"].transport.streams
         assert stream.port._sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) != 0
 
 
@@ -117,7 +114,7 @@ def test_weakness_10_clients_that_connect_and_close_do_not_end_the_node(robot: A
 
 @pytest.mark.slow
 def test_weakness_11_a_server_listens_where_it_was_told_and_nowhere_else(robot: Any, pair: SocketsPair) -> None:
-    assert robot.node.components["link_t"]._listener.sock.getsockname()[0] == HERE
+    assert robot.node.components["link_t"].transport._listener.sock.getsockname()[0] == HERE
     with pytest.raises(OSError, match=r"."):
         socket.create_connection(("127.0.0.2", pair.port), 5)
 
@@ -134,8 +131,7 @@ def test_weakness_11_a_server_open_to_everybody_is_refused_when_it_is_made(host:
 
 @pytest.mark.slow
 def test_weakness_13_a_second_client_leaves_the_first_alone(start: Start, robot: Any, pair: SocketsPair) -> None:
-    first = start("first", [pair.client("one")])
-    first.until_link("t")
+    first = start("first", [pair.client("one")], up="t")
     second = start("second", [pair.client("two")])
     robot.until(lambda: len(robot.stored["link_t"][-1]["peers"]) == 2, "both")
     robot.store("depth", 1.5)
@@ -152,8 +148,7 @@ def test_weakness_13_a_second_client_leaves_the_first_alone(start: Start, robot:
 @pytest.mark.slow
 def test_weakness_14_a_key_shared_both_ways_does_not_echo(start: Start, pair: SocketsPair) -> None:
     robot = start("robot", [pair.server(["x", "end"])])
-    client = start("client", [pair.client(["x", "end"])])
-    client.until_link("t")
+    client = start("client", [pair.client(["x", "end"])], up="t")
     client.store("x", "from the client")
     robot.until_stored("x")
     robot.store("x", "from the robot")
@@ -177,7 +172,7 @@ def test_weakness_14_a_page_goes_round_a_mesh_of_four_at_most_once_per_link() ->
         factories[name] += [pair.client("x") for (_, client), pair in pairs.items() if client == name]
         factories[name].append(PartFactory(keeps))  # type: ignore[arg-type]
     factories["a"].append(TickerFactory(lambda loop: (loop.store_data("x", 1), loop.stop())))
-    SimRunner(Config(factories=factories), until_s=20.0).run()
+    simulate(factories, until_s=20.0)
     assert set(stored) == set(names)
     assert len(stored) <= 1 + 2 * len(pairs)
 
@@ -203,10 +198,8 @@ def test_a_port_in_use_is_an_error_that_names_it(start: Start, robot: Any, pair:
 @pytest.mark.slow
 def test_a_server_that_vanishes_is_called_again_until_it_is_back(start: Start) -> None:
     pair = SocketsPair((HERE, 0), name="t")
-    robot = start("robot", [pair.server()])
-    robot.until_link("t", up=False)
-    client = start("client", [pair.client("x")])
-    client.until_link("t")
+    robot = start("robot", [pair.server()], down="t")
+    client = start("client", [pair.client("x")], up="t")
     robot.end()
     assert "left" in client.until_link("t", up=False)["reason"]
     client.store("x", 1, 2, 3)

@@ -14,6 +14,8 @@ from snr_sim.prelude.errors import ComponentFailed, ConfigError, ParameterError,
 from snr_sim.testing.parts import Part, PartFactory, TickerFactory
 from snr_sim.testing.witness import Witness
 
+from .conftest import simulate
+
 Heard = list[tuple[float, Any]]
 
 
@@ -48,8 +50,7 @@ def sends(values: Sequence[Any], rate_hz: float = 10.0, key: str = "x") -> Ticke
 
 def carry(link: Link, values: Sequence[Any], rate_hz: float = 10.0, seed: int = 0) -> Heard:
     heard: Heard = []
-    config = Config(factories={"a": [sends(values, rate_hz)], "b": [EarFactory(heard)]})
-    SimRunner(config, links=[link], seed=seed).run()
+    simulate({"a": [sends(values, rate_hz)], "b": [EarFactory(heard)]}, links=[link], seed=seed)
     return heard
 
 
@@ -113,9 +114,7 @@ def test_a_narrow_link_takes_its_time_for_each_byte_and_pages_queue_for_it() -> 
 
 def test_what_arrives_is_a_copy_with_the_stamp_and_origin_of_the_sender() -> None:
     data = {"pose": (1.0, float("nan")), "image": np.arange(3)}
-    config = Config(factories={"a": [sends([data])], "b": []})
-    runner = SimRunner(config, links=[MemoryLink(["x"], "a", "b", latency_s=0.5)])
-    runner.run()
+    runner = simulate({"a": [sends([data])], "b": []}, links=[MemoryLink(["x"], "a", "b", latency_s=0.5)])
     pages = [runner.nodes[role].get_page("x") for role in "ab"]
     assert pages[0] is not None
     assert pages[1] is not None
@@ -131,29 +130,24 @@ def test_a_page_that_no_wire_can_carry_fails_where_it_is_sent() -> None:
 
 def test_a_page_enters_as_an_input_from_the_link() -> None:
     witness = Witness()
-    config = Config(factories={"a": [sends([1])], "b": []})
-    SimRunner(config, links=[MemoryLink(["x"], "a", "b")], recorder=witness).run()
+    simulate({"a": [sends([1])], "b": []}, links=[MemoryLink(["x"], "a", "b")], recorder=witness)
     assert [source for source, _ in witness.inputs] == ["sender", "link_a"]
     assert witness.inputs[1][1].id() == (TaskType.store_page, "x")
 
 
 def test_only_the_keys_of_the_link_cross_it() -> None:
-    config = Config(factories={"a": [sends([1], key="y")], "b": []})
-    runner = SimRunner(config, links=[MemoryLink(["x"], "a", "b")])
-    runner.run()
+    runner = simulate({"a": [sends([1], key="y")], "b": []}, links=[MemoryLink(["x"], "a", "b")])
     assert runner.nodes["b"].datastore.pages == {}
 
 
 def test_a_key_shared_both_ways_does_not_echo() -> None:
     heard_a: Heard = []
     heard_b: Heard = []
-    config = Config(
-        factories={
-            "a": [sends([1, 2]), EarFactory(heard_a)],
-            "b": [TickerFactory(lambda loop: (loop.store_data("x", "b"), loop.stop()), rate_hz=1), EarFactory(heard_b)],
-        }
-    )
-    SimRunner(config, links=[MemoryLink(["x"], "a", "b", latency_s=0.01, both_ways=True)]).run()
+    roles = {
+        "a": [sends([1, 2]), EarFactory(heard_a)],
+        "b": [TickerFactory(lambda loop: (loop.store_data("x", "b"), loop.stop()), rate_hz=1), EarFactory(heard_b)],
+    }
+    simulate(roles, links=[MemoryLink(["x"], "a", "b", latency_s=0.01, both_ways=True)])
     assert [value for _, value in heard_a] == [1, "b", 2]
     assert [value for _, value in heard_b] == ["b", 1, 2]
 
@@ -183,9 +177,7 @@ def test_a_node_that_has_ended_receives_nothing_more() -> None:
     ends = TickerFactory(
         lambda loop: loop.get_time_s() >= 0.1 and loop.schedule(Task(TaskType.terminate, "done")), "end", 10
     )
-    config = Config(factories={"a": [sends([1, 2, 3, 4])], "b": [ends]})
-    runner = SimRunner(config, links=[link])
-    runner.run()
+    runner = simulate({"a": [sends([1, 2, 3, 4])], "b": [ends]}, links=[link])
     assert link.ways[0].delivered == 1
     assert runner.nodes["b"].exit_reason == "done"
 
@@ -194,8 +186,9 @@ def test_the_chance_of_a_link_does_not_shift_that_of_components() -> None:
     def draws(loss: float) -> list[Any]:
         noisy = TickerFactory(lambda loop: loop.store_data("x", loop.rng.random()), rate_hz=10)
         heard: Heard = []
-        config = Config(factories={"a": [noisy, EarFactory(heard)], "b": []})
-        SimRunner(config, links=[MemoryLink(["x"], "a", "b", loss=loss)], until_s=1.0).run()
+        simulate(
+            {"a": [noisy, EarFactory(heard)], "b": []}, links=[MemoryLink(["x"], "a", "b", loss=loss)], until_s=1.0
+        )
         return heard
 
     assert draws(0.0) == draws(0.9)

@@ -60,23 +60,23 @@ def arena(monkeypatch: pytest.MonkeyPatch) -> Arena:
 @pytest.mark.slow
 def test_storm_from_one_address_is_closed_at_once_beyond_its_greetings(arena: Arena) -> None:
     greeted: list[str] = []
-    begin = arena.link._add_stream
-    arena.link._add_stream = lambda port, where: greeted.append(where) or begin(port, where)
+    begin = arena.link.transport._add_stream
+    arena.link.transport._add_stream = lambda port, where: greeted.append(where) or begin(port, where)
     storm = Attackers(arena, lambda sock: None, address=STRANGER)
     arena.attack(storm)
     assert storm.count > 3 * GREETINGS_AT_ONCE
     assert len(greeted) <= GREETINGS_AT_ONCE + 1 + GREETINGS_PER_S
-    assert len(arena.link.streams) <= 1 + GREETINGS_AT_ONCE
+    assert len(arena.link.transport.streams) <= 1 + GREETINGS_AT_ONCE
 
 
 @pytest.mark.slow
 def test_client_of_another_address_greets_while_a_known_address_fills_all_places(arena: Arena) -> None:
-    arena.link._newcomers.know(STRANGER)  # so nothing limits its greetings
+    arena.link.transport._newcomers.know(STRANGER)  # so nothing limits its greetings
     arena.fars.append(Attackers(arena, lambda sock: None, kept=1000, address=STRANGER))
     arena.run_for(0.3)
     sock = arena.network.connect("127.0.0.1", arena.pair.port, HONEST)
     arena.run_for(0.5)  # it says nothing, so it may be the oldest of all
-    waiting = [stream.where for stream in arena.link.streams if not stream.is_admitted]
+    waiting = [stream.where for stream in arena.link.transport.streams if not stream.is_admitted]
     assert len(waiting) == MAX_NEWCOMERS
     assert f"{HONEST}:40000" in waiting
     sock.close()
@@ -95,7 +95,7 @@ def test_peers_of_one_name_that_take_all_places_make_room_for_another_name(
     late = Far(arena, lambda: list(OTHER), "late")
     arena.fars.append(late)
     arena.run_for(0.3)
-    names = [peer.session.peer_node for peer in arena.link.peers]
+    names = [peer.session.peer_node for peer in arena.link.transport.peers.up]
     assert len(names) <= 8
     assert names.count("pilot") == names.count("late") == 1
     assert late.comings == 1
@@ -104,14 +104,14 @@ def test_peers_of_one_name_that_take_all_places_make_room_for_another_name(
 @pytest.mark.slow
 def test_peer_that_reads_no_answers_is_closed_before_they_fill_the_memory(arena: Arena) -> None:
     most = 0
-    pump = arena.link._pump
+    pump = arena.link.transport._pump
 
     def watch(stream: object) -> None:
         nonlocal most
         pump(stream)
-        most = max(most, *(sum(map(len, one._control)) for one in arena.link.streams), 0)
+        most = max(most, *(sum(map(len, one._control)) for one in arena.link.transport.streams), 0)
 
-    arena.link._pump = watch
+    arena.link.transport._pump = watch
     far = Far(arena, lambda: [PING] * 50, reads=False)
     arena.fars.append(far)
     arena.run_for(3.0)

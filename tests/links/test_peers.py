@@ -11,8 +11,10 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Config, Faults, SimRunner, SocketsPair, TaskType
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim import Faults, SimRunner, SocketsPair
+from snr_sim.testing.parts import TickerFactory
+
+from .conftest import ear, simulate, ticks
 
 HERE = "127.0.0.1"
 Start = Callable[..., Any]
@@ -27,8 +29,7 @@ def pair() -> SocketsPair:
 def test_pages_between_two_nodes_of_one_name_are_counted_and_told_at_both_ends(
     start: Start, pair: SocketsPair, caplog: pytest.LogCaptureFixture
 ) -> None:
-    one = start("robot", [pair.server("depth")])
-    one.until_link("t", up=False)
+    one = start("robot", [pair.server("depth")], down="t")
     other = start("robot", [pair.client("cmd")])
     other.store("cmd", 0)  # waits, perhaps, until the other end is there
     for end in (one, other):
@@ -52,8 +53,7 @@ def test_pages_between_two_nodes_of_one_name_are_counted_and_told_at_both_ends(
 def test_a_page_of_one_of_two_far_ends_of_one_name_is_sent_to_the_other_and_that_is_told(
     start: Start, pair: SocketsPair
 ) -> None:
-    robot = start("robot", [pair.server("chat")])
-    robot.until_link("t", up=False)
+    robot = start("robot", [pair.server("chat")], down="t")
     first, second = start("pad", [pair.client("chat")]), start("pad", [pair.client("chat")])
     robot.until(lambda: len(robot.stored["link_t"][-1]["peers"]) == 2, "both")
     first.store("chat", "hello")
@@ -69,8 +69,7 @@ def test_a_page_of_one_of_two_far_ends_of_one_name_is_sent_to_the_other_and_that
 @pytest.mark.slow
 def test_who_lost_a_connection_and_called_again_is_not_two(start: Start, raw: Callable[..., Any]) -> None:
     pair = SocketsPair((HERE, 0), name="t", keep_alive_s=0.05, timeout_s=1.0)
-    robot = start("robot", [pair.server("chat")])
-    robot.until_link("t", up=False)
+    robot = start("robot", [pair.server("chat")], down="t")
     raw(pair.port, node="pad_node")  # says hello, and nothing any more
     robot.until_link("t")
     again = start("pad", [pair.client("chat")])
@@ -85,7 +84,6 @@ def test_who_lost_a_connection_and_called_again_is_not_two(start: Start, raw: Ca
 def test_a_page_that_another_node_passed_on_is_not_sent_to_the_node_that_made_it() -> None:
     with_robot, with_relay, between = (SocketsPair((HERE, 1), name=name) for name in ("ar", "ab", "br"))
     stored: list[Any] = []
-    keeps = PartFactory({(TaskType.store_page, "x"): lambda task, task_id: stored.append(task.val_list[0].origin)})
     roles = {
         "a": [
             TickerFactory(lambda loop: (loop.store_data("x", 1), loop.stop())),
@@ -93,24 +91,22 @@ def test_a_page_that_another_node_passed_on_is_not_sent_to_the_node_that_made_it
             with_robot.client("other"),
         ],
         "b": [with_relay.server(), between.client("x")],
-        "robot": [between.server(), with_robot.server("x"), keeps],
+        "robot": [between.server(), with_robot.server("x"), ear(stored, field="origin")],
     }
-    runner = SimRunner(Config(factories=roles), until_s=3.0)
-    runner.run()
+    runner = simulate(roles, until_s=3.0)
     assert stored == ["a_node"]
     link = runner.nodes["robot"].components["link_ar"]
-    assert (link.sent, link._state(3.0)["dropped"]) == (0, 0)  # type: ignore[attr-defined]
+    assert (link.sent, link.transport.state(3.0)["dropped"]) == (0, 0)  # type: ignore[attr-defined]
 
 
 @pytest.mark.slow
 def test_page_that_is_stored_while_its_far_end_goes_is_counted(start: Start, pair: SocketsPair) -> None:
-    robot = start("robot", [pair.server("depth")])
-    robot.until_link("t", up=False)
+    robot = start("robot", [pair.server("depth")], down="t")
     start("pad", [pair.client()]).until_link("t")
     robot.until_link("t")
     link: Any = robot.node.components["link_t"]
-    (peer,) = link.peers
-    going = threading.Thread(target=lambda: peer.session.lost("it went.") or link.wake())  # type: ignore[func-returns-value]
+    (peer,) = link.transport.peers.up
+    going = threading.Thread(target=lambda: peer.session.lost("it went.") or link.transport.wake())  # type: ignore[func-returns-value]
     takes = peer.takes
 
     def take_slowly(frame: bytes) -> bool:
@@ -120,9 +116,9 @@ def test_page_that_is_stored_while_its_far_end_goes_is_counted(start: Start, pai
 
     peer.takes = take_slowly
     robot.store("depth", 1)
-    robot.until(lambda: not link.peers or link.peers != (peer,), "gone")
+    robot.until(lambda: link.transport.peers.up != (peer,), "gone")
     robot.end()
-    assert link.sent + link.dropped + link.unsent == 1
+    assert link.sent + link.dropped + link.transport.peers.unsent == 1
 
 
 def fly_late(count: int, begins_s: float, **options: Any) -> tuple[list[Any], SimRunner]:
@@ -137,13 +133,11 @@ def fly_late(count: int, begins_s: float, **options: Any) -> tuple[list[Any], Si
             return
         loop.stop()
 
-    hear = PartFactory({TaskType.store_page: lambda task, task_id: came.append(task.val_list[0].data)}, "ear")
     roles: dict[str, list[Any]] = {
         "robot": [TickerFactory(store, "talker", 100.0), pair.server(["say", "dive"])],
-        "topside": [hear, pair.client()],
+        "topside": [ear(came, key=None), pair.client()],
     }
-    runner = SimRunner(Config(factories=roles), until_s=begins_s + 8.0)
-    runner.run()
+    runner = simulate(roles, until_s=begins_s + 8.0)
     return [data for data in came if isinstance(data, int)], runner
 
 
@@ -151,7 +145,7 @@ def test_all_that_was_stored_before_the_link_was_first_up_crosses_in_order() -> 
     came, runner = fly_late(50, 2.0)
     assert came == list(range(50))
     link: Any = runner.nodes["robot"].components["link_t"]
-    assert (link.sent, link.dropped, link.unsent) == (50, 0, 0)
+    assert (link.sent, link.dropped, link.transport.peers.unsent) == (50, 0, 0)
     assert not [note for note in runner.nodes["robot"].notes if "dropped" in note]
 
 
@@ -173,13 +167,8 @@ def test_what_had_to_go_before_the_link_was_first_up_is_counted_and_told(
 def test_once_the_link_was_up_the_newest_of_each_key_is_kept_for_who_comes_again() -> None:
     pair = SocketsPair((HERE, 0), name="t", faults=Faults(cut=((1.0, 6.0),)))
     came: list[Any] = []
-    hear = PartFactory({(TaskType.store_page, "x"): lambda task, task_id: came.append(task.val_list[0].data)}, "ear")
-    numbers = iter(range(1000))
-    roles: dict[str, list[Any]] = {
-        "robot": [TickerFactory(lambda loop: loop.store_data("x", next(numbers)), "talker", 10.0), pair.server("x")],
-        "topside": [hear, pair.client()],
-    }
-    SimRunner(Config(factories=roles), until_s=10.0).run()
+    roles: dict[str, list[Any]] = {"robot": [ticks("x"), pair.server("x")], "topside": [ear(came), pair.client()]}
+    simulate(roles, until_s=10.0)
     gap = max(later - earlier for earlier, later in itertools.pairwise(came))
     assert came[:10] == list(range(10))
     assert 45 < gap < 75

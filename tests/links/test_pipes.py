@@ -8,10 +8,11 @@ from typing import Any
 
 import pytest
 
-from snr_sim import Config, PipeLoopFactory, PipesPair, SimRunner
-from snr_sim.links.pipes import PipePort
+from snr_sim import PipeLoopFactory, PipesPair
+from snr_sim.links.pipes import port_of
 from snr_sim.prelude.errors import LinkError
-from snr_sim.testing.parts import TickerFactory
+
+from .conftest import simulate, ticks
 
 
 @pytest.mark.slow
@@ -33,22 +34,14 @@ def test_pages_cross_a_pipe_both_ways_and_the_end_is_noticed(start: Callable[...
 
 def test_a_pipes_pair_runs_in_lock_step_too() -> None:
     pair = PipesPair()
-    values = iter(range(100))
-    config = Config(
-        factories={
-            "a": [TickerFactory(lambda loop: loop.store_data("x", next(values)), rate_hz=10), pair.client("x")],
-            "b": [pair.server()],
-        }
-    )
-    runner = SimRunner(config, until_s=1.01)
-    runner.run()
+    runner = simulate({"a": [ticks("x"), pair.client("x")], "b": [pair.server()]}, until_s=1.01)
     assert runner.nodes["b"].get_data("x") == 10
 
 
 def test_a_pipe_that_goes_one_way_is_refused() -> None:
     reader, writer = Pipe(duplex=False)
     with pytest.raises(LinkError, match="one way only"):
-        PipePort(reader)
+        port_of(reader)
     reader.close()
     writer.close()
 
@@ -61,7 +54,7 @@ def test_link_over_a_pipe_that_fails_stays_down_and_its_node_runs(
     a, b = start("a", [pair.client("x")]), start("b", [pair.server()])
     a.until_link("pipe")
     b.until_link("pipe")
-    monkeypatch.setattr(a.node.components["link_pipe"], "_until_s", lambda now_s: 1 / 0)
+    monkeypatch.setattr(a.node.components["link_pipe"].transport, "_until_s", lambda now_s: 1 / 0)
     assert "ZeroDivisionError" in a.until_link("pipe", up=False)["reason"]
     assert "closed" in b.until_link("pipe", up=False)["reason"]
     monkeypatch.undo()

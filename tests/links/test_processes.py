@@ -26,8 +26,7 @@ def far_role(start: Callable[..., Any], kind: str) -> Iterator[tuple[Any, subpro
     """A node here, and a process with the far role on its link."""
     if kind == "tcp":
         pair = SocketsPair(("127.0.0.1", 0), name="t", queue_pages=50_000)
-        near = start("near", [pair.server(KEYS)])
-        near.until_link("t", up=False)
+        near = start("near", [pair.server(KEYS)], down="t")
         process = subprocess.Popen([sys.executable, str(FAR_ROLE), kind, str(pair.port)])
     else:
         ours, theirs = Pipe()

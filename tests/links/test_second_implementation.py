@@ -43,8 +43,7 @@ def call() -> Iterator[Call]:
 
 def serve(start: Callable[..., Any], secret: str | None) -> tuple[Any, int]:
     pair = SocketsPair((HERE, 0), name="tether", secret=secret, keep_alive_s=0.05)
-    node = start("rov", [pair.server("depth")])
-    node.until_link("tether", up=False)
+    node = start("rov", [pair.server("depth")], down="tether")
     return node, pair.port
 
 

@@ -81,6 +81,12 @@ def test_only_this_machine_and_named_networks_are_allowed() -> None:
         as_networks(["10.1.*"])
 
 
+@pytest.fixture
+def tls(files: dict[str, str]) -> Tls:
+    """What a server shows, and whom a client trusts."""
+    return Tls(files["robot_cert"], files["robot_key"], files["authority"])
+
+
 @pytest.mark.slow
 def test_an_address_that_is_not_allowed_is_told_so_before_it_is_listened_to(
     start: Start, raw: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
@@ -88,8 +94,7 @@ def test_an_address_that_is_not_allowed_is_told_so_before_it_is_listened_to(
     # Every peer of a test comes from this machine, so the rule itself has to say no here.
     monkeypatch.setattr("snr_sim.links.tcp_server.is_allowed", lambda address, networks: False)
     pair = SocketsPair((HERE, 0), name="t")
-    robot = start("robot", [pair.server()])
-    robot.until_link("t", up=False)
+    robot = start("robot", [pair.server()], down="t")
     last = raw(pair.port).messages(until=Refused)[-1]
     assert "127.0.0.1 may not connect to node 'robot_node'" in last.reason
     assert robot.stored["link_t"][-1]["up"] is False
@@ -98,8 +103,7 @@ def test_an_address_that_is_not_allowed_is_told_so_before_it_is_listened_to(
 @pytest.mark.slow
 def test_a_wrong_secret_is_told_to_both_ends_and_the_right_one_connects(start: Start) -> None:
     pair = SocketsPair((HERE, 0), name="t", secret="the right secret of this robot")
-    robot = start("robot", [pair.server()])
-    robot.until_link("t", up=False)
+    robot = start("robot", [pair.server()], down="t")
     wrong = SocketsPair((HERE, pair.port), name="t", secret="the wrong secret of this robot")
     intruder = start("intruder", [wrong.client("x")])
     intruder.store("x", "evil")
@@ -107,8 +111,7 @@ def test_a_wrong_secret_is_told_to_both_ends_and_the_right_one_connects(start: S
     intruder.until(lambda: "secrets of the two ends differ" in intruder.stored["link_t"][-1]["reason"], "refused")
     none = start("none", [SocketsPair((HERE, pair.port), name="t").client("x")])
     none.until(lambda: none.stored["link_t"] and "asks for a shared" in none.stored["link_t"][-1]["reason"], "refused")
-    honest = start("honest", [SocketsPair((HERE, pair.port), name="t", secret=pair.secret).client("x")])
-    honest.until_link("t")
+    honest = start("honest", [SocketsPair((HERE, pair.port), name="t", secret=pair.secret).client("x")], up="t")
     honest.store("x", "good")
     assert robot.until_stored("x") == ["good"]
 
@@ -117,19 +120,16 @@ def test_a_wrong_secret_is_told_to_both_ends_and_the_right_one_connects(start: S
 def test_a_wrong_secret_is_told_also_through_a_line_that_delays(start: Start) -> None:
     late = Faults(latency_s=0.02)
     pair = SocketsPair((HERE, 0), name="t", secret="the right secret of this robot", faults=late)
-    robot = start("robot", [pair.server()])
-    robot.until_link("t", up=False)
+    start("robot", [pair.server()], down="t")
     wrong = SocketsPair((HERE, pair.port), name="t", secret="the wrong secret of this robot", faults=late)
-    intruder = start("intruder", [wrong.client("x")])
-    intruder.until_link("t", up=False)
+    intruder = start("intruder", [wrong.client("x")], down="t")
     intruder.until(lambda: "secrets of the two ends differ" in intruder.stored["link_t"][-1]["reason"], "refused")
 
 
 @pytest.mark.slow
 def test_a_page_that_waits_at_a_server_with_a_secret_goes_to_the_first_who_proves_it(start: Start) -> None:
     pair = SocketsPair((HERE, 0), name="t", secret="the right secret of this robot")
-    robot = start("robot", [pair.server("depth")])
-    robot.until_link("t", up=False)
+    robot = start("robot", [pair.server("depth")], down="t")
     robot.store("depth", 1.5)
     robot.until_stored("depth")
     topside = start("topside", [pair.client()])
@@ -138,13 +138,10 @@ def test_a_page_that_waits_at_a_server_with_a_secret_goes_to_the_first_who_prove
 
 
 @pytest.mark.slow
-def test_pages_large_and_small_cross_tls_both_ways(start: Start, files: dict[str, str]) -> None:
-    tls = Tls(files["robot_cert"], files["robot_key"], files["authority"])
+def test_pages_large_and_small_cross_tls_both_ways(start: Start, tls: Tls) -> None:
     pair = SocketsPair((HERE, 0), name="t", tls=tls, max_frame_bytes=1 << 23)
-    robot = start("robot", [pair.server("photo")])
-    robot.until_link("t", up=False)
-    client = start("client", [pair.client("x")])
-    client.until_link("t")
+    robot = start("robot", [pair.server("photo")], down="t")
+    client = start("client", [pair.client("x")], up="t")
     robot.until_link("t")
     robot.store("photo", "y" * 3_000_000)
     for value in range(2000):
@@ -157,21 +154,17 @@ def test_pages_large_and_small_cross_tls_both_ways(start: Start, files: dict[str
 def test_a_server_that_the_authority_did_not_sign_is_not_talked_to(start: Start, files: dict[str, str]) -> None:
     tls = Tls(files["robot_cert"], files["robot_key"], files["stranger"])
     pair = SocketsPair((HERE, 0), name="t", tls=tls)
-    robot = start("robot", [pair.server()])
-    robot.until_link("t", up=False)
-    client = start("client", [pair.client("x")])
-    client.until_link("t", up=False)
+    robot = start("robot", [pair.server()], down="t")
+    client = start("client", [pair.client("x")], down="t")
     client.until(lambda: "certificate verify failed" in client.stored["link_t"][-1]["reason"], "reason")
     assert robot.thread.is_alive()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("has_it", ["server", "client"])
-def test_tls_on_one_end_only_is_said_with_what_to_try(start: Start, files: dict[str, str], has_it: str) -> None:
-    tls = Tls(files["robot_cert"], files["robot_key"], files["authority"])
+def test_tls_on_one_end_only_is_said_with_what_to_try(start: Start, tls: Tls, has_it: str) -> None:
     pair = SocketsPair((HERE, 0), name="t", tls=tls if has_it == "server" else None)
-    robot = start("robot", [pair.server()])
-    robot.until_link("t", up=False)
+    robot = start("robot", [pair.server()], down="t")
     there = SocketsPair((HERE, pair.port), name="t", tls=tls if has_it == "client" else None)
     client = start("client", [there.client("x")])
 
@@ -209,8 +202,7 @@ def test_a_certificate_that_does_not_fit_is_told_with_what_to_try(
         blob.write_to_path(path)
     tls = Tls(*paths, server_name="robot.example" if which == "named" else "")
     pair = SocketsPair((HERE, 0), name="t", tls=tls)
-    robot = start("robot", [pair.server()])
-    robot.until_link("t", up=False)
+    start("robot", [pair.server()], down="t")
     client = start("client", [pair.client()])
     client.until(lambda: any(words in state["reason"] for state in client.stored["link_t"]), words)
     assert "([SSL: CERTIFICATE_VERIFY_FAILED]" in client.stored["link_t"][-1]["reason"]
@@ -223,8 +215,7 @@ def test_with_client_certificates_only_those_of_the_authority_get_in(
 ) -> None:
     server = Tls(files["robot_cert"], files["robot_key"], client_authority=files["authority"])
     pair = SocketsPair((HERE, 0), name="t", tls=server)
-    robot = start("robot", [pair.server()])
-    robot.until_link("t", up=False)
+    robot = start("robot", [pair.server()], down="t")
     own = {} if who == "nobody" else {"client_certificate": files[f"{who}_cert"], "client_key": files[f"{who}_key"]}
     there = SocketsPair((HERE, pair.port), name="t", tls=Tls(authority=files["authority"], **own))
     client = start("client", [there.client("x")])
@@ -241,14 +232,11 @@ def test_with_client_certificates_only_those_of_the_authority_get_in(
 
 
 @pytest.mark.slow
-def test_who_does_not_speak_tls_gets_nowhere(start: Start, files: dict[str, str], raw: Callable[..., Any]) -> None:
-    tls = Tls(files["robot_cert"], files["robot_key"], files["authority"])
+def test_who_does_not_speak_tls_gets_nowhere(start: Start, tls: Tls, raw: Callable[..., Any]) -> None:
     pair = SocketsPair((HERE, 0), name="t", tls=tls)
-    robot = start("robot", [pair.server()])
-    robot.until_link("t", up=False)
+    start("robot", [pair.server()], down="t")
     assert raw(pair.port).sock.recv(100)[:1] in (b"\x15", b"")  # an alert of TLS, or the end
-    client = start("client", [pair.client("x")])
-    client.until_link("t")
+    start("client", [pair.client("x")], up="t")
 
 
 def test_certificates_that_cannot_be_used_are_an_error_at_construction(files: dict[str, str]) -> None:

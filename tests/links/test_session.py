@@ -16,8 +16,9 @@ from snr_sim.links.frames import encode_frame
 from snr_sim.links.messages import LONG_BYTES, Bye, Hello, Ping, Pong, Refused, decode_message, encode_message
 from snr_sim.links.session import MAX_GREETING_BYTES, MAX_WAITING_BYTES, Session, State, Terms
 
+from .conftest import hello
+
 SECRET = b"sixteen or more bytes"
-NONCE = "0" * 32
 
 
 def ends(client: dict[str, Any] | None = None, server: dict[str, Any] | None = None) -> tuple[Session, Session]:
@@ -57,11 +58,6 @@ def say(session: Session, *payloads: bytes, now_s: float = 0.0) -> list[Any]:
 def last_word(session: Session) -> Any:
     """The last message among what the session wants to send."""
     return decode_message(session.take_output()[-1][4:])
-
-
-def hello(**fields: Any) -> bytes:
-    usual = {"protocol": "snr", "version": 2, "node": "x", "nonce": NONCE, "purpose": "pages", "auth": False}
-    return msgspec.json.encode({"$": "hello", "max_frame_bytes": 1 << 20, **usual, **fields})
 
 
 def test_two_ends_come_up_and_know_each_other() -> None:

@@ -2,30 +2,21 @@
 
 from __future__ import annotations
 
-import random
 import socket
 import threading
 from collections.abc import Callable
-from contextlib import suppress
 from typing import Any
 
 import pytest
 
-from snr_sim import Config, SimRunner, SocketsPair, TaskType, tasks
+from snr_sim import SocketsPair, TaskType, tasks
 from snr_sim.links.restarting import error_text
 from snr_sim.links.tcp_client import Calls, connect
-from snr_sim.testing.parts import PartFactory, TickerFactory
+from snr_sim.testing.parts import PartFactory
+
+from .conftest import free_port, simulate, ticks
 
 HERE = "127.0.0.1"
-
-
-def free_port() -> int:
-    """A port that nobody has, below those that systems give to whoever connects to something meanwhile."""
-    while True:
-        port = random.randrange(20_000, 32_000)
-        with socket.socket() as sock, suppress(OSError):
-            sock.bind((HERE, port))
-            return port
 
 
 @pytest.mark.slow
@@ -37,8 +28,7 @@ def test_weakness_9_two_way_links_start_in_either_order(start: Callable[..., Any
         "robot": [down.server(), up.client(["depth"])],
     }
     names = ["robot", "topside"] if order == "robot first" else ["topside", "robot"]
-    first = start(names[0], roles[names[0]])
-    first.until_link("down", up=False)
+    first = start(names[0], roles[names[0]], down="down")
     running = {names[0]: first, names[1]: start(names[1], roles[names[1]])}
     for node in running.values():
         node.until_link("down")
@@ -51,15 +41,7 @@ def test_weakness_9_two_way_links_start_in_either_order(start: Callable[..., Any
 
 def test_the_same_config_runs_in_lock_step_without_sockets() -> None:
     pair = SocketsPair((HERE, 1), name="tether")
-    values = iter(range(20))
-    config = Config(
-        factories={
-            "robot": [TickerFactory(lambda loop: loop.store_data("x", next(values)), rate_hz=10), pair.client("x")],
-            "topside": [pair.server()],
-        }
-    )
-    runner = SimRunner(config, until_s=1.95)
-    runner.run()
+    runner = simulate({"robot": [ticks("x"), pair.client("x")], "topside": [pair.server()]}, until_s=1.95)
     assert runner.nodes["topside"].get_data("x") == 19
     assert runner.nodes["topside"].get_data("link_tether")["received"] >= 10
 
@@ -69,11 +51,9 @@ def test_a_node_that_never_rests_still_hears_its_links(start: Callable[..., Any]
     """Its own thread reads them at the door; if it does not come there, the link's thread does."""
     pair = SocketsPair(("127.0.0.1", 0), name="wire")
     busy = PartFactory({(TaskType.event, "again"): lambda task, task_id: tasks.event("again")}, "busy")
-    server = start("server", [pair.server(), busy])
-    server.until_link("wire", up=False)
+    server = start("server", [pair.server(), busy], down="wire")
     server.node.schedule(tasks.event("again"))
-    client = start("client", [pair.client("depth")])
-    client.until_link("wire")
+    client = start("client", [pair.client("depth")], up="wire")
     client.store("depth", *range(2_000))
     assert server.until_stored("depth", 2_000) == list(range(2_000))
 
@@ -84,10 +64,8 @@ def test_a_handler_that_takes_long_does_not_cost_the_link(start: Callable[..., A
     pair = SocketsPair(("127.0.0.1", 0), name="wire", keep_alive_s=0.05, timeout_s=1.0)
     done = threading.Event()
     slow = PartFactory({(TaskType.process_data, "depth"): lambda task, task_id: done.wait(30.0) and None}, "slow")
-    server = start("server", [pair.server(), slow])
-    server.until_link("wire", up=False)
-    client = start("client", [pair.client("depth")])
-    client.until_link("wire")
+    start("server", [pair.server(), slow], down="wire")
+    client = start("client", [pair.client("depth")], up="wire")
     client.store("depth", 1)
     reports = len(client.stored["link_wire"])
     client.until(lambda: len(client.stored["link_wire"]) >= reports + 3, "three reports, one a second")

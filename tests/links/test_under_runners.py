@@ -44,6 +44,8 @@ from snr_sim.links.pipes import PipesPair
 from snr_sim.prelude.errors import ComponentFailed, ConfigError, LinkError
 from snr_sim.testing.parts import TickerFactory
 
+from .conftest import free_port
+
 README = Path(__file__).parents[2] / "README.md"
 SECRET = "a secret of more than 16 bytes"
 LIMIT_S = 60.0
@@ -127,12 +129,6 @@ class AnswersFactory(EndpointFactory):
 
     def get(self, parent: Node) -> Answers:
         return Answers(self, parent)
-
-
-def free_port() -> int:
-    with socket.socket() as sock:
-        sock.bind(("127.0.0.1", 0))
-        return int(sock.getsockname()[1])
 
 
 def ends_of(link: str, files: dict[str, str], zenoh_port: int) -> tuple[Any, Any]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim.links.zenoh_callbacks import ZenohCallbacks
+from snr_sim.links.zenoh_link import ZenohCallbacks
 
 zenoh = pytest.importorskip("zenoh")  # part of snr_sim[dev]
 
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.slow
 PROGRAM = """
 import threading
 import zenoh
-from snr_sim.links.zenoh_callbacks import ZenohCallbacks
+from snr_sim.links.zenoh_link import ZenohCallbacks
 
 config = zenoh.Config()
 config.insert_json5("scouting/multicast/enabled", "false")

@@ -41,7 +41,7 @@ def fly(name: str, port: int, stored: mmap.mmap, lives_s: float | None = None) -
         threading.Timer(lives_s, lambda: node.enter(tasks.terminate("the storm is over"), "storm")).start()
     node.loop()
     tether = node.components["link_tether"]
-    return {"sent": tether.sent, "dropped": tether.dropped, "unsent": tether.unsent}
+    return {"sent": tether.sent, "dropped": tether.dropped, "unsent": tether.transport.peers.unsent}
 
 
 def main() -> None:
