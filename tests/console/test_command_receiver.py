@@ -24,7 +24,7 @@ from snr_sim import (
     TimeoutLoopFactory,
     tasks,
 )
-from snr_sim.console import command_receiver, line
+from snr_sim.console import command_receiver, wire
 from snr_sim.core.lockstep import LockStep
 from snr_sim.links.frames import encode_frame
 from snr_sim.prelude.errors import ConfigError, LinkError
@@ -253,7 +253,8 @@ def test_console_whose_loop_fails_listens_again_at_its_port(caplog: pytest.LogCa
         console: Any = node.components["console"]
         with ConsoleClient(address) as one:
             one.wait_until_up(PATIENCE_S)
-            console._patience_s = lambda: (console.__dict__.pop("_patience_s"), 1 / 0)
+            failure = ZeroDivisionError("division by zero")
+            console._ending.get_loop().call_soon_threadsafe(console._ending.set_exception, failure)
             wait_for(lambda: console.failures == 1 and not console.is_shut)
         assert not RemoteConsole(address, ["list"], wait_s=PATIENCE_S).run()[0].is_error
         assert not node.is_over
@@ -272,7 +273,7 @@ def test_weakness_11_beyond_this_machine_a_console_without_a_token_is_refused_wh
 @pytest.mark.slow
 def test_weakness_11_a_console_listens_where_it_was_told_and_nowhere_else() -> None:
     with running() as (node, _):
-        listener = node.components["console"]._listener.sock  # type: ignore[attr-defined]
+        listener = node.components["console"]._sock  # type: ignore[attr-defined]
         assert listener.getsockname()[0] == "127.0.0.1"
 
 
@@ -352,7 +353,7 @@ def test_a_console_that_floods_and_one_that_does_not_read_cost_memory_to_a_bound
         receiver: Any = node.components["console"]
         for one in receiver._lines:
             assert len(one.conversation.output) < 1 << 18
-            assert len(one.conversation._asked) <= line.READ_BYTES
+            assert len(one.conversation._asked) <= wire.READ_BYTES
         assert not RemoteConsole(address, ["list"]).run()[0].is_error
 
 
