@@ -8,8 +8,9 @@ import time
 from contextlib import ExitStack, suppress
 from typing import NamedTuple
 
-from snr_sim.console.command_processor import CommandProcessor
+from snr_sim.console.commands import TABLE
 from snr_sim.console.conversation import LINES_AT_ONCE, LINES_PER_S, Conversation
+from snr_sim.console.session import Session
 from snr_sim.console.wire import DEFAULT_PORT, LINE_FRAME_MAX_BYTES, PURPOSE, READ_BYTES, SECRET_IS, read_for
 from snr_sim.core.backing import ThreadBacking
 from snr_sim.core.loop import LoopFactory
@@ -137,7 +138,7 @@ class CommandReceiver(RestartingLoop):
             max_frame_bytes=LINE_FRAME_MAX_BYTES,
             secret_is=SECRET_IS,
         )
-        self._processor = CommandProcessor(parent, name)
+        self._new_names: set[str] = set()
         self._allowance = Allowance(LINES_PER_S, LINES_AT_ONCE)
         self._newcomers = Newcomers()
         self._lines: list[Line] = []
@@ -202,7 +203,8 @@ class CommandReceiver(RestartingLoop):
         strangers = [line for line in self._lines if not line.is_known]
         if len(strangers) >= STRANGERS_MAX:
             self._drop(crowd(strangers, lambda line: source_of(line.host))[0])
-        conversation = Conversation(self._terms, self._processor.session(), now_s, self._allowance)
+        session = Session(self.parent, TABLE, self.name, self._new_names)
+        conversation = Conversation(self._terms, session, now_s, self._allowance)
         line = Line(conversation, writer, host, asyncio.current_task())
         self._lines.append(line)
         try:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from snr_sim.console.command_processor import Session
+from snr_sim.console.session import Session
 from snr_sim.console.table import Answer
 from snr_sim.console.wire import Command, Complete, completed, decode_asked, replied
 from snr_sim.links.allowance import Allowance

@@ -11,7 +11,8 @@ from collections import deque
 from queue import Empty, SimpleQueue
 from typing import TextIO
 
-from snr_sim.console.command_processor import CommandProcessor
+from snr_sim.console.commands import TABLE
+from snr_sim.console.session import Session
 from snr_sim.console.table import Answer
 from snr_sim.console.words import LINE_MAX_CHARS
 from snr_sim.core.backing import ThreadBacking
@@ -68,7 +69,7 @@ class LocalConsole(Loop):
                 fix="RemoteConsole(('127.0.0.1', port), commands).run(), or `snr console PORT`.",
             )
         super().__init__(factory, parent, name, max_tick_rate_hz=0)
-        self._session = CommandProcessor(parent, name).session()
+        self._session = Session(parent, TABLE, name)
         self._rest = b""
         self._lines: deque[str] = deque()
         self._is_at_end = False
