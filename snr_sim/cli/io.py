@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from snr_sim.cli.arguments import Io
+from snr_sim.cli.output import print_json
+
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
@@ -21,9 +24,7 @@ TOLD_EVERY_S = 1.0  # in a pipe
 
 def io(
     scenario: Annotated[str, typer.Argument(help="Whose robot's devices; `snr list scenarios`.")] = "urov_depth_hold",
-    io: Annotated[
-        str, typer.Option(help="Where devices are: sim, emulated, mcu:PORT, pi, ...", envvar="SNR_SIM_IO")
-    ] = "sim",
+    io: Io = "sim",
     move: Annotated[
         str,
         typer.Option(
@@ -99,17 +100,14 @@ def _print_once(bench: Bench, io: str, scenario: str, as_json: bool) -> None:
         console.print(shown(bench))
         return
     from snr_sim.cli.io_bench import fields_of
-    from snr_sim.recording.folder import as_json as json_of
 
     now_s = bench.now_s()
-    print(
-        json_of({
-            "io": io,
-            "scenario": scenario,
-            "outputs": [fields_of(one, now_s) for one in bench.outputs],
-            "sensors": [fields_of(one, now_s) for one in bench.sensors],
-        })
-    )  # fmt: skip
+    print_json({
+        "io": io,
+        "scenario": scenario,
+        "outputs": [fields_of(one, now_s) for one in bench.outputs],
+        "sensors": [fields_of(one, now_s) for one in bench.sensors],
+    })  # fmt: skip
 
 
 def _watch(bench: Bench, keys: TerminalKeys, move: str, seconds: float) -> None:

@@ -12,12 +12,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from snr_sim.cli.arguments import AsJson, Io, Out, WithRrd, options_of, pace_of
+from snr_sim.cli.output import guarded, print_json, print_note
+
 if TYPE_CHECKING:
     from snr_sim.console.command_receiver import CommandReceiverFactory
     from snr_sim.core.config import Config
+    from snr_sim.prelude.plant import Plant
     from snr_sim.recording.records import Header
     from snr_sim.recording.trace import TraceWriter
     from snr_sim.scenario.flight import Result
+    from snr_sim.scenario.role_run import World
     from snr_sim.scenario.simulation import Request, Simulation
 
 QUIET_STALL_LIMIT_S = 60.0  # with --json: nobody reads that it stands still
@@ -32,16 +37,14 @@ def run(
     engine: Annotated[str, typer.Option(help="Physics engine; the scenario's first if not given.")] = "",
     controller: Annotated[str, typer.Option(help="One of the robot's by name, or a file: ./mine.py.")] = "",
     role: Annotated[str, typer.Option(help="Runs one role only: in real time, beside the others.")] = "",
-    io: Annotated[
-        str, typer.Option(help="Where devices are: sim, emulated, mcu:PORT, pi, ...", envvar="SNR_SIM_IO")
-    ] = "sim",
+    io: Io = "sim",
     speed: Annotated[str, typer.Option(help="'fast', 'real', or a multiple of real time such as 4.")] = "fast",
     option: Annotated[list[str], typer.Option(help="KEY=VALUE, see `snr list robots`; may be repeated.")] = [],  # noqa: B006
     policy: Annotated[
         str, typer.Option(metavar="FILE", help="What it has learned; same as --option policy=FILE.")
     ] = "",
-    out: Annotated[Path, typer.Option(help="Folder that run folders go into.")] = Path("runs"),
-    rrd: Annotated[bool, typer.Option("--rrd/--no-rrd", help="Write view.rrd at once, not at snr view.")] = False,
+    out: Out = Path("runs"),
+    rrd: WithRrd = False,
     show: Annotated[
         bool, typer.Option("--view", help="Show it in rerun: live with --speed, else when it is over.")
     ] = False,
@@ -54,7 +57,7 @@ def run(
     console: Annotated[
         int | None, typer.Option(metavar="PORT", help="For `snr console PORT`, on this machine.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
     stall_limit: Annotated[
         float | None,
         typer.Option(metavar="S", help="End a run that stands still for S seconds; 60 with --json, else inf."),
@@ -67,7 +70,7 @@ def run(
     from snr_sim.scenario.simulation import Request
 
     # A file is named by its path, so that a replay from another folder finds it again.
-    options = _options([*option, f"policy={Path(policy).resolve()}"] if policy else option)
+    options = options_of([*option, f"policy={Path(policy).resolve()}"] if policy else option)
     request = Request(scenario, seed, engine or None, controller or None, role or None, io, options)
     pace = pace_of(speed)
     if watch and pace is None:
@@ -93,9 +96,7 @@ def run(
         stall_limit_s=stall_limit,
     )
     if as_json:
-        from snr_sim.recording.folder import as_json as json_of
-
-        print(json_of(fields))
+        print_json(fields)
     if shown and not is_live:
         _show(Path(fields["run_dir"]), shown)
     sys.exit(status)
@@ -130,7 +131,6 @@ def record_run(
     Raises:
         SnrError: the request is wrong; nothing has been written.
     """
-    from snr_sim.cli.answer import guarded
     from snr_sim.cli.progress import progress
     from snr_sim.core.interrupts import orderly
     from snr_sim.core.reload.watch import watched
@@ -139,30 +139,13 @@ def record_run(
     from snr_sim.recording.trace import FILE_NAME, TraceWriter
     from snr_sim.scenario.flight import Flight
     from snr_sim.scenario.library import keeping
-    from snr_sim.scenario.role_run import RoleRun, World
-    from snr_sim.scenario.simulation import prepare
+    from snr_sim.scenario.role_run import RoleRun
     from snr_sim.scenario.source_checks import notes_before
 
     place, out = out, out.resolve()  # the student's code may change the current folder
     with guarded(is_quiet), ExitStack() as stack:
-        simulation = prepare(request)
-        pace = _pace_with_wires(simulation, pace)
-        simulation.check_wires()
-        world = World(simulation) if simulation.is_apart else None
-        if world is not None and pace not in (None, 1.0):
-            from snr_sim.prelude.errors import ParameterError
-
-            raise ParameterError(
-                f"The role '{world.role}' runs by itself, on the wall clock, at no other speed.", fix="--speed real."
-            )
-        if world is None:
-            plant = simulation.plant()
-            config = simulation.config(plant)
-            pace = _pace_with_hands(config, simulation.roles, pace)
-            header = simulation.header(plant, config)
-        else:
-            config = world.config
-            header = simulation.header(world.plant, config, "wall")
+        simulation, world, plant, config, pace = _prepared(request, pace)
+        header = simulation.header(plant, config, "sim" if world is None else "wall")
         config.stall_limit_s = _stall_limit_s(stall_limit_s, is_quiet)
         start_lines = simulation.start_lines()
         if is_watched:
@@ -176,37 +159,33 @@ def record_run(
             stack.callback(console.release)
             console.claim()
             config.get(simulation.roles[0]).append(console)
-        folder = new_run_folder(out, simulation.scenario_name, request.seed)
-        try:
+        with ExitStack() as undo:  # of a request that was wrong, and has begun nothing, nothing is left
+            folder = new_run_folder(out, simulation.scenario_name, request.seed)
+            undo.callback(discard, folder)
             recorder = TraceWriter(folder / FILE_NAME, header, simulation.opening())
-        except BaseException:
-            discard(folder)
-            raise
-        try:
+            undo.callback(_close, recorder)
             kept = stack.enter_context(keeping(folder, simulation.files().values()))
             if live:
                 stack.enter_context(_live_view(header, recorder, live))
             tick = stack.enter_context(progress(simulation.scenario_name, 0.0 if pace is not None else SLOW_S))
-            flight: Flight | RoleRun = (
-                Flight(simulation, plant, config, recorder, pace, tick)
-                if world is None
-                else RoleRun(world, config, recorder)
-            )
+            flight: Flight | RoleRun
+            if world is not None:
+                flight = RoleRun(world, config, recorder)
+            else:
+                assert plant is not None  # only a role that runs by itself may be without one
+                flight = Flight(simulation, plant, config, recorder, pace, tick)
             if world is not None or simulation.has_wires:  # what moves for real goes on without its recording
                 recorder.fail_softly(flight.nodes)
             # From here on a signal ends the run in order, and the files are finished, also if it comes after the run.
             signals = stack.enter_context(orderly(flight.nodes))
             foreseen = notes_before(simulation, flight.nodes) if isinstance(flight, Flight) else []
-        except BaseException:
-            _close(recorder)
-            discard(folder)  # the request was wrong, and nothing has begun
-            raise
+            undo.pop_all()
         for line in [] if is_quiet else start_lines:
             print(line, flush=True)
         for line in [] if world is None else world.start_lines():
             print(line, file=sys.stderr, flush=True)
         for note in foreseen:
-            print(f"note: {note}", file=sys.stderr, flush=True)
+            print_note(note)
         try:
             result = flight.run(signals)
         finally:
@@ -227,6 +206,35 @@ def record_run(
     return fields, 0 if result.success else 1
 
 
+def _prepared(
+    request: Request, pace: float | None
+) -> tuple[Simulation, World | None, Plant | None, Config, float | None]:
+    """Return what is to run, the world of a role that runs by itself, plant, wiring and pace.
+
+    Raises:
+        SnrError: the request is wrong.
+    """
+    from snr_sim.prelude.errors import ParameterError
+    from snr_sim.scenario.role_run import World
+    from snr_sim.scenario.simulation import prepare
+
+    simulation = prepare(request)
+    if simulation.has_wires and pace not in (None, 1.0):
+        raise ParameterError(f"With --io {request.io} devices are real, and so is time.", fix="--speed real.")
+    pace = 1.0 if simulation.has_wires else pace
+    simulation.check_wires()
+    if not simulation.is_apart:
+        plant = simulation.plant()
+        config = simulation.config(plant)
+        return simulation, None, plant, config, _pace_with_hands(config, simulation.roles, pace)
+    world = World(simulation)
+    if pace not in (None, 1.0):
+        raise ParameterError(
+            f"The role '{world.role}' runs by itself, on the wall clock, at no other speed.", fix="--speed real."
+        )
+    return simulation, world, world.plant, world.config, pace
+
+
 def _stall_limit_s(asked_s: float | None, is_quiet: bool) -> float:
     """Returns how long a run may stand still [s].
 
@@ -240,19 +248,6 @@ def _stall_limit_s(asked_s: float | None, is_quiet: bool) -> float:
     from snr_sim.prelude.errors import ParameterError
 
     raise ParameterError(f"--stall-limit {asked_s:g} is no time.", fix="seconds above 0, such as 60; or inf.")
-
-
-def _pace_with_wires(simulation: Simulation, pace: float | None) -> float | None:
-    """Returns the pace; real devices have only one.
-
-    Raises:
-        ParameterError: another one was asked for.
-    """
-    if not simulation.has_wires or pace in (None, 1.0):
-        return 1.0 if simulation.has_wires else pace
-    from snr_sim.prelude.errors import ParameterError
-
-    raise ParameterError(f"With --io {simulation.request.io} devices are real, and so is time.", fix="--speed real.")
 
 
 def _pace_with_hands(config: Config, roles: list[str], pace: float | None) -> float | None:
@@ -348,16 +343,14 @@ def _live_view(header: Header, recorder: TraceWriter, shown: Shown) -> Iterator[
     live = LiveView(header)
     with closing(live), ExitStack() as stack:
         if shown == "window":
-            stack.enter_context(live_window(live.url, _note))
+            stack.enter_context(live_window(live.url, print_note))
         else:
             url = stack.enter_context(serve_web(live.url))
-            _note(f"open {url}\n  Only this computer can reach it, as long as the run goes; a page that is open stays.")
+            print_note(
+                f"open {url}\n  Only this computer can reach it, as long as the run goes; a page that is open stays."
+            )
         recorder.follow(live)
         yield
-
-
-def _note(words: str) -> None:
-    print(f"note: {words}", file=sys.stderr, flush=True)
 
 
 def _show(folder: Path, shown: Shown) -> None:
@@ -369,12 +362,12 @@ def _show(folder: Path, shown: Shown) -> None:
     try:
         view(folder, web=shown == "browser")
     except SnrError as error:
-        _note(str(error))
+        print_note(str(error))
 
 
 def _say(fields: dict[str, Any], result: Result, is_quiet: bool, told: list[str]) -> None:
     for note in [note for note in result.notes if note not in told]:
-        print(f"note: {note}", file=sys.stderr)
+        print_note(note)
     if result.error:
         print(result.error, file=sys.stderr)
     if is_quiet:
@@ -400,44 +393,3 @@ def _in_words(value: Any) -> str:
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return "not reached"  # null in result.json
     return f"{value:.3f}" if isinstance(value, float) else str(value)
-
-
-def pace_of(speed: str) -> float | None:
-    """Returns virtual seconds per wall second, or None for as fast as it goes.
-
-    Raises:
-        ParameterError: it is neither a word nor a number above 0.
-
-    >>> pace_of("real"), pace_of("4"), pace_of("fast")
-    (1.0, 4.0, None)
-    """
-    from snr_sim.prelude.errors import ParameterError
-
-    if speed in ("fast", "real"):
-        return None if speed == "fast" else 1.0
-    try:
-        pace = float(speed)
-    except ValueError:
-        pace = float("nan")
-    if not 0 < pace < float("inf"):
-        raise ParameterError(f"--speed {speed} is no speed.", fix="--speed fast, --speed real, or a number such as 4.")
-    return pace
-
-
-def _options(pairs: list[str]) -> dict[str, str]:
-    from snr_sim.prelude.errors import ParameterError
-
-    options: dict[str, str] = {}
-    for pair in pairs:
-        key, equals, value = pair.partition("=")
-        if not (key and equals):
-            raise ParameterError(
-                f"--option {pair} is not KEY=VALUE.",
-                fix="--option pilot=hands, for a robot that has it: snr list robots.",
-            )
-        if key in options:
-            raise ParameterError(
-                f"--option {key}={options[key]} and {key}={value}: it was given twice.", fix="leave one of them out."
-            )
-        options[key] = value
-    return options
