@@ -266,11 +266,11 @@ class CommandReceiver(RestartingLoop):
 
 def _patience_s(conversation: Conversation) -> float:
     """How long nothing need be done if nothing comes."""
-    if conversation.is_waiting:
+    if conversation.session.is_waiting:
         return OUTCOME_EVERY_S
     if conversation.is_busy or conversation.output:
         return BUSY_EVERY_S
-    return WATCH_EVERY_S if conversation.is_watching else TEND_EVERY_S
+    return WATCH_EVERY_S if conversation.session.is_watching else TEND_EVERY_S
 
 
 async def _hang_up(line: Line, reader: asyncio.StreamReader) -> None:

@@ -94,10 +94,12 @@ class LocalConsole(Loop):
         else:
             self._take(self._read())
         now_s = time.monotonic()
-        self._show(self._session.outcome(now_s))
+        if (outcome := self._session.outcome(now_s)) is not None:
+            self._show(outcome)
         while self._lines and not self._session.is_waiting:
             answer = self._session.answer(self._lines.popleft())
-            self._show(None if self._session.is_waiting else answer)
+            if not self._session.is_waiting:
+                self._show(answer)
         if self._is_at_end and not (self._lines or self._session.is_waiting):
             self.stop()  # the terminal is gone, or the file at its end; the node goes on
         for answer in self._session.changes(now_s):
@@ -111,13 +113,9 @@ class LocalConsole(Loop):
         self._rest = self._rest[: LINE_MAX_CHARS + 1]  # one too many is refused; more is only more
         self._lines += [line.decode(errors="replace") for line in lines if line.strip()]
 
-    def _show(self, answer: Answer | None) -> None:
-        if answer is not None:
-            self._say(answer.text)
-
-    def _say(self, text: str) -> None:
+    def _show(self, answer: Answer) -> None:
         try:
-            print(text, file=self.factory.prints or sys.stdout, flush=True)
+            print(answer.text, file=self.factory.prints or sys.stdout, flush=True)
         except (OSError, ValueError):
             self.stop()  # nobody is there to read it
 
