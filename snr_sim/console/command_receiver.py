@@ -142,7 +142,8 @@ class CommandReceiver(RestartingLoop):
         self._allowance = Allowance(LINES_PER_S, LINES_AT_ONCE)
         self._newcomers = Newcomers()
         self._lines: list[Line] = []
-        self._ending: asyncio.Future[None] | None = None  # done when no console is to be served any more
+        self._ending = asyncio.Event()  # set when no console is to be served any more
+        self._events: asyncio.AbstractEventLoop | None = None
         self.forged = 0  # lines that something between node and console has changed
 
     def begin(self) -> None:
@@ -161,32 +162,30 @@ class CommandReceiver(RestartingLoop):
     def stop(self) -> None:
         """Ask for no more lines; returns at once, also when called from another thread."""
         super().stop()
-        if self._ending is not None:
+        if self._events is not None:
             with suppress(RuntimeError):  # it has ended already
-                self._ending.get_loop().call_soon_threadsafe(self._end)
+                self._events.call_soon_threadsafe(self._ending.set)
 
     def join(self) -> None:
         """Stop, and return once consoles have heard the goodbye, or have had their time for it."""
         self.stop()
         super().join()
 
-    def _end(self) -> None:
-        assert self._ending is not None
-        if not self._ending.done():
-            self._ending.set_result(None)
-
     def _round(self) -> None:
         """Serve consoles until the loop is to stop."""
         asyncio.run(self._serve())
 
     async def _serve(self) -> None:
-        events = asyncio.get_running_loop()
-        events.set_exception_handler(lambda _, about: self.log.warning("%s", about["message"]))
-        self._ending = events.create_future()
+        self._ending = asyncio.Event()
+        self._events = events = asyncio.get_running_loop()
+        # Of asyncio's own, as when there is no descriptor left to take a connection; it tries again by itself.
+        events.set_exception_handler(
+            lambda _, about: self.log.warning("%s: %s", about["message"], about.get("exception"))
+        )
         if self.is_terminated():  # before there was something to end
             return
         server = await asyncio.start_server(self._connected, sock=self._sock, limit=READ_BYTES)
-        await self._ending
+        await self._ending.wait()
         server.close()
         tasks = [line.task for line in self._lines if line.task is not None]
         for task in tasks:

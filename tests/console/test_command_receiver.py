@@ -1,5 +1,6 @@
 """The console over TCP: several at a time, strangers, silence, nonsense, tokens, the end. Real sockets on loopback."""
 
+import asyncio
 import logging
 import os
 import socket
@@ -248,13 +249,22 @@ def test_weakness_10_a_stranger_cannot_crash_a_node_nor_by_coming_and_going(capl
 
 
 @pytest.mark.slow
-def test_console_whose_loop_fails_listens_again_at_its_port(caplog: pytest.LogCaptureFixture) -> None:
+def test_console_whose_loop_fails_listens_again_at_its_port(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    failures, start_for_real = [ZeroDivisionError("division by zero")], asyncio.start_server
+
+    async def start_server(*arguments: Any, **options: Any) -> Any:
+        if failures:
+            raise failures.pop()
+        return await start_for_real(*arguments, **options)
+
     with running() as (node, address):
         console: Any = node.components["console"]
         with ConsoleClient(address) as one:
             one.wait_until_up(PATIENCE_S)
-            failure = ZeroDivisionError("division by zero")
-            console._ending.get_loop().call_soon_threadsafe(console._ending.set_exception, failure)
+            monkeypatch.setattr(asyncio, "start_server", start_server)
+            console._events.call_soon_threadsafe(console._ending.set)  # this round ends, and the next one fails
             wait_for(lambda: console.failures == 1 and not console.is_shut)
         assert not RemoteConsole(address, ["list"], wait_s=PATIENCE_S).run()[0].is_error
         assert not node.is_over
