@@ -226,7 +226,7 @@ class ConsoleClient:
         self._writer.transport.abort()
 
     def _flush(self) -> None:
-        self._writer.writelines(map(self._session.seal, self._session.take_output()))
+        self._writer.write(b"".join(map(self._session.seal, self._session.take_output())))
 
     def _send(self, frame: bytes, calls: int) -> None:
         if self._is_up and self._calls == calls:  # the line is still the one by which it was asked
