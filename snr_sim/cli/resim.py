@@ -36,8 +36,8 @@ def resim(
 
     Exit status: as of `snr run`.
     """
+    from snr_sim.cli.recorded_run import record_run
     from snr_sim.cli.replay import environment_note
-    from snr_sim.cli.run import record_run
     from snr_sim.recording.folder import records_digest, trace_path
     from snr_sim.scenario.replay_files import files_of_resim
     from snr_sim.scenario.simulation import request_of
