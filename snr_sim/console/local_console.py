@@ -8,6 +8,8 @@ import sys
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
+from functools import partial
 from queue import Empty, SimpleQueue
 from typing import TextIO
 
@@ -120,18 +122,13 @@ class LocalConsole(Loop):
             self.stop()  # nobody is there to read it
 
 
-class _SelectReader:
-    """Waits a moment for bytes; returns None if none came, and b"" at the end."""
-
-    def __init__(self, descriptor: int) -> None:
-        self._descriptor = descriptor
-
-    def __call__(self) -> bytes | None:
-        try:
-            is_ready, _, _ = select.select([self._descriptor], [], [], LOOK_S)
-            return os.read(self._descriptor, _READ_BYTES) if is_ready else None
-        except OSError:  # the terminal was taken away
-            return b""
+def _select_and_read(descriptor: int) -> bytes | None:
+    """Wait a moment for bytes; return None if none came, and b"" at the end."""
+    try:
+        is_ready, _, _ = select.select([descriptor], [], [], LOOK_S)
+        return os.read(descriptor, _READ_BYTES) if is_ready else None
+    except OSError:  # the terminal was taken away
+        return b""
 
 
 class _ThreadReader:
@@ -160,5 +157,5 @@ class _ThreadReader:
             return None
 
 
-def _reader_of(descriptor: int) -> _SelectReader | _ThreadReader:
-    return _ThreadReader(descriptor) if sys.platform == "win32" else _SelectReader(descriptor)
+def _reader_of(descriptor: int) -> Callable[[], bytes | None]:
+    return _ThreadReader(descriptor) if sys.platform == "win32" else partial(_select_and_read, descriptor)
