@@ -10,6 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from snr_sim.cli.arguments import AsJson
+from snr_sim.cli.output import print_note
+
 if TYPE_CHECKING:
     from snr_sim.grading.lab.lab import Lab
     from snr_sim.grading.reports.results import CaseResult, CheckResult, Graded
@@ -20,7 +23,7 @@ _RUNS = Path("runs")
 def check(
     lab: Annotated[str, typer.Argument(help="A lab's name: depth_hold; `snr list assignments`.")],
     folder: Annotated[Path, typer.Argument(help="With your files; the current folder if not given.")] = Path(),
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Try the visible checks of a lab on your files.
 
@@ -46,7 +49,7 @@ def check(
             fix=f"name the folder with your files; or begin: snr new lab {lab}",
         )
     for note in notes_on_files([folder / file for file in found.files if file.endswith(".py")]):
-        print(f"note: {note}", file=sys.stderr)
+        print_note(note)
     out = _RUNS / f"check_{found.name}"
     with _status(as_json) as tell:
         graded = grade_submission(found, folder, None, "none", out=out.resolve(), on_case=tell)

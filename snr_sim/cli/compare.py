@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from snr_sim.cli.arguments import AsJson, finite_number
+from snr_sim.cli.newest import trace_of, two_runs
+from snr_sim.cli.output import print_json, print_remarks
 
 if TYPE_CHECKING:
     from snr_sim.recording.compare_runs import Compared, Comparison
@@ -36,7 +39,7 @@ def compare(
     end_s: Annotated[float, typer.Option("--until", help="And only until this one.")] = math.inf,
     png: Annotated[str, typer.Option(help="Draw both into this file.")] = "",
     rrd: Annotated[str, typer.Option(help="Write both on one timeline into this file, for snr view.")] = "",
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Compare two runs of one robot.
 
@@ -44,10 +47,7 @@ def compare(
 
     Exit status: 0 they were compared, 2 they cannot be.
     """
-    from snr_sim.cli.newest import two_runs
     from snr_sim.prelude.errors import MissingExtra
-    from snr_sim.recording.folder import remarks, trace_path
-    from snr_sim.recording.reader import read_trace
 
     try:
         from snr_sim.recording.compare_runs import compare_runs
@@ -55,10 +55,9 @@ def compare(
     except ImportError as error:
         raise MissingExtra("numpy", "sim") from error
     first, second = two_runs(first, second)
-    traces = [read_trace(trace_path(run)) for run in (first, second)]
+    traces = [trace_of(run) for run in (first, second)]
     for trace in traces:
-        for remark in remarks(trace):
-            print(f"note: {trace.path.parent}: {remark}", file=sys.stderr)
+        print_remarks(trace, before=f"{trace.path.parent}: ")
     shift_s = _shift_s(shift, traces)
     comparison = compare_runs(traces[0], traces[1], node, shift_s, (begin_s, end_s))
     shown(comparison, signal)  # a name that is not there is said before anything is written
@@ -67,10 +66,8 @@ def compare(
     if rrd:
         _write_rrd(traces, rrd, shift_s)
     if as_json:
-        from snr_sim.recording.folder import as_json as json_of
-
         files = {name: file for name, file in (("png", png), ("rrd", rrd)) if file}
-        print(json_of({**_fields(comparison), "shift_s": shift_s, "runs": [str(first), str(second)], **files}))
+        print_json({**_fields(comparison), "shift_s": shift_s, "runs": [str(first), str(second)], **files})
         return
     _print(comparison)
     for file in filter(None, (png, rrd)):
@@ -83,11 +80,8 @@ def _shift_s(shift: str, traces: list[Trace]) -> float:
 
     if shift == "auto":
         return shift_by_commands_s(traces[0], traces[1])
-    try:
-        seconds = float(shift)
-    except ValueError:
-        seconds = float("nan")
-    if not abs(seconds) < float("inf"):
+    seconds = finite_number(shift)
+    if seconds is None:
         raise ParameterError(f"--shift {shift} is no time.", fix="seconds such as 2.5, or auto.")
     return seconds
 

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from snr_sim.cli.arguments import AsJson
+
 if TYPE_CHECKING:
     from snr_sim.console.client import ConsoleClient
     from snr_sim.console.table import Answer
@@ -23,7 +25,7 @@ def console(
     ] = None,
     token_file: Annotated[Path | None, typer.Option(help=f"Holds the token; or {TOKEN_VARIABLE} does.")] = None,
     wait: Annotated[float, typer.Option(help="Seconds to wait for a node that is not there.")] = 5.0,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Give commands to a running node.
 

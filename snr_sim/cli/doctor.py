@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from snr_sim.cli.arguments import AsJson
 from snr_sim.cli.finding import Finding
+from snr_sim.cli.output import print_json
 
 if TYPE_CHECKING:
     from snr_sim.prelude.io import Io
@@ -30,7 +32,7 @@ def doctor(
     io: Annotated[
         str, typer.Option(help="Also asks who is there: mcu:PORT, pca9685:BUS:ADDR, emulated, ...", envvar="SNR_SIM_IO")
     ] = "",
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Check this machine.
 
@@ -47,9 +49,7 @@ def doctor(
         check_io(meant)
     findings = list(_look(meant))
     if as_json:
-        import json
-
-        print(json.dumps({"findings": [finding._asdict() for finding in findings]}))
+        print_json({"findings": [finding._asdict() for finding in findings]})
     else:
         for finding in findings:
             print(f"{finding.tag:<4} {finding.what}")

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from snr_sim.cli.finding import Finding
-from snr_sim.cli.io_bench import Bench, bench_of, devices_of
 from snr_sim.devices.mcu.mcu_board import McuBoard
 from snr_sim.devices.mcu.mcu_greeting import FLASH
 from snr_sim.devices.mcu.mcu_identity import CHANNELS, misfits
@@ -16,6 +15,7 @@ from snr_sim.devices.wire.serial_port import BytePort, SerialPort
 from snr_sim.devices.wires_here import Machine, Wire
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.io import Io
+from snr_sim.scenario.device_bench import Bench, bench_of, devices_of
 
 NEEDS = {"mcu": "serial", "maestro": "serial", "pca9685": "i2c", "sysfs": "pwm"}
 _WORDS = {"serial": "serial port", "i2c": "I2C bus", "pwm": "PWM chip"}

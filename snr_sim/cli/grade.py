@@ -12,6 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from snr_sim.cli.arguments import AsJson
+from snr_sim.cli.output import print_json
+
 if TYPE_CHECKING:
     from snr_sim.grading.batch.class_folder import ClassFolder
     from snr_sim.grading.batch.stop_signals import StopSignals
@@ -39,7 +42,7 @@ def grade(
     gradescope: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write a Gradescope autograder for the lab instead.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Grade submissions, with hidden cases, each program in a sandbox.
 
@@ -143,8 +146,6 @@ def _grade_class(
 def _write_container(
     lab: Lab, submissions: list[Path] | None, out: Path, secret_file: Path | None, isolation: Demanded, as_json: bool
 ) -> int:
-    import json
-
     from snr_sim.grading.batch.class_folder import made_secret, read_secret
     from snr_sim.grading.batch.gradescope import write_container
     from snr_sim.prelude.errors import SnrError
@@ -153,7 +154,7 @@ def _write_container(
         raise SnrError("With --gradescope there are no submissions: Gradescope has them.", fix="leave them out.")
     write_container(lab, read_secret(secret_file) if secret_file else made_secret(), isolation, out)
     if as_json:
-        print(json.dumps({"out": str(out)}))
+        print_json({"out": str(out)})
     else:
         print(f"{out} is an autograder for Gradescope. Zip what is in it: (cd {out} && zip -r ../autograder.zip .)")
     return 0
@@ -195,9 +196,7 @@ def _progress(total: int) -> Iterator[Callable[[Graded, bool], None]]:
 
 def _tell(folder: ClassFolder, submissions: list[Submission], summary: Summary, as_json: bool) -> None:
     if as_json:
-        import json
-
-        print(json.dumps(_fields(folder, summary)))
+        print_json(_fields(folder, summary))
         return
     print(summary.words())
     for names, words in (

@@ -9,11 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from snr_sim.cli.arguments import Io
+from snr_sim.cli.output import print_json
+
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from snr_sim.cli.io_bench import Bench, Opened
     from snr_sim.devices.terminal_keys import TerminalKeys
+    from snr_sim.scenario.device_bench import Bench, Opened
 
 SHOWN_EVERY_S = 0.2
 TOLD_EVERY_S = 1.0  # in a pipe
@@ -21,9 +24,7 @@ TOLD_EVERY_S = 1.0  # in a pipe
 
 def io(
     scenario: Annotated[str, typer.Argument(help="Whose robot's devices; `snr list scenarios`.")] = "urov_depth_hold",
-    io: Annotated[
-        str, typer.Option(help="Where devices are: sim, emulated, mcu:PORT, pi, ...", envvar="SNR_SIM_IO")
-    ] = "sim",
+    io: Io = "sim",
     move: Annotated[
         str,
         typer.Option(
@@ -43,9 +44,9 @@ def io(
     """
     # Also if it was begun where Ctrl-C is ignored, as by a script in the background: what moves a thruster must stop.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    from snr_sim.cli.io_bench import bench_of, devices_of
     from snr_sim.devices.terminal_keys import TerminalKeys
     from snr_sim.prelude.errors import ParameterError
+    from snr_sim.scenario.device_bench import bench_of, devices_of
 
     if as_json and not once:
         raise ParameterError("--json prints one object.", fix="snr io --once --json.")
@@ -98,25 +99,22 @@ def _print_once(bench: Bench, io: str, scenario: str, as_json: bool) -> None:
         bench.tick()
         console.print(shown(bench))
         return
-    from snr_sim.cli.io_bench import fields_of
-    from snr_sim.recording.folder import as_json as json_of
+    from snr_sim.scenario.device_bench import fields_of
 
     now_s = bench.now_s()
-    print(
-        json_of({
-            "io": io,
-            "scenario": scenario,
-            "outputs": [fields_of(one, now_s) for one in bench.outputs],
-            "sensors": [fields_of(one, now_s) for one in bench.sensors],
-        })
-    )  # fmt: skip
+    print_json({
+        "io": io,
+        "scenario": scenario,
+        "outputs": [fields_of(one, now_s) for one in bench.outputs],
+        "sensors": [fields_of(one, now_s) for one in bench.sensors],
+    })  # fmt: skip
 
 
 def _watch(bench: Bench, keys: TerminalKeys, move: str, seconds: float) -> None:
     """Shows everything until Ctrl-C, or until what is to be moved was moved."""
     from contextlib import ExitStack
 
-    from snr_sim.cli.io_bench import TICK_S
+    from snr_sim.scenario.device_bench import TICK_S
 
     begun_s = shown_s = time.monotonic()
     period_s = SHOWN_EVERY_S if sys.stdout.isatty() else TOLD_EVERY_S
@@ -182,7 +180,7 @@ def _all(bench: Bench) -> list[Opened]:
 
 def _told(one: Opened, now_s: float) -> tuple[str, str, str, str, str]:
     """Returns state, values, age, reason and counts in words."""
-    from snr_sim.cli.io_bench import fields_of
+    from snr_sim.scenario.device_bench import fields_of
 
     fields = fields_of(one, now_s)
     counted = fields["counts"] if any(fields["counts"].values()) else {}

@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from snr_sim.cli.arguments import AsJson
+from snr_sim.cli.output import print_json
+
 if TYPE_CHECKING:
     from snr_sim.scenario.library import Found
 
@@ -15,7 +18,7 @@ _WHAT = ("robots", "scenarios", "assignments")
 
 def listing(
     what: Annotated[str, typer.Argument(help="robots, scenarios or assignments; all if not given.")] = "",
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """List what there is to run.
 
@@ -49,9 +52,7 @@ def listing(
                     row["engines"] = ", ".join(_engines(found))
                 rows.append(row)
     if as_json:
-        import json
-
-        print(json.dumps({"found": rows}))
+        print_json({"found": rows})
         return
     for kind in _WHAT:
         of_kind = [row for row in rows if row["kind"] == kind]

@@ -55,38 +55,44 @@ def main() -> None:
     Signals interrupt it, if `entry.py` has said so: then every verb puts in order what it has begun.
     """
     try:
-        try:
-            status = _command()(prog_name="snr", standalone_mode=False)
-        finally:
-            sys.stdout.flush()  # here, where we can answer if nobody listens any more
+        status = _run()
     except KeyboardInterrupt:
-        fail("Stopped.", stopping.status())
-    except OSError as error:
-        if isinstance(error, BrokenPipeError):  # `snr trace RUN | head`
-            _nobody_listens()
-        if error.filename is not None:
-            raise
-        fail(f"The answer could not be written: {error.strerror}. A run that was made is in its folder.", 1)
-    except SystemExit as ending:
-        if isinstance(ending.__context__, BrokenPipeError):  # typer has seen it first
-            _nobody_listens()
+        status = _TYPER_STOPPED
+    except (Exception, SystemExit) as error:
+        _answer(error)
         raise
-    except Exception as error:
-        from snr_sim.prelude.errors import SnrError  # after the fact: `snr --help` does not need it
-
-        if isinstance(error, SnrError):
-            fail(str(error))
-        if not hasattr(error, "format_message"):  # typer's words about the command line have it
-            raise
-        said = _number_wanted(error, error.format_message())
-        fail(
-            said
-            if said.startswith("Usage:") or "Try:" in said
-            else f"{said}\n  Try: snr {_verb()}--help says what there is."
-        )
     if status == _TYPER_STOPPED:
         fail("Stopped.", stopping.status())
     sys.exit(status if isinstance(status, int) else 0)
+
+
+def _run() -> Any:
+    try:
+        return _command()(prog_name="snr", standalone_mode=False)
+    finally:
+        sys.stdout.flush()  # here, where we can answer if nobody listens any more
+
+
+def _answer(error: BaseException) -> None:
+    """Ends the program with what there is to say of an error; returns if it is nothing that a user could understand."""
+    if isinstance(error, SystemExit):
+        if isinstance(error.__context__, BrokenPipeError):  # typer has seen it first
+            _nobody_listens()
+        return
+    if isinstance(error, BrokenPipeError):  # `snr trace RUN | head`
+        _nobody_listens()
+    if isinstance(error, OSError):
+        if error.filename is None:
+            fail(f"The answer could not be written: {error.strerror}. A run that was made is in its folder.", 1)
+        return
+    from snr_sim.prelude.errors import SnrError  # after the fact: `snr --help` does not need it
+
+    if isinstance(error, SnrError):
+        fail(str(error))
+    if hasattr(error, "format_message"):  # typer's words about the command line have it
+        said = _number_wanted(error, error.format_message())
+        has_fix = said.startswith("Usage:") or "Try:" in said
+        fail(said if has_fix else f"{said}\n  Try: snr {_verb()}--help says what there is.")
 
 
 def _number_wanted(error: Any, said: str) -> str:

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from snr_sim.recording.reader import Trace
 
 
 def run_or_newest(run: Path | None) -> Path:
@@ -13,6 +17,18 @@ def run_or_newest(run: Path | None) -> Path:
         TraceError: none was named, and none is here.
     """
     return run if run is not None else _newest_but([])
+
+
+def trace_of(run: Path | None) -> Trace:
+    """Return the trace of a run, or of the newest one here if there is none.
+
+    Raises:
+        TraceError: there is none, or it cannot be read.
+    """
+    from snr_sim.recording.folder import trace_path
+    from snr_sim.recording.reader import read_trace
+
+    return read_trace(trace_path(run_or_newest(run)))
 
 
 def two_runs(first: Path | None, second: Path | None) -> tuple[Path, Path]:

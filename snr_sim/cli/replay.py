@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from snr_sim.cli.trust import Trust
+from snr_sim.cli.arguments import AsJson, RecordedRun
+from snr_sim.cli.newest import trace_of
+from snr_sim.cli.output import guarded, print_json, print_note
+from snr_sim.cli.trust import Trust, ask
 
 if TYPE_CHECKING:
     from snr_sim.recording.checker import Divergence, NodeReplay
@@ -21,9 +24,7 @@ OPEN_LOOP = "after this the recorded sensors no longer answer your code"
 
 
 def replay(
-    run: Annotated[
-        Path | None, typer.Argument(help="A run folder, or its trace; the newest in runs/ if not given.")
-    ] = None,
+    run: RecordedRun = None,
     check: Annotated[
         bool,
         typer.Option(
@@ -39,7 +40,7 @@ def replay(
         list[str],
         typer.Option(help="PATH=1e-6, PATH=0.1% or PATH=ignore; may be repeated. PATH as printed, * allowed."),
     ] = [],  # noqa: B006
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Replay a run and compare.
 
@@ -49,16 +50,12 @@ def replay(
     Exit status: 0 identical, 1 diverged (the first divergence is printed), 2 the trace cannot be used: with --check
     also if its digest is not the one in result.json.
     """
-    from snr_sim.cli.answer import guarded
-    from snr_sim.cli.newest import run_or_newest
-    from snr_sim.cli.trust import ask
     from snr_sim.recording.compare import Tolerance
-    from snr_sim.recording.folder import check_unchanged, trace_path
-    from snr_sim.recording.reader import read_trace
+    from snr_sim.recording.folder import check_unchanged
     from snr_sim.scenario.replay_files import files_of_replay
 
     tolerances = [Tolerance.parse(text) for text in tolerance]
-    trace = read_trace(trace_path(run_or_newest(run)))
+    trace = trace_of(run)
     if check:
         check_unchanged(trace)
     folder = trace.path.parent.resolve()
@@ -74,9 +71,7 @@ def replay(
     if divergences:
         notes = [*environment_note(trace), *notes]
     if as_json:
-        from snr_sim.recording.folder import as_json as json_of
-
-        print(json_of({**_fields(trace, replays, divergences, calls, notes), "executed": plan.executed}))
+        print_json({**_fields(trace, replays, divergences, calls, notes), "executed": plan.executed})
     else:
         _say(trace, replays, divergences, calls, notes)
     sys.exit(1 if divergences else 0)
@@ -197,7 +192,7 @@ def _say(
     notes: list[str],
 ) -> None:
     for note in notes:
-        print(f"note: {note}", file=sys.stderr)
+        print_note(note)
     for call in calls:
         print(f"asks the outside: {call}")
     executed = sum(replay.executed for replay in replays)

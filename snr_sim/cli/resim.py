@@ -9,24 +9,25 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from snr_sim.cli.trust import Trust
+from snr_sim.cli.arguments import AsJson, Out, RecordedRun, WithRrd
+from snr_sim.cli.newest import trace_of
+from snr_sim.cli.output import print_json, print_note, print_remarks
+from snr_sim.cli.trust import Trust, ask
 
 if TYPE_CHECKING:
     from snr_sim.scenario.simulation import Request
 
 
 def resim(
-    run: Annotated[
-        Path | None, typer.Argument(help="A run folder, or its trace; the newest in runs/ if not given.")
-    ] = None,
+    run: RecordedRun = None,
     with_file: Annotated[str, typer.Option("--with", help="Another controller: a name, or a file.")] = "",
     io: Annotated[
         str, typer.Option(help="Where devices are: sim, emulated, ...; as recorded if not given and nothing real.")
     ] = "",
-    out: Annotated[Path, typer.Option(help="Folder that run folders go into.")] = Path("runs"),
+    out: Out = Path("runs"),
     trust: Trust = False,
-    rrd: Annotated[bool, typer.Option("--rrd/--no-rrd", help="Write view.rrd at once, not at snr view.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    rrd: WithRrd = False,
+    as_json: AsJson = False,
 ) -> None:
     """Simulate a run again, plant and all.
 
@@ -35,30 +36,24 @@ def resim(
 
     Exit status: as of `snr run`.
     """
-    from snr_sim.cli.newest import run_or_newest
+    from snr_sim.cli.recorded_run import record_run
     from snr_sim.cli.replay import environment_note
-    from snr_sim.cli.run import record_run
-    from snr_sim.cli.trust import ask
-    from snr_sim.recording.folder import records_digest, remarks, trace_path
-    from snr_sim.recording.reader import read_trace
+    from snr_sim.recording.folder import records_digest, trace_path
     from snr_sim.scenario.replay_files import files_of_resim
     from snr_sim.scenario.simulation import request_of
 
-    trace = read_trace(trace_path(run_or_newest(run)))
+    trace = trace_of(run)
     ask(trace.path.parent, files_of_resim(trace, with_file), trust)
-    for remark in remarks(trace):
-        print(f"note: {remark}", file=sys.stderr)
+    print_remarks(trace)
     request = with_devices(request_of(trace.opening, trace.header, with_file), io)
     fields, status = record_run(request, out, None, is_viewed=rrd, live="", is_quiet=as_json)
     fields["resim_of"] = str(trace.path.parent)
     fields["identical"] = fields["trace_digest"] == trace.digest
     if not fields["identical"]:
         for note in environment_note(trace):
-            print(f"note: {note}", file=sys.stderr)
+            print_note(note)
     if as_json:
-        from snr_sim.recording.folder import as_json as json_of
-
-        print(json_of(fields))
+        print_json(fields)
     else:
         same = "the same digest as"
         if not fields["identical"]:

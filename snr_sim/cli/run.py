@@ -2,27 +2,15 @@
 
 from __future__ import annotations
 
-import logging
-import math
 import sys
-from collections.abc import Iterator
-from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated
 
 import typer
 
-if TYPE_CHECKING:
-    from snr_sim.console.command_receiver import CommandReceiverFactory
-    from snr_sim.core.config import Config
-    from snr_sim.recording.records import Header
-    from snr_sim.recording.trace import TraceWriter
-    from snr_sim.scenario.flight import Result
-    from snr_sim.scenario.simulation import Request, Simulation
-
-QUIET_STALL_LIMIT_S = 60.0  # with --json: nobody reads that it stands still
-SLOW_S = 2.0  # from when on a fast run shows how far it is
-Shown = Literal["", "window", "browser"]  # where a run is shown
+from snr_sim.cli.arguments import AsJson, Io, Out, WithRrd, options_of, pace_of
+from snr_sim.cli.output import print_json, print_note
+from snr_sim.cli.recorded_run import Shown, record_run
 
 
 def run(
@@ -32,16 +20,14 @@ def run(
     engine: Annotated[str, typer.Option(help="Physics engine; the scenario's first if not given.")] = "",
     controller: Annotated[str, typer.Option(help="One of the robot's by name, or a file: ./mine.py.")] = "",
     role: Annotated[str, typer.Option(help="Runs one role only: in real time, beside the others.")] = "",
-    io: Annotated[
-        str, typer.Option(help="Where devices are: sim, emulated, mcu:PORT, pi, ...", envvar="SNR_SIM_IO")
-    ] = "sim",
+    io: Io = "sim",
     speed: Annotated[str, typer.Option(help="'fast', 'real', or a multiple of real time such as 4.")] = "fast",
     option: Annotated[list[str], typer.Option(help="KEY=VALUE, see `snr list robots`; may be repeated.")] = [],  # noqa: B006
     policy: Annotated[
         str, typer.Option(metavar="FILE", help="What it has learned; same as --option policy=FILE.")
     ] = "",
-    out: Annotated[Path, typer.Option(help="Folder that run folders go into.")] = Path("runs"),
-    rrd: Annotated[bool, typer.Option("--rrd/--no-rrd", help="Write view.rrd at once, not at snr view.")] = False,
+    out: Out = Path("runs"),
+    rrd: WithRrd = False,
     show: Annotated[
         bool, typer.Option("--view", help="Show it in rerun: live with --speed, else when it is over.")
     ] = False,
@@ -54,7 +40,7 @@ def run(
     console: Annotated[
         int | None, typer.Option(metavar="PORT", help="For `snr console PORT`, on this machine.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: AsJson = False,
     stall_limit: Annotated[
         float | None,
         typer.Option(metavar="S", help="End a run that stands still for S seconds; 60 with --json, else inf."),
@@ -67,7 +53,7 @@ def run(
     from snr_sim.scenario.simulation import Request
 
     # A file is named by its path, so that a replay from another folder finds it again.
-    options = _options([*option, f"policy={Path(policy).resolve()}"] if policy else option)
+    options = options_of([*option, f"policy={Path(policy).resolve()}"] if policy else option)
     request = Request(scenario, seed, engine or None, controller or None, role or None, io, options)
     pace = pace_of(speed)
     if watch and pace is None:
@@ -93,9 +79,7 @@ def run(
         stall_limit_s=stall_limit,
     )
     if as_json:
-        from snr_sim.recording.folder import as_json as json_of
-
-        print(json_of(fields))
+        print_json(fields)
     if shown and not is_live:
         _show(Path(fields["run_dir"]), shown)
     sys.exit(status)
@@ -110,256 +94,6 @@ def _say_whence(context: typer.Context, io: str) -> None:
         print(f"real outputs: {io}, from {ENVIRONMENT}", file=sys.stderr, flush=True)
 
 
-def record_run(
-    request: Request,
-    out: Path,
-    pace: float | None,
-    *,
-    is_viewed: bool,
-    live: Shown,
-    is_quiet: bool,
-    is_watched: bool = False,
-    console_port: int | None = None,
-    stall_limit_s: float | None = None,
-) -> tuple[dict[str, Any], int]:
-    """Runs a request into a new run folder; returns what result.json holds, and the exit status.
-
-    Args:
-        stall_limit_s: ends a run that stands still for so long; if None, one that is quiet, as a program waits for it.
-
-    Raises:
-        SnrError: the request is wrong; nothing has been written.
-    """
-    from snr_sim.cli.answer import guarded
-    from snr_sim.cli.progress import progress
-    from snr_sim.core.interrupts import orderly
-    from snr_sim.core.reload.watch import watched
-    from snr_sim.core.runners import show_log
-    from snr_sim.recording.folder import discard, new_run_folder
-    from snr_sim.recording.trace import FILE_NAME, TraceWriter
-    from snr_sim.scenario.flight import Flight
-    from snr_sim.scenario.library import keeping
-    from snr_sim.scenario.role_run import RoleRun, World
-    from snr_sim.scenario.simulation import prepare
-    from snr_sim.scenario.source_checks import notes_before
-
-    place, out = out, out.resolve()  # the student's code may change the current folder
-    with guarded(is_quiet), ExitStack() as stack:
-        simulation = prepare(request)
-        pace = _pace_with_wires(simulation, pace)
-        simulation.check_wires()
-        world = World(simulation) if simulation.is_apart else None
-        if world is not None and pace not in (None, 1.0):
-            from snr_sim.prelude.errors import ParameterError
-
-            raise ParameterError(
-                f"The role '{world.role}' runs by itself, on the wall clock, at no other speed.", fix="--speed real."
-            )
-        if world is None:
-            plant = simulation.plant()
-            config = simulation.config(plant)
-            pace = _pace_with_hands(config, simulation.roles, pace)
-            header = simulation.header(plant, config)
-        else:
-            config = world.config
-            header = simulation.header(world.plant, config, "wall")
-        config.stall_limit_s = _stall_limit_s(stall_limit_s, is_quiet)
-        start_lines = simulation.start_lines()
-        if is_watched:
-            show_log(logging.INFO)
-            config = watched(config)
-        if world is not None:  # under one clock the roles' links meet in memory, and need no port
-            stack.callback(world.release)
-            world.claim()
-        if console_port is not None:
-            console = _console(console_port)
-            stack.callback(console.release)
-            console.claim()
-            config.get(simulation.roles[0]).append(console)
-        folder = new_run_folder(out, simulation.scenario_name, request.seed)
-        try:
-            recorder = TraceWriter(folder / FILE_NAME, header, simulation.opening())
-        except BaseException:
-            discard(folder)
-            raise
-        try:
-            kept = stack.enter_context(keeping(folder, simulation.files().values()))
-            if live:
-                stack.enter_context(_live_view(header, recorder, live))
-            tick = stack.enter_context(progress(simulation.scenario_name, 0.0 if pace is not None else SLOW_S))
-            flight: Flight | RoleRun = (
-                Flight(simulation, plant, config, recorder, pace, tick)
-                if world is None
-                else RoleRun(world, config, recorder)
-            )
-            if world is not None or simulation.has_wires:  # what moves for real goes on without its recording
-                recorder.fail_softly(flight.nodes)
-            # From here on a signal ends the run in order, and the files are finished, also if it comes after the run.
-            signals = stack.enter_context(orderly(flight.nodes))
-            foreseen = notes_before(simulation, flight.nodes) if isinstance(flight, Flight) else []
-        except BaseException:
-            _close(recorder)
-            discard(folder)  # the request was wrong, and nothing has begun
-            raise
-        for line in [] if is_quiet else start_lines:
-            print(line, flush=True)
-        for line in [] if world is None else world.start_lines():
-            print(line, file=sys.stderr, flush=True)
-        for note in foreseen:
-            print(f"note: {note}", file=sys.stderr, flush=True)
-        try:
-            result = flight.run(signals)
-        finally:
-            recorder_error = _close(recorder)
-        if recorder.loss and not recorder_error:
-            result.notes.append(recorder.loss)
-        if recorder_error and not result.error:
-            result.error, result.outcome, result.success = recorder_error, "error", False
-        result.notes = list(dict.fromkeys([*foreseen, *result.notes, *kept.left_out]))
-        fields = result_fields(simulation.request, result, recorder.digest, place / folder.name)
-        noted = list(result.notes)
-        _keep_result(folder, fields, result)
-    if is_viewed:
-        _write_view(folder, result)
-        if fields["notes"] != noted:
-            _keep_result(folder, fields, result)
-    _say(fields, result, is_quiet, told=foreseen)
-    return fields, 0 if result.success else 1
-
-
-def _stall_limit_s(asked_s: float | None, is_quiet: bool) -> float:
-    """Returns how long a run may stand still [s].
-
-    Raises:
-        ParameterError: that is no time.
-    """
-    if asked_s is None:
-        return QUIET_STALL_LIMIT_S if is_quiet else math.inf
-    if asked_s > 0:
-        return asked_s
-    from snr_sim.prelude.errors import ParameterError
-
-    raise ParameterError(f"--stall-limit {asked_s:g} is no time.", fix="seconds above 0, such as 60; or inf.")
-
-
-def _pace_with_wires(simulation: Simulation, pace: float | None) -> float | None:
-    """Returns the pace; real devices have only one.
-
-    Raises:
-        ParameterError: another one was asked for.
-    """
-    if not simulation.has_wires or pace in (None, 1.0):
-        return 1.0 if simulation.has_wires else pace
-    from snr_sim.prelude.errors import ParameterError
-
-    raise ParameterError(f"With --io {simulation.request.io} devices are real, and so is time.", fix="--speed real.")
-
-
-def _pace_with_hands(config: Config, roles: list[str], pace: float | None) -> float | None:
-    """Returns the pace: if a person steers and asked for none, that of the wall clock, and that is said."""
-    from snr_sim.devices.pad import PadLoopFactory
-
-    has_hands = any(isinstance(factory, PadLoopFactory) for role in roles for factory in config.get(role))
-    if pace is not None or not has_hands:
-        return pace
-    print("A person steers, so this run takes as long as it says, as with --speed real.", file=sys.stderr)
-    return 1.0
-
-
-def _keep_result(folder: Path, fields: dict[str, Any], result: Result) -> None:
-    """Writes result.json; without room for it the run still counts, and that is said."""
-    from snr_sim.prelude.errors import TraceError
-    from snr_sim.recording.folder import write_result
-
-    try:
-        write_result(folder, fields)
-    except TraceError as error:
-        note = f"{error.message} Try: {error.fix}"
-        if note not in result.notes:
-            result.notes.append(note)
-
-
-def _console(port: int) -> CommandReceiverFactory:
-    from snr_sim.console.command_receiver import CommandReceiverFactory
-
-    return CommandReceiverFactory(port)
-
-
-def _close(recorder: TraceWriter) -> str:
-    from snr_sim.prelude.errors import TraceError
-
-    try:
-        recorder.close()
-    except TraceError as error:
-        return str(error)
-    return ""
-
-
-def result_fields(request: Request, result: Result, digest: str, folder: Path) -> dict[str, Any]:
-    """Returns what result.json and --json hold."""
-    fields: dict[str, Any] = {
-        "scenario": request.scenario,
-        "seed": request.seed,
-        "engine": request.engine,
-        "controller": request.controller,
-        "success": result.success,
-        "outcome": result.outcome,
-        **result.metrics,
-        "sim_time_s": result.sim_time_s,
-        "wall_time_s": result.wall_time_s,
-        "tasks": result.tasks,
-        "pages": result.pages,
-        "notes": result.notes,
-        "trace_digest": digest,
-        "run_dir": str(folder),
-    }
-    if result.error:
-        fields["error"] = result.error
-    if result.signal:
-        fields["signal"] = result.signal
-    return fields
-
-
-def _write_view(folder: Path, result: Result) -> None:
-    """Writes view.rrd from the trace; without the viewer's package, or with a full disk, the run still counts."""
-    if result.signal:
-        result.notes.append("No view.rrd was written, as the run was to end at once; snr view makes it.")
-        return
-    from snr_sim.prelude.errors import MissingExtra, SnrError
-
-    try:
-        from snr_sim.view.view import view_of
-
-        view_of(folder)
-    except MissingExtra as error:
-        result.notes.append(f"No view.rrd was written. {error.message} {error.fix}")
-    except (OSError, SnrError) as error:
-        result.notes.append(f"No view.rrd was written: {error}")
-    except KeyboardInterrupt:
-        result.notes.append("No view.rrd was written, as it was interrupted; snr view makes it.")
-
-
-@contextmanager
-def _live_view(header: Header, recorder: TraceWriter, shown: Shown) -> Iterator[None]:
-    """Shows the run as it goes, in a window that stays when it is over, or in the browser."""
-    from snr_sim.view.view import LiveView
-    from snr_sim.view.view_server import live_window, serve_web
-
-    live = LiveView(header)
-    with closing(live), ExitStack() as stack:
-        if shown == "window":
-            stack.enter_context(live_window(live.url, _note))
-        else:
-            url = stack.enter_context(serve_web(live.url))
-            _note(f"open {url}\n  Only this computer can reach it, as long as the run goes; a page that is open stays.")
-        recorder.follow(live)
-        yield
-
-
-def _note(words: str) -> None:
-    print(f"note: {words}", file=sys.stderr, flush=True)
-
-
 def _show(folder: Path, shown: Shown) -> None:
     """Opens the finished run; if that fails, the run still counts."""
     from snr_sim.cli.view import view
@@ -369,75 +103,4 @@ def _show(folder: Path, shown: Shown) -> None:
     try:
         view(folder, web=shown == "browser")
     except SnrError as error:
-        _note(str(error))
-
-
-def _say(fields: dict[str, Any], result: Result, is_quiet: bool, told: list[str]) -> None:
-    for note in [note for note in result.notes if note not in told]:
-        print(f"note: {note}", file=sys.stderr)
-    if result.error:
-        print(result.error, file=sys.stderr)
-    if is_quiet:
-        return
-    speed = result.sim_time_s / result.wall_time_s if result.wall_time_s > 0 else 0.0
-    print(
-        f"{fields['scenario']}, seed {fields['seed']}, controller {Path(str(fields['controller'])).name}: "
-        f"{fields['outcome']} after {result.sim_time_s:.1f} s ({speed:.0f} x real time)"
-    )
-    is_measured = not (result.error and result.sim_time_s == 0.0)  # else nothing was: it had not begun
-    for name, value in result.metrics.items() if is_measured else ():
-        print(f"  {name:<16} {_in_words(value)}")
-    print(f"run folder: {fields['run_dir']}")
-    if result.error:
-        print(f"  the trace is whole up to there: snr trace {fields['run_dir']}")
-    else:
-        print(f"  look at it: snr view {fields['run_dir']}    check it: snr replay {fields['run_dir']} --check")
-
-
-def _in_words(value: Any) -> str:
-    if isinstance(value, dict):
-        return ", ".join(f"{key} {_in_words(item)}" for key, item in value.items())
-    if value is None or (isinstance(value, float) and not math.isfinite(value)):
-        return "not reached"  # null in result.json
-    return f"{value:.3f}" if isinstance(value, float) else str(value)
-
-
-def pace_of(speed: str) -> float | None:
-    """Returns virtual seconds per wall second, or None for as fast as it goes.
-
-    Raises:
-        ParameterError: it is neither a word nor a number above 0.
-
-    >>> pace_of("real"), pace_of("4"), pace_of("fast")
-    (1.0, 4.0, None)
-    """
-    from snr_sim.prelude.errors import ParameterError
-
-    if speed in ("fast", "real"):
-        return None if speed == "fast" else 1.0
-    try:
-        pace = float(speed)
-    except ValueError:
-        pace = float("nan")
-    if not 0 < pace < float("inf"):
-        raise ParameterError(f"--speed {speed} is no speed.", fix="--speed fast, --speed real, or a number such as 4.")
-    return pace
-
-
-def _options(pairs: list[str]) -> dict[str, str]:
-    from snr_sim.prelude.errors import ParameterError
-
-    options: dict[str, str] = {}
-    for pair in pairs:
-        key, equals, value = pair.partition("=")
-        if not (key and equals):
-            raise ParameterError(
-                f"--option {pair} is not KEY=VALUE.",
-                fix="--option pilot=hands, for a robot that has it: snr list robots.",
-            )
-        if key in options:
-            raise ParameterError(
-                f"--option {key}={options[key]} and {key}={value}: it was given twice.", fix="leave one of them out."
-            )
-        options[key] = value
-    return options
+        print_note(str(error))

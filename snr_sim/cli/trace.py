@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from fnmatch import fnmatchcase
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from snr_sim.cli.arguments import RecordedRun
+from snr_sim.cli.newest import trace_of
+from snr_sim.cli.output import print_remarks
 
 if TYPE_CHECKING:
     from snr_sim.recording.records import Record
@@ -16,26 +18,20 @@ KINDS = ("begin", "input", "task", "page", "truth", "error", "said", "end")
 
 
 def trace(
-    run: Annotated[
-        Path | None, typer.Argument(help="A run folder, or its trace; the newest in runs/ if not given.")
-    ] = None,
+    run: RecordedRun = None,
     node: Annotated[str, typer.Option(help="Only this node's: a role, or its name with _node.")] = "",
     kind: Annotated[str, typer.Option(help=f"Only this kind: {', '.join(KINDS)}.")] = "",
     name: Annotated[str, typer.Option(help="Only tasks and pages of this name; * and ? as in file names.")] = "",
     as_json: Annotated[bool, typer.Option("--json", help="Print the lines of the file.")] = False,
 ) -> None:
     """Print the records of a run."""
-    from snr_sim.cli.newest import run_or_newest
     from snr_sim.prelude.errors import UnknownName, nearest
-    from snr_sim.recording.folder import remarks, trace_path
-    from snr_sim.recording.reader import read_trace
     from snr_sim.recording.records import encode_record
 
     if kind and kind not in KINDS:
         raise UnknownName(f"There are no records of kind '{kind}'.", fix=nearest(kind, KINDS))
-    recorded = read_trace(trace_path(run_or_newest(run)))
-    for remark in remarks(recorded):
-        print(f"note: {remark}", file=sys.stderr)
+    recorded = trace_of(run)
+    print_remarks(recorded)
     nodes = recorded.header.nodes
     if node and node not in nodes and f"{node}_node" not in nodes:
         raise UnknownName(f"This run has no node '{node}'.", fix=nearest(node, nodes))

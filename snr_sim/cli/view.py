@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from snr_sim.cli.newest import run_or_newest, trace_of
+from snr_sim.cli.output import print_remarks
 
 
 def view(
@@ -20,8 +22,6 @@ def view(
 
     In a window of its own, in a browser with --web, or as a picture with --png FILE.
     """
-    from snr_sim.cli.newest import run_or_newest
-
     run = run_or_newest(run)
     if png:
         _draw(run, Path(png))
@@ -37,8 +37,7 @@ def view(
 
 def _draw(run: Path, png: Path) -> None:
     from snr_sim.prelude.errors import TraceError
-    from snr_sim.recording.folder import measured, read_result, remarks, trace_path, why
-    from snr_sim.recording.reader import read_trace
+    from snr_sim.recording.folder import measured, read_result, why
     from snr_sim.recording.records import TruthRecord
     from snr_sim.view.picture import draw_run
 
@@ -47,14 +46,13 @@ def _draw(run: Path, png: Path) -> None:
             f"{run} is for the rerun viewer; a picture is drawn from a trace.",
             fix=f"snr view {run.parent} --png {png} draws the recorded run, and snr view {run} shows this one.",
         )
-    trace = read_trace(trace_path(run))
+    trace = trace_of(run)
     if not any(isinstance(record, TruthRecord) for record in trace.records):
         raise TraceError(
             f"{run} has no true states of a body to draw: only simulated scenarios have.",
             fix=f"snr view {run} shows its pages as plots.",
         )
-    for remark in remarks(trace):
-        print(f"note: {remark}", file=sys.stderr)
+    print_remarks(trace)
     try:
         result = read_result(trace.path.parent)
         outcome, success = result.get("outcome", ""), result.get("success")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import selectors
+import asyncio
 import socket
 import threading
 import time
@@ -20,6 +20,7 @@ from snr_sim.console.wire import (
     answer_of,
     asked,
     decode_answered,
+    read_for,
 )
 from snr_sim.console.words import LINE_MAX_CHARS
 from snr_sim.links.security import as_secret
@@ -30,7 +31,6 @@ CONNECT_TIMEOUT_S = 3.0
 ANSWER_TIMEOUT_S = 10.0
 TEND_EVERY_S = 0.1
 LINGER_S = 0.3  # how long the last words may take
-_READ_BYTES = 1 << 16
 
 
 class ConsoleClient:
@@ -73,25 +73,20 @@ class ConsoleClient:
         self._asked: set[int] = set()
         self._answers: dict[int, Reply | Words] = {}
         self._number = 0
-        self._outbox: list[bytes] = []
         self._is_up = False
         self._has_met = False  # what refused us, or was refused, is a console
         self._calls = 0  # that have come to an end, whichever
         self._line = 0  # how many had when `wait_until_up` returned
-        self._is_ending = False
         self._thread = threading.Thread(target=self._run, name="console client", daemon=True)
 
     def __enter__(self) -> ConsoleClient:
-        self._wake_in, self._wake_out = socket.socketpair()
-        self._wake_out.setblocking(False)
-        self._selector = selectors.DefaultSelector()
-        self._selector.register(self._wake_out, selectors.EVENT_READ)
+        self._events = asyncio.new_event_loop()
+        self._calling = self._events.create_task(self._call_again_and_again())
         self._thread.start()
         return self
 
     def __exit__(self, *about: object) -> None:
-        self._is_ending = True
-        self._wake()
+        self._soon(self._calling.cancel)
         self._thread.join(CONNECT_TIMEOUT_S)
 
     def wait_until_up(self, timeout_s: float) -> None:
@@ -146,9 +141,9 @@ class ConsoleClient:
                 raise LinkError(f"There is no line to {self.host}:{self.port}: {self.reason}")
             self._number += 1
             number, calls = self._number, self._calls
-            self._outbox.append(frame_of(number))
+            frame = frame_of(number)
             self._asked.add(number)
-            self._wake()
+            self._soon(self._send, frame, calls)
             self._changed.wait_for(lambda: number in self._answers or self._calls != calls, timeout_s)
             self._asked.discard(number)
             if number in self._answers:
@@ -156,95 +151,89 @@ class ConsoleClient:
             why = self.reason if self._calls != calls else f"no answer came within {timeout_s:g} s."
             raise LinkError(f"The line to {self.host}:{self.port} was lost before the answer: {why}")
 
-    def _wake(self) -> None:
-        with suppress(OSError):
-            self._wake_in.send(b"\0")
+    def _soon(self, step: Callable[..., object], *args: object) -> None:
+        """Have the client's own thread do something next, if it still runs."""
+        with suppress(RuntimeError):
+            self._events.call_soon_threadsafe(step, *args)
 
     # On the client's own thread
 
     def _run(self) -> None:
-        while not self._is_ending:
-            sentence = self._call()
-            with self._changed:
-                was_up, self._is_up = self._is_up, False
-                self._calls += 1
-                self._outbox.clear()  # but not the answers: whoever asked may not have looked yet
-                self.reason = sentence
-                self._changed.notify_all()
-            if was_up and not self._is_ending:
-                self._on_state(f"lost {self.host}:{self.port}: {sentence}")
-            if self.was_refused:
-                break
-            self._rest()
-        self._selector.close()
-        self._wake_in.close()
-        self._wake_out.close()
-
-    def _call(self) -> str:
-        """Calls once and serves the line while it lasts; returns why it ended."""
         try:
+            self._events.run_until_complete(self._calling)
+        except asyncio.CancelledError:
+            self._note_end("the console was closed.")
+        finally:
+            self._events.close()
+
+    async def _call_again_and_again(self) -> None:
+        while True:
+            was_up = self._note_end(await self._call())
+            if was_up:
+                self._on_state(f"lost {self.host}:{self.port}: {self.reason}")
+            if self.was_refused:
+                return
+            await asyncio.sleep(self._retry_wait_s)
+
+    def _note_end(self, sentence: str) -> bool:
+        """Note why a call came to an end; return whether the line was up."""
+        with self._changed:
+            was_up, self._is_up = self._is_up, False
+            self._calls += 1  # answers are kept: whoever asked may not have looked yet
+            self.reason = sentence
+            self._changed.notify_all()
+        return was_up
+
+    async def _call(self) -> str:
+        """Call once and serve the line while it lasts; return why it ended."""
+        try:
+            # Blocks this thread, which has nothing else to do: asyncio would look names up on one that cannot be left.
             sock = socket.create_connection((self.host, self.port), CONNECT_TIMEOUT_S)
+            reader, self._writer = await asyncio.open_connection(sock=sock)
         except (OSError, UnicodeError) as error:
             return f"{getattr(error, 'strerror', None) or error}."
-        with sock:
-            sock.setblocking(False)
-            with suppress(OSError):
-                sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            session = Session(self._terms, time.monotonic(), decode_answered)
-            self._selector.register(sock, selectors.EVENT_READ)
-            try:
-                self._serve(sock, session)
-            finally:
-                self._selector.unregister(sock)
-            self.was_refused, self._has_met = session.was_refused, session.was_refused and session.peer is not None
-            return session.reason or "the connection was closed."
-
-    def _rest(self) -> None:
-        until_s = time.monotonic() + self._retry_wait_s
-        while not self._is_ending and (spare_s := until_s - time.monotonic()) > 0:
-            if self._selector.select(spare_s):
-                self._wake_out.recv(4096)
-
-    def _serve(self, sock: socket.socket, session: Session) -> None:
-        output = bytearray()
-        give_up_s: float | None = None
-        while give_up_s is None or (output and time.monotonic() < give_up_s):
-            if self._is_ending:
-                session.bye("the console was closed.")
-            if session.is_closed and give_up_s is None:
-                give_up_s = time.monotonic() + LINGER_S
-            output += b"".join(map(session.seal, session.take_output()))
-            with self._changed:
-                output += b"".join(map(session.seal, self._outbox))
-                self._outbox.clear()
-            try:
-                if output:
-                    del output[: sock.send(output)]
-            except BlockingIOError:
-                pass
-            except OSError as error:
-                session.lost(f"{error.strerror or error}.")
-                return
-            if session.is_closed and not output:
-                return
-            self._selector.modify(sock, selectors.EVENT_READ | (selectors.EVENT_WRITE if output else 0))
-            for key, events in self._selector.select(TEND_EVERY_S):
-                if key.fileobj is self._wake_out:
-                    self._wake_out.recv(4096)
-                elif events & selectors.EVENT_READ:
-                    self._read(sock, session)
-            session.tick(time.monotonic())
-
-    def _read(self, sock: socket.socket, session: Session) -> None:
+        session = self._session = Session(self._terms, time.monotonic(), decode_answered)
         try:
-            data = sock.recv(_READ_BYTES)
-        except BlockingIOError:
-            return
+            await self._serve(reader)
         except OSError as error:
             session.lost(f"{error.strerror or error}.")
-            return
-        if not data:
-            session.lost("the node closed it.")
+        except asyncio.CancelledError:
+            session.bye("the console was closed.")
+            raise
+        finally:
+            await self._hang_up()
+        self.was_refused, self._has_met = session.was_refused, session.was_refused and session.peer is not None
+        return session.reason
+
+    async def _serve(self, reader: asyncio.StreamReader) -> None:
+        session = self._session
+        while not session.is_closed:
+            self._flush()
+            data = await read_for(reader, TEND_EVERY_S)
+            if data:
+                self._receive(data)
+            elif data is not None:
+                session.lost("the node closed it.")
+            session.tick(time.monotonic())
+
+    async def _hang_up(self) -> None:
+        """Send the last words, and close."""
+        self._flush()
+        self._writer.close()
+        with suppress(TimeoutError, OSError):
+            async with asyncio.timeout(LINGER_S):
+                await self._writer.wait_closed()
+        self._writer.transport.abort()
+
+    def _flush(self) -> None:
+        self._writer.write(b"".join(map(self._session.seal, self._session.take_output())))
+
+    def _send(self, frame: bytes, calls: int) -> None:
+        if self._is_up and self._calls == calls:  # the line is still the one by which it was asked
+            self._writer.write(self._session.seal(frame))
+
+    def _receive(self, data: bytes) -> None:
+        session = self._session
         for message in session.receive(data, time.monotonic()):
             try:
                 self._take(message)

@@ -1,21 +1,20 @@
-"""CommandReceiver: serves consoles over TCP, several at a time, from one thread that waits for all of them at once."""
+"""CommandReceiver: serves consoles over TCP, several at a time, on one thread of the node's."""
 
 from __future__ import annotations
 
-import selectors
+import asyncio
 import socket
 import time
-from collections.abc import Callable
 from contextlib import ExitStack, suppress
+from typing import NamedTuple
 
-from snr_sim.console.command_processor import CommandProcessor
+from snr_sim.console.commands import TABLE
 from snr_sim.console.conversation import LINES_AT_ONCE, LINES_PER_S, Conversation
-from snr_sim.console.line import Line
-from snr_sim.console.wire import DEFAULT_PORT, LINE_FRAME_MAX_BYTES, PURPOSE, SECRET_IS
+from snr_sim.console.session import Session
+from snr_sim.console.wire import DEFAULT_PORT, LINE_FRAME_MAX_BYTES, PURPOSE, READ_BYTES, SECRET_IS, read_for
 from snr_sim.core.backing import ThreadBacking
 from snr_sim.core.node import Node
 from snr_sim.links.allowance import Allowance
-from snr_sim.links.listener import Listener
 from snr_sim.links.newcomers import Newcomers, crowd, source_of
 from snr_sim.links.restarting import RestartingLoop
 from snr_sim.links.security import as_secret, is_loopback
@@ -25,11 +24,15 @@ from snr_sim.prelude.errors import ConfigError
 
 CONSOLES_MAX = 8
 STRANGERS_MAX = 16  # connections that have not shown yet whether they are consoles
+# Who sends without end is read so slowly that it costs the node a few per cent of a core, whatever it sends.
+BYTES_PER_S = 1 << 18
+READS_PER_S = 1000.0
 TEND_EVERY_S = 0.1  # time-outs, keep-alives
 WATCH_EVERY_S = 0.05
 BUSY_EVERY_S = 0.01
 OUTCOME_EVERY_S = 0.002  # the node mostly does at once what it was asked for
 LINGER_S = 0.2  # how long a node's end may take to send the last answers
+HANG_UP_S = 0.5  # how long a line that is over waits for the far end to close
 
 
 class CommandReceiverFactory(ListenerFactory):
@@ -69,6 +72,27 @@ class CommandReceiverFactory(ListenerFactory):
         return CommandReceiver(self, parent, self.name)
 
 
+class Line(NamedTuple):
+    """A connection, and what is said on it."""
+
+    conversation: Conversation
+    writer: asyncio.StreamWriter
+    host: str  # the far end's address
+    task: asyncio.Task[None] | None
+
+    @property
+    def is_known(self) -> bool:
+        """Whether it has shown that a console is there."""
+        return self.conversation.wire.is_up
+
+    def flush(self) -> None:
+        """Send what waits, once the far end has taken what was sent before: so what waits is bounded."""
+        output = self.conversation.output
+        if output and not self.writer.transport.get_write_buffer_size():
+            self.writer.write(bytes(output))
+            output.clear()
+
+
 class CommandReceiver(RestartingLoop):
     """A loop on a thread of its own, in lock step too: consoles live in the world's time, and add no moments."""
 
@@ -85,10 +109,12 @@ class CommandReceiver(RestartingLoop):
             max_frame_bytes=LINE_FRAME_MAX_BYTES,
             secret_is=SECRET_IS,
         )
-        self._processor = CommandProcessor(parent, name)
+        self._new_names: set[str] = set()
         self._allowance = Allowance(LINES_PER_S, LINES_AT_ONCE)
         self._newcomers = Newcomers()
         self._lines: list[Line] = []
+        self._ending = asyncio.Event()  # set when no console is to be served any more
+        self._events: asyncio.AbstractEventLoop | None = None
         self.forged = 0  # lines that something between node and console has changed
 
     def begin(self) -> None:
@@ -101,121 +127,127 @@ class CommandReceiver(RestartingLoop):
         self.begin_on(ThreadBacking(self))
 
     def _open_ports(self, ports: ExitStack) -> None:
-        sock = self.factory.listener()
-        ports.callback(sock.close)
-        self._selector = selectors.DefaultSelector()
-        ports.callback(self._selector.close)
-        self._wake_in, self._wake_out = socket.socketpair()
-        for end in (self._wake_in, self._wake_out):
-            ports.callback(end.close)
-            end.setblocking(False)
-        self._listener = Listener(sock, self._selector, self.log)
-        self._selector.register(self._wake_out, selectors.EVENT_READ)
-        ports.callback(self._drop_all)
+        self._sock = self.factory.listener()
+        ports.callback(self._sock.close)
 
     def stop(self) -> None:
-        """Asks for no more rounds; ends the one that waits."""
+        """Ask for no more lines; returns at once, also when called from another thread."""
         super().stop()
-        if self._backing is not None:
-            with suppress(OSError):
-                self._wake_in.send(b"\0")
+        if self._events is not None:
+            with suppress(RuntimeError):  # it has ended already
+                self._events.call_soon_threadsafe(self._ending.set)
+
+    def join(self) -> None:
+        """Stop, and return once consoles have heard the goodbye, or have had their time for it."""
+        self.stop()
+        super().join()
 
     def _round(self) -> None:
-        """Waits until something happens, and does what is to be done about it."""
-        for key, events in self._selector.select(self._patience_s()):
-            if key.fileobj is self._listener.sock:
-                self._accept()
-            elif isinstance(key.data, Line) and events & selectors.EVENT_READ:
-                self._guarded(key.data, self._read)
-        self._listener.tend(time.monotonic())
-        for line in list(self._lines):
-            self._guarded(line, self._tend)
+        """Serve consoles until the loop is to stop."""
+        asyncio.run(self._serve())
 
-    def _patience_s(self) -> float:
-        patience_s = WATCH_EVERY_S if any(line.conversation.is_watching for line in self._lines) else TEND_EVERY_S
-        if any(line.conversation.is_busy for line in self._lines):
-            patience_s = BUSY_EVERY_S
-        if any(line.conversation.is_waiting for line in self._lines):
-            patience_s = OUTCOME_EVERY_S
-        now_s = time.monotonic()
-        moments_s = [line.due_s for line in self._lines]
-        return max(0.0, min([now_s + patience_s, *moments_s]) - now_s)
-
-    def _guarded(self, line: Line, act: Callable[[Line], None]) -> None:
-        """Does something for one console; what goes wrong costs that console its line, and never the node its life."""
-        try:
-            act(line)
-        except Exception:
-            self.log.exception("a console's line failed")
-            line.is_broken = True
-        if line.is_done(time.monotonic()):
-            self._drop(line)
-
-    def _accept(self) -> None:
-        come = self._listener.accept(time.monotonic())
-        if come is None:
+    async def _serve(self) -> None:
+        self._ending = asyncio.Event()
+        self._events = events = asyncio.get_running_loop()
+        # Of asyncio's own, as when there is no descriptor left to take a connection; it tries again by itself.
+        events.set_exception_handler(
+            lambda _, about: self.log.warning("%s: %s", about["message"], about.get("exception"))
+        )
+        if self.is_terminated():  # before there was something to end
             return
-        sock, (host, *_) = come
-        if not self._newcomers.may_greet(host, time.monotonic()):
-            sock.close()
+        server = await asyncio.start_server(self._connected, sock=self._sock, limit=READ_BYTES)
+        await self._ending.wait()
+        server.close()
+        tasks = [line.task for line in self._lines if line.task is not None]
+        for task in tasks:
+            task.cancel()
+        if tasks:
+            await asyncio.wait(tasks, timeout=LINGER_S)
+
+    async def _connected(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Serve one connection. What goes wrong costs that console its line, and never the node its life."""
+        host, now_s = writer.get_extra_info("peername")[0], time.monotonic()
+        if not self._newcomers.may_greet(host, now_s):
+            writer.transport.abort()
             return
         strangers = [line for line in self._lines if not line.is_known]
         if len(strangers) >= STRANGERS_MAX:
             self._drop(crowd(strangers, lambda line: source_of(line.host))[0])
-        conversation = Conversation(self._terms, self._processor.session(), time.monotonic(), self._allowance)
-        self._lines.append(Line(sock, conversation, host))
-
-    def _read(self, line: Line) -> None:
-        was_known = line.is_known
-        line.read()
-        if line.is_known and not was_known:
-            if sum(other.is_known for other in self._lines) > CONSOLES_MAX:
-                line.conversation.refuse(f"{CONSOLES_MAX} consoles are connected to this node, which is the most.")
-            else:
-                self._newcomers.know(line.host)
-                self.log.info("a console has connected")
-
-    def _tend(self, line: Line) -> None:
-        """Answers, sends, and has `select` wait for what this line can do next."""
-        wanted = line.tend(time.monotonic())
-        if wanted == line.watched:
-            return
-        if not wanted:
-            self._selector.unregister(line.sock)
-        elif not line.watched:
-            self._selector.register(line.sock, wanted, line)
-        else:
-            self._selector.modify(line.sock, wanted, line)
-        line.watched = wanted
-
-    def _drop(self, line: Line) -> None:
-        if line in self._lines:
-            self._lines.remove(line)
-            if line.conversation.wire.was_forged:
-                self.forged += 1
-                if self.forged == 1:  # told once: it can happen again and again
-                    self.log.warning("a console's line was closed: %s", line.conversation.wire.reason)
-            if line.watched:
-                self._selector.unregister(line.sock)
-            line.sock.close()
-
-    def _drop_all(self) -> None:
-        for line in list(self._lines):
+        session = Session(self.parent, TABLE, self.name, self._new_names)
+        conversation = Conversation(self._terms, session, now_s, self._allowance)
+        line = Line(conversation, writer, host, asyncio.current_task())
+        self._lines.append(line)
+        try:
+            await self._talk(line, reader)
+        except asyncio.CancelledError:
+            conversation.end(self._farewell())
+            await _hang_up(line, reader)
+        except OSError:
+            pass  # the console is gone
+        except Exception:
+            self.log.exception("a console's line failed")
+        finally:
             self._drop(line)
 
-    def _see_off(self) -> None:
-        """Sends the last answers and says goodbye, not for longer than a moment."""
-        self._listener.close()
-        give_up_s = time.monotonic() + LINGER_S
+    async def _talk(self, line: Line, reader: asyncio.StreamReader) -> None:
+        """Take and answer what comes, until one end has had enough."""
+        conversation, resume_s = line.conversation, 0.0
+        while not conversation.is_over:
+            patience_s = _patience_s(conversation)
+            rest_s = resume_s - time.monotonic()
+            if rest_s > 0 or not conversation.wants_bytes:
+                await asyncio.sleep(min(patience_s, rest_s) if rest_s > 0 else patience_s)
+            elif data := await read_for(reader, patience_s):
+                resume_s = time.monotonic() + max(len(data) / BYTES_PER_S, 1 / READS_PER_S)
+                self._take(line, data)
+            elif data is not None:
+                return
+            conversation.work(time.monotonic())
+            line.flush()
+        await _hang_up(line, reader)
+
+    def _take(self, line: Line, data: bytes) -> None:
+        was_known = line.is_known
+        line.conversation.receive(data, time.monotonic())
+        if not line.is_known or was_known:
+            return
+        if sum(other.is_known for other in self._lines) > CONSOLES_MAX:
+            line.conversation.refuse(f"{CONSOLES_MAX} consoles are connected to this node, which is the most.")
+        else:
+            self._newcomers.know(line.host)
+            self.log.info("a console has connected")
+
+    def _drop(self, line: Line) -> None:
+        line.writer.transport.abort()
+        if line not in self._lines:
+            return
+        self._lines.remove(line)
+        if line.conversation.wire.was_forged:
+            self.forged += 1
+            if self.forged == 1:  # logged once: it can happen again and again
+                self.log.warning("a console's line was closed: %s", line.conversation.wire.reason)
+
+    def _farewell(self) -> str:
         node = self.parent
-        reason = f"node '{node.name}' ended: {node.exit_reason or 'no reason given'}."
-        if not node.is_over:  # reloaded, or removed
-            reason = f"node '{node.name}' makes its console anew, or takes it out."
-        for line in self._lines:
-            line.conversation.end(reason)
-        while self._lines and (now_s := time.monotonic()) < give_up_s:
-            for line in list(self._lines):
-                self._guarded(line, self._tend)
-            for key, _ in self._selector.select(min(TEND_EVERY_S, give_up_s - now_s) if self._lines else 0.0):
-                if isinstance(key.data, Line):
-                    self._guarded(key.data, self._read)
+        if node.is_over:
+            return f"node '{node.name}' ended: {node.exit_reason or 'no reason given'}."
+        return f"node '{node.name}' makes its console anew, or takes it out."
+
+
+def _patience_s(conversation: Conversation) -> float:
+    """How long nothing need be done if nothing comes."""
+    if conversation.session.is_waiting:
+        return OUTCOME_EVERY_S
+    if conversation.is_busy or conversation.output:
+        return BUSY_EVERY_S
+    return WATCH_EVERY_S if conversation.session.is_watching else TEND_EVERY_S
+
+
+async def _hang_up(line: Line, reader: asyncio.StreamReader) -> None:
+    """Send what is left and wait for the far end to close: closing first could take back what was sent."""
+    with suppress(TimeoutError, OSError):
+        async with asyncio.timeout(HANG_UP_S):
+            line.writer.write(bytes(line.conversation.output))
+            line.writer.write_eof()
+            while await reader.read(READ_BYTES):
+                pass

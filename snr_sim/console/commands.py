@@ -8,22 +8,19 @@ handler that fails on a value fails as it would on any other day.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 from snr_sim.console import introspection
 from snr_sim.console.readable import bounded, cut_text, short
+from snr_sim.console.session import Session
 from snr_sim.console.table import Answer, Argument, Command, Given, help_text
 from snr_sim.console.words import CommandRefused, shown
 from snr_sim.core.component import CORE_NAME
+from snr_sim.core.node import Node
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import nearest
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.task import Task, TaskType
 from snr_sim.prelude.text import printable
-
-if TYPE_CHECKING:
-    from snr_sim.console.command_processor import Session
-    from snr_sim.core.node import Node
 
 ALL = "all"
 LISTS = ("components", "pages", "links", "loops")
@@ -63,14 +60,14 @@ def _event(session: Session, name: str, values: list[object]) -> Answer:
     if name not in known and not _takes_every_event(session.node):
         fix = nearest(name, known) if known else "list, which shows who is here."
         raise CommandRefused(f"Nobody here handles an event '{name}'.", fix=fix)
-    session.processor.admit_name(f"event {name}", name in known)
+    session.admit_name(f"event {name}", name in known)
     session.bring(tasks.event(name, values))
     return Answer(f"event '{name}' is queued.", {"task": ["event", name, values]})
 
 
 def _store(session: Session, given: Given) -> Answer:
     key, value = given["KEY"], given["JSON"]
-    session.processor.admit_name(f"page {key}", key in session.node.datastore.pages)
+    session.admit_name(f"page {key}", key in session.node.datastore.pages)
     pages = session.node.datastore.pages
     before = pages.get(key)
 

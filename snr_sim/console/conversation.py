@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from snr_sim.console.command_processor import Session
+from snr_sim.console.session import Session
 from snr_sim.console.table import Answer
 from snr_sim.console.wire import Command, Complete, completed, decode_asked, replied
 from snr_sim.links.allowance import Allowance
@@ -32,7 +32,7 @@ class Conversation:
     def __init__(self, terms: Terms, session: Session, now_s: float, allowance: Allowance) -> None:
         self.wire = WireSession(terms, now_s, decode_asked)
         self.output = bytearray()
-        self._session = session
+        self.session = session
         self._allowance = allowance
         self._waiting_number = 0  # of the command whose outcome is not known yet
         self._asked: deque[Command | Complete] = deque()
@@ -51,7 +51,7 @@ class Conversation:
     @property
     def is_busy(self) -> bool:
         """Whether there is something to do as soon as it is allowed."""
-        return bool(self._asked) and len(self.output) <= OUTPUT_MAX_BYTES and not self._session.is_waiting
+        return bool(self._asked) and len(self.output) <= OUTPUT_MAX_BYTES and not self.session.is_waiting
 
     def receive(self, data: bytes, now_s: float) -> None:
         """Takes bytes as they come."""
@@ -60,7 +60,7 @@ class Conversation:
 
     def work(self, now_s: float) -> None:
         """Answers what waits, shows watched pages that have changed, and does what time asks for."""
-        outcome = self._session.outcome(now_s)
+        outcome = self.session.outcome(now_s)
         if outcome is not None:
             self._send(replied(self._waiting_number, outcome))
         while self.is_busy and not self.is_over and self._allowance.take(now_s):
@@ -68,14 +68,14 @@ class Conversation:
         if self._asked and len(self.output) <= OUTPUT_MAX_BYTES:
             self.wire.forgive_silence(now_s)  # it is we who do not read
         if self.wire.is_up and len(self.output) <= OUTPUT_MAX_BYTES:
-            for answer in self._session.changes(now_s):
+            for answer in self.session.changes(now_s):
                 self._send(replied(0, answer))
         self.wire.tick(now_s)
         self._flush()
 
     def end(self, reason: str) -> None:
         """Says goodbye; whoever waits for what comes of a command is told that it will not come this way."""
-        if self.wire.is_up and self.is_waiting:
+        if self.wire.is_up and self.session.is_waiting:
             text = f"This line ends before it is known what came of the command; {reason} Try: dump, on a new line."
             self._send(replied(self._waiting_number, Answer(text, is_error=True)))
         self.wire.bye(reason)
@@ -86,25 +86,15 @@ class Conversation:
         self.wire.refuse(reason)
         self._flush()
 
-    @property
-    def is_watching(self) -> bool:
-        """Whether it has to look at pages now and then."""
-        return self._session.is_watching
-
-    @property
-    def is_waiting(self) -> bool:
-        """Whether the node has been asked for something, and what came of it is not known yet."""
-        return self._session.is_waiting
-
     def _answer(self, asked: Command | Complete) -> None:
         if isinstance(asked, Command):
-            answer = self._session.answer(asked.line)
-            if self._session.is_waiting:
+            answer = self.session.answer(asked.line)
+            if self.session.is_waiting:
                 self._waiting_number = asked.number
             else:
                 self._send(replied(asked.number, answer))
         else:
-            self._send(completed(asked.number, self._session.complete(asked.line)))
+            self._send(completed(asked.number, self.session.complete(asked.line)))
 
     def _flush(self) -> None:
         for frame in self.wire.take_output():

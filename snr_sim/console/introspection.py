@@ -9,16 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from itertools import islice
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from snr_sim.console.readable import ITEMS_MAX, bounded, in_words, name, short, table
 from snr_sim.core.ages import LINK_PREFIX, age_s
 from snr_sim.core.loop import Loop
+from snr_sim.core.node import Node
 from snr_sim.core.profiler import Profiler
 from snr_sim.prelude.page import Page
-
-if TYPE_CHECKING:
-    from snr_sim.core.node import Node
 
 ROWS_MAX = 500
 

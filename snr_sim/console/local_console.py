@@ -8,10 +8,13 @@ import sys
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
+from functools import partial
 from queue import Empty, SimpleQueue
 from typing import TextIO
 
-from snr_sim.console.command_processor import CommandProcessor
+from snr_sim.console.commands import TABLE
+from snr_sim.console.session import Session
 from snr_sim.console.table import Answer
 from snr_sim.console.words import LINE_MAX_CHARS
 from snr_sim.core.backing import ThreadBacking
@@ -68,7 +71,7 @@ class LocalConsole(Loop):
                 fix="RemoteConsole(('127.0.0.1', port), commands).run(), or `snr console PORT`.",
             )
         super().__init__(factory, parent, name, max_tick_rate_hz=0)
-        self._session = CommandProcessor(parent, name).session()
+        self._session = Session(parent, TABLE, name)
         self._rest = b""
         self._lines: deque[str] = deque()
         self._is_at_end = False
@@ -93,10 +96,12 @@ class LocalConsole(Loop):
         else:
             self._take(self._read())
         now_s = time.monotonic()
-        self._show(self._session.outcome(now_s))
+        if (outcome := self._session.outcome(now_s)) is not None:
+            self._show(outcome)
         while self._lines and not self._session.is_waiting:
             answer = self._session.answer(self._lines.popleft())
-            self._show(None if self._session.is_waiting else answer)
+            if not self._session.is_waiting:
+                self._show(answer)
         if self._is_at_end and not (self._lines or self._session.is_waiting):
             self.stop()  # the terminal is gone, or the file at its end; the node goes on
         for answer in self._session.changes(now_s):
@@ -110,29 +115,20 @@ class LocalConsole(Loop):
         self._rest = self._rest[: LINE_MAX_CHARS + 1]  # one too many is refused; more is only more
         self._lines += [line.decode(errors="replace") for line in lines if line.strip()]
 
-    def _show(self, answer: Answer | None) -> None:
-        if answer is not None:
-            self._say(answer.text)
-
-    def _say(self, text: str) -> None:
+    def _show(self, answer: Answer) -> None:
         try:
-            print(text, file=self.factory.prints or sys.stdout, flush=True)
+            print(answer.text, file=self.factory.prints or sys.stdout, flush=True)
         except (OSError, ValueError):
             self.stop()  # nobody is there to read it
 
 
-class _SelectReader:
-    """Waits a moment for bytes; returns None if none came, and b"" at the end."""
-
-    def __init__(self, descriptor: int) -> None:
-        self._descriptor = descriptor
-
-    def __call__(self) -> bytes | None:
-        try:
-            is_ready, _, _ = select.select([self._descriptor], [], [], LOOK_S)
-            return os.read(self._descriptor, _READ_BYTES) if is_ready else None
-        except OSError:  # the terminal was taken away
-            return b""
+def _select_and_read(descriptor: int) -> bytes | None:
+    """Wait a moment for bytes; return None if none came, and b"" at the end."""
+    try:
+        is_ready, _, _ = select.select([descriptor], [], [], LOOK_S)
+        return os.read(descriptor, _READ_BYTES) if is_ready else None
+    except OSError:  # the terminal was taken away
+        return b""
 
 
 class _ThreadReader:
@@ -161,5 +157,5 @@ class _ThreadReader:
             return None
 
 
-def _reader_of(descriptor: int) -> _SelectReader | _ThreadReader:
-    return _ThreadReader(descriptor) if sys.platform == "win32" else _SelectReader(descriptor)
+def _reader_of(descriptor: int) -> Callable[[], bytes | None]:
+    return _ThreadReader(descriptor) if sys.platform == "win32" else partial(_select_and_read, descriptor)

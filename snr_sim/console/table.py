@@ -5,16 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import msgspec
 
 from snr_sim.console.words import NAME_MAX_CHARS, CommandRefused, name_of, shown, split_line, value_of
 from snr_sim.prelude.errors import nearest
-
-if TYPE_CHECKING:
-    from snr_sim.console.command_processor import Session
-    from snr_sim.core.node import Node
 
 COMPLETIONS_MAX = 200
 
@@ -45,7 +41,7 @@ class Argument:
         is_optional: it may be left out.
         is_many: takes all words that are left.
         choices: the only words it can be. One that is optional is left out where another word stands.
-        known: names to complete with.
+        known: returns the names to complete with, of a node.
     """
 
     name: str
@@ -53,7 +49,7 @@ class Argument:
     is_optional: bool = False
     is_many: bool = False
     choices: tuple[str, ...] = ()
-    known: Callable[[Node], Iterable[str]] | None = None
+    known: Callable[[Any], Iterable[str]] | None = None
 
     @property
     def usage(self) -> str:
@@ -67,12 +63,12 @@ Given: TypeAlias = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Command:
-    """A row of the table: a name, what it takes, what it is for, and what it does."""
+    """A row of the table: a name, what it takes, what it is for, and what it does for a console's session."""
 
     name: str
     arguments: tuple[Argument, ...]
     help: str
-    run: Callable[[Session, Given], Answer]
+    run: Callable[[Any, Given], Answer]
 
     @property
     def usage(self) -> str:
@@ -152,7 +148,7 @@ def help_text(table: Table) -> str:
     return "\n".join(f"{command.usage:<{width}}  {command.help}" for command in table.values())
 
 
-def completions(table: Table, line: str, node: Node) -> list[str]:
+def completions(table: Table, line: str, node: Any) -> list[str]:
     """Returns the words that can stand where the line ends, instead of its last, begun word."""
     words = line.split()
     begun = words.pop() if words and not line[-1].isspace() else ""
@@ -165,7 +161,7 @@ def completions(table: Table, line: str, node: Node) -> list[str]:
     return found[:COMPLETIONS_MAX]
 
 
-def _candidates(arguments: Sequence[Argument], words: Sequence[str], node: Node) -> list[str]:
+def _candidates(arguments: Sequence[Argument], words: Sequence[str], node: Any) -> list[str]:
     """What can come after these words: for the argument they have come to, and for the next if it can be left out."""
     left = list(words)
     found: list[str] = []

@@ -6,6 +6,7 @@ crosses the wire: both ends prove that they know it.
 
 from __future__ import annotations
 
+import asyncio
 from typing import Annotated, Any, TypeAlias
 
 import msgspec
@@ -20,6 +21,7 @@ from snr_sim.prelude.values import MARK, decode_value, encode_value
 SECRET_IS = ("token", "the node's token, by --token-file FILE or the variable SNR_TOKEN; in a program by token=")
 PURPOSE = "console"
 DEFAULT_PORT = 54321
+READ_BYTES = 1 << 14
 LINE_FRAME_MAX_BYTES = 8 * LINE_MAX_CHARS  # six bytes at most for a character in JSON, and what stands around them
 
 Number: TypeAlias = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
@@ -93,3 +95,18 @@ def answer_of(reply: Reply) -> Answer:
     data: Any = decode_value(raw, WIRE_KINDS)
     check_bounds(raw)
     return Answer(reply.text, data, reply.is_error, reply.about)
+
+
+async def read_for(reader: asyncio.StreamReader, timeout_s: float) -> bytes | None:
+    """Return what has come, b"" at the end; None if nothing has come in time.
+
+    Raises:
+        OSError: the connection broke.
+    """
+    try:
+        async with asyncio.timeout(timeout_s):
+            return await reader.read(READ_BYTES)
+    except TimeoutError:
+        if reader.exception() is not None:  # a time-out of the network's, not ours
+            raise
+        return None

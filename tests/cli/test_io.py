@@ -16,7 +16,6 @@ from typing import Any
 import pytest
 
 from snr_sim.cli.io import lines
-from snr_sim.cli.io_bench import ARMING_S, TICK_S, Bench, bench_of, devices_of, fields_of
 from snr_sim.devices.pwm.mirror import MirrorPwm
 from snr_sim.devices.pwm.nudge import WHOLE_S, nudge_us, top_us
 from snr_sim.devices.pwm.pwm_backend import PwmBackend
@@ -24,6 +23,7 @@ from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError, SensorLost, UnknownName
 from snr_sim.prelude.life_cycle import LifeCycle
 from snr_sim.prelude.signals import AppliedPulses, DepthReading
+from snr_sim.scenario.device_bench import ARMING_S, TICK_S, Bench, bench_of, devices_of, fields_of
 
 Snr = Callable[..., Any]
 STILL = [1500.0] * 4

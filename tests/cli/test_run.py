@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim.cli.run import pace_of
+from snr_sim.cli.arguments import pace_of
 from snr_sim.recording.folder import RESULT_NAME
 from snr_sim.recording.reader import read_trace
 from snr_sim.recording.trace import FILE_NAME

@@ -5,7 +5,8 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, Mode, Node, SimClock, Task, TaskType
-from snr_sim.console.command_processor import CommandProcessor, Session
+from snr_sim.console.commands import TABLE
+from snr_sim.console.session import Session
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 
@@ -24,7 +25,7 @@ class Talk:
         self.node = Node("urov", Config(mode, {"urov": factories}), clock=self.clock)
         self.node.begin()
         self.tick()
-        self.session: Session = CommandProcessor(self.node).session()
+        self.session = Session(self.node, TABLE)
 
     def _note(self, task: Task, task_id: Any) -> None:
         self.events.append(task)

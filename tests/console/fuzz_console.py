@@ -23,10 +23,10 @@ from typing import Any
 import msgspec
 
 from snr_sim import CommandReceiverFactory, Config, ConsoleClient, Node, SimClock, Task, TaskType, tasks
-from snr_sim.console.command_processor import NEW_NAMES_MAX, CommandProcessor
 from snr_sim.console.commands import TABLE
 from snr_sim.console.conversation import LINES_AT_ONCE, LINES_PER_S, OUTPUT_MAX_BYTES, Conversation
 from snr_sim.console.readable import TEXT_MAX_CHARS
+from snr_sim.console.session import NEW_NAMES_MAX, Session
 from snr_sim.console.table import Answer
 from snr_sim.console.wire import PURPOSE, Command, Complete, asked, decode_answered
 from snr_sim.links.allowance import Allowance
@@ -89,10 +89,13 @@ class Subject:
         self.node.begin()
         self.clock.run_next()
         self.node.run_ready()
-        self.processor = CommandProcessor(self.node)
-        self.session = self.processor.session()
+        self._new_names: set[str] = set()
+        self.session = self.new_session()
         self.errors = Errors()
         logging.getLogger("snr").addHandler(self.errors)
+
+    def new_session(self) -> Session:
+        return Session(self.node, TABLE, new_names=self._new_names)
 
     def _start(self, task: Task, task_id: Any) -> None:
         self.started += 1
@@ -106,7 +109,7 @@ class Subject:
         assert self.errors.records == [], self.errors.records[:3]
         if not node.is_terminated:
             before = self.started
-            assert not self.processor.session().answer("task start").is_error
+            assert not self.new_session().answer("task start").is_error
             self.settle()
             assert self.started == before + 1
         assert set(node.components) == {"node_core", "part", "failing", "ticker"}
@@ -183,7 +186,7 @@ def fuzz_commands(rng: random.Random, count: int) -> None:
         for change in subject.session.changes(now_s):
             assert change.about
         if rng.random() < 0.01:
-            subject.session = subject.processor.session()
+            subject.session = subject.new_session()
         if rng.random() < 0.01 and subject.clock.next_s is not None:
             subject.clock.run_next()
             subject.settle()
@@ -221,7 +224,7 @@ def line_to(
     """A node's end of a new line, and the console's, perhaps after their greeting."""
     secret = as_secret(TOKEN) if has_token else None
     near = Conversation(
-        Terms("urov_node", True, secret, PURPOSE), subject.processor.session(), now_s, allowance
+        Terms("urov_node", True, secret, PURPOSE), subject.new_session(), now_s, allowance
     )  # fmt: skip
     far = WireSession(Terms("console", False, secret, PURPOSE), now_s, decode_answered)
     if is_greeted:

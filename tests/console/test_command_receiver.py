@@ -1,5 +1,6 @@
 """The console over TCP: several at a time, strangers, silence, nonsense, tokens, the end. Real sockets on loopback."""
 
+import asyncio
 import logging
 import os
 import socket
@@ -24,7 +25,7 @@ from snr_sim import (
     TimeoutLoopFactory,
     tasks,
 )
-from snr_sim.console import command_receiver, line
+from snr_sim.console import command_receiver, wire
 from snr_sim.core.lockstep import LockStep
 from snr_sim.links.frames import encode_frame
 from snr_sim.prelude.errors import ConfigError, LinkError
@@ -248,12 +249,22 @@ def test_weakness_10_a_stranger_cannot_crash_a_node_nor_by_coming_and_going(capl
 
 
 @pytest.mark.slow
-def test_console_whose_loop_fails_listens_again_at_its_port(caplog: pytest.LogCaptureFixture) -> None:
+def test_console_whose_loop_fails_listens_again_at_its_port(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    failures, start_for_real = [ZeroDivisionError("division by zero")], asyncio.start_server
+
+    async def start_server(*arguments: Any, **options: Any) -> Any:
+        if failures:
+            raise failures.pop()
+        return await start_for_real(*arguments, **options)
+
     with running() as (node, address):
         console: Any = node.components["console"]
         with ConsoleClient(address) as one:
             one.wait_until_up(PATIENCE_S)
-            console._patience_s = lambda: (console.__dict__.pop("_patience_s"), 1 / 0)
+            monkeypatch.setattr(asyncio, "start_server", start_server)
+            console._events.call_soon_threadsafe(console._ending.set)  # this round ends, and the next one fails
             wait_for(lambda: console.failures == 1 and not console.is_shut)
         assert not RemoteConsole(address, ["list"], wait_s=PATIENCE_S).run()[0].is_error
         assert not node.is_over
@@ -272,7 +283,7 @@ def test_weakness_11_beyond_this_machine_a_console_without_a_token_is_refused_wh
 @pytest.mark.slow
 def test_weakness_11_a_console_listens_where_it_was_told_and_nowhere_else() -> None:
     with running() as (node, _):
-        listener = node.components["console"]._listener.sock  # type: ignore[attr-defined]
+        listener = node.components["console"]._sock  # type: ignore[attr-defined]
         assert listener.getsockname()[0] == "127.0.0.1"
 
 
@@ -352,7 +363,7 @@ def test_a_console_that_floods_and_one_that_does_not_read_cost_memory_to_a_bound
         receiver: Any = node.components["console"]
         for one in receiver._lines:
             assert len(one.conversation.output) < 1 << 18
-            assert len(one.conversation._asked) <= line.READ_BYTES
+            assert len(one.conversation._asked) <= wire.READ_BYTES
         assert not RemoteConsole(address, ["list"]).run()[0].is_error
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim.cli.run import record_run
+from snr_sim.cli.recorded_run import record_run
 from snr_sim.prelude.errors import ConfigError, DeviceError, MissingExtra, TraceError, UnknownName
 from snr_sim.recording.folder import RESULT_NAME, as_json, new_run_folder, read_result, write_result
 from snr_sim.recording.reader import read_trace

@@ -1,4 +1,4 @@
-"""All devices of a robot, opened as a run would open them, without the robot's program: for `snr io`.
+"""All devices of a robot, opened as a run would open them, without the robot's program: for `snr io` and `snr doctor`.
 
 Outputs are written neutral at every tick, and armed only to move one of their channels.
 """

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from snr_sim import Config, Mode, Node, Page, SimClock, Task, TaskType
-from snr_sim.console import command_processor, commands
-from snr_sim.console.command_processor import CommandProcessor
+from snr_sim.console import commands, session
+from snr_sim.console.commands import TABLE
 from snr_sim.console.readable import TEXT_MAX_CHARS
+from snr_sim.console.session import Session
 from snr_sim.prelude.recorder import Ticket
 from snr_sim.testing.parts import PartFactory
 
@@ -234,24 +235,24 @@ def test_a_watch_begins_with_what_is_there_and_ends_altogether(talk: Talk) -> No
 
 
 def test_watches_are_few(talk: Talk) -> None:
-    for i in range(command_processor.WATCHES_MAX):
+    for i in range(session.WATCHES_MAX):
         talk.say(f"watch k{i}")
     talk.say("watch k0")
     assert "16 pages, which is the most" in talk.refused("watch more")
 
 
 def test_names_the_node_has_never_heard_are_few(talk: Talk) -> None:
-    for i in range(command_processor.NEW_NAMES_MAX):
+    for i in range(session.NEW_NAMES_MAX):
         talk.say(f"store k{i} 0")
     assert "new names" in talk.refused("store more 0")
-    other = talk.session.processor.session()
+    other = Session(talk.node, TABLE, new_names=talk.session.new_names)
     assert other.answer("store more 0").is_error
     talk.say("store k0 1")
     talk.say("store beat 1")  # known
 
 
 def test_a_node_that_does_not_keep_up_gets_no_more(talk: Talk) -> None:
-    for _ in range(command_processor.WAITING_MAX):
+    for _ in range(session.WAITING_MAX):
         assert not talk.session.answer("task start").is_error
     assert "does not keep up" in talk.session.answer("task start").text
     talk.settle()
@@ -326,9 +327,9 @@ def test_what_a_console_changes_is_an_input_and_what_it_reads_is_nothing() -> No
     config = Config(factories={"r": [PartFactory({(TaskType.event, "start"): lambda task, task_id: None})]})
     node = Node("r", config, clock=SimClock(), recorder=witness)
     node.begin()
-    session = CommandProcessor(node, "my_console").session()
+    mine = Session(node, TABLE, "my_console")
     for line in ("list", "dump", "watch depth_m", "help", "task start", "store depth_m 1", "reload part", "exit"):
-        assert not session.answer(line).is_error
+        assert not mine.answer(line).is_error
     node.run_ready()
     assert [source for source, _ in witness.inputs] == ["my_console"] * 4
     assert {task.type for _, task in witness.inputs} == {

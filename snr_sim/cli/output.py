@@ -1,4 +1,4 @@
-"""Where a command's answer goes: to stdout, with nothing between, whatever a student's code prints or closes."""
+"""How a command prints: its answer on stdout, with nothing between it, and notes on stderr."""
 
 from __future__ import annotations
 
@@ -7,9 +7,32 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from snr_sim.recording.reader import Trace
 
 _STDOUT, _STDERR = 1, 2  # what libraries written in C, and other programs, print to
+
+
+def print_json(fields: dict[str, Any]) -> None:
+    """Print the one object of --json."""
+    from snr_sim.recording.folder import as_json
+
+    print(as_json(fields))
+
+
+def print_note(text: str) -> None:
+    """Print what a user should know beside the answer."""
+    print(f"note: {text}", file=sys.stderr, flush=True)
+
+
+def print_remarks(trace: Trace, before: str = "") -> None:
+    """Print what is to be known of a trace: that it was changed, or cut."""
+    from snr_sim.recording.folder import remarks
+
+    for remark in remarks(trace):
+        print_note(before + remark)
 
 
 @contextmanager

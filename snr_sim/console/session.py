@@ -1,23 +1,19 @@
-"""CommandProcessor: one line of text in, an answer out. Owns no port, so a test needs none."""
+"""Session: one console at a node. A line of text in, an answer out; owns no port, so a test needs none."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from snr_sim.console import introspection
-from snr_sim.console.commands import TABLE
 from snr_sim.console.readable import cut_text
-from snr_sim.console.table import Answer, completions, parse
+from snr_sim.console.table import Answer, Table, completions, parse
 from snr_sim.console.words import LINE_MAX_CHARS, CommandRefused
+from snr_sim.core.node import Node
 from snr_sim.prelude.errors import SnrError, nearest
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.task import Task
-
-if TYPE_CHECKING:
-    from snr_sim.core.node import Node
 
 # Every name that comes by stays in the node (a page, a looked-up handler), so consoles may not bring any number.
 NEW_NAMES_MAX = 1000
@@ -27,49 +23,6 @@ WATCH_PERIOD_S = 0.1
 OUTCOME_WAIT_S = 5.0  # for what comes of a command, before a console is told that nothing has come yet
 
 log = logging.getLogger("snr.console")
-
-
-class CommandProcessor:
-    """Carries out commands on a node, from any thread.
-
-    Args:
-        node: which runs.
-        source: whose its tasks are in the trace: the name of the console.
-    """
-
-    def __init__(self, node: Node, source: str = "console") -> None:
-        self.node = node
-        self.source = source
-        self._new_names: set[str] = set()
-
-    def session(self) -> Session:
-        """Returns a conversation with one console."""
-        return Session(self)
-
-    def admit_name(self, name: str, is_known: bool) -> None:
-        """Counts a name that the node has not heard before.
-
-        Raises:
-            CommandRefused: consoles have brought too many.
-        """
-        if is_known or name in self._new_names:
-            return
-        if len(self._new_names) >= NEW_NAMES_MAX:
-            raise CommandRefused(f"Consoles have brought {NEW_NAMES_MAX} new names, which is enough.")
-        self._new_names.add(name)
-
-    def bring(self, task: Task) -> None:
-        """Puts a task at the node's door.
-
-        Raises:
-            CommandRefused: the node has ended, or too many tasks wait.
-        """
-        if self.node.is_over:
-            raise CommandRefused(f"Node '{self.node.name}' has ended.")
-        waiting = len(self.node.door.waiting)
-        if waiting >= WAITING_MAX:
-            raise CommandRefused(f"{waiting} tasks wait at the node's door: it does not keep up.", fix="again, later.")
-        self.node.enter(task, self.source)
 
 
 @dataclass
@@ -90,13 +43,20 @@ class _Awaited:
 
 
 class Session:
-    """One console's conversation: its lines, and the pages it watches."""
+    """Carries out one console's lines on a node, from any thread, and shows the pages it watches.
 
-    def __init__(self, processor: CommandProcessor) -> None:
-        self.processor = processor
-        self.node = processor.node
-        self.source = processor.source
-        self.bring = processor.bring
+    Args:
+        node: which runs.
+        table: the commands there are.
+        source: whose its tasks are in the trace: the name of the console.
+        new_names: that consoles have brought to the node; shared by the sessions of one receiver.
+    """
+
+    def __init__(self, node: Node, table: Table, source: str = "console", new_names: set[str] | None = None) -> None:
+        self.node = node
+        self.source = source
+        self.new_names = set() if new_names is None else new_names
+        self._table = table
         self._watches: dict[str, _Watch] = {}
         self._awaited: _Awaited | None = None
 
@@ -113,7 +73,7 @@ class Session:
     def answer(self, line: str) -> Answer:
         """Carries out a line. Never raises: a console must not end the node it looks at."""
         try:
-            command, given = parse(TABLE, line)
+            command, given = parse(self._table, line)
             answer = command.run(self, given)
             return Answer(cut_text(answer.text), answer.data)
         except SnrError as error:
@@ -125,10 +85,35 @@ class Session:
     def complete(self, line: str) -> list[str]:
         """Returns the words that can stand where the line ends."""
         try:
-            return completions(TABLE, line[-LINE_MAX_CHARS:], self.node)
+            return completions(self._table, line[-LINE_MAX_CHARS:], self.node)
         except Exception:
             log.exception("a console's completion failed")
             return []
+
+    def admit_name(self, name: str, is_known: bool) -> None:
+        """Count a name that the node has not heard before.
+
+        Raises:
+            CommandRefused: consoles have brought too many.
+        """
+        if is_known or name in self.new_names:
+            return
+        if len(self.new_names) >= NEW_NAMES_MAX:
+            raise CommandRefused(f"Consoles have brought {NEW_NAMES_MAX} new names, which is enough.")
+        self.new_names.add(name)
+
+    def bring(self, task: Task) -> None:
+        """Put a task at the node's door.
+
+        Raises:
+            CommandRefused: the node has ended, or too many tasks wait.
+        """
+        if self.node.is_over:
+            raise CommandRefused(f"Node '{self.node.name}' has ended.")
+        waiting = len(self.node.door.waiting)
+        if waiting >= WAITING_MAX:
+            raise CommandRefused(f"{waiting} tasks wait at the node's door: it does not keep up.", fix="again, later.")
+        self.node.enter(task, self.source)
 
     def expect(self, task: Task, what: str, look: Callable[[], Answer | None]) -> None:
         """Brings a task of which something will come that can be seen.

@@ -1,0 +1,72 @@
+"""Arguments and options that several verbs take, and how their words are read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
+Io = Annotated[str, typer.Option(help="Where devices are: sim, emulated, mcu:PORT, pi, ...", envvar="SNR_SIM_IO")]
+Out = Annotated[Path, typer.Option(help="Folder that run folders go into.")]
+RecordedRun = Annotated[
+    Path | None, typer.Argument(help="A run folder, or its trace; the newest in runs/ if not given.")
+]
+WithRrd = Annotated[bool, typer.Option("--rrd/--no-rrd", help="Write view.rrd at once, not at snr view.")]
+
+
+def finite_number(text: str) -> float | None:
+    """Return the number that a text says, or None if it is none, or not a finite one.
+
+    >>> finite_number("2.5"), finite_number("inf"), finite_number("soon")
+    (2.5, None, None)
+    """
+    try:
+        number = float(text)
+    except ValueError:
+        return None
+    return number if abs(number) < float("inf") else None
+
+
+def pace_of(speed: str) -> float | None:
+    """Return virtual seconds per wall second, or None for as fast as it goes.
+
+    Raises:
+        ParameterError: it is neither a word nor a number above 0.
+
+    >>> pace_of("real"), pace_of("4"), pace_of("fast")
+    (1.0, 4.0, None)
+    """
+    from snr_sim.prelude.errors import ParameterError
+
+    if speed in ("fast", "real"):
+        return None if speed == "fast" else 1.0
+    pace = finite_number(speed)
+    if pace is None or pace <= 0:
+        raise ParameterError(f"--speed {speed} is no speed.", fix="--speed fast, --speed real, or a number such as 4.")
+    return pace
+
+
+def options_of(pairs: list[str]) -> dict[str, str]:
+    """Return what `--option KEY=VALUE`, given any number of times, says.
+
+    Raises:
+        ParameterError: one is not of that form, or a key was given twice.
+    """
+    from snr_sim.prelude.errors import ParameterError
+
+    options: dict[str, str] = {}
+    for pair in pairs:
+        key, equals, value = pair.partition("=")
+        if not (key and equals):
+            raise ParameterError(
+                f"--option {pair} is not KEY=VALUE.",
+                fix="--option pilot=hands, for a robot that has it: snr list robots.",
+            )
+        if key in options:
+            raise ParameterError(
+                f"--option {key}={options[key]} and {key}={value}: it was given twice.", fix="leave one of them out."
+            )
+        options[key] = value
+    return options
