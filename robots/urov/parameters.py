@@ -22,10 +22,10 @@ from snr_sim.plants.urov.vehicle import Vehicle
 from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.errors import ParameterError, nearest
 from snr_sim.prelude.wrench import AXES
+from snr_sim.teleop.scripted_pilot import Cue
 
 from .failsafes import Failsafes
 from .guard import GuardLimits
-from .pilot import Cue
 from .seeing_pilot import Waypoint
 from .tether_link import tether_faults
 

@@ -4,7 +4,7 @@
     pilot --> page "controls" ==== link ====> guard, holds, allocation --> page "pwm" --> speed controllers --> plant
                                               ^ pages depth, imu, leak <-- sensors <--------------------------- plant
     display <-- pages vehicle, depth, <=====  page "vehicle": what it is doing
-    lookout     altitude, power, leak
+    link monitor  altitude, power, leak
 
     controls  what the surface asks for, 20 times a second    (controls.py)
     camera    what it sees, if it has a camera; that stays on board  (snr_sim/devices/sensors/camera.py)
@@ -49,17 +49,16 @@ from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.recorder import RECORDING_KEY
 from snr_sim.prelude.scenario import Rig
 from snr_sim.prelude.signals import DepthReading, EchoReading, ImuReading, LeakReading, PowerReading
+from snr_sim.teleop.button_panel import ButtonPanelFactory
+from snr_sim.teleop.keyboard import Keyboard
+from snr_sim.teleop.link_monitor import LinkMonitorFactory
+from snr_sim.teleop.manual_input import DeadmanSwitch, ManualInput
 
 from .autopilot import AutopilotFactory
 from .choices import check_choices, presses_of, tether_of
-from .deadman import Deadman
-from .display import DisplayFactory
-from .keyboard import LEGEND, Hands
-from .lookout import LookoutFactory
-from .pad_pilot import PadPilotFactory
-from .panel import PanelFactory
+from .controls import LEGEND, STICKS, gamepad_pilot, scripted_pilot
+from .display import display
 from .parameters import UrovParameters, failsafe_lines
-from .pilot import ScriptedPilotFactory
 from .seeing_pilot import SeeingPilotFactory
 from .sight import EYES, Place
 
@@ -124,10 +123,12 @@ def sim_eyes(rig: Rig) -> SimSensor:
     return SimSensor(rig.plant, "place", EYES, rig.rng("place"))
 
 
-def hands(rig: Rig) -> Hands:
+def hands(rig: Rig) -> ManualInput:
     """Opens a game controller, or the keyboard."""
     needs_trigger = rig.robot.options.get("deadman") == "yes"
-    return Hands(lambda: Deadman(PygamePad()) if needs_trigger else PygamePad(), now_s=rig.now_s)
+    return ManualInput(
+        lambda: DeadmanSwitch(PygamePad()) if needs_trigger else PygamePad(), lambda: Keyboard(STICKS), rig.now_s
+    )
 
 
 def sim_pwm(rig: Rig) -> PwmBackend:
@@ -302,19 +303,19 @@ def _surface(rig: Rig, parameters: UrovParameters, lines: Sequence[str]) -> list
         return [
             *eyes,
             hands,
-            PadPilotFactory(key),
-            DisplayFactory(has_pad=True, lines=[*LEGEND, *lines]),
-            LookoutFactory("link_tether"),
+            gamepad_pilot(key),
+            display(has_pad=True, lines=[*LEGEND, *lines]),
+            LinkMonitorFactory("link_tether"),
             *crew,
         ]
     if parameters.route:
         return [
             SensorLoopFactory("place", partial(DEVICES[rig.io]["place"], rig), 10.0),
             *(
-                [PanelFactory(presses_of(rig.robot.options), rate_hz), *crew]
+                [ButtonPanelFactory(presses_of(rig.robot.options), rate_hz), *crew]
                 if crew
                 else [SeeingPilotFactory(parameters.route)]
             ),
         ]
-    shown = DisplayFactory(in_lock_step=False, lines=lines)
-    return [ScriptedPilotFactory(parameters.script, rate_hz, key), shown, LookoutFactory("link_tether"), *crew]
+    shown = display(in_lock_step=False, lines=lines)
+    return [scripted_pilot(parameters.script, rate_hz, key), shown, LinkMonitorFactory("link_tether"), *crew]

@@ -16,20 +16,21 @@ from snr_sim.prelude.errors import CommandError, ParameterError, SnrError, Unkno
 from snr_sim.prelude.scenario import Rig, Robot
 from snr_sim.prelude.signals import DepthReading, ImuReading, PadReading, PowerReading
 from snr_sim.scenario import library
+from snr_sim.teleop.gamepad_pilot import BUTTONS
+from snr_sim.teleop.keyboard import Keyboard
+from snr_sim.teleop.manual_input import ManualInput
+from snr_sim.teleop.scripted_pilot import Cue
 from snr_sim.testing.fakes import FakeSensor
 from snr_sim.testing.parts import Ticker, TickerFactory
 
 robot = library.load_robot(library.find("robots", "urov"))
 
 from snr_sim_robot_urov.autopilot import AutopilotFactory  # noqa: E402
-from snr_sim_robot_urov.controls import MODES, Controls, controls_of  # noqa: E402
+from snr_sim_robot_urov.controls import MODES, STICKS, Controls, controls_of, scripted_pilot  # noqa: E402
 from snr_sim_robot_urov.failsafes import Failsafes  # noqa: E402
 from snr_sim_robot_urov.guard import Guard, GuardLimits  # noqa: E402
 from snr_sim_robot_urov.holds import Holds  # noqa: E402
-from snr_sim_robot_urov.keyboard import Hands, Keyboard  # noqa: E402
-from snr_sim_robot_urov.pad_pilot import AXES, BUTTONS  # noqa: E402
 from snr_sim_robot_urov.parameters import HoldNumbers  # noqa: E402
-from snr_sim_robot_urov.pilot import Cue, ScriptedPilotFactory  # noqa: E402
 from snr_sim_robot_urov.seeing_pilot import SeeingPilotFactory, Waypoint  # noqa: E402
 from snr_sim_robot_urov.tether_link import tether_faults  # noqa: E402
 
@@ -69,9 +70,9 @@ def test_controls_that_are_none_are_refused_in_words(data: Any, error: type[SnrE
 
 def test_a_script_that_cannot_be_flown_is_refused_before_the_dive() -> None:
     with pytest.raises(ParameterError, match="order"):
-        ScriptedPilotFactory([Cue(5.0, is_armed=True), Cue(1.0)], 20.0)
+        scripted_pilot([Cue(5.0, is_armed=True), Cue(1.0)], 20.0)
     with pytest.raises(CommandError, match="unknown field `armed`"):
-        ScriptedPilotFactory([Cue(5.0, armed=True)], 20.0)
+        scripted_pilot([Cue(5.0, armed=True)], 20.0)
 
 
 # -- guard ------------------------------------------------------------------------------------------------------------
@@ -434,15 +435,15 @@ def test_a_pad_that_is_unplugged_in_mid_dive_leaves_a_vehicle_that_holds_and_obe
         buttons, axes = [False] * 11, [0.0] * 6
         for name in down:
             buttons[BUTTONS[name]] = True
-        axes[AXES["surge"]] = surge
+        axes[STICKS["surge"].axis] = surge
         return [PadReading(axes, buttons, [])] * round(20 * time_s)
 
     readings = [*at(1.5), *at(0.1, "mode_up"), *at(0.1), *at(0.1, "mode_up", "arm"), *at(2.0, surge=-1.0)]
     stale = [Stale("unplugged")] * 1000
 
-    def hands(rig: Rig) -> Hands:
+    def hands(rig: Rig) -> ManualInput:
         keys = iter([""] * 130 + [" "] + [""] * 1000)
-        return Hands(lambda: FakeSensor([*readings, *stale]), lambda: Keyboard(lambda: next(keys)))
+        return ManualInput(lambda: FakeSensor([*readings, *stale]), lambda: Keyboard(STICKS, lambda: next(keys)))
 
     monkeypatch.setitem(robot.DEVICES["sim"], "hands", hands)
     pushing, alone, stopped = (dived([], until_s, pilot="hands")[-1] for until_s in (3.7, 6.2, 7.2))

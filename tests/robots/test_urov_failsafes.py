@@ -30,6 +30,7 @@ from snr_sim.prelude.scenario import Rig, Robot
 from snr_sim.prelude.signals import RESET, LeakReading
 from snr_sim.prelude.task import Task, TaskType
 from snr_sim.scenario import library
+from snr_sim.teleop.scripted_pilot import Cue
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 robot = library.load_robot(library.find("robots", "urov"))
@@ -145,7 +146,6 @@ class Dive:
         from snr_sim_robot_urov.autopilot import AutopilotFactory
         from snr_sim_robot_urov.failsafes import Failsafes, Rearm
         from snr_sim_robot_urov.guard import GuardLimits
-        from snr_sim_robot_urov.pilot import Cue
         from snr_sim_robot_urov.watch import WatchFactory
 
         failsafes = Failsafes(**{name: Rearm(WITHIN_S) if one == REARM else one for name, one in actions.items()})

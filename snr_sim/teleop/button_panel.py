@@ -1,0 +1,46 @@
+"""A panel of buttons at the surface, such as an emergency stop; in simulation, pressed as asked.
+
+A button is down for a moment only: the component that reads the page must remember what was pressed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.node import Node
+
+PRESS_DURATION_S = 0.2  # as long as a finger stays on a button: our own choice
+
+
+class ButtonPanelFactory(LoopFactory):
+    """Makes the panel.
+
+    Args:
+        presses_s: for each button the moments at which it goes down.
+        rate_hz: how often its page is stored.
+    """
+
+    def __init__(self, presses_s: Mapping[str, Sequence[float]], rate_hz: float) -> None:
+        super().__init__()
+        self.presses_s = presses_s
+        self.rate_hz = rate_hz
+
+    def get(self, parent: Node) -> ButtonPanel:
+        """Return the loop 'panel'."""
+        return ButtonPanel(self, parent, "panel", self.rate_hz)
+
+
+class ButtonPanel(Loop):
+    """Stores page 'panel': for each button, whether it is down."""
+
+    factory: ButtonPanelFactory
+
+    def loop(self) -> None:
+        """Store what is down now."""
+        now_s = self.get_time_s()
+        down = {
+            button: any(at_s - 1e-9 <= now_s < at_s + PRESS_DURATION_S - 1e-9 for at_s in moments_s)
+            for button, moments_s in self.factory.presses_s.items()
+        }
+        self.store_data("panel", down)
