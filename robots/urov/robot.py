@@ -1,7 +1,7 @@
 """The underwater vehicle: two roles, joined by a link through the tether.
 
     topside                                  urov
-    pilot --> page "controls" ==== link ====> guard, holds, allocation --> page "pwm" --> speed controllers --> plant
+    pilot --> page "controls" ==== link ====> failsafe, holds, allocation --> page "pwm" --> speed controllers --> plant
                                               ^ pages depth, imu, leak <-- sensors <--------------------------- plant
     display <-- pages vehicle, depth, <=====  page "vehicle": what it is doing
     link monitor  altitude, power, leak
@@ -9,7 +9,7 @@
     controls  what the surface asks for, 20 times a second    (controls.py)
     camera    what it sees, if it has a camera; that stays on board  (snr_sim/devices/sensors/camera.py)
     place     where it is, if it is told (fix_hz in parameters.py): by somebody who sees it from above (sight.py)
-    vehicle   what the vehicle is doing, and for whom          (autopilot.py, guard.py)
+    vehicle   what the vehicle is doing, and for whom          (autopilot.py, failsafe_monitor.py)
     pwm       pulses_us of each thruster
 
 Its numbers are in parameters.py and vehicles/, its physics in snr_sim/plants, and what happens in the scenario.
