@@ -312,7 +312,7 @@ def _surface(rig: Rig, parameters: UrovParameters, lines: Sequence[str]) -> list
         return [
             SensorLoopFactory("place", partial(DEVICES[rig.io]["place"], rig), 10.0),
             *(
-                [ButtonPanelFactory(presses_of(rig.robot.options), rate_hz), *crew]
+                [ButtonPanelFactory("panel", presses_of(rig.robot.options), rate_hz), *crew]
                 if crew
                 else [SeeingPilotFactory(parameters.route)]
             ),

@@ -17,22 +17,24 @@ class ButtonPanelFactory(LoopFactory):
     """Makes the panel.
 
     Args:
+        key: of its page.
         presses_s: for each button the moments at which it goes down.
         rate_hz: how often its page is stored.
     """
 
-    def __init__(self, presses_s: Mapping[str, Sequence[float]], rate_hz: float) -> None:
+    def __init__(self, key: str, presses_s: Mapping[str, Sequence[float]], rate_hz: float) -> None:
         super().__init__()
+        self.key = key
         self.presses_s = presses_s
         self.rate_hz = rate_hz
 
     def get(self, parent: Node) -> ButtonPanel:
-        """Return the loop 'panel'."""
-        return ButtonPanel(self, parent, "panel", self.rate_hz)
+        """Return the loop, named as its page."""
+        return ButtonPanel(self, parent, self.key, self.rate_hz)
 
 
 class ButtonPanel(Loop):
-    """Stores page 'panel': for each button, whether it is down."""
+    """Stores for each button whether it is down."""
 
     factory: ButtonPanelFactory
 
@@ -43,4 +45,4 @@ class ButtonPanel(Loop):
             button: any(at_s - 1e-9 <= now_s < at_s + PRESS_DURATION_S - 1e-9 for at_s in moments_s)
             for button, moments_s in self.factory.presses_s.items()
         }
-        self.store_data("panel", down)
+        self.store_data(self.factory.key, down)
