@@ -120,9 +120,9 @@ class LateLoop(SensorLoop):
     """A sensor's loop of a node that has too much to do: its pages wait for 0.2 s before they are handled."""
 
     def loop(self) -> None:
-        now_s, reading = self.get_time_s(), self.sensor.read()
+        now_s, reading = self.get_time_s(), self.device.read()
         made_s = now_s - 0.2 if FROM_S <= now_s < TO_S else now_s
-        page = Page("imu", self.data_of(reading), self.parent.name, made_s, True)
+        page = Page("imu", self.factory.data_of(reading), self.parent.name, made_s, True)
         self.schedule(Task(TaskType.store_page, "imu", [page]))
 
 

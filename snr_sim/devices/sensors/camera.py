@@ -10,8 +10,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from snr_sim.core.node import Node
-from snr_sim.devices.loops import SensorLoop, SensorLoopFactory
+from snr_sim.devices.loops import SensorLoopFactory
 from snr_sim.devices.sensors.ray_casting import VEILED_PER_M, Image, Rays, meet_scene
 from snr_sim.devices.sensors.sensor_errors import SensorErrors
 from snr_sim.devices.simulated import SimSensor
@@ -132,14 +131,6 @@ class Camera:
 
 class CameraLoopFactory(SensorLoopFactory):
     """Reads a camera at a rate and stores each picture as a page; arguments are those of `SensorLoopFactory`."""
-
-    def get(self, parent: Node) -> CameraLoop:
-        """Returns the loop `<key>_sensor`."""
-        return CameraLoop(self, parent, f"{self.key}_sensor", self.rate_hz)
-
-
-class CameraLoop(SensorLoop):
-    """Stores `{field: value}` of the newest picture, which stays an array."""
 
     def data_of(self, reading: CameraReading) -> dict[str, Any]:
         """Returns what the page of a picture holds: a copy, as a camera may use its array again."""
