@@ -49,13 +49,14 @@ from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.recorder import RECORDING_KEY
 from snr_sim.prelude.scenario import Rig
 from snr_sim.prelude.signals import DepthReading, EchoReading, ImuReading, LeakReading, PowerReading
-from snr_sim.teleop.button_panel import ButtonPanelFactory
+from snr_sim.teleop.button_panel import ButtonPanelFactory, presses_of
 from snr_sim.teleop.keyboard import Keyboard
 from snr_sim.teleop.link_monitor import LinkMonitorFactory
+from snr_sim.teleop.link_options import surface_link
 from snr_sim.teleop.manual_input import DeadmanSwitch, ManualInput
 
 from .autopilot import AutopilotFactory
-from .choices import check_choices, presses_of, tether_of
+from .choices import BUTTONS, check_choices
 from .controls import LEGEND, STICKS, gamepad_pilot, scripted_pilot
 from .display import display
 from .parameters import UrovParameters, failsafe_lines
@@ -265,7 +266,7 @@ def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
     parameters: UrovParameters = rig.robot.parameters
     devices = DEVICES[rig.io]
     check_choices(rig)
-    tether = tether_of(rig, parameters.port, parameters.tether)
+    tether = surface_link(rig, "urov", "tether", parameters.port, parameters.tether)
     # The surface does not listen, so what keeps strangers from the vehicle is not for it to have.
     below = [] if rig.role_apart == "topside" else [tether.server(TO_TOPSIDE, accept=["controls"])]
     sensors = [
@@ -312,7 +313,7 @@ def _surface(rig: Rig, parameters: UrovParameters, lines: Sequence[str]) -> list
         return [
             SensorLoopFactory("place", partial(DEVICES[rig.io]["place"], rig), 10.0),
             *(
-                [ButtonPanelFactory("panel", presses_of(rig.robot.options), rate_hz), *crew]
+                [ButtonPanelFactory("panel", presses_of(rig.robot.options, BUTTONS), rate_hz), *crew]
                 if crew
                 else [SeeingPilotFactory(parameters.route)]
             ),

@@ -5,10 +5,12 @@ A button is down for a moment only: the component that reads the page must remem
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
+from snr_sim.prelude.errors import ParameterError
 
 PRESS_DURATION_S = 0.2  # as long as a finger stays on a button: our own choice
 
@@ -46,3 +48,22 @@ class ButtonPanel(Loop):
             for button, moments_s in self.factory.presses_s.items()
         }
         self.store_data(self.factory.key, down)
+
+
+def presses_of(options: Mapping[str, str], buttons: Sequence[str]) -> dict[str, tuple[float, ...]]:
+    """Return when each button is pressed, by options such as `--option stop=12,30.5`.
+
+    Raises:
+        ParameterError: something there is no moment of the run.
+    """
+    return {button: _moments_s(button, options[button]) if button in options else () for button in buttons}
+
+
+def _moments_s(button: str, text: str) -> tuple[float, ...]:
+    try:
+        moments_s = tuple(float(one) for one in text.split(","))
+    except ValueError:
+        moments_s = (math.nan,)
+    if not all(0.0 <= one < math.inf for one in moments_s):
+        raise ParameterError(f"--option {button}={text} is no moment of the run.", fix=f"seconds: {button}=12.5")
+    return moments_s
