@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -114,19 +113,15 @@ class Camera:
         rgb.flags.writeable = False
         return rgb
 
-    def senses(self, statics: dict[str, Any]) -> Callable[[Any], CameraReading]:
-        """Returns what makes a picture of a plant's output with `position_m`, `attitude` and `stamp_s`."""
+    def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
+        """Opens the camera in a plant; it sees what of its scene does not move."""
+        statics = plant.scene()["statics"]
 
         def see(pose: Any) -> CameraReading:
             rgb = self.picture(statics, pose.position_m, pose.attitude, pose.stamp_s)
             return CameraReading(rgb, self.field_of_view_rad, pose.stamp_s)
 
-        return see
-
-    def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
-        """Opens the camera in a plant; it sees what of its scene does not move."""
-        errors = SensorErrors(period_s=self.period_s)
-        return SimSensor(plant, output, errors, rng, self.senses(plant.scene()["statics"]))
+        return SimSensor(plant, output, SensorErrors(period_s=self.period_s), rng, see)
 
 
 class CameraLoopFactory(SensorLoopFactory):
