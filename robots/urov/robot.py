@@ -8,7 +8,7 @@
 
     controls  what the surface asks for, 20 times a second    (controls.py)
     camera    what it sees, if it has a camera; that stays on board  (snr_sim/devices/sensors/camera.py)
-    place     where it is, if it is told (fix_hz in parameters.py): by somebody who sees it from above (sight.py)
+    place     where it is, if it is told (fix_hz in parameters.py): by somebody who sees it from above
     vehicle   what the vehicle is doing, and for whom          (autopilot.py, failsafe_monitor.py)
     pwm       pulses_us of each thruster
 
@@ -38,6 +38,7 @@ from snr_sim.devices.pwm.sim_pwm import BenchPwm, SimPwm
 from snr_sim.devices.pygame_pad import PygamePad
 from snr_sim.devices.replayed import ReplayedSensor
 from snr_sim.devices.sensors.camera import Camera, CameraLoopFactory
+from snr_sim.devices.sensors.position_fix import POSITION_FIX_ERRORS, PositionFix
 from snr_sim.devices.simulated import SimSensor
 from snr_sim.devices.wire.mcu_messages import BAUD
 from snr_sim.devices.wire.serial_port import SerialPort
@@ -61,7 +62,6 @@ from .controls import LEGEND, STICKS, gamepad_pilot, scripted_pilot
 from .display import display
 from .parameters import UrovParameters, failsafe_lines
 from .seeing_pilot import SeeingPilotFactory
-from .sight import EYES, Place
 
 ROLES = ("urov", "topside")
 OPTIONS = {
@@ -96,7 +96,7 @@ READINGS: dict[str, type[msgspec.Struct]] = {
     "power": PowerReading,
     "leak": LeakReading,
     "imu": ImuReading,
-    "place": Place,
+    "place": PositionFix,
 }
 ANSWERED = ("leak", "power", "imu")  # of these each reading sets off work; the others are looked up when needed
 TO_TOPSIDE = ("vehicle", "depth", "altitude", "power", "leak", RECORDING_KEY)
@@ -121,7 +121,7 @@ def sim_camera(rig: Rig) -> SimSensor:
 
 def sim_eyes(rig: Rig) -> SimSensor:
     """Opens the eyes of the pilot above the water."""
-    return SimSensor(rig.plant, "place", EYES, rig.rng("place"))
+    return SimSensor(rig.plant, "place", POSITION_FIX_ERRORS, rig.rng("place"))
 
 
 def hands(rig: Rig) -> ManualInput:
