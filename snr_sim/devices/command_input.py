@@ -12,8 +12,6 @@ from snr_sim.devices.commands import in_words
 from snr_sim.prelude.errors import CommandError
 from snr_sim.prelude.page import Page
 
-Limits = dict[str, tuple[float, float]]
-
 
 class CommandInput:
     """Receives a loop's command pages, and reports where a wrong one was stored.
@@ -34,6 +32,7 @@ class CommandInput:
 
     def begin(self) -> None:
         """Receive pages from now on."""
+        self._page = None  # of before: the loop may have been out of the node meanwhile
         self._is_tapped = True
         self._loop.parent.tap(self._key, self._receive)
 
@@ -49,7 +48,7 @@ class CommandInput:
 
     def newest(self) -> tuple[Page | None, float]:
         """Return the newest page and its age [s]; None and infinity before the first."""
-        # Of before `begin`, and in another process. It also reports a key that is never stored.
+        # The node's own: of before `begin`, or in another process. Asking also reports a key that is never stored.
         page = self._page or self._loop.parent.get_page(self._key)
         return (None, math.inf) if page is None else (page, age_s(self._loop.parent, page))
 
@@ -64,7 +63,7 @@ class CommandInput:
         lines, who = self._who_stored()
         return CommandError(f"{lines}{what}\n  It was stored {when} by {who}.", fix=error.fix)
 
-    def note_clamped(self, command: Any, applied: Any, limits: Limits) -> None:
+    def note_clamped(self, command: Any, applied: Any, limits: dict[str, tuple[float, float]]) -> None:
         """Add a note for each field that was clamped, once."""
         for field in command.__struct_fields__:
             asked, got = getattr(command, field), getattr(applied, field)

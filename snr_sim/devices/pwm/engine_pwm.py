@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from snr_sim.devices.command_input import CommandInput
-from snr_sim.devices.commands import command_of
+from snr_sim.devices.commands import check_finite, command_of
 from snr_sim.devices.pwm.pwm_backend import STOP_US
 from snr_sim.devices.pwm.pwm_loop import TIMEOUT_S, PwmLoopFactory
 from snr_sim.prelude.device import LEASE_S, PwmOut
-from snr_sim.prelude.errors import CommandError, ParameterError
+from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.signals import EngineCommand, PwmCommand
 
 CHANNELS = 3  # throttle, nozzle, jets
@@ -93,11 +93,7 @@ class EnginePwmLoopFactory(PwmLoopFactory):
         clamped = {}
         for field, (low, high) in limits.items():
             value = getattr(command, field)
-            if not math.isfinite(value):
-                raise CommandError(
-                    f"{field} = {value!r} is no finite number.",
-                    fix=f"a number from {low:g} to {high:g}; look for a division by zero or an overflow before it.",
-                )
+            check_finite(field, value, (low, high))
             clamped[field] = min(high, max(low, value))
         inside = EngineCommand(**clamped)
         if inside != command:

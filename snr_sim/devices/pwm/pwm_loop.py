@@ -21,7 +21,7 @@ import msgspec
 
 from snr_sim.core.node import Node
 from snr_sim.devices.command_input import CommandInput
-from snr_sim.devices.commands import command_of
+from snr_sim.devices.commands import check_finite, command_of
 from snr_sim.devices.loops import ActuatorLoopFactory, CommandLoop, configured
 from snr_sim.devices.pwm.pwm_backend import STOP_US
 from snr_sim.prelude.device import LEASE_S, Health, PwmOut
@@ -79,13 +79,8 @@ class PwmLoopFactory(ActuatorLoopFactory):
             CommandError: it asks for none.
         """
         command: PwmCommand = command_of(data, PwmCommand, {"pulses_us": out.limits_us})
-        low, high = out.limits_us
         for i, pulse in enumerate(command.pulses_us):
-            if not math.isfinite(pulse):
-                raise CommandError(
-                    f"pulses_us[{i}] = {pulse!r} is no finite number.",
-                    fix=f"a number from {low:g} to {high:g}; look for a division by zero or an overflow before it.",
-                )
+            check_finite(f"pulses_us[{i}]", pulse, out.limits_us)
         if command.pulses_us and len(command.pulses_us) != out.channels:
             raise CommandError(
                 f"it has {len(command.pulses_us)} pulses for {out.channels} channels.", fix="one for each channel."
