@@ -34,7 +34,7 @@ from snr_sim.devices.pad import PadLoopFactory
 from snr_sim.devices.pwm.mirror import MirrorPwm
 from snr_sim.devices.pwm.pwm_backend import PwmBackend
 from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
-from snr_sim.devices.pwm.sim_pwm import BenchPwm, SimPwm
+from snr_sim.devices.pwm.sim_pwm import SimPwm, drive_plant
 from snr_sim.devices.pygame_pad import PygamePad
 from snr_sim.devices.replayed import ReplayedSensor
 from snr_sim.devices.sensors.camera import Camera, CameraLoopFactory
@@ -149,10 +149,10 @@ def mcu_board(rig: Rig) -> McuBoard:
     return board
 
 
-def mcu_pwm(rig: Rig) -> BenchPwm:
+def mcu_pwm(rig: Rig) -> PwmBackend:
     """Opens the microcontroller's outputs; the simulated vehicle is driven by what they do."""
     assert rig.plant is not None
-    return BenchPwm(McuPwm(mcu_board(rig), rig.now_s, thruster_count(rig)), rig.plant)
+    return drive_plant(McuPwm(mcu_board(rig), rig.now_s, thruster_count(rig)), rig.plant)
 
 
 def mcu_power(rig: Rig) -> Any:
@@ -160,13 +160,13 @@ def mcu_power(rig: Rig) -> Any:
     return McuPower(mcu_board(rig)) if rig.robot.options.get("power") == "board" else sim_sensor(rig, "power")
 
 
-def bench_pwm(rig: Rig) -> BenchPwm:
+def bench_pwm(rig: Rig) -> PwmBackend:
     """Opens real outputs; the simulated vehicle is driven by what they do."""
     from snr_sim.devices.opening import open_pwm  # only real wires need it, and it takes 60 ms
 
     assert rig.plant is not None
     out = open_pwm(f"{rig.io}:{rig.where}", rig.now_s, thruster_count(rig), (LEAST_US, MOST_US))
-    return BenchPwm(out, rig.plant)
+    return drive_plant(out, rig.plant)
 
 
 def pi_pwm(rig: Rig) -> PwmOut:

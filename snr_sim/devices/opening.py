@@ -24,7 +24,7 @@ from snr_sim.devices.mcu.mcu_board import McuBoard
 from snr_sim.devices.pwm.maestro import Maestro
 from snr_sim.devices.pwm.pca9685 import OSCILLATOR_HZ, Pca9685
 from snr_sim.devices.pwm.plain_pwm import PlainPwm, PwmChip
-from snr_sim.devices.pwm.pwm_backend import LIMITS_US
+from snr_sim.devices.pwm.pwm_backend import LIMITS_US, PwmBackend
 from snr_sim.devices.pwm.supervised_pwm import SupervisedPwm
 from snr_sim.devices.pwm.sysfs_pwm import ROOT, SysfsPins
 from snr_sim.devices.sensors.gps import BAUD as GPS_BAUD
@@ -34,7 +34,7 @@ from snr_sim.devices.sensors.ms5837_i2c import Ms5837I2c
 from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.devices.wire.mcu_messages import BAUD
 from snr_sim.devices.wire.serial_port import SerialPort
-from snr_sim.prelude.device import PwmOut, Sensor
+from snr_sim.prelude.device import Sensor
 from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
 from snr_sim.prelude.io import Io, bus_and_address
 
@@ -85,7 +85,7 @@ SENSORS = tuple(kind for kind in SETTINGS if kind not in OUTPUTS)
 
 def open_pwm(
     text: str, now_s: Callable[[], float], channels: int, limits_us: tuple[float, float] = LIMITS_US
-) -> PwmOut:
+) -> PwmBackend:
     """Opens outputs of servo pulses.
 
     Raises:

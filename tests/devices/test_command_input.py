@@ -48,7 +48,8 @@ def test_newest_page_is_that_of_the_node_before_begin_after_it_and_after_an_abse
     assert commands.newest() == (early, 0.5)
     commands.begin()
     assert commands.newest() == (early, 0.5)
-    assert commands.newest() == (store.store(2), 0.0)
+    late = store.store(2)
+    assert commands.newest() == (late, 0.0)
     assert wakes == [0.5]
     commands.end()
     commands.end()

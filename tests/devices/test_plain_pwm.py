@@ -1,10 +1,14 @@
 """Outputs that only obey: how long neutral is shown before they follow, and who may arm them."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 
 from snr_sim.devices.pwm.plain_pwm import ESC_START_S, PlainPwm, PwmChip
+from snr_sim.devices.pwm.sim_pwm import drive_plant
 from snr_sim.prelude.errors import DeviceError
-from snr_sim.prelude.signals import NOT_ACTIVE
+from snr_sim.prelude.signals import NOT_ACTIVE, PwmCommand
 
 STILL, AHEAD = [1500.0, 1500.0], [1700.0, 1600.0]
 
@@ -56,6 +60,22 @@ def test_who_is_told_to_push_meanwhile_is_neutral_and_waits_for_neutral_also_aft
         assert pins.told(AHEAD, after_s) == (STILL, [NOT_ACTIVE])
     assert AHEAD not in pins.chip.sent
     assert pins.told(STILL, 2.0 * ESC_START_S + 0.02) == (STILL, [])
+
+
+def test_a_plant_is_driven_by_the_pulses_that_outputs_on_a_bench_make() -> None:
+    pins = Bench()
+    driven: list[PwmCommand] = []
+    plant: Any = SimpleNamespace(write=lambda name, command: driven.append(command))
+    drive_plant(pins.out, plant)
+    pins.out.activate()
+    for pulses_us, after_s in ((STILL, ESC_START_S), (AHEAD, ESC_START_S + 0.02), ([9000.0] * 2, ESC_START_S + 0.04)):
+        pins.told(pulses_us, after_s)
+    assert [one.pulses_us for one in driven] == [STILL, AHEAD, [1900.0, 1900.0]]
+    pins.out.stop()
+    assert driven[-1].pulses_us == STILL
+    pins.told(AHEAD, ESC_START_S + 0.06)
+    pins.out.close()
+    assert [one.pulses_us for one in driven[3:]] == [STILL] * 3
 
 
 def test_what_keeps_its_last_pulse_is_armed_only_behind_the_supervisor() -> None:
