@@ -28,7 +28,7 @@ GRAVITY_MPS2 = 9.80665
 GAIN_HZ = 0.5
 BIAS_GAIN_HZ2 = 0.02
 MOST_BIAS_RADPS = 0.1
-LONGEST_STEP_S = 0.5  # after a longer gap it begins anew
+LONGEST_STEP_S = 0.5  # after a longer gap it begins again
 _ACCELERATED = 0.15  # a share of g: beyond, gravity is not what is felt
 FIELD_UT = (15.0, 75.0)  # of the Earth, and some iron
 

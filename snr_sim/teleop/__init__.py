@@ -5,5 +5,5 @@
     Display, LinkMonitor <-------------------------------- page "vehicle" <==link==' `--> sensors' pages
 
 A robot gives the struct of its controls (with `number`, `mode`, `is_armed`, `is_stop`, `clears_stop`, and one field for
-each stick), and its page "vehicle" tells at least whether it `is_stopped`.
+each stick), and its page "vehicle" contains at least whether it `is_stopped`.
 """

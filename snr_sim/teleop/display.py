@@ -18,8 +18,8 @@ from snr_sim.prelude.recorder import RECORDING_KEY
 
 Rows = list[tuple[str, str]]
 
-# A vehicle that was not heard for so long is shown as silent; it sends its page every 0.1 s. With the time between two
-# drawings, a vehicle that has stopped is shown to have within a second.
+# Age of page "vehicle" from which it is shown as silent; it is sent every 0.1 s. With the time between two drawings, a
+# vehicle that has stopped is shown to have within a second.
 SILENT_S = 0.5
 LINE_PERIOD_S = 10.0  # in a pipe, if nothing of the news changes
 NEWS = ("hands", "vehicle", "recording")
@@ -34,10 +34,10 @@ class DisplayFactory(LoopFactory):
     Args:
         describe: returns names and texts, for rich to show, of page "vehicle" and the other pages, as they were then.
         keys: of the pages that are shown: "vehicle" first; "pad", if a person commands.
-        link: key of the page that tells how the link to the vehicle is.
+        link: key of the status page of the link to the vehicle.
         news: names of rows that are printed as soon as they change.
         rate_hz: how often it is drawn.
-        in_lock_step: whether it shows anything under a virtual clock; no, if nobody watches that run as it goes.
+        in_lock_step: whether it shows anything under a virtual clock; no, if that run is not watched as it goes.
         lines: what is below the table.
     """
 
@@ -69,7 +69,7 @@ class DisplayFactory(LoopFactory):
 
         Args:
             pages: the newest of each key, or None.
-            heard_s: how long ago the vehicle was heard.
+            heard_s: how long ago page "vehicle" arrived.
             has_keys: whether there is a terminal to type at.
         """
         page, pad = pages["vehicle"], pages.get("pad")
@@ -83,14 +83,14 @@ class DisplayFactory(LoopFactory):
         if page is None:
             return [*shown, ("vehicle", f"[red]not heard yet{_reason_of(pages.get(self.link))}[/red]")]
         try:
-            told = self.describe(page.data, pages)
+            status = self.describe(page.data, pages)
         except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
             # These pages come over a wire, and a display that ends takes the pilot with it.
-            told = [("pages", f"[red]what was told cannot be shown: {type(error).__name__}[/red]")]
+            status = [("pages", f"[red]what was told cannot be shown: {type(error).__name__}[/red]")]
         if heard_s <= SILENT_S:
-            return [*shown, ("vehicle", f"heard {heard_s:.2f} s ago"), *told]
+            return [*shown, ("vehicle", f"heard {heard_s:.2f} s ago"), *status]
         # What it was is worth knowing, but must not look like what it is.
-        then = [(name, f"[dim]last heard: {text}[/dim]") for name, text in told]
+        then = [(name, f"[dim]last heard: {text}[/dim]") for name, text in status]
         return [*shown, ("vehicle", f"[red]silent for {heard_s:.1f} s[/red]"), *then]
 
 

@@ -11,7 +11,7 @@ from snr_sim.prelude.life_cycle import LifeCycle
 from snr_sim.prelude.signals import PadReading
 from snr_sim.teleop.gamepad_pilot import AXIS_COUNT, BUTTON_COUNT, BUTTONS, Stick
 
-KEPT_S = 0.6  # a terminal does not tell when a key is let go, only repeats it: the first time after half a second
+KEPT_S = 0.6  # a terminal does not report when a key is released, only repeats it: the first time after half a second
 BUTTON_KEYS = {"1": "arm", "2": "disarm", " ": "stop", "c": "clear", "-": "mode_down", "+": "mode_up", "=": "mode_up"}
 URGENT = ("stop", "disarm")  # these overtake what was typed before them, and undo it
 UNDONE = ("arm", "clear")
@@ -22,7 +22,7 @@ def legend(sticks: str) -> list[str]:
     """Return lines that name keys and buttons.
 
     Args:
-        sticks: the robot's keys for its sticks, in words.
+        sticks: the robot's keys for its sticks, as text.
     """
     return [
         "keys      1 arm  2 disarm  space emergency stop  c clear it  - + mode",

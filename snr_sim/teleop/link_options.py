@@ -21,7 +21,7 @@ HERE = "127.0.0.1"
 SECRET_VARIABLE = "SNR_SECRET"  # the name of a variable, not a secret
 MAKES_ONE = 'python3 -c "import secrets; print(secrets.token_hex(16))" > secret.txt'
 SECRET_IS = ("secret", "--option secret=FILE at both ends, with the same text in it, or the same SNR_SECRET in both")
-# After so much silence either end counts as gone, also one that is there and stands still: told within a second.
+# After so much silence either end counts as gone, also one that is there and does nothing: shown within a second.
 KEEP_ALIVE_S, GONE_S = 0.2, 0.6
 
 

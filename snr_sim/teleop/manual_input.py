@@ -21,8 +21,8 @@ HELD = 0.5  # from here on; SDL reports 0 for a trigger that has not been touche
 class DeadmanSwitch(LifeCycle):
     """A gamepad whose sticks count only while its right trigger is held. Implements Sensor.
 
-    Buttons count at any time, so the emergency stop does, too. A keyboard needs no such switch: a key that is let go is
-    a stick that is let go.
+    Buttons count at any time, so the emergency stop does, too. A keyboard needs no such switch: a key that is
+    released is a stick at rest.
 
     Args:
         pad: the gamepad, open.

@@ -1,4 +1,4 @@
-"""Outputs that have no program of their own to watch over them: chips, pins, boards that only obey.
+"""Outputs that have no program of their own to watch over them: chips, pins, passive boards.
 
     PlainPwm (life cycle, checks, arming)  -->  PwmChip (bytes and registers)  -->  bus, port or files
 
@@ -51,7 +51,7 @@ class PwmChip:
         """Open the wire, test which device answers, and put all at neutral.
 
         Raises:
-            DeviceError: it is not there, another device is, or it does not do as told.
+            DeviceError: it is not there, another device is, or it does not do what was commanded.
         """
         raise NotImplementedError(f"{type(self).__name__} needs a method open(self)")
 
@@ -75,7 +75,7 @@ class PwmChip:
 
 
 class PlainPwm(PwmBackend):
-    """The outputs of a chip. Keeps the promise of PwmOut.
+    """The outputs of a chip. Implements PwmOut.
 
     Args:
         chip: what makes the pulses.
@@ -146,5 +146,5 @@ class PlainPwm(PwmBackend):
         self.chip.send(self.still_us)
 
     def on_close(self) -> None:
-        """Lets go of the chip's wire."""
+        """Releases the chip's wire."""
         self.chip.close()

@@ -1,4 +1,4 @@
-"""Where a vehicle is, as somebody sees it who looks down on it. The vehicle does not know it by itself."""
+"""Where a vehicle is, as an observer above sees it. The vehicle does not know it by itself."""
 
 from __future__ import annotations
 
