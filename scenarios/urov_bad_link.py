@@ -17,10 +17,9 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
-from snr_sim_robot_urov.guard import GuardLimits
+from snr_sim_robot_urov.failsafe_monitor import FailsafeLimits
 from snr_sim_robot_urov.judging import WatchedUrov, judged
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
-from snr_sim_robot_urov.pilot import Cue
 from snr_sim_robot_urov.tether_link import tether_faults
 
 from snr_sim.links.faults import Faults
@@ -30,6 +29,7 @@ from snr_sim.plants.urov.propulsion import Propulsion
 from snr_sim.plants.urov.tether import Tether
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import Verdict
+from snr_sim.teleop.scripted_pilot import Cue
 
 ROBOT = "urov"
 ENGINES = ("mujoco",)
@@ -39,7 +39,7 @@ TIME_LIMIT_S = END_S + 1.0
 
 KINDS = ("loss", "late", "cut", "narrow", "gone")
 COUNTS_S = 0.45  # how long a command counts after it was made
-GUARD = GuardLimits(stale_s=COUNTS_S, lost_s=60.0)  # nothing is held: there is nobody to come up for
+LIMITS = FailsafeLimits(stale_s=COUNTS_S, lost_s=60.0)  # nothing is held: there is nobody to come up for
 ARM_S, CUE_S = 2.0, 0.05
 NEUTRAL_S, STILL_S = 0.5, 0.1  # allowed until the pulses are neutral, and until the propellers then stand still
 BACK_S = 2.5  # after which a link that was cut carries commands again: it tries to greet for three seconds
@@ -96,7 +96,7 @@ def parameters(seed: int) -> UrovParameters:
     for i in range(round((END_S - ARM_S) / CUE_S)):
         slow, fast = math.sin(0.03 * i), math.sin(0.4 * i)
         script.append(Cue(ARM_S + i * CUE_S, surge=round(0.5 + 0.15 * slow, 4), yaw=round(0.2 * fast, 4)))
-    return UrovParameters(vehicle(), tuple(script), guard=GUARD, tether=bad_link(seed).faults)
+    return UrovParameters(vehicle(), tuple(script), failsafe_limits=LIMITS, tether=bad_link(seed).faults)
 
 
 class Steered(WatchedUrov):

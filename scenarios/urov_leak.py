@@ -10,7 +10,6 @@ from typing import Any
 
 from snr_sim_robot_urov.judging import BODIES, Watched, judged
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
-from snr_sim_robot_urov.pilot import Cue
 
 from snr_sim.plants.urov.dive import Dive, Leak
 from snr_sim.plants.urov.pool import Pool
@@ -18,6 +17,7 @@ from snr_sim.plants.urov.propulsion import Propulsion
 from snr_sim.plants.urov.tether import Tether
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import Verdict
+from snr_sim.teleop.scripted_pilot import Cue
 
 ROBOT = "urov"
 ENGINES = ("mujoco", "pymunk")

@@ -11,10 +11,9 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
-from snr_sim_robot_urov.guard import GuardLimits
+from snr_sim_robot_urov.failsafe_monitor import FailsafeLimits
 from snr_sim_robot_urov.judging import BODIES, Watched, judged
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
-from snr_sim_robot_urov.pilot import Cue
 from snr_sim_robot_urov.tether_link import tether_faults
 
 from snr_sim.plants.urov.dive import Dive
@@ -23,6 +22,7 @@ from snr_sim.plants.urov.propulsion import Propulsion
 from snr_sim.plants.urov.tether import Tether
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import Verdict
+from snr_sim.teleop.scripted_pilot import Cue
 
 ROBOT = "urov"
 ENGINES = ("mujoco", "pymunk")
@@ -30,7 +30,7 @@ CONTROLLER = "holds"
 END_S = 36.0
 TIME_LIMIT_S = END_S + 1.0
 
-GUARD = GuardLimits(hold_s=6.0)
+LIMITS = FailsafeLimits(hold_s=6.0)
 ARM_S, AHEAD_S, CUT_S = 2.0, 6.0, 10.0
 QUIET_S, QUIET_N, DEPTH_BAND_M, SURFACE_M = 0.5, 0.5, 0.3, 0.35
 
@@ -50,7 +50,7 @@ def parameters(seed: int) -> UrovParameters:
     """Returns what the controller may know, and what the pilot does."""
     script = (Cue(ARM_S, is_armed=True, mode="heading_hold"), Cue(AHEAD_S, surge=0.5))
     link = replace(tether_faults(35.0), cut=((CUT_S, math.inf),))
-    return UrovParameters(vehicle(), script, guard=GUARD, tether=link)
+    return UrovParameters(vehicle(), script, failsafe_limits=LIMITS, tether=link)
 
 
 def plant(seed: int, engine: str) -> Watched:
@@ -76,9 +76,9 @@ def verdict(plant: Watched) -> Verdict | None:
 
 def metrics(plant: Watched, seed: int) -> dict[str, Any]:
     """Returns what it did after the cut."""
-    quiet = plant.during(CUT_S + QUIET_S, CUT_S + GUARD.lost_s - 0.2)
+    quiet = plant.during(CUT_S + QUIET_S, CUT_S + LIMITS.lost_s - 0.2)
     at_cut = plant.during(CUT_S, CUT_S + 0.05)
-    held = plant.during(CUT_S, CUT_S + GUARD.lost_s + GUARD.hold_s)
+    held = plant.during(CUT_S, CUT_S + LIMITS.lost_s + LIMITS.hold_s)
     risen = [sample.time_s for sample in plant.during(CUT_S, END_S) if sample.depth_m < SURFACE_M]
     return {
         "thrust_after_cut_n": max((sample.thrust_n for sample in quiet), default=None),

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 from snr_sim_robot_urov.judging import Step, WatchedUrov, followed, judged
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
-from snr_sim_robot_urov.pilot import Cue
 
 from snr_sim.plants.urov.dive import Current, Dive, Load
 from snr_sim.plants.urov.pool import Pool
@@ -21,6 +20,7 @@ from snr_sim.plants.urov.propulsion import Propulsion
 from snr_sim.plants.urov.tether import Tether
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import Verdict
+from snr_sim.teleop.scripted_pilot import Cue
 
 ROBOT = "urov"
 ENGINES = ("mujoco",)

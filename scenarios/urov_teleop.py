@@ -22,7 +22,6 @@ from typing import Any
 
 from snr_sim_robot_urov.judging import WatchedUrov, judged
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
-from snr_sim_robot_urov.pilot import Cue
 
 from snr_sim.plants.urov.dive import Current, Dive
 from snr_sim.plants.urov.pool import Gate, Pool
@@ -31,6 +30,7 @@ from snr_sim.plants.urov.tether import Tether
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import Verdict
 from snr_sim.prelude.sums import ordered_sum
+from snr_sim.teleop.scripted_pilot import Cue
 
 ROBOT = "urov"
 ENGINES = ("mujoco",)

@@ -28,6 +28,7 @@ FLOOR = {
     "console": 3,
     "view": 3,
     "supervision": 3,
+    "teleop": 3,
     "testing": 3,
     "schemas": 4,
     "scenario": 4,

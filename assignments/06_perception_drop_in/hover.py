@@ -12,16 +12,16 @@ from typing import Any
 
 from snr_sim_robot_urov.judging import Sample, WatchedUrov, judged
 from snr_sim_robot_urov.parameters import Sensors, UrovParameters, vehicle
-from snr_sim_robot_urov.pilot import Cue
-from snr_sim_robot_urov.sight import Place, place_of
 
 from snr_sim.devices.sensors.camera import Camera
+from snr_sim.devices.sensors.position_fix import PositionFix, position_fix_of
 from snr_sim.plants.urov.dive import Current, Dive
 from snr_sim.plants.urov.pool import Pool
 from snr_sim.plants.urov.propulsion import Propulsion
 from snr_sim.plants.urov.tether import Tether
 from snr_sim.prelude.rng import rng_for
 from snr_sim.prelude.scenario import Verdict
+from snr_sim.teleop.scripted_pilot import Cue
 
 ROBOT = "urov"
 ENGINES = ("mujoco",)
@@ -81,13 +81,13 @@ class AboveThePlate(WatchedUrov):
 
     def reset(self, seed: int) -> None:
         """Starts anew."""
-        self.told: Place | None = None
+        self.told: PositionFix | None = None
         super().reset(seed)
 
-    def fix(self) -> Place:
+    def fix(self) -> PositionFix:
         """Returns the place that the vehicle is told: from FIXED_S on, always the same."""
         if self.told is None or self.time_s <= FIXED_S:
-            self.told = place_of(self)
+            self.told = position_fix_of(self)
         return self.told
 
     def scene(self) -> dict[str, Any]:

@@ -26,14 +26,12 @@ from snr_sim.devices.emulated.lock_step import PlantOnBoard
 from snr_sim.devices.emulated.toolchain import firmware_elf
 from snr_sim.devices.loops import ActuatorLoopFactory, SensorLoopFactory
 from snr_sim.devices.mcu.mcu import McuPwm
-from snr_sim.devices.mcu.mcu_board import McuBoard
 from snr_sim.devices.pwm.engine_pwm import CHANNELS, EnginePwmLoopFactory, EngineServos
 from snr_sim.devices.pwm.mirror import MirrorPwm
-from snr_sim.devices.pwm.sim_pwm import BenchPwm
+from snr_sim.devices.pwm.pwm_backend import PwmBackend
+from snr_sim.devices.pwm.sim_pwm import drive_plant
 from snr_sim.devices.replayed import ReplayedSensor
 from snr_sim.devices.simulated import SimActuator, SimSensor
-from snr_sim.devices.wire.mcu_messages import BAUD
-from snr_sim.devices.wire.serial_port import SerialPort
 from snr_sim.prelude.component import Factory
 from snr_sim.prelude.device import PwmOut
 from snr_sim.prelude.plant import Plant
@@ -80,20 +78,13 @@ def mirror_servos(rig: Rig) -> MirrorPwm:
     return MirrorPwm(rig.now_s, CHANNELS)
 
 
-def mcu_servos(rig: Rig) -> BenchPwm:
-    """Opens the outputs of a microcontroller; the simulated module is driven by what they do."""
-    assert rig.plant is not None
-    board = McuBoard(lambda: SerialPort(rig.where, BAUD), rig.now_s)
-    return BenchPwm(McuPwm(board, rig.now_s, CHANNELS), rig.plant, "engine", servos(rig).command)
-
-
-def bench_servos(rig: Rig) -> BenchPwm:
+def bench_servos(rig: Rig) -> PwmBackend:
     """Opens real outputs; the simulated module is driven by what they do."""
     from snr_sim.devices.opening import open_pwm  # only a bench needs it, and it takes 60 ms
 
     assert rig.plant is not None
     out = open_pwm(f"{rig.io}:{rig.where}", rig.now_s, CHANNELS)
-    return BenchPwm(out, rig.plant, "engine", servos(rig).command)
+    return drive_plant(out, rig.plant, "engine", servos(rig).command)
 
 
 def emulated_servos(rig: Rig) -> McuPwm:
@@ -132,10 +123,9 @@ DEVICES: dict[str, dict[str, Any]] = {
     "sim": {**SENSORS, "engine": engine_loop, "least_hz": 0.0},
     "mirror": {**SENSORS, "engine": partial(servo_loop, open_device=mirror_servos), "least_hz": LEAST_HZ},
     "emulated": {**SENSORS, "engine": partial(servo_loop, open_device=emulated_servos), "least_hz": LEAST_HZ},
-    "mcu": {**SENSORS, "engine": partial(servo_loop, open_device=mcu_servos), "least_hz": LEAST_HZ},
     **{
         kind: {**SENSORS, "engine": partial(servo_loop, open_device=bench_servos), "least_hz": LEAST_HZ}
-        for kind in ("maestro", "pca9685", "sysfs")
+        for kind in ("mcu", "maestro", "pca9685", "sysfs")
     },
     "replay": {
         **{name: partial(replayed_sensor, name=name) for name in READINGS},

@@ -1,9 +1,9 @@
 """The vehicle's own mind: from controls and sensor pages to pulses.
 
-page "controls" --> guard: whose word counts --.
+page "controls" --> failsafe: whose word counts --.
 page "imu" ------> holds: wrench --> allocation: thrusts --> slew limit --> curve: pulses --> page "pwm"
 page "depth" ----'                                                     `--> page "vehicle": what it is doing
-pages "leak", "power", "pwm_applied", "recording" --> guard: what has failed, and what is done then (failsafes.py)
+pages "leak", "power", "pwm_applied", "recording" --> failsafe: what has failed, and what is done then (failsafes.py)
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from snr_sim.std_mods.slew import SlewLimit
 from snr_sim.std_mods.thrust_curve import ThrustCurve
 
 from .controls import Controls, controls_of
+from .failsafe_monitor import FailsafeMonitor
 from .failsafes import CAUSES, in_words
-from .guard import Guard
 from .holds import Holds
 from .parameters import UrovParameters
 from .prearm import PreArm, failing_checks
@@ -66,7 +66,7 @@ class Autopilot(Endpoint):
         super().__init__(factory, parent, name)
         parameters = factory.parameters
         self.parameters = parameters
-        self.guard = Guard(parameters.guard, parameters.failsafes)
+        self.failsafe = FailsafeMonitor(parameters.failsafe_limits, parameters.failsafes)
         self.prearm = PreArm()
         self.readings = Readings(parameters.sensors.rates_hz)
         self.thruster = ThrustCurve(*curve(parameters.nominal_v)[:2])
@@ -105,11 +105,11 @@ class Autopilot(Endpoint):
             self._refuse(error.message)
             return
         old_s = self.get_age_s("controls")
-        if not old_s <= self.parameters.guard.stale_s and not controls.is_stop:
+        if not old_s <= self.parameters.failsafe_limits.stale_s and not controls.is_stop:
             if controls.is_armed and not self.prearm.has_armed and math.isinf(old_s):
                 self._refuse("Not armed: clock: how far the surface's clock is from the vehicle's is not known.")
             return  # held up on its way, or nobody knows when it was made: only to stop it is never too late
-        if self.allocation.lacking and controls.mode != self.guard.controls.mode and controls.mode != "manual":
+        if self.allocation.lacking and controls.mode != self.failsafe.controls.mode and controls.mode != "manual":
             self.parent.note(f"The thrusters cannot push {', '.join(self.allocation.lacking)}: that is not held.")
         now_s = self.get_time_s()
         is_armed = controls.is_armed and not controls.is_stop
@@ -120,7 +120,7 @@ class Autopilot(Endpoint):
             self.refused = ""
         if why_not is not None:
             controls = msgspec.structs.replace(controls, is_armed=False, clears_stop=False)
-        self.guard.hear(controls, now_s - old_s if math.isfinite(old_s) else now_s)
+        self.failsafe.hear(controls, now_s - old_s if math.isfinite(old_s) else now_s)
 
     def _refuse(self, why: str) -> None:
         """Tells the surface why it is not obeyed, and notes it once: else it were twenty notes a second."""
@@ -132,7 +132,7 @@ class Autopilot(Endpoint):
         """Returns why the vehicle may not be armed; nothing once it has been."""
         if self.prearm.has_armed:
             return []
-        return failing_checks(self.guard, self.readings, self._ages_s(), self._outputs())
+        return failing_checks(self.failsafe, self.readings, self._ages_s(), self._outputs())
 
     def _ages_s(self) -> dict[str, float]:
         return {key: age_s(self.parent, page) for key, page in self.readings.pages.items()}
@@ -140,13 +140,13 @@ class Autopilot(Endpoint):
     def on_leak(self, task: Task, task_id: TaskId) -> None:
         """Notes water in the hull."""
         reading = self._take("leak", self.get_time_s())
-        self.guard.is_wet = self.guard.is_wet or (reading is not None and reading.is_wet)
+        self.failsafe.is_wet = self.failsafe.is_wet or (reading is not None and reading.is_wet)
 
     def on_power(self, task: Task, task_id: TaskId) -> None:
         """Watches the battery."""
         reading = self._take("power", self.get_time_s())
         if reading is not None:
-            self.guard.measure(reading)
+            self.failsafe.measure(reading)
 
     def on_imu(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Answers with pulses, and now and then with what it is doing; also if no reading has come (`watch.py`)."""
@@ -168,7 +168,7 @@ class Autopilot(Endpoint):
         ages_s = self._ages_s()
         self._watch_outputs(now_s)
         self._see_causes(now_s, ages_s)
-        rules = self.guard.rules(now_s)
+        rules = self.failsafe.rules(now_s)
         self._note_causes(now_s)
         dt_s = now_s - self.before_s if self.before_s is not None else 0.0
         self.before_s = now_s
@@ -181,7 +181,7 @@ class Autopilot(Endpoint):
             self.holds.let_go()
             self.slew.reset()
         pulses = [self.thruster.pulse_us(thrust) for thrust in thrusts]
-        command = {"pulses_us": pulses, "is_armed": rules != "idle", "is_stop": self.guard.is_stopped}
+        command = {"pulses_us": pulses, "is_armed": rules != "idle", "is_stop": self.failsafe.is_stopped}
         answer = [self.store_data_task("pwm", command, process=False)]
         if changed or now_s - self.told_s >= TOLD_EVERY_S - 1e-9:
             self.told_s = now_s
@@ -206,8 +206,8 @@ class Autopilot(Endpoint):
             self.were_active = False
         elif self.were_active and outputs.state in ("inactive", "error"):
             words = outputs.fault or "the outputs have disarmed by themselves"
-            self.guard.lose_outputs(RESET in outputs.why, words, STOPPED in outputs.why, now_s)
-        self.guard.see_outputs(outputs.state, now_s)
+            self.failsafe.lose_outputs(RESET in outputs.why, words, STOPPED in outputs.why, now_s)
+        self.failsafe.see_outputs(outputs.state, now_s)
 
     def _watch_lateness(self, now_s: float, waited_s: float) -> None:
         """Notices a node that has more to do than it can: readings wait until they are answered."""
@@ -220,8 +220,8 @@ class Autopilot(Endpoint):
             self.late_s = now_s
 
     def _see_causes(self, now_s: float, ages_s: dict[str, float]) -> None:
-        """Tells the guard what has failed that it cannot know by itself."""
-        see = self.guard.see
+        """Notes what has failed that the monitor cannot know by itself."""
+        see = self.failsafe.see
         stale = self.readings.stale(ages_s)
         see("stale_sensor", f"no fresh reading of {stale}" if stale else "", now_s)
         see("nonsense", self.readings.nonsense(now_s), now_s)
@@ -233,18 +233,18 @@ class Autopilot(Endpoint):
 
     def _note_causes(self, now_s: float) -> None:
         """Notes each cause that begins, with what is done; not for ever."""
-        guard, there = self.guard, set(self.guard.since_s)
+        failsafe, there = self.failsafe, set(self.failsafe.since_s)
         for cause in CAUSES:
             if cause not in there - self.noted or self.causes[cause] > CAUSE_NOTES:
                 continue
             self.causes[cause] += 1
             is_last = self.causes[cause] > CAUSE_NOTES
-            text = "no more is said of that" if is_last else f"{guard.words[cause]}; {self._does(cause)}"
+            text = "no more is said of that" if is_last else f"{failsafe.words[cause]}; {self._does(cause)}"
             self.parent.note(f"Failsafe {cause}, t = {now_s:.2f} s: {text}")
         self.noted = there
 
     def _does(self, cause: str) -> str:
-        return in_words(self.guard.failsafes.of(cause), self.guard.limits.hold_s)
+        return in_words(self.failsafe.failsafes.of(cause), self.failsafe.limits.hold_s)
 
     # -- what follows -------------------------------------------------------------------------------------------------
 
@@ -257,12 +257,12 @@ class Autopilot(Endpoint):
     def thrusts(self, rules: str, depth: DepthReading, imu: ImuReading, dt_s: float) -> list[float]:
         """Returns the thrusts that are wanted now, by whose word counts."""
         is_there = depth.depth_m < NEAR_SURFACE_M and not self.is_blind
-        floats = rules == "surface" and not self.guard.is_wet and is_there
+        floats = rules == "surface" and not self.failsafe.is_wet and is_there
         if rules in ("idle", "neutral") or floats:
             self.holds.let_go()
             return self.still
         if rules == "pilot":
-            controls = self.guard.controls
+            controls = self.failsafe.controls
             self.kept = depth.depth_m, imu.yaw_rad
         else:
             wanted_m = self.kept[0] if rules == "hold" else SURFACE_M
@@ -274,18 +274,20 @@ class Autopilot(Endpoint):
 
     def told(self, now_s: float, imu: ImuReading | None) -> dict[str, Any]:
         """Returns what the surface is told about the vehicle; `failsafes` only if something has failed."""
-        guard, holds = self.guard, self.holds
-        failed = {cause: f"{guard.words[cause]}; {self._does(cause)}" for cause in CAUSES if cause in guard.since_s}
+        failsafe, holds = self.failsafe, self.holds
+        failed = {
+            cause: f"{failsafe.words[cause]}; {self._does(cause)}" for cause in CAUSES if cause in failsafe.since_s
+        }
         return {
             "rules": self.rules,
-            "mode": guard.controls.mode,
-            "is_armed": guard.controls.is_armed and not (guard.is_stopped or guard.let_go),
-            "let_go": guard.let_go,
-            "is_stopped": guard.is_stopped,
-            "number": guard.controls.number,
-            "age_s": guard.age_s(now_s),
-            "is_wet": guard.is_wet,
-            "is_low": guard.is_low,
+            "mode": failsafe.controls.mode,
+            "is_armed": failsafe.controls.is_armed and not (failsafe.is_stopped or failsafe.let_go),
+            "let_go": failsafe.let_go,
+            "is_stopped": failsafe.is_stopped,
+            "number": failsafe.controls.number,
+            "age_s": failsafe.age_s(now_s),
+            "is_wet": failsafe.is_wet,
+            "is_low": failsafe.is_low,
             "is_blind": self.is_blind,
             "refused": self.refused,
             "depth_m": holds.depth_m,

@@ -1,31 +1,13 @@
-"""What `--option` may say: each value is checked before there is a run, and told with what to type.
-
-The link between the roles leaves this process only where a role runs by itself. Else both ends meet in memory, and a
-secret is neither needed nor read; so a run that had one can be replayed by whoever has not.
-"""
+"""What `--option` may say of this robot: each value is checked before there is a run, and told with what to type."""
 
 from __future__ import annotations
 
-import ipaddress
-import math
-import os
-from collections.abc import Mapping
-from typing import Any
-
-from snr_sim.links.faults import Faults
-from snr_sim.links.security import as_networks, is_loopback, secret_from_env, secret_from_file
-from snr_sim.links.sockets import SocketsPair
-from snr_sim.prelude.errors import ConfigError, ParameterError, UnknownName, nearest
+from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
 from snr_sim.prelude.scenario import Rig
+from snr_sim.teleop.button_panel import presses_of
 
 PILOTS = ("scripted", "hands")
 BUTTONS = ("stop", "reset")  # of the panel
-HERE = "127.0.0.1"
-SECRET_VARIABLE = "SNR_SECRET"  # the name of a variable, not a secret
-MAKES_ONE = 'python3 -c "import secrets; print(secrets.token_hex(16))" > secret.txt'
-SECRET_IS = ("secret", "--option secret=FILE at both ends, with the same text in it, or the same SNR_SECRET in both")
-# After so much silence either end counts as gone, also one that is there and stands still: told within a second.
-KEEP_ALIVE_S, GONE_S = 0.2, 0.6
 
 
 def check_choices(rig: Rig) -> None:
@@ -55,127 +37,10 @@ def check_choices(rig: Rig) -> None:
             f"--option power=board goes with --io mcu:PORT; with --io {rig.io} it changes nothing.",
             fix="leave it out, or --io mcu:/dev/ttyUSB0.",
         )
-    presses_of(options)
+    presses_of(options, BUTTONS)
     for button in BUTTONS:
         if button in options and not (rig.crew.get("topside") and rig.robot.parameters.route and pilot == "scripted"):
             raise ParameterError(
                 f"--option {button}=..., but nobody looks at the panel in this run.",
                 fix="leave it out, or name a controller for the surface (its ROLES) in a scenario with a route.",
             )
-
-
-def presses_of(options: Mapping[str, str]) -> dict[str, tuple[float, ...]]:
-    """Returns when each button of the panel is pressed: `--option stop=12,30.5`.
-
-    Raises:
-        ParameterError: something there is no moment of the run.
-    """
-    return {button: _moments_s(button, options[button]) if button in options else () for button in BUTTONS}
-
-
-def _moments_s(button: str, text: str) -> tuple[float, ...]:
-    try:
-        moments_s = tuple(float(one) for one in text.split(","))
-    except ValueError:
-        moments_s = (math.nan,)
-    if not all(0.0 <= one < math.inf for one in moments_s):
-        raise ParameterError(f"--option {button}={text} is no moment of the run.", fix=f"seconds: {button}=12.5")
-    return moments_s
-
-
-def tether_of(rig: Rig, port: int, faults: Faults) -> SocketsPair:
-    """Returns the link through the tether, to where the options say.
-
-    Args:
-        rig: of the run.
-        port: if they say none.
-        faults: of the link.
-
-    Raises:
-        ParameterError: an option is no address or no port.
-        ConfigError: the secret cannot be read, or anybody in the network could steer the vehicle.
-    """
-    options = rig.robot.options
-    address, allow = address_of(options, port), _allowed(options)
-    more: dict[str, Any] = {}
-    if rig.role_apart:
-        more = {"secret": _secret(options), "allow": allow}
-        if rig.role_apart == "urov":
-            _check_door(address[0], is_guarded=any(more.values()))
-    return SocketsPair(
-        address if rig.role_apart else (HERE, address[1]),
-        name="tether",
-        faults=faults,
-        keep_alive_s=KEEP_ALIVE_S,
-        timeout_s=GONE_S,
-        secret_is=SECRET_IS,
-        **more,
-    )
-
-
-def address_of(options: Mapping[str, str], port: int) -> tuple[str, int]:
-    """Returns where the vehicle listens: `--option host=...` and `--option port=...`, the same for both roles.
-
-    Raises:
-        ParameterError: they say something else.
-    """
-    text = options.get("port", str(port))
-    given = int(text) if text.isascii() and text.isdecimal() and len(text) < 6 else 0
-    if not 0 < given < 1 << 16:
-        raise ParameterError(
-            f"--option port={text} is no port at which two ends can meet.",
-            fix="a number from 1 to 65535, the same at both ends: port=9120.",
-        )
-    host = options.get("host", HERE)
-    start, _, end = host.rpartition(":")
-    if end.isdecimal() and not _is_address(host):
-        raise ParameterError(
-            f"--option host={host} has a port in it, which has an option of its own.",
-            fix=f"--option host={start.strip('[]') or HERE} --option port={end}",
-        )
-    if not host or not host.isascii() or any(one.isspace() or one == "/" for one in host):
-        raise ParameterError(
-            f"--option host={host} is no name of a computer.",
-            fix="the vehicle's address or its name, the same at both ends: host=192.168.2.2.",
-        )
-    return host, given
-
-
-def _is_address(host: str) -> bool:
-    try:
-        ipaddress.ip_address(host)
-    except ValueError:
-        return False
-    return True
-
-
-def _allowed(options: Mapping[str, str]) -> tuple[str, ...]:
-    """Returns the addresses that `--option allow=...` names."""
-    allow = tuple(one.strip() for one in options["allow"].split(",")) if "allow" in options else ()
-    try:
-        as_networks(allow)
-    except ConfigError as error:
-        raise ParameterError(
-            f"--option allow={options['allow']}: {error.message}",
-            fix="the surface's address, or several with commas: allow=192.168.2.1,192.168.2.7.",
-        ) from error
-    return allow
-
-
-def _secret(options: Mapping[str, str]) -> bytes | None:
-    """Returns what both ends have to know, or None."""
-    if "secret" in options:
-        return secret_from_file(options["secret"])
-    return secret_from_env(SECRET_VARIABLE) if SECRET_VARIABLE in os.environ else None
-
-
-def _check_door(host: str, is_guarded: bool) -> None:
-    """Checks that not everybody may steer a vehicle that listens there."""
-    if is_loopback(host) or is_guarded:
-        return
-    raise ConfigError(
-        f"A vehicle that listens on {host} could be steered by anybody in that network.",
-        fix=f"{MAKES_ONE}, copy that file to the other computer, and add --option secret=secret.txt at both ends "
-        f"(or {SECRET_VARIABLE}=..., the text itself, in both environments); in a network that is yours alone, "
-        "--option allow=ADDRESS of the surface's computer, at the vehicle.",
-    )

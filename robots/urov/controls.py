@@ -1,19 +1,28 @@
-"""What the surface tells the vehicle, twenty times a second, and what the vehicle tells back about it."""
+"""What the surface asks of the vehicle, twenty times a second, and what a person does to ask for it.
+
+left stick    up and down: heave    left and right: yaw
+right stick   up and down: surge    left and right: sway
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import msgspec
 
 from snr_sim.prelude.errors import CommandError, UnknownName, nearest
 from snr_sim.prelude.structs import learned
+from snr_sim.teleop.gamepad_pilot import GamepadPilotFactory, Stick
+from snr_sim.teleop.keyboard import legend
+from snr_sim.teleop.scripted_pilot import Cue, ScriptedPilotFactory
 
 # Each mode does what those before it do, too; "manual" is the sticks alone.
 MODES = ("manual", "stabilise", "depth_hold", "heading_hold")
 DEEPEST_M = 100.0  # as its maker rates it
-STICKS = ("surge", "sway", "heave", "yaw")
+STICKS = {"surge": Stick(4, "ws"), "sway": Stick(3, "ad"), "heave": Stick(1, "ik"), "yaw": Stick(0, "jl")}
+LEGEND = legend("w s ahead, astern  a d left, right  i k up, down  j l turn")
 
 
 class Controls(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -69,3 +78,13 @@ def controls_of(data: Any) -> Controls:
         fix = f"depth is positive down, and the vehicle is made for {DEEPEST_M:g} m."
         raise CommandError(f"The controls ask for depth_m = {controls.depth_m!r}.", fix=fix)
     return controls
+
+
+def scripted_pilot(script: Sequence[Cue], rate_hz: float, key: str = "controls") -> ScriptedPilotFactory:
+    """Return what makes a pilot that follows a script; a depth or heading to hold is asked for once."""
+    return ScriptedPilotFactory(script, rate_hz, Controls(), controls_of, ("depth_m", "heading_rad"), key)
+
+
+def gamepad_pilot(key: str = "controls") -> GamepadPilotFactory:
+    """Return what makes controls of a gamepad or the keyboard."""
+    return GamepadPilotFactory(Controls, STICKS, MODES, key)

@@ -21,7 +21,7 @@
 
 Of several causes, `surface` counts first, then `neutral`, then `hold`. While outputs do not answer nothing can push:
 their `hold` and `surface` begin when they are back, for which the vehicle re-arms them, until a person has disarmed.
-`lost_s`, `hold_s`, `low_s` are in `GuardLimits` (guard.py).
+`lost_s`, `hold_s`, `low_s` are in `FailsafeLimits` (failsafe_monitor.py).
 """
 
 from __future__ import annotations

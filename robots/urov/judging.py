@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any, NamedTuple, overload
 
+from snr_sim.devices.sensors.position_fix import position_fix_of
 from snr_sim.plants.urov.dive import Dive
 from snr_sim.plants.urov.pool import Pool
 from snr_sim.plants.urov.t200 import STOP_US
@@ -17,8 +18,6 @@ from snr_sim.plants.urov.vehicle import Vehicle
 from snr_sim.prelude.angles import roll_pitch_yaw_rad
 from snr_sim.prelude.scenario import Verdict
 from snr_sim.prelude.sums import ordered_sum
-
-from .sight import place_of
 
 SAMPLE_S = 0.1
 _NUMBERS = 8  # of a sample
@@ -83,7 +82,7 @@ class Watched(Urov):
     ) -> None:
         super().__init__(vehicle, pool, start_of, thrusters, seed)
         self.outputs = (*self.outputs, "place")
-        self._readers["place"] = partial(place_of, self)
+        self._readers["place"] = partial(position_fix_of, self)
 
     def reset(self, seed: int) -> None:
         """Starts anew, with an empty course."""

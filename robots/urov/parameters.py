@@ -22,10 +22,10 @@ from snr_sim.plants.urov.vehicle import Vehicle
 from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.errors import ParameterError, nearest
 from snr_sim.prelude.wrench import AXES
+from snr_sim.teleop.scripted_pilot import Cue
 
+from .failsafe_monitor import FailsafeLimits
 from .failsafes import Failsafes
-from .guard import GuardLimits
-from .pilot import Cue
 from .seeing_pilot import Waypoint
 from .tether_link import tether_faults
 
@@ -157,7 +157,7 @@ class UrovParameters:
         vehicle: its numbers.
         script: what the pilot does, where there is no person.
         route: where a pilot who sees goes; if there is one, he flies instead.
-        sensors, holds, guard: see there.
+        sensors, holds, failsafe_limits: see there.
         failsafes: what the vehicle does by itself when something fails.
         fix_hz: how often the vehicle is told its place, as by an acoustic positioning system; 0 is never.
         nominal_v: at which the pulse for a thrust is looked up.
@@ -177,7 +177,7 @@ class UrovParameters:
     route: tuple[Waypoint, ...] = ()
     sensors: Sensors = field(default_factory=Sensors)
     holds: HoldNumbers = field(default_factory=HoldNumbers)
-    guard: GuardLimits = field(default_factory=GuardLimits)
+    failsafe_limits: FailsafeLimits = field(default_factory=FailsafeLimits)
     failsafes: Failsafes = field(default_factory=Failsafes)
     fix_hz: float = 0.0
     nominal_v: float = 14.8
@@ -209,4 +209,4 @@ def vehicle(name: str = "benzon2022") -> Vehicle:
 
 def failsafe_lines(parameters: UrovParameters) -> list[str]:
     """Returns what the vehicle does by itself when something fails, in few lines."""
-    return [f"failsafe  {line}" for line in parameters.failsafes.lines(parameters.guard.hold_s)]
+    return [f"failsafe  {line}" for line in parameters.failsafes.lines(parameters.failsafe_limits.hold_s)]

@@ -11,28 +11,30 @@ from typing import Any
 
 from snr_sim.prelude.page import Page
 
-from .guard import Guard
+from .failsafe_monitor import FailsafeMonitor
 from .readings import Outputs, Readings
 
 CLOCK_S = 1.0  # readings that were measured so long before they came: their clock is another one
 WARM_UP_S = 2.0  # of a program that has just started what is missing may still come: arming waits so long
 
 
-def failing_checks(guard: Guard, readings: Readings, ages_s: Mapping[str, float], outputs: Outputs | None) -> list[str]:
+def failing_checks(
+    failsafe: FailsafeMonitor, readings: Readings, ages_s: Mapping[str, float], outputs: Outputs | None
+) -> list[str]:
     """Returns what is not as it must be, each in words; nothing if the vehicle may be armed.
 
     Args:
-        guard: knows battery, leak, disk and what else has failed.
+        failsafe: knows battery, leak, disk and what else has failed.
         readings: of the sensors.
         ages_s: of the pages of the newest ones.
         outputs: how they are; None if nobody tells.
     """
     failing = readings.missing(ages_s)
-    if guard.rest_v is not None and guard.rest_v < guard.limits.low_v:
-        failing.append(f"battery: {guard.rest_v:.1f} V at rest, less than {guard.limits.low_v:g} V")
+    if failsafe.rest_v is not None and failsafe.rest_v < failsafe.limits.low_v:
+        failing.append(f"battery: {failsafe.rest_v:.1f} V at rest, less than {failsafe.limits.low_v:g} V")
     for cause, what in (("nonsense", "sensors"), ("disk_full", "disk"), ("overloaded", "computer"), ("leak", "leak")):
-        if cause in guard.since_s:
-            failing.append(f"{what}: {guard.words[cause]}")
+        if cause in failsafe.since_s:
+            failing.append(f"{what}: {failsafe.words[cause]}")
     failing += [
         f"clock: {key} is stamped {late_s:.1f} s before it came"
         for key, late_s in _late_s(readings.newest, readings.pages).items()

@@ -1,15 +1,15 @@
 """The underwater vehicle: two roles, joined by a link through the tether.
 
     topside                                  urov
-    pilot --> page "controls" ==== link ====> guard, holds, allocation --> page "pwm" --> speed controllers --> plant
+    pilot --> page "controls" ==== link ====> failsafe, holds, allocation --> page "pwm" --> speed controllers --> plant
                                               ^ pages depth, imu, leak <-- sensors <--------------------------- plant
     display <-- pages vehicle, depth, <=====  page "vehicle": what it is doing
-    lookout     altitude, power, leak
+    link monitor  altitude, power, leak
 
     controls  what the surface asks for, 20 times a second    (controls.py)
     camera    what it sees, if it has a camera; that stays on board  (snr_sim/devices/sensors/camera.py)
-    place     where it is, if it is told (fix_hz in parameters.py): by somebody who sees it from above (sight.py)
-    vehicle   what the vehicle is doing, and for whom          (autopilot.py, guard.py)
+    place     where it is, if it is told (fix_hz in parameters.py): by somebody who sees it from above
+    vehicle   what the vehicle is doing, and for whom          (autopilot.py, failsafe_monitor.py)
     pwm       pulses_us of each thruster
 
 Its numbers are in parameters.py and vehicles/, its physics in snr_sim/plants, and what happens in the scenario.
@@ -34,10 +34,11 @@ from snr_sim.devices.pad import PadLoopFactory
 from snr_sim.devices.pwm.mirror import MirrorPwm
 from snr_sim.devices.pwm.pwm_backend import PwmBackend
 from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
-from snr_sim.devices.pwm.sim_pwm import BenchPwm, SimPwm
+from snr_sim.devices.pwm.sim_pwm import SimPwm, drive_plant
 from snr_sim.devices.pygame_pad import PygamePad
 from snr_sim.devices.replayed import ReplayedSensor
 from snr_sim.devices.sensors.camera import Camera, CameraLoopFactory
+from snr_sim.devices.sensors.position_fix import POSITION_FIX_ERRORS, PositionFix
 from snr_sim.devices.simulated import SimSensor
 from snr_sim.devices.wire.mcu_messages import BAUD
 from snr_sim.devices.wire.serial_port import SerialPort
@@ -49,19 +50,18 @@ from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.recorder import RECORDING_KEY
 from snr_sim.prelude.scenario import Rig
 from snr_sim.prelude.signals import DepthReading, EchoReading, ImuReading, LeakReading, PowerReading
+from snr_sim.teleop.button_panel import ButtonPanelFactory, presses_of
+from snr_sim.teleop.keyboard import Keyboard
+from snr_sim.teleop.link_monitor import LinkMonitorFactory
+from snr_sim.teleop.link_options import surface_link
+from snr_sim.teleop.manual_input import DeadmanSwitch, ManualInput
 
 from .autopilot import AutopilotFactory
-from .choices import check_choices, presses_of, tether_of
-from .deadman import Deadman
-from .display import DisplayFactory
-from .keyboard import LEGEND, Hands
-from .lookout import LookoutFactory
-from .pad_pilot import PadPilotFactory
-from .panel import PanelFactory
+from .choices import BUTTONS, check_choices
+from .controls import LEGEND, STICKS, gamepad_pilot, scripted_pilot
+from .display import display
 from .parameters import UrovParameters, failsafe_lines
-from .pilot import ScriptedPilotFactory
 from .seeing_pilot import SeeingPilotFactory
-from .sight import EYES, Place
 
 ROLES = ("urov", "topside")
 OPTIONS = {
@@ -96,7 +96,7 @@ READINGS: dict[str, type[msgspec.Struct]] = {
     "power": PowerReading,
     "leak": LeakReading,
     "imu": ImuReading,
-    "place": Place,
+    "place": PositionFix,
 }
 ANSWERED = ("leak", "power", "imu")  # of these each reading sets off work; the others are looked up when needed
 TO_TOPSIDE = ("vehicle", "depth", "altitude", "power", "leak", RECORDING_KEY)
@@ -121,13 +121,15 @@ def sim_camera(rig: Rig) -> SimSensor:
 
 def sim_eyes(rig: Rig) -> SimSensor:
     """Opens the eyes of the pilot above the water."""
-    return SimSensor(rig.plant, "place", EYES, rig.rng("place"))
+    return SimSensor(rig.plant, "place", POSITION_FIX_ERRORS, rig.rng("place"))
 
 
-def hands(rig: Rig) -> Hands:
+def hands(rig: Rig) -> ManualInput:
     """Opens a game controller, or the keyboard."""
     needs_trigger = rig.robot.options.get("deadman") == "yes"
-    return Hands(lambda: Deadman(PygamePad()) if needs_trigger else PygamePad(), now_s=rig.now_s)
+    return ManualInput(
+        lambda: DeadmanSwitch(PygamePad()) if needs_trigger else PygamePad(), lambda: Keyboard(STICKS), rig.now_s
+    )
 
 
 def sim_pwm(rig: Rig) -> PwmBackend:
@@ -147,10 +149,10 @@ def mcu_board(rig: Rig) -> McuBoard:
     return board
 
 
-def mcu_pwm(rig: Rig) -> BenchPwm:
+def mcu_pwm(rig: Rig) -> PwmBackend:
     """Opens the microcontroller's outputs; the simulated vehicle is driven by what they do."""
     assert rig.plant is not None
-    return BenchPwm(McuPwm(mcu_board(rig), rig.now_s, thruster_count(rig)), rig.plant)
+    return drive_plant(McuPwm(mcu_board(rig), rig.now_s, thruster_count(rig)), rig.plant)
 
 
 def mcu_power(rig: Rig) -> Any:
@@ -158,13 +160,13 @@ def mcu_power(rig: Rig) -> Any:
     return McuPower(mcu_board(rig)) if rig.robot.options.get("power") == "board" else sim_sensor(rig, "power")
 
 
-def bench_pwm(rig: Rig) -> BenchPwm:
+def bench_pwm(rig: Rig) -> PwmBackend:
     """Opens real outputs; the simulated vehicle is driven by what they do."""
     from snr_sim.devices.opening import open_pwm  # only real wires need it, and it takes 60 ms
 
     assert rig.plant is not None
     out = open_pwm(f"{rig.io}:{rig.where}", rig.now_s, thruster_count(rig), (LEAST_US, MOST_US))
-    return BenchPwm(out, rig.plant)
+    return drive_plant(out, rig.plant)
 
 
 def pi_pwm(rig: Rig) -> PwmOut:
@@ -264,7 +266,7 @@ def roles(rig: Rig, controller: Sequence[Factory]) -> dict[str, list[Any]]:
     parameters: UrovParameters = rig.robot.parameters
     devices = DEVICES[rig.io]
     check_choices(rig)
-    tether = tether_of(rig, parameters.port, parameters.tether)
+    tether = surface_link(rig, "urov", "tether", parameters.port, parameters.tether)
     # The surface does not listen, so what keeps strangers from the vehicle is not for it to have.
     below = [] if rig.role_apart == "topside" else [tether.server(TO_TOPSIDE, accept=["controls"])]
     sensors = [
@@ -302,19 +304,19 @@ def _surface(rig: Rig, parameters: UrovParameters, lines: Sequence[str]) -> list
         return [
             *eyes,
             hands,
-            PadPilotFactory(key),
-            DisplayFactory(has_pad=True, lines=[*LEGEND, *lines]),
-            LookoutFactory("link_tether"),
+            gamepad_pilot(key),
+            display(has_pad=True, lines=[*LEGEND, *lines]),
+            LinkMonitorFactory("link_tether"),
             *crew,
         ]
     if parameters.route:
         return [
             SensorLoopFactory("place", partial(DEVICES[rig.io]["place"], rig), 10.0),
             *(
-                [PanelFactory(presses_of(rig.robot.options), rate_hz), *crew]
+                [ButtonPanelFactory("panel", presses_of(rig.robot.options, BUTTONS), rate_hz), *crew]
                 if crew
                 else [SeeingPilotFactory(parameters.route)]
             ),
         ]
-    shown = DisplayFactory(in_lock_step=False, lines=lines)
-    return [ScriptedPilotFactory(parameters.script, rate_hz, key), shown, LookoutFactory("link_tether"), *crew]
+    shown = display(in_lock_step=False, lines=lines)
+    return [scripted_pilot(parameters.script, rate_hz, key), shown, LinkMonitorFactory("link_tether"), *crew]

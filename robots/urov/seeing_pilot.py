@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import msgspec
 
 from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
+from snr_sim.devices.sensors.position_fix import PositionFix
 from snr_sim.prelude.errors import ParameterError
 
 from .controls import Controls
-from .sight import Place
 from .steering import Steering
 
 ARM_S = 2.0  # speed controllers need a second before it
@@ -80,7 +80,7 @@ class SeeingPilot(Endpoint):
 
     def on_place(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Steers to the next place."""
-        place = Place(**self.get_data("place"))
+        place = PositionFix(**self.get_data("place"))
         x, y, z = place.position_m
         goal = self.left[0]
         now_s = self.get_time_s()

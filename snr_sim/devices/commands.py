@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, get_args, get_origin
 
 import msgspec
@@ -35,6 +36,19 @@ def command_of(data: Any, wanted: type[Any], limits: Limits) -> Any:
         return msgspec.convert(_plain(data), learned(wanted))
     except msgspec.ValidationError as error:
         raise _what_is_wrong(data, wanted, limits) from error
+
+
+def check_finite(name: str, value: float, limits: tuple[float, float]) -> None:
+    """Check a number of a command.
+
+    Raises:
+        CommandError: it is NaN or infinite.
+    """
+    if not math.isfinite(value):
+        raise CommandError(
+            f"{name} = {value!r} is no finite number.",
+            fix=f"a number from {limits[0]:g} to {limits[1]:g}; look for a division by zero or an overflow before it.",
+        )
 
 
 def _plain(value: Any) -> Any:

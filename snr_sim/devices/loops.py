@@ -10,12 +10,11 @@ from typing import Any
 
 import msgspec
 
-from snr_sim.core.ages import age_s
-from snr_sim.core.authors import who_stored
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
-from snr_sim.devices.commands import command_of, in_words
-from snr_sim.prelude.device import Actuator, Device, Sensor, Stale
+from snr_sim.devices.command_input import CommandInput
+from snr_sim.devices.commands import command_of
+from snr_sim.prelude.device import Device, Sensor, Stale
 from snr_sim.prelude.errors import CommandError, DeviceError
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.promises import keeps
@@ -51,6 +50,22 @@ def started(device: Any, what: str) -> Any:
     return device
 
 
+class DeviceLoop(Loop):
+    """Has a device from `setup` on, and ends it."""
+
+    device: Any = None
+
+    def halt(self) -> None:
+        """End measuring, or go to neutral."""
+        if self.device is not None:
+            self.device.deactivate("the robot's program ends")
+
+    def terminate(self) -> None:
+        """Close the device."""
+        if self.device is not None:
+            self.device.close()
+
+
 class SensorLoopFactory(LoopFactory):
     """Reads a sensor at a rate and stores each reading as a page.
 
@@ -72,8 +87,13 @@ class SensorLoopFactory(LoopFactory):
         """Returns the loop `<key>_sensor`."""
         return SensorLoop(self, parent, f"{self.key}_sensor", self.rate_hz)
 
+    def data_of(self, reading: Any) -> dict[str, Any]:
+        """Returns what the page of a reading holds, with lists and arrays of its own."""
+        data: dict[str, Any] = msgspec.to_builtins(reading)
+        return data
 
-class SensorLoop(Loop):
+
+class SensorLoop(DeviceLoop):
     """Stores `{field: value}` of the newest reading under the sensor's key.
 
     While the sensor has none nothing is stored, so the page grows old (`get_age_s`), and it is said once.
@@ -85,25 +105,20 @@ class SensorLoop(Loop):
         """Opens the sensor."""
         self._stale_times = 0
         self._is_stale = False
-        self.sensor = started(self.factory.open_device(), f"the sensor '{self.factory.key}'")
+        self.device = started(self.factory.open_device(), f"the sensor '{self.factory.key}'")
 
     def loop(self) -> None:
         """Reads once."""
         factory = self.factory
-        reading = self.sensor.read()
+        reading = self.device.read()
         if type(reading) is Stale:
             self._say_stale(reading)
             return
         if self._is_stale:
             self._is_stale = False
             self._say("answers again")
-        data = self.data_of(reading)  # made here, so that no snapshot is needed
+        data = factory.data_of(reading)  # made here, so that no snapshot is needed
         self.schedule(Task.store_page(Page(factory.key, data, self.parent.name, self.get_time_s(), factory.process)))
-
-    def data_of(self, reading: Any) -> dict[str, Any]:
-        """Returns what the page of a reading holds, with lists and arrays of its own."""
-        data: dict[str, Any] = msgspec.to_builtins(reading)
-        return data
 
     def _say_stale(self, stale: Stale) -> None:
         if not self._is_stale:
@@ -117,16 +132,6 @@ class SensorLoop(Loop):
             self.parent.note(text)
         elif self._stale_times == STALE_NOTES:
             self.parent.note(f"{text} (no more is said of that)")
-
-    def halt(self) -> None:
-        """Ends measuring."""
-        if "sensor" in self.__dict__:
-            self.sensor.deactivate("the robot's program ends")
-
-    def terminate(self) -> None:
-        """Closes the sensor."""
-        if "sensor" in self.__dict__:
-            self.sensor.close()
 
 
 class ActuatorLoopFactory(LoopFactory):
@@ -146,105 +151,64 @@ class ActuatorLoopFactory(LoopFactory):
         self.rate_hz = rate_hz
         self.timeout_s = timeout_s
 
-    def get(self, parent: Node) -> ActuatorLoop:
+    def get(self, parent: Node) -> CommandLoop:
         """Returns the loop `<key>_actuator`."""
         return ActuatorLoop(self, parent, f"{self.key}_actuator", self.rate_hz)
 
 
-class ActuatorLoop(Loop):
-    """Writes commands; a command that is not one leaves the actuator at neutral and stops the run.
-
-    On the wall clock a command is written when it comes: it would wait for half a tick on average, and in lock step,
-    where a tick comes after all that was made at its moment, most wait for none.
-    """
+class CommandLoop(DeviceLoop):
+    """Has a device that follows the pages of its factory's key."""
 
     factory: ActuatorLoopFactory
-    _is_tapped = False  # the node hands over each command that is stored
+
+    def __init__(self, factory: ActuatorLoopFactory, parent: Node, name: str, max_tick_rate_hz: float) -> None:
+        super().__init__(factory, parent, name, max_tick_rate_hz)
+        self.commands = CommandInput(self, factory.key)
 
     def begin(self) -> None:
-        """Starts ticking, and is told of commands from now on."""
-        self._is_tapped = True
-        self.parent.tap(self.factory.key, self._on_command)
+        """Start ticking, and receive commands from now on."""
+        self.commands.begin()
         super().begin()
 
     def join(self) -> None:
-        """Ends ticking."""
-        if self._is_tapped:
-            self._is_tapped = False
-            self.parent.untap(self.factory.key, self._on_command)
+        """End ticking."""
+        self.commands.end()
         super().join()
 
-    def _on_command(self, page: Page) -> None:
-        self.hurry()
+
+class ActuatorLoop(CommandLoop):
+    """Writes commands; a command that is not one leaves the actuator at neutral and stops the run."""
 
     def setup(self) -> None:
         """Opens the actuator and puts it at neutral."""
-        self.actuator: Actuator[Any] = started(self.factory.open_device(), f"the actuator '{self.factory.key}'")
-        self.actuator.neutral()
+        self.device = started(self.factory.open_device(), f"the actuator '{self.factory.key}'")
+        self.device.neutral()
         self._written: Page | None = None
-        self._clamped: set[str] = set()
 
     def loop(self) -> None:
         """Writes the newest command, if it is new; neutral if it is too old."""
-        page = self.parent.get_page(self.factory.key)  # asks aloud: a command nobody ever stores is reported
+        page, age_s = self.commands.newest()
         if page is None:
             return
-        if age_s(self.parent, page) > self.factory.timeout_s:
-            self.actuator.neutral()  # also if it is new here: it was held up on its way
+        if age_s > self.factory.timeout_s:
+            self.device.neutral()  # also if it is new here: it was held up on its way
         elif page is not self._written:
             self._written = page
             self._write(page)
 
     def _write(self, page: Page) -> None:
-        actuator = self.actuator
+        actuator = self.device
         try:
             command = command_of(page.data, actuator.command_type, actuator.limits)
             applied = actuator.write(command)
         except CommandError as error:
             actuator.neutral()
-            raise self._blamed(page, error) from error
+            raise self.commands.blamed(page, error) from error
         if applied != command:
-            self._say_clamped(command, applied, actuator.limits)
-
-    def _blamed(self, page: Page, error: CommandError) -> CommandError:
-        """Returns the error with whoever stored the page, whose line comes first if it is known."""
-        what = f"Page '{page.key}' is no command: {error.message}"
-        if isinstance(page.data, dict):
-            what += f"\n  It holds {in_words(page.data)}."
-        when = f"at t = {page.created_at_s:.3f} s"
-        if page.origin != self.parent.name:
-            return CommandError(f"{what}\n  It was made {when} by node '{page.origin}'.", fix=error.fix)
-        others = [component for component in self.parent.components.values() if component is not self]
-        lines, who = who_stored(page.key, others)
-        return CommandError(f"{lines}{what}\n  It was stored {when} by {who}.", fix=error.fix)
-
-    def _say_clamped(self, command: Any, applied: Any, limits: dict[str, tuple[float, float]]) -> None:
-        for field in command.__struct_fields__:
-            wanted, got = getattr(command, field), getattr(applied, field)
-            if wanted != got and field not in self._clamped:
-                self._clamped.add(field)
-                others = [component for component in self.parent.components.values() if component is not self]
-                lines = who_stored(self.factory.key, others)[0]
-                low, high = limits[field]
-                self.parent.note(
-                    f"Command '{self.factory.key}.{field}' = {_shown(wanted)} is outside {limits[field]} "
-                    f"and was clamped to {_shown(got)} (said once; t = {self.get_time_s():.2f} s). "
-                    f"Store what is from {low:g} to {high:g}.",
-                    lines,
-                )
+            self.commands.note_clamped(command, applied, actuator.limits)
 
     def halt(self) -> None:
         """Goes to neutral."""
-        if "actuator" in self.__dict__:
-            self.actuator.neutral()
-            self.actuator.deactivate("the robot's program ends")
-
-    def terminate(self) -> None:
-        """Closes the actuator."""
-        if "actuator" in self.__dict__:
-            self.actuator.close()
-
-
-def _shown(value: Any) -> str:
-    """A number, or a list of numbers, as short as can be."""
-    return f"[{', '.join(map(_shown, value))}]" if isinstance(value, (list, tuple)) else f"{value:g}"
+        if self.device is not None:
+            self.device.neutral()
+        super().halt()

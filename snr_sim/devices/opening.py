@@ -21,12 +21,12 @@ from typing import Any
 
 from snr_sim.devices.mcu.mcu import McuPwm
 from snr_sim.devices.mcu.mcu_board import McuBoard
-from snr_sim.devices.pwm.maestro import MaestroPwm
-from snr_sim.devices.pwm.pca9685 import OSCILLATOR_HZ, Pca9685Pwm
-from snr_sim.devices.pwm.plain_pwm import PlainPwm
-from snr_sim.devices.pwm.pwm_backend import LIMITS_US
+from snr_sim.devices.pwm.maestro import Maestro
+from snr_sim.devices.pwm.pca9685 import OSCILLATOR_HZ, Pca9685
+from snr_sim.devices.pwm.plain_pwm import PlainPwm, PwmChip
+from snr_sim.devices.pwm.pwm_backend import LIMITS_US, PwmBackend
 from snr_sim.devices.pwm.supervised_pwm import SupervisedPwm
-from snr_sim.devices.pwm.sysfs_pwm import ROOT, SysfsPwm
+from snr_sim.devices.pwm.sysfs_pwm import ROOT, SysfsPins
 from snr_sim.devices.sensors.gps import BAUD as GPS_BAUD
 from snr_sim.devices.sensors.gps import Gps
 from snr_sim.devices.sensors.icm20948 import Icm20948, is_right_handed
@@ -34,7 +34,7 @@ from snr_sim.devices.sensors.ms5837_i2c import Ms5837I2c
 from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.devices.wire.mcu_messages import BAUD
 from snr_sim.devices.wire.serial_port import SerialPort
-from snr_sim.prelude.device import PwmOut, Sensor
+from snr_sim.prelude.device import Sensor
 from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
 from snr_sim.prelude.io import Io, bus_and_address
 
@@ -85,7 +85,7 @@ SENSORS = tuple(kind for kind in SETTINGS if kind not in OUTPUTS)
 
 def open_pwm(
     text: str, now_s: Callable[[], float], channels: int, limits_us: tuple[float, float] = LIMITS_US
-) -> PwmOut:
+) -> PwmBackend:
     """Opens outputs of servo pulses.
 
     Raises:
@@ -95,27 +95,28 @@ def open_pwm(
     if kind == "mcu":
         return McuPwm(McuBoard(lambda: SerialPort(where, BAUD), now_s), now_s, channels)
     if kind == "maestro":
-        return MaestroPwm(lambda: SerialPort(where), now_s, channels, limits_us, has_crc=settings.get("crc", False))
+        board = Maestro(lambda: SerialPort(where), now_s, channels, limits_us, has_crc=settings.get("crc", False))
+        return PlainPwm(board, now_s)
     args = [text, channels, *limits_us]
     return SupervisedPwm(open_held(text, channels, *limits_us), now_s, f"{__name__}:{open_held.__name__}", args)
 
 
 def open_held(text: str, channels: int, low_us: float, high_us: float, takes_over: bool = False) -> PlainPwm:
     """Opens outputs that keep their last pulse, in the supervisor's process, whose clock is the computer's."""
+    return PlainPwm(_held_chip(text, channels, (low_us, high_us), takes_over), time.monotonic, is_supervised=True)
+
+
+def _held_chip(text: str, channels: int, limits_us: tuple[float, float], takes_over: bool) -> PwmChip:
     kind, where, settings = split(text, HELD)
-    limits_us = (low_us, high_us)
     if kind == "sysfs":
-        root = Path(where) if where else ROOT
-        return SysfsPwm(time.monotonic, channels, limits_us, is_supervised=True, root=root, takes_over=takes_over)
+        return SysfsPins(channels, limits_us, root=Path(where) if where else ROOT, takes_over=takes_over)
     bus, address = bus_and_address(where)
     clock_hz = settings.get("clock_hz")
-    return Pca9685Pwm(
+    return Pca9685(
         lambda: I2cBus(bus),
         address,
-        time.monotonic,
         channels,
         limits_us,
-        is_supervised=True,
         oscillator_hz=clock_hz or settings.get("oscillator_hz", OSCILLATOR_HZ),
         has_external_clock=clock_hz is not None,
     )

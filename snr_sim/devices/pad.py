@@ -10,9 +10,9 @@ from collections.abc import Callable
 
 import msgspec
 
-from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.loop import LoopFactory
 from snr_sim.core.node import Node
-from snr_sim.devices.loops import started
+from snr_sim.devices.loops import DeviceLoop, started
 from snr_sim.prelude.device import Sensor, Stale
 from snr_sim.prelude.signals import PadReading
 
@@ -37,7 +37,7 @@ class PadLoopFactory(LoopFactory):
         return PadLoop(self, parent, f"{self.key}_pad", self.rate_hz)
 
 
-class PadLoop(Loop):
+class PadLoop(DeviceLoop):
     """Stores readings; of a pad that has none, one at rest, in the same tick and for as long as it has none.
 
     Of other sensors there is just no page meanwhile. A pad is unplugged by tripping over its cable, and comes back.
@@ -47,23 +47,18 @@ class PadLoop(Loop):
 
     def setup(self) -> None:
         """Opens the pad."""
-        self.pad: Sensor[PadReading] = started(self.factory.open_device(), f"the pad '{self.factory.key}'")
+        self.device = started(self.factory.open_device(), f"the pad '{self.factory.key}'")
         self._last = PadReading([], [], [], is_connected=False)
 
     def loop(self) -> None:
         """Reads once."""
-        reading = self.pad.read()
+        reading = self.device.read()
         if isinstance(reading, Stale):
             if self._last.is_connected:
                 self.log.warning("%s", reading.why)
             reading = at_rest(self._last)
         self._last = reading
         self.store_data(self.factory.key, msgspec.to_builtins(self._last))
-
-    def terminate(self) -> None:
-        """Closes the pad."""
-        if "pad" in self.__dict__:
-            self.pad.close()
 
 
 def at_rest(reading: PadReading) -> PadReading:

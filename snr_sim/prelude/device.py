@@ -182,31 +182,6 @@ class PwmOut(Device, Protocol):
         ...
 
 
-@runtime_checkable
-class SerialLink(Protocol):
-    """Whole frames over a wire that may lose, spoil or stop. Never waits."""
-
-    def send(self, frame: bytes) -> None:
-        """Sends one frame.
-
-        Raises:
-            DeviceError: the wire is gone.
-        """
-        ...
-
-    def poll(self) -> list[bytes]:
-        """Returns the whole frames that have come since.
-
-        Raises:
-            DeviceError: the wire is gone.
-        """
-        ...
-
-    def counts(self) -> dict[str, int]:
-        """Returns what was counted: 'bytes', 'frames', 'crc_errors', 'gaps'."""
-        ...
-
-
 Imu: TypeAlias = Sensor[ImuReading]
 DepthSensor: TypeAlias = Sensor[DepthReading]
 RangeSensor: TypeAlias = Sensor[EchoReading]

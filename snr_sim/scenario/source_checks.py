@@ -26,7 +26,7 @@ from snr_sim.core.loose_ends import NEXT_LINE, without_handlers
 from snr_sim.core.node import Node
 from snr_sim.core.reload.source_files import source_files
 from snr_sim.devices.commands import command_of
-from snr_sim.devices.loops import ActuatorLoop, SensorLoop
+from snr_sim.devices.loops import CommandLoop, SensorLoop
 from snr_sim.prelude.errors import CommandError, ConfigError, nearest
 from snr_sim.scenario import library
 from snr_sim.scenario.simulation import Simulation
@@ -244,7 +244,7 @@ class _Robot:
     def __init__(self, nodes: Sequence[Node], known: set[str], source: Source) -> None:
         components = [component for node in nodes for component in node.components.values()]
         self._sensors = {one.factory.key: one for one in components if isinstance(one, SensorLoop)}
-        self._actuators = {one.factory.key: one for one in components if isinstance(one, ActuatorLoop)}
+        self._actuators = {one.factory.key: one for one in components if isinstance(one, CommandLoop)}
         self._source = source
         self._stored = {one.name for one in source.stores}
         self._others = known | {*self._sensors, *self._actuators, *_OF_THE_KIT}
@@ -302,13 +302,13 @@ class _Robot:
                     )
 
 
-def _command_of(loop: ActuatorLoop) -> tuple[Any, Mapping[str, tuple[float, float]]]:
+def _command_of(loop: CommandLoop) -> tuple[Any, Mapping[str, tuple[float, float]]]:
     device: Any = loop.factory.open_device()
     return device.command_type, device.limits
 
 
 def _page_of(loop: SensorLoop) -> Any:
-    return loop.data_of(loop.factory.open_device().read())
+    return loop.factory.data_of(loop.factory.open_device().read())
 
 
 def _told(ask: Callable[[], Any]) -> Any:

@@ -29,12 +29,12 @@ DASH = '''
 
 from snr_sim_robot_urov.judging import WatchedUrov
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
-from snr_sim_robot_urov.pilot import Cue
 
 from snr_sim.plants.urov.dive import Dive
 from snr_sim.plants.urov.pool import Pool
 from snr_sim.plants.urov.propulsion import Propulsion
 from snr_sim.prelude.scenario import Verdict
+from snr_sim.teleop.scripted_pilot import Cue
 
 ROBOT = "urov"
 ENGINES, CONTROLLER, TIME_LIMIT_S = ("mujoco",), "holds", 60.0

@@ -5,9 +5,10 @@ import sys
 import time
 from pathlib import Path
 
-from snr_sim.devices.pwm.pca9685 import Pca9685Pwm
+from snr_sim.devices.pwm.pca9685 import Pca9685
+from snr_sim.devices.pwm.plain_pwm import PlainPwm
 from snr_sim.devices.pwm.supervised_pwm import SupervisedPwm
-from snr_sim.devices.pwm.sysfs_pwm import SysfsPwm
+from snr_sim.devices.pwm.sysfs_pwm import SysfsPins
 from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.testing.i2c_parts import FakeBus, Pca9685Part
 from snr_sim.testing.pwm_tree import PwmTree
@@ -16,18 +17,18 @@ FAST = [1900.0, 1900.0]
 STOP = [1500.0, 1500.0]
 
 
-def open_tree(root: str, takes_over: bool) -> SysfsPwm:
+def open_tree(root: str, takes_over: bool) -> PlainPwm:
     """The kernel's PWM files in a folder."""
     write = PwmTree(Path(root)).write
-    return SysfsPwm(
-        time.monotonic, 2, esc_start_s=0.05, is_supervised=True, root=Path(root), takes_over=takes_over, write=write
-    )
+    pins = SysfsPins(2, root=Path(root), takes_over=takes_over, write=write)
+    return PlainPwm(pins, time.monotonic, esc_start_s=0.05, is_supervised=True)
 
 
-def open_chip(file: str, takes_over: bool) -> Pca9685Pwm:
+def open_chip(file: str, takes_over: bool) -> PlainPwm:
     """The registers of a PCA9685 in a file."""
     bus = FakeBus({0x40: chip_in(file)})
-    return Pca9685Pwm(lambda: I2cBus(1, bus.opened), 0x40, time.monotonic, 2, esc_start_s=0.05, is_supervised=True)
+    chip = Pca9685(lambda: I2cBus(1, bus.opened), 0x40, 2)
+    return PlainPwm(chip, time.monotonic, esc_start_s=0.05, is_supervised=True)
 
 
 def chip_in(file: str) -> Pca9685Part:

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from snr_sim.devices.sensors.attitude_filter import GAIN_HZ, into_world
 from snr_sim.devices.sensors.imu import InertialUnit
 from snr_sim.devices.sensors.sensor_errors import SensorErrors, Wander
 from snr_sim.plants.urov.dive import Dive
@@ -16,6 +15,7 @@ from snr_sim.plants.urov.urov_measured import FIELD_UT_PER_A
 from snr_sim.plants.urov.urov_outputs import Imu
 from snr_sim.plants.urov.vehicle_file import read_vehicle
 from snr_sim.prelude.angles import quaternion_of, roll_pitch_yaw_rad, wrap_rad
+from snr_sim.prelude.attitude_filter import GAIN_HZ, into_world
 from snr_sim.prelude.signals import ImuReading, PwmCommand
 from snr_sim.testing.contracts import check_sensor
 from snr_sim.testing.fakes import FakePlant

@@ -23,7 +23,7 @@ from snr_sim import (
     tasks,
 )
 from snr_sim.core.lockstep import LockStep
-from snr_sim.devices.loops import ActuatorLoop, ActuatorLoopFactory, SensorLoopFactory
+from snr_sim.devices.loops import ActuatorLoopFactory, CommandLoop, SensorLoopFactory
 from snr_sim.prelude.errors import ComponentFailed, DeviceError, SensorLost
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
@@ -138,7 +138,7 @@ def test_the_loop_is_hurried_by_each_command_and_by_nothing_else() -> None:
     hurried: list[float] = []
 
     class Hurried(ActuatorLoopFactory):
-        def get(self, parent: Node) -> ActuatorLoop:
+        def get(self, parent: Node) -> CommandLoop:
             loop = super().get(parent)
             loop.hurry = lambda: hurried.append(parent.clock.now_s())  # type: ignore[method-assign]
             return loop

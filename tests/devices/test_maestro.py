@@ -11,7 +11,8 @@ from typing import Any
 
 import pytest
 
-from snr_sim.devices.pwm.maestro import MaestroPwm
+from snr_sim.devices.pwm.maestro import Maestro
+from snr_sim.devices.pwm.plain_pwm import PlainPwm
 from snr_sim.devices.wire.serial_port import SerialPort
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import LOST, NOT_ACTIVE
@@ -31,11 +32,11 @@ class Bench:
         self.channels, self.has_crc = channels, has_crc
         self.board = MaestroBoard(self.now_s, channels, has_crc=has_crc, **settings)
 
-    def open(self, channels: int | None = None, **wanted: Any) -> MaestroPwm:
-        settings = {"has_crc": self.has_crc, "sleep": self.advance, "esc_start_s": 1.0, **wanted}
-        return MaestroPwm(self._port, self.now_s, channels or self.channels, **settings)
+    def open(self, channels: int | None = None, **wanted: Any) -> PlainPwm:
+        settings = {"has_crc": self.has_crc, "sleep": self.advance, **wanted}
+        return PlainPwm(Maestro(self._port, self.now_s, channels or self.channels, **settings), self.now_s, 1.0)
 
-    def armed(self) -> MaestroPwm:
+    def armed(self) -> PlainPwm:
         out = self.open()
         out.configure()
         out.activate()
@@ -215,7 +216,7 @@ def bench_on_a_line(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Bench, st
 @pytest.mark.slow
 def test_through_a_serial_line_the_pins_do_as_they_are_told(bench_on_a_line: tuple[Bench, str]) -> None:
     bench, path = bench_on_a_line
-    out = MaestroPwm(lambda: SerialPort(path), bench.now_s, 8, esc_start_s=0.0, sleep=bench.advance)
+    out = PlainPwm(Maestro(lambda: SerialPort(path), bench.now_s, 8, sleep=bench.advance), bench.now_s, 0.0)
     out.configure()
     out.activate()
 

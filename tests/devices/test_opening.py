@@ -8,8 +8,9 @@ import pytest
 from snr_sim.devices import opening
 from snr_sim.devices.mcu.mcu import McuPwm
 from snr_sim.devices.opening import check_table, open_held, open_pwm, open_sensor
-from snr_sim.devices.pwm.maestro import MaestroPwm
-from snr_sim.devices.pwm.pca9685 import Pca9685Pwm
+from snr_sim.devices.pwm.maestro import Maestro
+from snr_sim.devices.pwm.pca9685 import Pca9685
+from snr_sim.devices.pwm.plain_pwm import PlainPwm
 from snr_sim.devices.pwm.supervised_pwm import SupervisedPwm
 from snr_sim.devices.sensors.gps import Gps
 from snr_sim.devices.sensors.icm20948 import Icm20948
@@ -32,8 +33,8 @@ def now_s() -> float:
     ("text", "kind"),
     [
         ("mcu:/dev/ttyUSB0", McuPwm),
-        ("maestro:/dev/ttyACM0", MaestroPwm),
-        ("maestro:/dev/ttyACM0,crc", MaestroPwm),
+        ("maestro:/dev/ttyACM0", PlainPwm),
+        ("maestro:/dev/ttyACM0,crc", PlainPwm),
         ("pca9685:1:0x40", SupervisedPwm),
         ("sysfs", SupervisedPwm),
     ],
@@ -59,11 +60,11 @@ def test_sensors_are_opened_by_text(text: str, kind: type) -> None:
 
 
 def test_a_measured_oscillator_and_a_clock_outside_are_settings() -> None:
-    measured = open_held("pca9685:1:0x40,oscillator_hz=26.2e6", 8, 1100.0, 1900.0)
-    assert isinstance(measured, Pca9685Pwm)
+    measured = open_held("pca9685:1:0x40,oscillator_hz=26.2e6", 8, 1100.0, 1900.0).chip
+    assert isinstance(measured, Pca9685)
     assert (measured.prescale, measured.count_us) == (127, pytest.approx(128 / 26.2))
-    clocked = open_held("pca9685:1:0x40,clock_hz=24.576e6", 8, 1100.0, 1900.0)
-    assert isinstance(clocked, Pca9685Pwm)
+    clocked = open_held("pca9685:1:0x40,clock_hz=24.576e6", 8, 1100.0, 1900.0).chip
+    assert isinstance(clocked, Pca9685)
     assert clocked.prescale == 119
 
 
@@ -120,7 +121,12 @@ def test_a_text_of_no_sensor_is_refused_with_what_to_type(text: str, said: str) 
 
 def test_a_check_sum_is_switched_on_by_yes_and_off_by_no(monkeypatch: pytest.MonkeyPatch) -> None:
     given: list[bool] = []
-    monkeypatch.setattr(opening, "MaestroPwm", lambda *_, has_crc: given.append(has_crc))
+
+    def open_board(*args: Any, has_crc: bool) -> Maestro:
+        given.append(has_crc)
+        return Maestro(*args, has_crc=has_crc)
+
+    monkeypatch.setattr(opening, "Maestro", open_board)
     for text in ("crc", "crc=yes", "crc=no"):
         open_pwm(f"maestro:/dev/ttyACM0,{text}", now_s, 2)
     open_pwm("maestro:/dev/ttyACM0", now_s, 2)

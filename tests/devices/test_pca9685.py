@@ -5,7 +5,8 @@ from typing import Any
 import pytest
 from adafruit_pca9685 import PCA9685
 
-from snr_sim.devices.pwm.pca9685 import PRE_SCALE, Pca9685Pwm
+from snr_sim.devices.pwm.pca9685 import PRE_SCALE, Pca9685
+from snr_sim.devices.pwm.plain_pwm import PlainPwm
 from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.prelude.errors import DeviceError, ParameterError
 from snr_sim.prelude.signals import LOST
@@ -25,9 +26,10 @@ class Bench:
         self.part = part or Pca9685Part()
         self.raw = FakeBus({0x40: self.part})
 
-    def open(self, **more: Any) -> Pca9685Pwm:
-        settings = {"is_supervised": True, "esc_start_s": 1.0, "sleep": self.advance, **self.settings, **more}
-        return Pca9685Pwm(lambda: I2cBus(1, self.raw.opened), 0x40, self.now_s, self.channels, **settings)
+    def open(self, is_supervised: bool = True, esc_start_s: float = 1.0, **more: Any) -> PlainPwm:
+        settings = {"sleep": self.advance, **self.settings, **more}
+        chip = Pca9685(lambda: I2cBus(1, self.raw.opened), 0x40, self.channels, **settings)
+        return PlainPwm(chip, self.now_s, esc_start_s, is_supervised)
 
     def now_s(self) -> float:
         return self.time_s
@@ -66,8 +68,9 @@ def test_an_independent_driver_sets_the_same_registers_for_the_same_pulse(pulse_
     part = Pca9685Part()
     theirs = PCA9685(BusioBus({0x40: part}))  # type: ignore[arg-type]
     theirs.frequency = 50
+    assert isinstance(out.chip, Pca9685)
     for channel in range(8):
-        theirs.channels[channel].duty_cycle = out.count_of(pulse_us) << 4
+        theirs.channels[channel].duty_cycle = out.chip.count_of(pulse_us) << 4
     assert ours.part.registers[PRE_SCALE] == part.registers[PRE_SCALE] == 121
     assert ours.part.registers[0x06:0x26] == part.registers[0x06:0x26]
     assert part.pins_us(1) == [pytest.approx(made_us, abs=1e-6)]
@@ -110,8 +113,8 @@ def test_a_chip_that_was_pushing_when_this_program_comes_is_stopped_first() -> N
 
 
 def test_without_the_supervisor_it_is_not_armed_and_stays_neutral() -> None:
-    bench = Bench(is_supervised=False)
-    out = bench.open()
+    bench = Bench()
+    out = bench.open(is_supervised=False)
     assert not out.fails_safe_alone
     out.configure()
     with pytest.raises(DeviceError, match=r"keeps its last pulse for ever if this program is killed") as e:

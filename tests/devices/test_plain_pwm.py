@@ -1,60 +1,86 @@
 """Outputs that only obey: how long neutral is shown before they follow, and who may arm them."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 
-from snr_sim.devices.pwm.plain_pwm import ESC_START_S, PlainPwm
+from snr_sim.devices.pwm.plain_pwm import ESC_START_S, PlainPwm, PwmChip
+from snr_sim.devices.pwm.sim_pwm import drive_plant
 from snr_sim.prelude.errors import DeviceError
-from snr_sim.prelude.signals import NOT_ACTIVE
+from snr_sim.prelude.signals import NOT_ACTIVE, PwmCommand
 
 STILL, AHEAD = [1500.0, 1500.0], [1700.0, 1600.0]
 
 
-class Pins(PlainPwm):
+class Pins(PwmChip):
     """Two outputs that take down what they are sent."""
 
-    title = "These pins"
-    time_s = 5.0
-
-    def __init__(self, is_supervised: bool = True) -> None:
-        super().__init__(lambda: self.time_s, 2, is_supervised=is_supervised)
+    def __init__(self) -> None:
+        super().__init__("These pins", 2)
         self.sent: list[list[float]] = []
+
+    def open(self) -> None: ...
 
     def send(self, pulses_us: list[float]) -> list[float]:
         self.sent.append(pulses_us)
         return pulses_us
 
+
+class Bench:
+    """These pins, and the time."""
+
+    def __init__(self, is_supervised: bool = True) -> None:
+        self.time_s = 5.0
+        self.chip = Pins()
+        self.out = PlainPwm(self.chip, lambda: self.time_s, is_supervised=is_supervised)
+        self.out.configure()
+
     def told(self, pulses_us: list[float], after_s: float) -> tuple[list[float], list[str]]:
         self.time_s = 5.0 + after_s
-        applied = self.write_us(pulses_us, self.time_s)
+        applied = self.out.write_us(pulses_us, self.time_s)
         return applied.pulses_us, applied.why
 
 
 def test_neutral_is_shown_for_as_long_as_speed_controllers_take_and_then_commands_are_followed() -> None:
-    pins = Pins()
-    pins.configure()
-    pins.activate()
-    assert pins.sent == [STILL]
+    pins = Bench()
+    pins.out.activate()
+    assert pins.chip.sent == [STILL]
     assert pins.told(STILL, 0.5 * ESC_START_S) == (STILL, [NOT_ACTIVE])
     assert pins.told(STILL, ESC_START_S - 0.01) == (STILL, [NOT_ACTIVE])
-    assert pins.health().state == "activating"
+    assert pins.out.health().state == "activating"
     assert pins.told(STILL, ESC_START_S) == (STILL, [])
     assert pins.told(AHEAD, ESC_START_S + 0.02) == (AHEAD, [])
 
 
 def test_who_is_told_to_push_meanwhile_is_neutral_and_waits_for_neutral_also_afterwards() -> None:
-    pins = Pins()
-    pins.configure()
-    pins.activate()
+    pins = Bench()
+    pins.out.activate()
     for after_s in (0.1, ESC_START_S, 2.0 * ESC_START_S):
         assert pins.told(AHEAD, after_s) == (STILL, [NOT_ACTIVE])
-    assert AHEAD not in pins.sent
+    assert AHEAD not in pins.chip.sent
     assert pins.told(STILL, 2.0 * ESC_START_S + 0.02) == (STILL, [])
 
 
+def test_a_plant_is_driven_by_the_pulses_that_outputs_on_a_bench_make() -> None:
+    pins = Bench()
+    driven: list[PwmCommand] = []
+    plant: Any = SimpleNamespace(write=lambda name, command: driven.append(command))
+    drive_plant(pins.out, plant)
+    pins.out.activate()
+    for pulses_us, after_s in ((STILL, ESC_START_S), (AHEAD, ESC_START_S + 0.02), ([9000.0] * 2, ESC_START_S + 0.04)):
+        pins.told(pulses_us, after_s)
+    assert [one.pulses_us for one in driven] == [STILL, AHEAD, [1900.0, 1900.0]]
+    pins.out.stop()
+    assert driven[-1].pulses_us == STILL
+    pins.told(AHEAD, ESC_START_S + 0.06)
+    pins.out.close()
+    assert [one.pulses_us for one in driven[3:]] == [STILL] * 3
+
+
 def test_what_keeps_its_last_pulse_is_armed_only_behind_the_supervisor() -> None:
-    pins = Pins(is_supervised=False)
-    pins.configure()
+    pins = Bench(is_supervised=False)
     with pytest.raises(DeviceError, match="keeps its last pulse for ever if this program is killed") as e:
-        pins.activate()
+        pins.out.activate()
     assert "behind the supervisor" in e.value.fix
-    assert pins.sent == []
+    assert pins.chip.sent == []

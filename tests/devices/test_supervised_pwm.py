@@ -15,7 +15,8 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, Node, SimClock, TimeoutLoopFactory
-from snr_sim.devices.pwm.pca9685 import Pca9685Pwm
+from snr_sim.devices.pwm.pca9685 import Pca9685
+from snr_sim.devices.pwm.plain_pwm import PlainPwm
 from snr_sim.devices.pwm.pwm_loop import PwmLoopFactory
 from snr_sim.devices.pwm.pwm_supervisor import Supervisor
 from snr_sim.devices.pwm.supervised_pwm import SupervisedPwm
@@ -79,11 +80,9 @@ class Bench:
         opener.open = self._chip  # type: ignore[attr-defined]
         monkeypatch.setitem(sys.modules, opener.__name__, opener)
 
-    def _chip(self, takes_over: bool = False) -> Pca9685Pwm:
-        return Pca9685Pwm(
-            lambda: I2cBus(1, self.raw.opened), 0x40, self.now_s, 8, esc_start_s=1.0, is_supervised=True,
-            sleep=lambda seconds: None,
-        )  # fmt: skip
+    def _chip(self, takes_over: bool = False) -> PlainPwm:
+        chip = Pca9685(lambda: I2cBus(1, self.raw.opened), 0x40, 8, sleep=lambda seconds: None)
+        return PlainPwm(chip, self.now_s, esc_start_s=1.0, is_supervised=True)
 
     def open(self) -> SupervisedPwm:
         return SupervisedPwm(

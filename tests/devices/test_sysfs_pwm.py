@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 from rpi_hardware_pwm import HardwarePWM
 
-from snr_sim.devices.pwm.sysfs_pwm import SysfsPwm, find_chip
+from snr_sim.devices.pwm.plain_pwm import PlainPwm
+from snr_sim.devices.pwm.sysfs_pwm import SysfsPins, find_chip
 from snr_sim.prelude.errors import DeviceError
 from snr_sim.prelude.signals import LOST
 from snr_sim.testing.pwm_contract import check_pwm_out
@@ -25,16 +26,15 @@ class Bench:
         self.channels = channels
         self.tree = PwmTree(root, channels=channels)
 
-    def open(self, **more: Any) -> SysfsPwm:
+    def open(self, is_supervised: bool = True, esc_start_s: float = 0.1, **more: Any) -> PlainPwm:
         settings = {
-            "is_supervised": True,
-            "esc_start_s": 0.1,
             "root": self.tree.root,
             "write": self.tree.write,
             "sleep": self.advance,
+            "now_s": self.now_s,
             **more,
         }
-        return SysfsPwm(self.now_s, self.channels, **settings)
+        return PlainPwm(SysfsPins(self.channels, **settings), self.now_s, esc_start_s, is_supervised)
 
     def now_s(self) -> float:
         return self.time_s
@@ -133,7 +133,7 @@ def test_pins_that_a_killed_supervisor_left_pushing_are_taken_over_at_neutral(tm
 def test_a_robot_with_more_thrusters_than_pins_is_told_what_has_more(tmp_path: Path) -> None:
     tree = PwmTree(tmp_path)
     with pytest.raises(DeviceError, match="pwmchip0 has 2 channels; 8 are needed") as e:
-        SysfsPwm(lambda: 0.0, 8, root=tree.root, write=tree.write).configure()
+        SysfsPins(8, root=tree.root, write=tree.write).open()
     assert "--io mcu:PORT" in e.value.fix
 
 

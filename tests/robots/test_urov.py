@@ -16,20 +16,21 @@ from snr_sim.prelude.errors import CommandError, ParameterError, SnrError, Unkno
 from snr_sim.prelude.scenario import Rig, Robot
 from snr_sim.prelude.signals import DepthReading, ImuReading, PadReading, PowerReading
 from snr_sim.scenario import library
+from snr_sim.teleop.gamepad_pilot import BUTTONS
+from snr_sim.teleop.keyboard import Keyboard
+from snr_sim.teleop.manual_input import ManualInput
+from snr_sim.teleop.scripted_pilot import Cue
 from snr_sim.testing.fakes import FakeSensor
 from snr_sim.testing.parts import Ticker, TickerFactory
 
 robot = library.load_robot(library.find("robots", "urov"))
 
 from snr_sim_robot_urov.autopilot import AutopilotFactory  # noqa: E402
-from snr_sim_robot_urov.controls import MODES, Controls, controls_of  # noqa: E402
+from snr_sim_robot_urov.controls import MODES, STICKS, Controls, controls_of, scripted_pilot  # noqa: E402
+from snr_sim_robot_urov.failsafe_monitor import FailsafeLimits, FailsafeMonitor  # noqa: E402
 from snr_sim_robot_urov.failsafes import Failsafes  # noqa: E402
-from snr_sim_robot_urov.guard import Guard, GuardLimits  # noqa: E402
 from snr_sim_robot_urov.holds import Holds  # noqa: E402
-from snr_sim_robot_urov.keyboard import Hands, Keyboard  # noqa: E402
-from snr_sim_robot_urov.pad_pilot import AXES, BUTTONS  # noqa: E402
 from snr_sim_robot_urov.parameters import HoldNumbers  # noqa: E402
-from snr_sim_robot_urov.pilot import Cue, ScriptedPilotFactory  # noqa: E402
 from snr_sim_robot_urov.seeing_pilot import SeeingPilotFactory, Waypoint  # noqa: E402
 from snr_sim_robot_urov.tether_link import tether_faults  # noqa: E402
 
@@ -69,24 +70,24 @@ def test_controls_that_are_none_are_refused_in_words(data: Any, error: type[SnrE
 
 def test_a_script_that_cannot_be_flown_is_refused_before_the_dive() -> None:
     with pytest.raises(ParameterError, match="order"):
-        ScriptedPilotFactory([Cue(5.0, is_armed=True), Cue(1.0)], 20.0)
+        scripted_pilot([Cue(5.0, is_armed=True), Cue(1.0)], 20.0)
     with pytest.raises(CommandError, match="unknown field `armed`"):
-        ScriptedPilotFactory([Cue(5.0, armed=True)], 20.0)
+        scripted_pilot([Cue(5.0, armed=True)], 20.0)
 
 
-# -- guard ------------------------------------------------------------------------------------------------------------
+# -- failsafe monitor ------------------------------------------------------------------------------------------------
 
 
 def armed(number: int = 1, **changes: Any) -> Controls:
     return Controls(number, is_armed=True, **changes)
 
 
-def guard(**limits: Any) -> Guard:
-    return Guard(GuardLimits(**limits))
+def monitor(**limits: Any) -> FailsafeMonitor:
+    return FailsafeMonitor(FailsafeLimits(**limits))
 
 
 def test_nobody_is_obeyed_before_somebody_has_armed() -> None:
-    one = guard()
+    one = monitor()
     assert one.rules(0.0) == "idle"
     one.hear(Controls(1, surge=1.0), 0.0)
     assert one.rules(0.0) == "idle"
@@ -97,7 +98,7 @@ def test_nobody_is_obeyed_before_somebody_has_armed() -> None:
 
 
 def test_the_older_the_newest_controls_the_less_is_left_of_them() -> None:
-    one = guard()
+    one = monitor()
     one.hear(armed(), 10.0)
     ages = {0.0: "pilot", 0.25: "pilot", 0.26: "neutral", 1.99: "neutral", 2.0: "hold", 11.99: "hold", 12.0: "surface"}
     for age_s, rules in ages.items():
@@ -107,7 +108,7 @@ def test_the_older_the_newest_controls_the_less_is_left_of_them() -> None:
 
 
 def test_a_stop_holds_until_it_is_cleared_by_somebody_who_has_disarmed() -> None:
-    one = guard()
+    one = monitor()
     one.hear(armed(1, is_stop=True), 0.0)
     assert (one.rules(0.0), one.is_stopped) == ("idle", True)
     one.hear(armed(2), 0.1)
@@ -122,28 +123,28 @@ def test_a_stop_holds_until_it_is_cleared_by_somebody_who_has_disarmed() -> None
 
 
 def test_a_stop_survives_the_loss_of_the_link_and_no_failsafe_pushes() -> None:
-    one = guard()
+    one = monitor()
     one.hear(armed(1, is_stop=True), 0.0)
     for age_s in (0.1, 1.0, 5.0, 50.0):
         assert one.rules(age_s) == "idle"
 
 
 def test_a_command_that_was_overtaken_is_not_obeyed() -> None:
-    one = guard()
+    one = monitor()
     one.hear(armed(7), 0.0)
     one.hear(Controls(6), 0.1)
     assert (one.rules(0.1), one.age_s(0.1)) == ("pilot", pytest.approx(0.1))
 
 
 def test_a_stop_that_was_overtaken_is_a_stop_all_the_same() -> None:
-    one = guard()
+    one = monitor()
     one.hear(armed(7), 0.0)
     one.hear(Controls(6, is_stop=True), 0.1)
     assert one.rules(0.1) == "idle"
 
 
 def test_a_surface_that_was_started_again_is_obeyed_though_it_counts_from_one() -> None:
-    one = guard()
+    one = monitor()
     one.hear(armed(5000), 0.0)
     one.hear(armed(1), 9.0)
     assert one.rules(9.0) == "pilot"
@@ -151,13 +152,13 @@ def test_a_surface_that_was_started_again_is_obeyed_though_it_counts_from_one() 
 
 def test_water_in_the_hull_sends_it_up_unless_it_is_not_to() -> None:
     for action, rules in (("surface", "surface"), ("warn", "pilot")):
-        one = Guard(GuardLimits(), Failsafes(leak=action))
+        one = FailsafeMonitor(FailsafeLimits(), Failsafes(leak=action))
         one.hear(armed(), 0.0)
         one.is_wet = True
         assert one.rules(0.0) == rules
 
 
-def weak(one: Guard, from_s: float, to_s: float, volts: float, amperes: float = 5.0) -> Guard:
+def weak(one: FailsafeMonitor, from_s: float, to_s: float, volts: float, amperes: float = 5.0) -> FailsafeMonitor:
     """Shows it a battery, five times a second."""
     for i in range(round(5 * from_s), round(5 * to_s) + 1):
         one.measure(PowerReading(volts, amperes, 0.2 * i))
@@ -165,7 +166,7 @@ def weak(one: Guard, from_s: float, to_s: float, volts: float, amperes: float = 
 
 
 def test_a_battery_that_is_low_for_long_enough_sends_it_up_and_stays_low() -> None:
-    one = guard(low_v=13.0, low_s=10.0, sag_ohm=0.0)
+    one = monitor(low_v=13.0, low_s=10.0, sag_ohm=0.0)
     one.hear(armed(), 20.0)
     assert weak(one, 0.0, 9.8, 12.9).rules(20.0) == "pilot"
     assert weak(one, 10.0, 10.0, 12.9).rules(20.0) == "surface"
@@ -175,7 +176,7 @@ def test_a_battery_that_is_low_for_long_enough_sends_it_up_and_stays_low() -> No
 
 
 def test_the_sag_of_a_burst_is_no_low_battery() -> None:
-    one = guard(low_v=13.0, low_s=10.0, sag_ohm=0.03)
+    one = monitor(low_v=13.0, low_s=10.0, sag_ohm=0.03)
     assert not weak(one, 0.0, 60.0, 15.0 - 0.03 * 100.0, 100.0).is_low, "what the load costs is known"
     assert not weak(one, 70.0, 79.0, 11.0, 20.0).is_low, "more than that, but not for long"
     assert not weak(one, 79.2, 80.0, 14.0).is_low
@@ -185,7 +186,7 @@ def test_the_sag_of_a_burst_is_no_low_battery() -> None:
 
 def test_a_low_battery_can_be_only_told_or_not_be_asked_for() -> None:
     for low_v, is_low in ((13.0, True), (0.0, False)):
-        one = weak(Guard(GuardLimits(low_v=low_v), Failsafes(low_battery="warn")), 0.0, 20.0, 11.0)
+        one = weak(FailsafeMonitor(FailsafeLimits(low_v=low_v), Failsafes(low_battery="warn")), 0.0, 20.0, 11.0)
         one.hear(armed(), 20.0)
         assert (one.rules(20.0), one.is_low) == ("pilot", is_low)
 
@@ -418,7 +419,7 @@ def test_controls_that_are_none_are_told_and_not_obeyed_and_the_vehicle_lives_on
 
 def test_a_vehicle_whose_battery_is_nearly_empty_tells_the_surface_and_comes_up() -> None:
     script = [ARM, Cue(2.0, depth_m=2.0)]
-    told = dived(script, 14.0, charge=0.064, guard=GuardLimits(low_s=4.0))
+    told = dived(script, 14.0, charge=0.064, failsafe_limits=FailsafeLimits(low_s=4.0))
     low = [one["is_low"] for one in told]
     assert low == sorted(low), "once low, it stays low"
     assert 50 < low.index(True) < 75, "ten a second: after four seconds, though the pilot is heard"
@@ -434,15 +435,15 @@ def test_a_pad_that_is_unplugged_in_mid_dive_leaves_a_vehicle_that_holds_and_obe
         buttons, axes = [False] * 11, [0.0] * 6
         for name in down:
             buttons[BUTTONS[name]] = True
-        axes[AXES["surge"]] = surge
+        axes[STICKS["surge"].axis] = surge
         return [PadReading(axes, buttons, [])] * round(20 * time_s)
 
     readings = [*at(1.5), *at(0.1, "mode_up"), *at(0.1), *at(0.1, "mode_up", "arm"), *at(2.0, surge=-1.0)]
     stale = [Stale("unplugged")] * 1000
 
-    def hands(rig: Rig) -> Hands:
+    def hands(rig: Rig) -> ManualInput:
         keys = iter([""] * 130 + [" "] + [""] * 1000)
-        return Hands(lambda: FakeSensor([*readings, *stale]), lambda: Keyboard(lambda: next(keys)))
+        return ManualInput(lambda: FakeSensor([*readings, *stale]), lambda: Keyboard(STICKS, lambda: next(keys)))
 
     monkeypatch.setitem(robot.DEVICES["sim"], "hands", hands)
     pushing, alone, stopped = (dived([], until_s, pilot="hands")[-1] for until_s in (3.7, 6.2, 7.2))
@@ -454,13 +455,13 @@ def test_a_pad_that_is_unplugged_in_mid_dive_leaves_a_vehicle_that_holds_and_obe
 
 
 def test_full_thrust_on_a_battery_that_is_not_empty_is_no_low_battery() -> None:
-    told = dived([Cue(1.5, is_armed=True, surge=1.0)], 8.0, charge=0.2, guard=GuardLimits(low_s=4.0))
+    told = dived([Cue(1.5, is_armed=True, surge=1.0)], 8.0, charge=0.2, failsafe_limits=FailsafeLimits(low_s=4.0))
     assert {one["is_low"] for one in told} == {False}
     assert (told[-1]["rules"], told[-1]["thrust_n"] > 50.0) == ("pilot", True)
 
 
 def test_a_battery_that_breaks_down_leaves_thrusters_still_and_the_pilot_is_told() -> None:
-    told = dived([Cue(1.5, is_armed=True, surge=1.0)], 11.0, charge=0.008, guard=GuardLimits(low_s=4.0))
+    told = dived([Cue(1.5, is_armed=True, surge=1.0)], 11.0, charge=0.008, failsafe_limits=FailsafeLimits(low_s=4.0))
     assert told[-1]["thrust_n"] < 0.01
     assert told[-1]["is_low"]
 

@@ -46,19 +46,19 @@ def told(age_s: float, **controls: Any) -> Autopilot:
 
 @pytest.mark.parametrize(("age_s", "rules"), [(0.01, "pilot"), (0.2, "pilot"), (0.3, "idle"), (5.0, "idle")])
 def test_controls_that_are_old_when_they_come_are_not_obeyed(age_s: float, rules: str) -> None:
-    assert told(age_s, is_armed=True).guard.rules(10.0) == rules
+    assert told(age_s, is_armed=True).failsafe.rules(10.0) == rules
 
 
 def test_a_stop_is_obeyed_however_long_it_was_on_its_way() -> None:
-    assert told(5.0, is_stop=True).guard.is_stopped
+    assert told(5.0, is_stop=True).failsafe.is_stopped
 
 
 def test_age_counts_from_when_controls_were_made() -> None:
-    guard = told(0.2, is_armed=True).guard
-    assert guard.heard_s is not None
-    assert guard.rules(guard.heard_s + 0.24) == "pilot"
-    assert guard.rules(guard.heard_s + 0.26) == "neutral"
-    assert guard.heard_s <= 9.8 + 1e-9
+    failsafe = told(0.2, is_armed=True).failsafe
+    assert failsafe.heard_s is not None
+    assert failsafe.rules(failsafe.heard_s + 0.24) == "pilot"
+    assert failsafe.rules(failsafe.heard_s + 0.26) == "neutral"
+    assert failsafe.heard_s <= 9.8 + 1e-9
 
 
 def blind_from(blind_s: float, controls: Controls) -> tuple[Autopilot, list[list[float]]]:

@@ -30,6 +30,7 @@ from snr_sim.prelude.scenario import Rig, Robot
 from snr_sim.prelude.signals import RESET, LeakReading
 from snr_sim.prelude.task import Task, TaskType
 from snr_sim.scenario import library
+from snr_sim.teleop.scripted_pilot import Cue
 from snr_sim.testing.parts import PartFactory, TickerFactory
 
 robot = library.load_robot(library.find("robots", "urov"))
@@ -119,9 +120,9 @@ class LateLoop(SensorLoop):
     """A sensor's loop of a node that has too much to do: its pages wait for 0.2 s before they are handled."""
 
     def loop(self) -> None:
-        now_s, reading = self.get_time_s(), self.sensor.read()
+        now_s, reading = self.get_time_s(), self.device.read()
         made_s = now_s - 0.2 if FROM_S <= now_s < TO_S else now_s
-        page = Page("imu", self.data_of(reading), self.parent.name, made_s, True)
+        page = Page("imu", self.factory.data_of(reading), self.parent.name, made_s, True)
         self.schedule(Task(TaskType.store_page, "imu", [page]))
 
 
@@ -143,9 +144,8 @@ class Dive:
         scenario = library.load_scenario(library.find("scenarios", "urov_heading_hold"))
         # Of the robot as it is now: other tests load it again.
         from snr_sim_robot_urov.autopilot import AutopilotFactory
+        from snr_sim_robot_urov.failsafe_monitor import FailsafeLimits
         from snr_sim_robot_urov.failsafes import Failsafes, Rearm
-        from snr_sim_robot_urov.guard import GuardLimits
-        from snr_sim_robot_urov.pilot import Cue
         from snr_sim_robot_urov.watch import WatchFactory
 
         failsafes = Failsafes(**{name: Rearm(WITHIN_S) if one == REARM else one for name, one in actions.items()})
@@ -155,7 +155,7 @@ class Dive:
         if person:
             script += [Cue(DISARM_S + later_s, is_armed=False), Cue(ARM_AGAIN_S + later_s, is_armed=True)]
         parameters = replace(
-            scenario.parameters(1), script=tuple(script), guard=GuardLimits(**LIMITS), failsafes=failsafes
+            scenario.parameters(1), script=tuple(script), failsafe_limits=FailsafeLimits(**LIMITS), failsafes=failsafes
         )
         if cause == "link_lost":
             parameters = replace(parameters, tether=replace(parameters.tether, cut=((FROM_S, TO_S),)))
@@ -308,35 +308,35 @@ def test_rearm_goes_on_once_and_not_after_its_time() -> None:
     late = Dive("sim", "line_lost", False, {"line_lost": REARM})
     assert late.rules[-1] == "pilot"
     from snr_sim_robot_urov.controls import Controls
+    from snr_sim_robot_urov.failsafe_monitor import FailsafeLimits, FailsafeMonitor
     from snr_sim_robot_urov.failsafes import Failsafes, Rearm
-    from snr_sim_robot_urov.guard import Guard, GuardLimits
 
-    guard = Guard(GuardLimits(), Failsafes(line_lost=Rearm(5.0), overloaded=Rearm(1.0)))
+    failsafe = FailsafeMonitor(FailsafeLimits(), Failsafes(line_lost=Rearm(5.0), overloaded=Rearm(1.0)))
     now_s = 0.0
 
     def rules_after(seconds: float, state: str, overloaded: str = "") -> str:
         nonlocal now_s
         for _ in range(round(20 * seconds)):
             now_s += 0.05
-            guard.hear(Controls(round(20 * now_s), is_armed=True), now_s)
-            guard.see("overloaded", overloaded, now_s)
-            guard.see_outputs(state, now_s)
-            rules = guard.rules(now_s)
+            failsafe.hear(Controls(round(20 * now_s), is_armed=True), now_s)
+            failsafe.see("overloaded", overloaded, now_s)
+            failsafe.see_outputs(state, now_s)
+            rules = failsafe.rules(now_s)
         return rules
 
     assert rules_after(1.0, "active") == "pilot"
     for after in ("pilot", "idle"):
-        guard.lose_outputs(False, "nothing answers", False, now_s)
+        failsafe.lose_outputs(False, "nothing answers", False, now_s)
         assert rules_after(1.0, "error") == "idle"
         rules_after(1.0, "inactive")
         assert rules_after(1.0, "active") == after
-    guard.hear(Controls(10**6), now_s + 0.05)
-    guard.hear(Controls(10**6 + 1, is_armed=True), now_s + 0.1)
+    failsafe.hear(Controls(10**6), now_s + 0.05)
+    failsafe.hear(Controls(10**6 + 1, is_armed=True), now_s + 0.1)
     now_s += 1.0
     assert rules_after(0.5, "active") == "pilot", "a person has disarmed and armed"
-    guard.lose_outputs(False, "emergency stop", True, now_s)
+    failsafe.lose_outputs(False, "emergency stop", True, now_s)
     assert rules_after(3.0, "inactive") == "idle", "who stopped it is a person, and so is who starts it again"
-    guard.hear(Controls(10**6 + 2), now_s + 1.0)
+    failsafe.hear(Controls(10**6 + 2), now_s + 1.0)
     now_s += 2.0
     assert rules_after(0.5, "active", "late") == "neutral"
     assert rules_after(1.0, "active", "late") == "neutral"

@@ -169,9 +169,9 @@ def test_without_an_attitude_nothing_pushes_but_outputs_hear_neutral() -> None:
 
 def test_junk_leak_page_is_no_leak_and_junk_power_page_no_low_battery() -> None:
     for key in ("leak", "power"):
-        guard = Dive(key, changed(is_wet="yes", voltage_v=math.nan)).autopilot.guard
-        assert not guard.is_wet
-        assert not guard.is_low
+        failsafe = Dive(key, changed(is_wet="yes", voltage_v=math.nan)).autopilot.failsafe
+        assert not failsafe.is_wet
+        assert not failsafe.is_low
 
 
 def test_nonsense_can_send_the_vehicle_up_or_only_be_told() -> None:
@@ -211,4 +211,4 @@ def test_no_junk_page_ends_the_node(page: tuple[str, Any]) -> None:
     """The vehicle lives, each pulse is one, and after the junk the pilot is obeyed, unless the battery is low."""
     dive = Dive(*page, until_s=4.6)
     assert all(1100.0 <= pulse <= 1900.0 for _, pulses in dive.pulses for pulse in pulses)
-    assert dive.during(4.5, 4.6) == ({"surface"} if dive.autopilot.guard.is_wet else {"pilot"})
+    assert dive.during(4.5, 4.6) == ({"surface"} if dive.autopilot.failsafe.is_wet else {"pilot"})

@@ -18,9 +18,9 @@ from snr_sim.plants.urov.dive import Dive
 from snr_sim.plants.urov.pool import Pool
 from snr_sim.plants.urov.propulsion import Propulsion
 from snr_sim.plants.urov.tether import Tether
+from snr_sim.teleop.scripted_pilot import Cue
 from snr_sim_robot_urov.judging import WatchedUrov
 from snr_sim_robot_urov.parameters import UrovParameters, vehicle
-from snr_sim_robot_urov.pilot import Cue
 
 ROBOT = "urov"
 ENGINES = ("mujoco",)

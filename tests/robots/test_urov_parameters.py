@@ -13,8 +13,8 @@ from snr_sim.scenario import library
 
 library.load_robot(library.find("robots", "urov"))
 
+from snr_sim_robot_urov.failsafe_monitor import FailsafeLimits  # noqa: E402
 from snr_sim_robot_urov.failsafes import Failsafes, Rearm  # noqa: E402
-from snr_sim_robot_urov.guard import GuardLimits  # noqa: E402
 from snr_sim_robot_urov.parameters import Gains, HoldNumbers, Sensors, UrovParameters, vehicle  # noqa: E402
 
 RATES_HZ = Sensors().rates_hz
@@ -28,14 +28,14 @@ def parameters(**numbers: Any) -> UrovParameters:
 @pytest.mark.parametrize(
     ("make", "numbers", "message"),
     [
-        (GuardLimits, {"stale_s": math.nan}, "guard's stale_s is nan"),
-        (GuardLimits, {"stale_s": 250}, r"guard's stale_s is 250: milliseconds\?"),
-        (GuardLimits, {"lost_s": -2.0}, "guard's lost_s is -2.0"),
-        (GuardLimits, {"lost_s": 0.1}, "guard's lost_s is 0.1, less than its stale_s, 0.25"),
-        (GuardLimits, {"hold_s": None}, "guard's hold_s is None"),
-        (GuardLimits, {"low_v": "13"}, "guard's low_v is '13'"),
-        (GuardLimits, {"low_v": math.inf}, "guard's low_v is inf"),
-        (GuardLimits, {"sag_ohm": 30}, r"guard's sag_ohm is 30: milliohms\?"),
+        (FailsafeLimits, {"stale_s": math.nan}, "FailsafeLimits.stale_s is nan"),
+        (FailsafeLimits, {"stale_s": 250}, r"FailsafeLimits.stale_s is 250: milliseconds\?"),
+        (FailsafeLimits, {"lost_s": -2.0}, "FailsafeLimits.lost_s is -2.0"),
+        (FailsafeLimits, {"lost_s": 0.1}, r"FailsafeLimits.lost_s \(0.1\) is less than stale_s \(0.25\)"),
+        (FailsafeLimits, {"hold_s": None}, "FailsafeLimits.hold_s is None"),
+        (FailsafeLimits, {"low_v": "13"}, "FailsafeLimits.low_v is '13'"),
+        (FailsafeLimits, {"low_v": math.inf}, "FailsafeLimits.low_v is inf"),
+        (FailsafeLimits, {"sag_ohm": 30}, r"FailsafeLimits.sag_ohm is 30: milliohms\?"),
         (Failsafes, {"leak": "surfce"}, "failsafe leak is 'surfce'"),
         (Failsafes, {"leak": True}, "failsafe leak is True"),
         (Failsafes, {"no_rearm_s": math.nan}, "failsafes' no_rearm_s is nan"),

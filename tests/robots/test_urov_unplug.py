@@ -1,6 +1,5 @@
 """From a game controller that SDL takes for a real one, over link and vehicle, to the pulses: and unplugged."""
 
-import importlib
 from collections.abc import Iterator
 from typing import Any
 
@@ -16,8 +15,9 @@ from snr_sim.plants.stepping import Stepper
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import UnknownName
 from snr_sim.prelude.scenario import Rig
-from snr_sim.scenario import library
+from snr_sim.prelude.signals import PadReading
 from snr_sim.scenario.simulation import Request, prepare
+from snr_sim.teleop.manual_input import DeadmanSwitch
 from snr_sim.testing.contracts import check_sensor
 from snr_sim.testing.parts import PartFactory, TickerFactory
 from snr_sim.testing.virtual_pad import VirtualPad
@@ -133,14 +133,10 @@ def test_a_deadmans_trigger_is_asked_for_with_yes_or_no(virtual: VirtualPad) -> 
 
 
 def test_a_pad_with_a_deadmans_trigger_keeps_the_promise_of_sensors_and_its_buttons_count(virtual: VirtualPad) -> None:
-    deadman = robot_part("deadman")
-    check_sensor(lambda: deadman.Deadman(PygamePad()))
+    check_sensor(lambda: DeadmanSwitch(PygamePad()))
     virtual.press(ARM)
-    assert deadman.Deadman(PygamePad()).read().buttons[ARM]
+    reading = DeadmanSwitch(PygamePad()).read()
+    assert isinstance(reading, PadReading)
+    assert reading.buttons[ARM]
     virtual.unplug()
-    assert isinstance(deadman.Deadman(PygamePad()).read(), Stale)
-
-
-def robot_part(name: str) -> Any:
-    library.load_robot(library.find("robots", "urov"))
-    return importlib.import_module(f"snr_sim_robot_urov.{name}")
+    assert isinstance(DeadmanSwitch(PygamePad()).read(), Stale)

@@ -1,13 +1,12 @@
-"""Complementary filters against closed forms, and attitude against a turn whose angles are known."""
+"""The complementary filter against closed forms."""
 
 import math
 
 import numpy as np
 import pytest
 
-from snr_sim.prelude.angles import quaternion_of, wrap_rad
 from snr_sim.prelude.errors import ParameterError
-from snr_sim.std_mods.complementary import AttitudeFilter, ComplementaryFilter
+from snr_sim.std_mods.complementary import ComplementaryFilter
 
 
 @pytest.mark.parametrize("dt_s", [0.002, 0.02, 0.2, 5.0])
@@ -65,54 +64,3 @@ def test_time_constants_that_make_no_sense_are_refused(time_constant_s: float) -
 def test_values_that_are_none_are_refused(values: tuple[float, float, float]) -> None:
     with pytest.raises(ParameterError, match="complementary filter got"):
         ComplementaryFilter(1.0).update(*values)
-
-
-NORTH_FIELD_UT = np.array([0.0, 20.0, -45.0])
-
-
-def rotation(roll: float, pitch: float, yaw: float) -> np.ndarray:
-    """Turns vectors of the body into the world's."""
-    w, x, y, z = quaternion_of(roll, pitch, yaw)
-    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + 2.0 * w * across + 2.0 * across @ across
-
-
-def measured(roll: float, pitch: float, yaw: float) -> tuple[list[float], list[float]]:
-    """What accelerometer and magnetometer of a vehicle at rest have."""
-    to_body = rotation(roll, pitch, yaw).T
-    return (to_body @ [0.0, 0.0, 9.81]).tolist(), (to_body @ NORTH_FIELD_UT).tolist()
-
-
-def test_attitude_at_rest_is_found_at_once() -> None:
-    for roll, pitch, yaw in np.random.default_rng(2).uniform((-3.0, -1.4, -3.1), (3.0, 1.4, 3.1), (40, 3)):
-        found = AttitudeFilter().update([0.0] * 3, *measured(roll, pitch, yaw), 0.01)
-        assert found == pytest.approx((roll, pitch, yaw), abs=1e-9)
-
-
-def test_declination_turns_the_heading() -> None:
-    east = AttitudeFilter(declination_rad=0.1).update([0.0] * 3, *measured(0.0, 0.0, 0.4), 0.01)
-    # The field points 0.1 rad to the east of north, so what it calls 0.4 is 0.3.
-    assert east[2] == pytest.approx(0.3)
-
-
-def test_a_tumbling_vehicle_is_followed_by_the_gyroscope_while_gravity_is_shaken() -> None:
-    """Angles are given as functions of time; body rates follow from them by the textbook's kinematics."""
-    attitude, dt = AttitudeFilter(tilt_s=5.0, heading_s=5.0), 0.002
-    rng = np.random.default_rng(3)
-    for k in range(5000):
-        t = k * dt
-        roll, pitch, yaw = 0.6 * math.sin(t), 0.4 * math.sin(0.7 * t), wrap_rad(0.5 * t)
-        tm = t - 0.5 * dt  # rates of the middle of the step that has just passed
-        rolls, pitches, yaws = 0.6 * math.cos(tm), 0.28 * math.cos(0.7 * tm), 0.5
-        r0, p0 = 0.6 * math.sin(tm), 0.4 * math.sin(0.7 * tm)
-        rates = [
-            rolls - yaws * math.sin(p0),
-            pitches * math.cos(r0) + yaws * math.sin(r0) * math.cos(p0),
-            -pitches * math.sin(r0) + yaws * math.cos(r0) * math.cos(p0),
-        ]
-        force, field = measured(roll, pitch, yaw)
-        shaken = [one + float(noise) for one, noise in zip(force, rng.normal(0.0, 2.0, 3), strict=True)] if k else force
-        found = attitude.update(rates, shaken, field, dt)
-        assert [wrap_rad(a - b) for a, b in zip(found, (roll, pitch, yaw), strict=True)] == pytest.approx(
-            [0.0] * 3, abs=0.03
-        )

@@ -42,12 +42,12 @@ class Steer(Autopilot):
 
     def thrusts(self, rules, depth, imu, dt_s):
         if rules == "pilot":
-            asked = self.guard.controls
+            asked = self.failsafe.controls
             if asked.depth_m is not None:
                 self.wanted_m = asked.depth_m
             ahead, left = self.sticks()
             wanted_m = None if self.wanted_m is None else max(0.5, self.wanted_m - self.risen_m)
-            self.guard.controls = msgspec.structs.replace(asked, surge=ahead, sway=left, depth_m=wanted_m)
+            self.failsafe.controls = msgspec.structs.replace(asked, surge=ahead, sway=left, depth_m=wanted_m)
         return super().thrusts(rules, depth, imu, dt_s)
 
     def sticks(self):

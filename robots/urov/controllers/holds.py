@@ -1,4 +1,4 @@
-"""The vehicle's standard controller: guard, holds, allocation, pulses. See `autopilot.py`."""
+"""The vehicle's standard controller: failsafe, holds, allocation, pulses. See `autopilot.py`."""
 
 from __future__ import annotations
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
-from snr_sim.core.node import Node
-from snr_sim.devices.commands import command_of
+from snr_sim.devices.command_input import CommandInput
+from snr_sim.devices.commands import check_finite, command_of
 from snr_sim.devices.pwm.pwm_backend import STOP_US
-from snr_sim.devices.pwm.pwm_loop import TIMEOUT_S, PwmLoop, PwmLoopFactory
+from snr_sim.devices.pwm.pwm_loop import TIMEOUT_S, PwmLoopFactory
 from snr_sim.prelude.device import LEASE_S, PwmOut
-from snr_sim.prelude.errors import CommandError, ParameterError
-from snr_sim.prelude.page import Page
+from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.signals import EngineCommand, PwmCommand
 
 CHANNELS = 3  # throttle, nozzle, jets
@@ -60,11 +60,15 @@ class EngineServos:
 class EnginePwmLoopFactory(PwmLoopFactory):
     """Writes the newest engine command to three servo outputs, and neutral when there is none or it is too old.
 
+    A lander has nobody who could arm it: it arms itself as it begins.
+
     Args:
         key: of the command page (`EngineCommand`); `<key>_applied` tells what becomes of it, see `PwmLoopFactory`.
         servos: what pulses mean.
         open_device, rate_hz, timeout_s, lease_s: see `PwmLoopFactory`.
     """
+
+    arms_by_itself = True
 
     def __init__(
         self,
@@ -78,36 +82,20 @@ class EnginePwmLoopFactory(PwmLoopFactory):
         super().__init__(key, open_device, rate_hz, timeout_s, lease_s)
         self.servos = servos
 
-    def get(self, parent: Node) -> EnginePwmLoop:
-        """Returns the loop `<key>_actuator`."""
-        return EnginePwmLoop(self, parent, f"{self.key}_actuator", self.rate_hz)
-
-
-class EnginePwmLoop(PwmLoop):
-    """Writes engine commands as pulses. A lander has nobody who could arm it: it arms itself as it begins."""
-
-    factory: EnginePwmLoopFactory
-    arms_by_itself = True
-
-    def read_command(self, page: Page) -> PwmCommand:
-        """Returns the pulses for a page, clamped to what the engine can do.
+    def read_command(self, data: Any, out: PwmOut, commands: CommandInput) -> PwmCommand:
+        """Returns the pulses for an engine command, clamped to what the engine can do.
 
         Raises:
-            CommandError: the page holds no engine command.
+            CommandError: the data are no engine command.
         """
-        servos = self.factory.servos
-        limits = servos.limits
-        command: EngineCommand = command_of(page.data, EngineCommand, limits)
+        limits = self.servos.limits
+        command: EngineCommand = command_of(data, EngineCommand, limits)
         clamped = {}
         for field, (low, high) in limits.items():
             value = getattr(command, field)
-            if not math.isfinite(value):
-                raise CommandError(
-                    f"{field} = {value!r} is no finite number.",
-                    fix=f"a number from {low:g} to {high:g}; look for a division by zero or an overflow before it.",
-                )
+            check_finite(field, value, (low, high))
             clamped[field] = min(high, max(low, value))
         inside = EngineCommand(**clamped)
         if inside != command:
-            self._say_clamped(command, inside, limits)
-        return PwmCommand(servos.pulses_us(inside))
+            commands.note_clamped(command, inside, limits)
+        return PwmCommand(self.servos.pulses_us(inside))

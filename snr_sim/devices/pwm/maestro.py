@@ -15,14 +15,13 @@ import time
 from collections import Counter
 from collections.abc import Callable
 
-from snr_sim.devices.pwm.plain_pwm import ESC_START_S, PlainPwm
+from snr_sim.devices.pwm.plain_pwm import PwmChip
 from snr_sim.devices.pwm.pwm_backend import LIMITS_US, STOP_US
 from snr_sim.devices.wire import maestro as wire
 from snr_sim.devices.wire.maestro import MaestroError
 from snr_sim.devices.wire.serial_port import ANSWER_S, BytePort, ask
 from snr_sim.prelude.device import LEASE_S
 from snr_sim.prelude.errors import DeviceError
-from snr_sim.prelude.signals import NOT_ACTIVE
 
 PROBE_US = STOP_US + 1.0
 SILENCE_S = LEASE_S + 0.04  # after which a timeout that is set as above has come up
@@ -30,12 +29,13 @@ MOST_ERRORS = 5  # in a row
 _ALL_ERRORS = sum(MaestroError)  # exact: integers
 
 
-class MaestroPwm(PlainPwm):
-    """The channels of a Maestro, from 0 on. Keeps the promise of PwmOut.
+class Maestro(PwmChip):
+    """The channels of a Maestro, from 0 on.
 
     Args:
         open_port: opens the port.
-        now_s, channels, limits_us, esc_start_s: as in PlainPwm.
+        now_s: the clock that its timeout goes by.
+        channels, limits_us: as in PwmChip.
         has_crc: whether "Enable CRC" is on in its settings.
         sleep: waits, while it is being tried.
     """
@@ -49,12 +49,10 @@ class MaestroPwm(PlainPwm):
         channels: int,
         limits_us: tuple[float, float] = LIMITS_US,
         has_crc: bool = False,
-        esc_start_s: float = ESC_START_S,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        super().__init__(now_s, channels, limits_us, 1.0 / wire.QUARTERS_PER_US, esc_start_s)
-        self.title = "The Maestro"
-        self._open_port, self._sleep, self._has_crc = open_port, sleep, has_crc
+        super().__init__("The Maestro", channels, limits_us, 1.0 / wire.QUARTERS_PER_US)
+        self._open_port, self._now_s, self._sleep, self._has_crc = open_port, now_s, sleep, has_crc
         self._port: BytePort | None = None
         self._counts: Counter[str] = Counter()
         self._asked_s: list[float] = []  # when questions for errors were asked that are not answered yet
@@ -67,51 +65,51 @@ class MaestroPwm(PlainPwm):
         """Returns how often each error came up."""
         return dict(self._counts)
 
-    def on_configure(self) -> None:
+    def open(self) -> None:
         """Opens the port, asks who is there, and tries whether it fails safe.
 
         Raises:
             DeviceError: nobody answers, or no Maestro; or it would go on if this program were killed.
         """
-        self.on_close()
+        self.close()
         self._port = self._open_port()
         self.title = f"The Maestro on {self._port.name}"
         try:
             self._meet()
             self._try_timeout()
         except BaseException:
-            self.on_close()
+            self.close()
             raise
         self._forget()
         self._command(self.still_us)
 
-    def on_activate(self) -> None:
-        """Forgets what happened while nobody sent commands, and begins to show neutral."""
+    def before_arming(self) -> None:
+        """Forget what happened while nothing was sent."""
         self._ask(wire.get_errors(), wire.ERRORS_BYTES, "its errors")
         self._forget()
-        super().on_activate()
-
-    def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
-        """Sends pulses, unless the board went home meanwhile: then it is inactive."""
-        silent_s = self.now_s() - self._sent_s
-        if silent_s > LEASE_S:
-            self._let_go(f"it was sent nothing for {silent_s:.2f} s, so its timeout came", why)
-            return self.send(self.still_us)
-        made = super().put(pulses_us, stamp_s, lease_s, why)
-        if self._errors & MaestroError.TIMEOUT:
-            self._let_go("its serial timeout came: it went to its home positions by itself", why)
-            return self.send(self.still_us)
-        return made
 
     def send(self, pulses_us: list[float]) -> list[float]:
-        """Sends targets and asks for errors; hears the answers that have come to earlier questions."""
-        self._command(pulses_us)
-        self._write(wire.get_errors())
-        self._asked_s.append(self.now_s())
-        self._hear()
+        """Send targets, unless the board went home meanwhile: then neutral."""
+        silent_s = self._now_s() - self._sent_s
+        self.tripped = ""
+        if silent_s > LEASE_S:
+            self.tripped = f"it was sent nothing for {silent_s:.2f} s, so its timeout came"
+            pulses_us = self.still_us
+        self._exchange(pulses_us)
+        if self._errors & MaestroError.TIMEOUT and not self.tripped:
+            self.tripped = "its serial timeout came: it went to its home positions by itself"
+            pulses_us = self.still_us
+            self._exchange(pulses_us)
         return pulses_us
 
-    def on_close(self) -> None:
+    def _exchange(self, pulses_us: list[float]) -> None:
+        """Send targets and ask for errors; take the answers that have come to earlier questions."""
+        self._command(pulses_us)
+        self._write(wire.get_errors())
+        self._asked_s.append(self._now_s())
+        self._hear()
+
+    def close(self) -> None:
         """Lets go of the port."""
         port, self._port = self._port, None
         if port is not None:
@@ -162,7 +160,7 @@ class MaestroPwm(PlainPwm):
     def _ask(self, question: bytes, length: int, about: str) -> int:
         port = self._opened()
         answer = ask(port, self._framed(question), length, ANSWER_S)
-        self._sent_s = self.now_s()
+        self._sent_s = self._now_s()
         if not answer:
             raise DeviceError(
                 f"{self.title} does not answer when asked for {about}: 0 bytes in {ANSWER_S:g} s.",
@@ -182,7 +180,7 @@ class MaestroPwm(PlainPwm):
 
     def _write(self, *commands: bytes) -> None:
         self._opened().write(b"".join(map(self._framed, commands)))
-        self._sent_s = self.now_s()
+        self._sent_s = self._now_s()
 
     def _framed(self, command: bytes) -> bytes:
         return wire.with_crc(command) if self._has_crc else command
@@ -200,7 +198,7 @@ class MaestroPwm(PlainPwm):
                 )
             self._asked_s.pop(0)
             self._take(MaestroError(number))
-        if self._asked_s and self.now_s() > self._asked_s[0] + ANSWER_S:
+        if self._asked_s and self._now_s() > self._asked_s[0] + ANSWER_S:
             raise DeviceError(
                 f"{self.title} has not answered for {ANSWER_S:g} s.", fix="is the cable in, and does it have power?"
             )
@@ -215,13 +213,8 @@ class MaestroPwm(PlainPwm):
                 fix="a shorter cable, and nobody else on the port.",
             )
 
-    def _let_go(self, reason: str, why: list[str]) -> None:
-        if self.state == "active":
-            self.state, self.why = "inactive", reason
-            why.append(NOT_ACTIVE)
-
     def _forget(self) -> None:
-        self._sent_s = self.now_s()
+        self._sent_s = self._now_s()
         self._asked_s, self._heard = [], b""
         self._errors, self._in_a_row = MaestroError(0), 0
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from snr_sim.devices.pwm.plain_pwm import ESC_START_S, PlainPwm
+from snr_sim.devices.pwm.plain_pwm import PwmChip
 from snr_sim.devices.pwm.pwm_backend import LIMITS_US, STOP_US
 from snr_sim.devices.wire.i2c_bus import MOST_BYTES, I2cBus
 from snr_sim.prelude.errors import DeviceError, ParameterError
@@ -32,13 +32,13 @@ _BYTES_PER_CHANNEL = 4
 _BLOCK = MOST_BYTES // _BYTES_PER_CHANNEL  # channels
 
 
-class Pca9685Pwm(PlainPwm):
-    """The first channels of a chip. Keeps the promise of PwmOut.
+class Pca9685(PwmChip):
+    """The first channels of a chip. It keeps its last pulses.
 
     Args:
         open_bus: opens the bus.
         address: 0x40, if no solder bridge is closed.
-        now_s, channels, limits_us, esc_start_s, is_supervised: as in PlainPwm.
+        channels, limits_us: as in PwmChip.
         oscillator_hz: as measured, or of the clock outside.
         has_external_clock: that clock is at its EXTCLK pin. Only power off and on brings the chip back from it.
         sleep: waits for its oscillator.
@@ -47,17 +47,12 @@ class Pca9685Pwm(PlainPwm):
         ParameterError: it has not so many channels, or a clock gives no 50 Hz.
     """
 
-    fails_safe_alone = False
-
     def __init__(
         self,
         open_bus: Callable[[], I2cBus],
         address: int,
-        now_s: Callable[[], float],
         channels: int,
         limits_us: tuple[float, float] = LIMITS_US,
-        esc_start_s: float = ESC_START_S,
-        is_supervised: bool = False,
         oscillator_hz: float = OSCILLATOR_HZ,
         has_external_clock: bool = False,
         sleep: Callable[[float], None] = time.sleep,
@@ -70,8 +65,7 @@ class Pca9685Pwm(PlainPwm):
                 f"A clock of {oscillator_hz:g} Hz gives a PCA9685 no {RATE_HZ:g} Hz.", fix="0.8 to 52 MHz."
             )
         self.count_us = (self.prescale + 1) / oscillator_hz * 1e6
-        super().__init__(now_s, channels, limits_us, self.count_us, esc_start_s, is_supervised)
-        self.title = f"The PCA9685 at 0x{address:02x}"
+        super().__init__(f"The PCA9685 at 0x{address:02x}", channels, limits_us, self.count_us)
         self.still_us = self._made([self.count_of(STOP_US)] * channels)
         self._address, self._open_bus, self._sleep = address, open_bus, sleep
         self._mode = AUTO_INCREMENT | (EXTCLK if has_external_clock else 0)
@@ -85,13 +79,13 @@ class Pca9685Pwm(PlainPwm):
             return count - 1
         return count + 1 if count * self.count_us < low else count
 
-    def on_configure(self) -> None:
+    def open(self) -> None:
         """Sets it up: all outputs off, asleep, the rate, awake, neutral.
 
         Raises:
             DeviceError: nobody is there, or what was written is not there afterwards.
         """
-        self.on_close()
+        self.close()
         self._bus = self._open_bus()
         self._write(ALL_LED_OFF_H, FULL_OFF)  # first of all, for it may be pushing; so it falls asleep in order, too
         self._write(MODE1, AUTO_INCREMENT | SLEEP)  # only asleep it takes a rate or another clock
@@ -126,7 +120,7 @@ class Pca9685Pwm(PlainPwm):
             )
         return self._made(counts)
 
-    def on_close(self) -> None:
+    def close(self) -> None:
         """Lets go of the bus; the pulses go on, at neutral."""
         bus, self._bus = self._bus, None
         if bus is not None:

@@ -1,4 +1,6 @@
-"""What outputs do alike that have no program of their own to watch over them: chips, pins, boards that only obey.
+"""Outputs that have no program of their own to watch over them: chips, pins, passive boards.
+
+    PlainPwm (life cycle, checks, arming)  -->  PwmChip (bytes and registers)  -->  bus, port or files
 
 Arming shows the speed controllers neutral for as long as they take to start, and ends only when neutral is commanded.
 Where the last pulse would stay if this program were killed, it is refused: such outputs belong behind a supervisor.
@@ -8,34 +10,105 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from snr_sim.devices.pwm.pwm_backend import LIMITS_US, PwmBackend
+from snr_sim.devices.pwm.pwm_backend import LIMITS_US, STOP_US, PwmBackend
 from snr_sim.prelude.errors import DeviceError
+from snr_sim.prelude.signals import NOT_ACTIVE
 
 ESC_START_S = 2.0  # steady neutral that a Basic ESC needs is about a second (its maker's forum): twice that
 
 
-class PlainPwm(PwmBackend):
-    """Outputs that only obey. A backend writes `send`, and `on_configure`, which ends with all at neutral.
+class PwmChip:
+    """What makes the pulses, and has no state but its wire. A chip of your own writes `open`, `send` and `close`.
 
     Args:
-        now_s, channels, limits_us, resolution_us: as in PwmBackend.
+        title: what a message calls it.
+        channels: how many outputs are used.
+        limits_us: shortest and longest pulse.
+        resolution_us: of pulses; 0 if they are exact.
+
+    Attributes:
+        still_us: the pulses it makes for neutral.
+        tripped: why the outputs went to neutral by themselves at the last `send`; empty if they did not.
+    """
+
+    fails_safe_alone = False  # whether they are neutral when this program is killed
+
+    def __init__(
+        self,
+        title: str,
+        channels: int,
+        limits_us: tuple[float, float] = LIMITS_US,
+        resolution_us: float = 0.0,
+    ) -> None:
+        self.title = title
+        self.channels = channels
+        self.limits_us = limits_us
+        self.resolution_us = resolution_us
+        self.still_us = [STOP_US] * channels
+        self.tripped = ""
+
+    def open(self) -> None:
+        """Open the wire, test which device answers, and put all at neutral.
+
+        Raises:
+            DeviceError: it is not there, another device is, or it does not do what was commanded.
+        """
+        raise NotImplementedError(f"{type(self).__name__} needs a method open(self)")
+
+    def before_arming(self) -> None:
+        """Forget what happened while nothing was sent."""
+
+    def send(self, pulses_us: list[float]) -> list[float]:
+        """Send pulses inside the limits; return those that are made.
+
+        Raises:
+            DeviceError: the wire is gone.
+        """
+        raise NotImplementedError(f"{type(self).__name__} needs a method send(self, pulses_us)")
+
+    def close(self) -> None:
+        """Release the wire. Safe to call twice, also if it is not open."""
+
+    def counts(self) -> dict[str, int]:
+        """Return what has been counted."""
+        return {}
+
+
+class PlainPwm(PwmBackend):
+    """The outputs of a chip. Implements PwmOut.
+
+    Args:
+        chip: what makes the pulses.
+        now_s: the clock that commands are stamped by.
         esc_start_s: how long neutral is shown before outputs follow commands.
         is_supervised: this is the supervisor's process. Without it outputs that do not fail safe alone stay neutral.
     """
 
     def __init__(
-        self,
-        now_s: Callable[[], float],
-        channels: int,
-        limits_us: tuple[float, float] = LIMITS_US,
-        resolution_us: float = 0.0,
-        esc_start_s: float = ESC_START_S,
-        is_supervised: bool = False,
+        self, chip: PwmChip, now_s: Callable[[], float], esc_start_s: float = ESC_START_S, is_supervised: bool = False
     ) -> None:
-        super().__init__(now_s, channels, limits_us, resolution_us)
+        super().__init__(now_s, chip.channels, chip.limits_us, chip.resolution_us)
+        self.chip = chip
+        self.title, self.still_us = chip.title, chip.still_us
+        self.fails_safe_alone = chip.fails_safe_alone
         self.esc_start_s = esc_start_s
         self._is_supervised = is_supervised
         self._neutral_since_s = 0.0
+
+    def counts(self) -> dict[str, int]:
+        """Returns what the chip has counted."""
+        return self.chip.counts()
+
+    def on_configure(self) -> None:
+        """Opens the chip, at neutral.
+
+        Raises:
+            DeviceError: see `PwmChip.open`.
+        """
+        try:
+            self.chip.open()
+        finally:
+            self.title = self.chip.title  # it may have learned its port's name
 
     def on_activate(self) -> None:
         """Begins to show neutral.
@@ -43,34 +116,35 @@ class PlainPwm(PwmBackend):
         Raises:
             DeviceError: the last pulse would stay if this program were killed.
         """
+        self.chip.before_arming()
         if not (self.fails_safe_alone or self._is_supervised):
             raise DeviceError(
                 f"{self.title} keeps its last pulse for ever if this program is killed: it is not armed from here.",
                 fix="open it behind the supervisor: open_pwm(...) of snr_sim.devices.opening, as --io does.",
             )
-        self.send(self.still_us)
+        self.chip.send(self.still_us)
         self._neutral_since_s = self.now_s()
         self.state, self.why = "activating", "the speed controllers are shown neutral"
 
     def put(self, pulses_us: list[float], stamp_s: float, lease_s: float, why: list[str]) -> list[float]:
-        """Sends pulses; ends arming when its time has come."""
-        made = self.send(pulses_us)
-        if self.state == "activating" and self.asks_neutral and self.has_started():
+        """Sends pulses; ends arming when neutral was shown for long enough and is commanded."""
+        made = self.chip.send(pulses_us)
+        if self.chip.tripped:
+            if self.state == "active":
+                self.state, self.why = "inactive", self.chip.tripped
+                why.append(NOT_ACTIVE)
+        elif self.state == "activating" and self.asks_neutral and self._has_started():
             self.state, self.why = "active", ""
         return made
 
-    def has_started(self) -> bool:
-        """Returns whether neutral has been shown for long enough."""
+    def _has_started(self) -> bool:
+        """Return whether neutral has been shown for long enough."""
         return self.now_s() >= self._neutral_since_s + self.esc_start_s
 
     def on_deactivate(self, reason: str) -> None:
         """Puts all at neutral."""
-        self.send(self.still_us)
+        self.chip.send(self.still_us)
 
-    def send(self, pulses_us: list[float]) -> list[float]:
-        """Sends pulses, and returns those that are made.
-
-        Raises:
-            DeviceError: the wire is gone.
-        """
-        raise NotImplementedError(f"{type(self).__name__} needs a method send(self, pulses_us)")
+    def on_close(self) -> None:
+        """Releases the chip's wire."""
+        self.chip.close()

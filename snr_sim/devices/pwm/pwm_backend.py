@@ -28,9 +28,11 @@ class PwmBackend(LifeCycle):
         asks_neutral: whether the newest command was a whole one, not too old, and neutral: only then may be armed.
         is_stopped: an emergency stop holds.
         let_go_for: words that stay in each answer until it is armed again: RESET, STOPPED.
+        follower: is called with the pulses that are made, whenever they may have changed.
     """
 
     fails_safe_alone = False
+    follower: Callable[[list[float]], object] | None = None
 
     def __init__(
         self,
@@ -56,6 +58,11 @@ class PwmBackend(LifeCycle):
 
     def write_us(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float = LEASE_S) -> AppliedPulses:
         """Asks for pulses; returns what is made of them. Never raises."""
+        self.applied = self._applied(pulses_us, stamp_s, lease_s)
+        self._lead(self.applied.pulses_us)
+        return self.applied
+
+    def _applied(self, pulses_us: Sequence[float], stamp_s: float, lease_s: float) -> AppliedPulses:
         why: list[str] = [STOPPED] if self.is_stopped else []
         wanted = self._pulses_of(pulses_us, why)
         left_s = self._left_of(stamp_s, lease_s)
@@ -68,8 +75,7 @@ class PwmBackend(LifeCycle):
             wanted = self.still_us
         if self.state not in ("activating", "active"):
             why.append(LOST if self.state == "error" else NOT_ACTIVE)
-            self.applied = AppliedPulses(self.still_us, stamp_s, why)
-            return self.applied
+            return AppliedPulses(self.still_us, stamp_s, why)
         try:
             made = self.put(wanted, stamp_s, left_s, why)
         except DeviceError as error:
@@ -78,8 +84,11 @@ class PwmBackend(LifeCycle):
             why += [LOST, *(word for word in self.let_go_for if word not in why)]
         if self.state == "activating":
             why.append(NOT_ACTIVE)
-        self.applied = AppliedPulses(made, stamp_s, why)
-        return self.applied
+        return AppliedPulses(made, stamp_s, why)
+
+    def _lead(self, pulses_us: list[float]) -> None:
+        if self.follower is not None:
+            self.follower(pulses_us)
 
     def _left_of(self, stamp_s: float, lease_s: float) -> float:
         """Returns what is left of a lease, 0 if nothing: also of one that begins in times to come, or at no time."""
@@ -95,6 +104,11 @@ class PwmBackend(LifeCycle):
         """Returns when a command was computed; now, of one that says no time, or one to come."""
         now_s = self.now_s()
         return float(stamp_s) if isinstance(stamp_s, (int, float)) and -math.inf < stamp_s <= now_s else now_s
+
+    def deactivate(self, reason: str) -> None:
+        """Goes to neutral, and what follows with it. Never raises."""
+        super().deactivate(reason)
+        self._lead([STOP_US] * self.channels)
 
     def stop(self) -> None:
         """Emergency stop: neutral, and nothing arms these outputs until `clear_stop`. Never raises."""

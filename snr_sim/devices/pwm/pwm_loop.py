@@ -15,13 +15,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import msgspec
 
-from snr_sim.core.ages import age_s
 from snr_sim.core.node import Node
-from snr_sim.devices.commands import command_of
-from snr_sim.devices.loops import ActuatorLoop, ActuatorLoopFactory, configured
+from snr_sim.devices.command_input import CommandInput
+from snr_sim.devices.commands import check_finite, command_of
+from snr_sim.devices.loops import ActuatorLoopFactory, CommandLoop, configured
 from snr_sim.devices.pwm.pwm_backend import STOP_US
 from snr_sim.prelude.device import LEASE_S, Health, PwmOut
 from snr_sim.prelude.errors import CommandError, DeviceError
@@ -49,6 +50,8 @@ class PwmLoopFactory(ActuatorLoopFactory):
         lease_s: how long outputs that watch for themselves follow a command.
     """
 
+    arms_by_itself = False  # for a robot that nobody arms
+
     def __init__(
         self,
         key: str,
@@ -64,34 +67,51 @@ class PwmLoopFactory(ActuatorLoopFactory):
         """Returns the loop `<key>_actuator`."""
         return PwmLoop(self, parent, f"{self.key}_actuator", self.rate_hz)
 
+    def read_command(self, data: Any, out: PwmOut, commands: CommandInput) -> PwmCommand:
+        """Returns the pulses that a page's data asks for.
 
-class PwmLoop(ActuatorLoop):
+        Args:
+            data: of the page.
+            out: the outputs.
+            commands: notes what was clamped.
+
+        Raises:
+            CommandError: it asks for none.
+        """
+        command: PwmCommand = command_of(data, PwmCommand, {"pulses_us": out.limits_us})
+        for i, pulse in enumerate(command.pulses_us):
+            check_finite(f"pulses_us[{i}]", pulse, out.limits_us)
+        if command.pulses_us and len(command.pulses_us) != out.channels:
+            raise CommandError(
+                f"it has {len(command.pulses_us)} pulses for {out.channels} channels.", fix="one for each channel."
+            )
+        return command
+
+
+class PwmLoop(CommandLoop):
     """Writes pulses. A page that holds none is neutral; in lock step it stops the run, with the line that stored it."""
 
     factory: PwmLoopFactory
-    arms_by_itself = False  # for a robot that nobody arms
 
     def setup(self) -> None:
         """Opens the outputs: neutral, and not armed."""
-        self.out: PwmOut = configured(self.factory.open_device(), f"the outputs '{self.factory.key}'")
-        self._clamped: set[str] = set()
+        self.device = self.out = configured(self.factory.open_device(), f"the outputs '{self.factory.key}'")
         self._state = ""
         self._why: list[str] = []
         self._refused = ""
         self._told_s = self._tried_s = -math.inf
         self._neutral_since_s: float | None = None
         self._was_armed: bool | None = None  # by the robot's own word; None: it has not said anything yet
-        self._is_arming = self.arms_by_itself  # neutral is shown until outputs are armed
+        self._is_arming = self.factory.arms_by_itself  # neutral is shown until outputs are armed
         self._was_lost = self._is_stopped = self._is_told = False
 
     def loop(self) -> None:
         """Writes the newest command, with its age; neutral if it is too old."""
         now_s = self.get_time_s()
-        page = self.parent.get_page(self.factory.key)  # asks aloud: a command nobody ever stores is reported
+        page, age = self.commands.newest()
+        command = None if page is None else self._command_of(page)
         still_us = [STOP_US] * self.out.channels
-        pulses_us, stamp_s, age, command = still_us, now_s, math.inf, None
-        if page is not None:
-            age, command = age_s(self.parent, page), self._command_of(page)
+        pulses_us, stamp_s = still_us, now_s
         if command is not None and age <= self.factory.timeout_s:
             if command.is_on and command.is_armed and not command.is_stop:
                 pulses_us, stamp_s = command.pulses_us or still_us, now_s - age
@@ -107,7 +127,7 @@ class PwmLoop(ActuatorLoop):
         if CLAMPED in applied.why:
             low, high = self.out.limits_us
             clamped = [min(high, max(low, pulse)) for pulse in pulses_us]  # the answer may still be on its way there
-            self._say_clamped(PwmCommand(list(pulses_us)), PwmCommand(clamped), {"pulses_us": (low, high)})
+            self.commands.note_clamped(PwmCommand(list(pulses_us)), PwmCommand(clamped), {"pulses_us": (low, high)})
         self._tell(now_s, applied)
 
     def _hear(self, now_s: float, command: PwmCommand, pulses_us: list[float]) -> None:
@@ -161,9 +181,9 @@ class PwmLoop(ActuatorLoop):
         In lock step that ends the run. On the wall clock, where a vehicle may be in the water, all are neutral instead.
         """
         try:
-            return self.read_command(page)
+            return self.factory.read_command(page.data, self.out, self.commands)
         except CommandError as error:
-            blamed = self._blamed(page, error)
+            blamed = self.commands.blamed(page, error)
             if self.parent.is_in_lock_step:
                 self.out.deactivate(error.message)
                 raise blamed from error
@@ -171,30 +191,6 @@ class PwmLoop(ActuatorLoop):
                 self._refused = error.message
                 self.parent.note(f"{blamed}\n  All outputs are neutral meanwhile.")
             return None
-
-    def read_command(self, page: Page) -> PwmCommand:
-        """Returns the pulses that a page asks for.
-
-        Raises:
-            CommandError: it asks for none.
-        """
-        limits = {"pulses_us": self.out.limits_us}
-        command: PwmCommand = command_of(page.data, PwmCommand, limits)
-        self._check(command)
-        return command
-
-    def _check(self, command: PwmCommand) -> None:
-        low, high = self.out.limits_us
-        for i, pulse in enumerate(command.pulses_us):
-            if not math.isfinite(pulse):
-                raise CommandError(
-                    f"pulses_us[{i}] = {pulse!r} is no finite number.",
-                    fix=f"a number from {low:g} to {high:g}; look for a division by zero or an overflow before it.",
-                )
-        if command.pulses_us and len(command.pulses_us) != self.out.channels:
-            raise CommandError(
-                f"it has {len(command.pulses_us)} pulses for {self.out.channels} channels.", fix="one for each channel."
-            )
 
     def _tell(self, now_s: float, applied: AppliedPulses) -> None:
         """Says what becomes of the commands: now and then, and at once when it changes."""
@@ -221,13 +217,3 @@ class PwmLoop(ActuatorLoop):
         if state == "inactive":
             what = f"{'found again, and ' if is_back else ''}{what}\n  {HOW_TO_ARM}"
         self.parent.note(f"Outputs of '{self.factory.key}', t = {now_s:.2f} s: {what}")
-
-    def halt(self) -> None:
-        """Goes to neutral."""
-        if "out" in self.__dict__:
-            self.out.deactivate("the robot's program ends")
-
-    def terminate(self) -> None:
-        """Closes the outputs."""
-        if "out" in self.__dict__:
-            self.out.close()

@@ -20,7 +20,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from snr_sim.devices.pwm.plain_pwm import ESC_START_S, PlainPwm
+from snr_sim.devices.pwm.plain_pwm import PwmChip
 from snr_sim.devices.pwm.pwm_backend import LIMITS_US, STOP_US
 from snr_sim.devices.wire.permission import how_to_use
 from snr_sim.prelude.errors import DeviceError
@@ -42,39 +42,35 @@ def write_file(path: Path, text: str) -> None:
         file.write(text)
 
 
-class SysfsPwm(PlainPwm):
-    """The first channels of the Pi's PWM chip. Keeps the promise of PwmOut.
+class SysfsPins(PwmChip):
+    """The first channels of the Pi's PWM chip. It keeps its last pulses.
 
     Args:
-        now_s, channels, limits_us, esc_start_s, is_supervised: as in PlainPwm.
+        channels, limits_us: as in PwmChip.
+        now_s: the clock that waits go by.
         root: where the kernel's files are.
         takes_over: pins that are in use already are those of a supervisor of ours that was killed.
         write: writes a file.
         sleep: waits for udev.
     """
 
-    fails_safe_alone = False
-
     def __init__(
         self,
-        now_s: Callable[[], float],
         channels: int,
         limits_us: tuple[float, float] = LIMITS_US,
-        esc_start_s: float = ESC_START_S,
-        is_supervised: bool = False,
+        now_s: Callable[[], float] = time.monotonic,
         root: Path = ROOT,
         takes_over: bool = False,
         write: Callable[[Path, str], None] = write_file,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        super().__init__(now_s, channels, limits_us, 0.001, esc_start_s, is_supervised)
-        self.title = "The PWM chip"
-        self._root, self._takes_over = root, takes_over
+        super().__init__("The PWM chip", channels, limits_us, resolution_us=0.001)
+        self._now_s, self._root, self._takes_over = now_s, root, takes_over
         self._write_file, self._sleep = write, sleep
         self._chip: Path | None = None
         self._pins: list[Path] = []
 
-    def on_configure(self) -> None:
+    def open(self) -> None:
         """Finds the chip, takes its channels, and has them make neutral pulses.
 
         Raises:
@@ -96,7 +92,7 @@ class SysfsPwm(PlainPwm):
                 raise DeviceError(f"{pin} was switched off by somebody else.", fix="`sudo fuser -v` on it names who.")
         return pulses_us
 
-    def on_close(self) -> None:
+    def close(self) -> None:
         """Ends the pulses, once neutral has been shown, and gives the channels back."""
         pins, self._pins = self._pins, []
         if pins:
@@ -137,8 +133,8 @@ class SysfsPwm(PlainPwm):
             raise DeviceError(f"{pin} was enabled and is not: the kernel did not take it.", fix="`dmesg | tail`.")
 
     def _wait_for_permission(self, pin: Path) -> None:
-        until_s = self.now_s() + PERMISSION_S
-        while self.now_s() < until_s and not os.access(pin / "enable", os.W_OK):
+        until_s = self._now_s() + PERMISSION_S
+        while self._now_s() < until_s and not os.access(pin / "enable", os.W_OK):
             self._sleep(0.01)
 
     def _write(self, path: Path, text: str) -> None:

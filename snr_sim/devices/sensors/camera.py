@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from snr_sim.core.node import Node
-from snr_sim.devices.loops import SensorLoop, SensorLoopFactory
+from snr_sim.devices.loops import SensorLoopFactory
 from snr_sim.devices.sensors.ray_casting import VEILED_PER_M, Image, Rays, meet_scene
 from snr_sim.devices.sensors.sensor_errors import SensorErrors
 from snr_sim.devices.simulated import SimSensor
@@ -115,31 +113,19 @@ class Camera:
         rgb.flags.writeable = False
         return rgb
 
-    def senses(self, statics: dict[str, Any]) -> Callable[[Any], CameraReading]:
-        """Returns what makes a picture of a plant's output with `position_m`, `attitude` and `stamp_s`."""
+    def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
+        """Opens the camera in a plant; it sees what of its scene does not move."""
+        statics = plant.scene()["statics"]
 
         def see(pose: Any) -> CameraReading:
             rgb = self.picture(statics, pose.position_m, pose.attitude, pose.stamp_s)
             return CameraReading(rgb, self.field_of_view_rad, pose.stamp_s)
 
-        return see
-
-    def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
-        """Opens the camera in a plant; it sees what of its scene does not move."""
-        errors = SensorErrors(period_s=self.period_s)
-        return SimSensor(plant, output, errors, rng, self.senses(plant.scene()["statics"]))
+        return SimSensor(plant, output, SensorErrors(period_s=self.period_s), rng, see)
 
 
 class CameraLoopFactory(SensorLoopFactory):
     """Reads a camera at a rate and stores each picture as a page; arguments are those of `SensorLoopFactory`."""
-
-    def get(self, parent: Node) -> CameraLoop:
-        """Returns the loop `<key>_sensor`."""
-        return CameraLoop(self, parent, f"{self.key}_sensor", self.rate_hz)
-
-
-class CameraLoop(SensorLoop):
-    """Stores `{field: value}` of the newest picture, which stays an array."""
 
     def data_of(self, reading: CameraReading) -> dict[str, Any]:
         """Returns what the page of a picture holds: a copy, as a camera may use its array again."""

@@ -8,7 +8,6 @@ that rolls a little reads the same height, and one that rolls a lot reads too mu
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -80,17 +79,13 @@ class EchoSounder:
             period_s=self.period_s,
         )
 
-    def senses(self) -> Callable[[Any], EchoReading]:
-        """Returns what makes an echo of a plant's output with `altitude_m`, `tilt_rad` and `stamp_s`."""
-
-        def echo(below: Any) -> EchoReading:
-            return EchoReading(*self.heard(below.altitude_m, below.tilt_rad), below.stamp_s)
-
-        return echo
+    def echo(self, below: Any) -> EchoReading:
+        """Return the echo of a plant's output with `altitude_m`, `tilt_rad` and `stamp_s`."""
+        return EchoReading(*self.heard(below.altitude_m, below.tilt_rad), below.stamp_s)
 
     def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
         """Opens the sounder in a plant."""
-        return SimSensor(plant, output, self.errors, rng, self.senses(), _silent_if_unsure)
+        return SimSensor(plant, output, self.errors, rng, self.echo, _silent_if_unsure)
 
 
 def _silent_if_unsure(reading: EchoReading) -> EchoReading:

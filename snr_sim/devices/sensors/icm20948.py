@@ -20,9 +20,9 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 
-from snr_sim.devices.sensors.attitude_filter import GRAVITY_MPS2, AttitudeFilter
 from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.prelude.angles import roll_pitch_yaw_rad
+from snr_sim.prelude.attitude_filter import GRAVITY_MPS2, MahonyFilter
 from snr_sim.prelude.device import Stale
 from snr_sim.prelude.errors import DeviceError, ParameterError
 from snr_sim.prelude.life_cycle import SensorLife
@@ -79,7 +79,7 @@ class Icm20948(SensorLife):
         self._address, self._hard_iron_ut = address, list(hard_iron_ut)
         self._axes = _right_handed(axes)
         self._bus: I2cBus | None = None
-        self._filter = AttitudeFilter()
+        self._filter = MahonyFilter()
         self._field_ut = [0.0, 0.0, 0.0]
         self._newest: ImuReading | None = None
         self._errors = 0
@@ -108,7 +108,7 @@ class Icm20948(SensorLife):
                 f"{self.title} feels {math.hypot(*force_mps2):.1f} m/s2 at the start, not {GRAVITY_MPS2:.1f}.",
                 fix="hold it still; or it is damaged.",
             )
-        self._filter = AttitudeFilter()
+        self._filter = MahonyFilter()
         self._newest = None
 
     def on_activate(self) -> None:

@@ -1,7 +1,7 @@
 """An inertial unit that fuses its own attitude, with the numbers of a BNO055.
 
     true rate, force and field --> errors --> rate_radps, specific_force_mps2, field_ut
-                                                `--> AttitudeFilter --> roll_rad, pitch_rad, yaw_rad
+                                                `--> MahonyFilter --> roll_rad, pitch_rad, yaw_rad
 
 The attitude comes of what is measured, with its errors, and of nothing else: a long acceleration tilts it, and iron
 or a thruster's current nearby turns its heading, by the angle that this turns the level field. The filter is ours, as
@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from snr_sim.devices.sensors.attitude_filter import AttitudeFilter
 from snr_sim.devices.sensors.sensor_errors import SensorErrors, Wander
 from snr_sim.devices.simulated import SimSensor
 from snr_sim.prelude.angles import roll_pitch_yaw_rad, wrap_rad
+from snr_sim.prelude.attitude_filter import MahonyFilter
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.signals import ImuReading
 
@@ -86,7 +86,7 @@ class InertialUnit:
         return SimSensor(plant, output, self.errors, rng, _felt, self._fused())
 
     def _fused(self) -> Callable[[Measured], ImuReading]:
-        attitude, step = AttitudeFilter(), self.angle_step_rad
+        attitude, step = MahonyFilter(), self.angle_step_rad
 
         def reading(measured: Measured) -> ImuReading:
             rate, force, field = measured.rate_radps, measured.specific_force_mps2, measured.field_ut

@@ -11,7 +11,6 @@ read again. Temperature's, 2 to 9 thousandths of a degree, is less than the step
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -133,19 +132,14 @@ class Ms5837:
             period_s=self.period_s,
         )
 
-    def tells(self) -> Callable[[Pressure], DepthReading]:
-        """Returns what makes a reading of a measurement."""
-        water = self.surface_pa, self.density_kgm3, self.gravity_mps2
-
-        def reading(felt: Pressure) -> DepthReading:
-            depth = depth_m(felt.pressure_pa, *water)
-            return DepthReading(depth, felt.pressure_pa, felt.temperature_c, felt.stamp_s)
-
-        return reading
+    def reading(self, felt: Pressure) -> DepthReading:
+        """Return the reading of a measurement."""
+        depth = depth_m(felt.pressure_pa, self.surface_pa, self.density_kgm3, self.gravity_mps2)
+        return DepthReading(depth, felt.pressure_pa, felt.temperature_c, felt.stamp_s)
 
     def simulated(self, plant: Plant, output: str, rng: np.random.Generator) -> SimSensor:
         """Opens the sensor in a plant, at an output that tells of the water (`Water`)."""
-        return SimSensor(plant, output, self.errors, rng, _felt, self.tells())
+        return SimSensor(plant, output, self.errors, rng, _felt, self.reading)
 
 
 def _felt(water: Any) -> Pressure:

@@ -54,7 +54,7 @@ class Ms5837I2c(SensorLife):
         self._address, self._part = address, part or Ms5837()
         self._conversion_s = CONVERSION_S_PER_SAMPLE * self._part.oversampling
         self._bus: I2cBus | None = None
-        self._tells = self._part.tells()
+        self._reading = self._part.reading
         self._surface_pa: float | None = None
         self._newest: DepthReading | None = None
         self._errors = 0
@@ -92,8 +92,8 @@ class Ms5837I2c(SensorLife):
         felt = self._felt(self._waited_for())
         if self._surface_pa is None and self._part.is_zeroed and AIR_PA[0] <= felt.pressure_pa <= AIR_PA[1]:
             self._surface_pa = felt.pressure_pa
-            self._tells = replace(self._part, surface_pa=felt.pressure_pa).tells()
-        self._newest = self._tells(felt)
+            self._reading = replace(self._part, surface_pa=felt.pressure_pa).reading
+        self._newest = self._reading(felt)
         self._convert(_PRESSURE)
 
     def read(self) -> DepthReading | Stale:
@@ -136,7 +136,7 @@ class Ms5837I2c(SensorLife):
         if self._pending == _TEMPERATURE:
             self._d2 = raw
         else:
-            self._newest = self._tells(self._felt(raw))
+            self._newest = self._reading(self._felt(raw))
         self._why = ""
         self._convert(_TEMPERATURE if next(self._nth) % TEMPERATURE_EVERY == 0 else _PRESSURE)
 

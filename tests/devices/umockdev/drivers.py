@@ -3,14 +3,15 @@
 import json
 import time
 
-from snr_sim.devices.pwm.pca9685 import Pca9685Pwm
+from snr_sim.devices.pwm.pca9685 import Pca9685
+from snr_sim.devices.pwm.plain_pwm import PlainPwm
 from snr_sim.devices.sensors.ms5837_i2c import Ms5837I2c
 from snr_sim.devices.wire.i2c_bus import I2cBus
 from snr_sim.prelude.errors import DeviceError
 
 
 def main() -> None:
-    out = Pca9685Pwm(lambda: I2cBus(1), 0x40, time.monotonic, 8, is_supervised=True, esc_start_s=0.0)
+    out = PlainPwm(Pca9685(lambda: I2cBus(1), 0x40, 8), time.monotonic, esc_start_s=0.0, is_supervised=True)
     out.configure()
     out.activate()
     out.write_us([1500.0] * 8, time.monotonic())

@@ -4,7 +4,7 @@ Rates say how it turns from moment to moment, and drift; gravity says, slowly, w
 is. What the slow ones keep correcting is taken for the gyroscopes' bias. With attitude q, bias b, rates w, and up as
 the attitude has it and as the force has it (u, f, of length 1, body frame):
 
-    q' = q (w - b + GAIN_HZ e) / 2,    b' = -BIAS_GAIN_HZ2 e,    e = f x u + h u,
+    q' = q (w - b + gain_hz e) / 2,    b' = -BIAS_GAIN_HZ2 e,    e = f x u + h u,
 
 where h is how far the level part of the field, turned into the world, points east of north.
 
@@ -25,23 +25,29 @@ Vector: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]
 
 GRAVITY_MPS2 = 9.80665
-GAIN_HZ = 0.5  # of corrections: they take about two seconds
+GAIN_HZ = 0.5
 BIAS_GAIN_HZ2 = 0.02
 MOST_BIAS_RADPS = 0.1
-LONGEST_STEP_S = 0.5  # after a longer gap it begins anew
+LONGEST_STEP_S = 0.5  # after a longer gap it begins again
 _ACCELERATED = 0.15  # a share of g: beyond, gravity is not what is felt
 FIELD_UT = (15.0, 75.0)  # of the Earth, and some iron
 
 
-class AttitudeFilter:
-    """Keeps an attitude up to date.
+class MahonyFilter:
+    """Keeps an attitude up to date; also of what points straight up, or lies on its back.
+
+    Args:
+        gain_hz: of corrections: they take about as long as its inverse; less for a vehicle that accelerates for longer.
+        declination_rad: of the field at the place: how far magnetic north lies to the east of north.
 
     Attributes:
         attitude: quaternion [w, x, y, z] that turns vectors of the body into the world's (x east, y north, z up).
         bias_radps: of the gyroscopes, as far as is known.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, gain_hz: float = GAIN_HZ, declination_rad: float = 0.0) -> None:
+        self.gain_hz = gain_hz
+        self.declination_rad = declination_rad
         self.attitude: Quaternion | None = None
         self.bias_radps: Vector = (0.0, 0.0, 0.0)
         self._at_s = 0.0
@@ -55,7 +61,7 @@ class AttitudeFilter:
         before, self._before_radps = self._before_radps, (rate_radps[0], rate_radps[1], rate_radps[2])
         self._at_s = at_s
         if self.attitude is None or not 0.0 <= dt_s <= LONGEST_STEP_S:
-            self.attitude = level_of(force_mps2, field_ut)
+            self.attitude = level_of(force_mps2, field_ut, self.declination_rad)
             return self.attitude
         # The mean of both ends: with the newest rate alone, 50 times a second, a turn of 40 deg/s begins 0.4 deg ahead.
         (p, q, r), (bx, by, bz), half = self._before_radps, self.bias_radps, 0.5 * dt_s
@@ -66,13 +72,12 @@ class AttitudeFilter:
         )
         turned = _turned(self.attitude, turn)
         ex, ey, ez = self._error(turned, force_mps2, field_ut)
-        gain, bias_gain = GAIN_HZ * dt_s, BIAS_GAIN_HZ2 * dt_s
+        gain, bias_gain = self.gain_hz * dt_s, BIAS_GAIN_HZ2 * dt_s
         self.attitude = _turned(turned, (gain * ex, gain * ey, gain * ez))
         self.bias_radps = _bounded(bx - bias_gain * ex), _bounded(by - bias_gain * ey), _bounded(bz - bias_gain * ez)
         return self.attitude
 
-    @staticmethod
-    def _error(attitude: Quaternion, force_mps2: Sequence[float], field_ut: Sequence[float]) -> Vector:
+    def _error(self, attitude: Quaternion, force_mps2: Sequence[float], field_ut: Sequence[float]) -> Vector:
         """Returns the small rotation [rad] in the body's axes that up and north still ask for."""
         ux, uy, uz = _up_in_body(attitude)
         x = y = z = 0.0
@@ -82,17 +87,17 @@ class AttitudeFilter:
             x, y, z = (ay * uz - az * uy) / force, (az * ux - ax * uz) / force, (ax * uy - ay * ux) / force
         if FIELD_UT[0] < _length(field_ut) < FIELD_UT[1]:
             east, north, _ = into_world(attitude, field_ut)
-            off = math.atan2(east, north)
+            off = math.atan2(east, north) - self.declination_rad
             x, y, z = x + off * ux, y + off * uy, z + off * uz
         return x, y, z
 
 
-def level_of(force_mps2: Sequence[float], field_ut: Sequence[float]) -> Quaternion:
-    """Returns the attitude at rest: up is where the force points, north where the field does."""
+def level_of(force_mps2: Sequence[float], field_ut: Sequence[float], declination_rad: float = 0.0) -> Quaternion:
+    """Return the attitude at rest: up is where the force points, magnetic north where the field does."""
     ax, ay, az = force_mps2
     roll, pitch = math.atan2(ay, az), math.atan2(-ax, math.sqrt(ay * ay + az * az))
     east, north, _ = into_world(quaternion_of(roll, pitch, 0.0), field_ut)
-    return quaternion_of(roll, pitch, math.atan2(east, north))
+    return quaternion_of(roll, pitch, math.atan2(east, north) - declination_rad)
 
 
 def into_world(q: Quaternion, v: Sequence[float]) -> Vector:

@@ -1,4 +1,4 @@
-"""The guard decides whose word counts: the pilot's, nobody's, or the vehicle's own.
+"""The failsafe monitor decides whose word counts: the pilot's, nobody's, or the vehicle's own.
 
     idle      nothing pushes: disarmed, an emergency stop that nobody has cleared, or outputs that have let go of the
               thrusters by themselves
@@ -37,8 +37,8 @@ LIMITS = {
 
 
 @dataclass(frozen=True)
-class GuardLimits:
-    """What the guard goes by.
+class FailsafeLimits:
+    """What the failsafe monitor goes by.
 
     Args:
         stale_s: age of the newest controls from which nothing pushes. Our choice: five of those that come 20 times a
@@ -64,15 +64,15 @@ class GuardLimits:
 
     def __post_init__(self) -> None:
         for name, limit in LIMITS.items():
-            check_number(f"The guard's {name}", getattr(self, name), limit)
+            check_number(f"FailsafeLimits.{name}", getattr(self, name), limit)
         if self.lost_s < self.stale_s:
             raise ParameterError(
-                f"The guard's lost_s is {self.lost_s:g}, less than its stale_s, {self.stale_s:g}.",
+                f"FailsafeLimits.lost_s ({self.lost_s:g}) is less than stale_s ({self.stale_s:g}).",
                 fix="a link counts as lost some time after nothing pushes any more: 2 s after 0.25 s, as they were.",
             )
 
 
-class Guard:
+class FailsafeMonitor:
     """Keeps what it has heard, and what has failed.
 
     Args:
@@ -85,7 +85,7 @@ class Guard:
         let_go: why the outputs have let go by themselves; empty once they are armed again, or a person has disarmed.
     """
 
-    def __init__(self, limits: GuardLimits, failsafes: Failsafes | None = None) -> None:
+    def __init__(self, limits: FailsafeLimits, failsafes: Failsafes | None = None) -> None:
         self.limits = limits
         self.failsafes = failsafes or Failsafes()
         self.controls = Controls()

@@ -1,24 +1,23 @@
-"""A pilot who does as it is written: for tests, and for scenarios where nobody is at the sticks."""
+"""A pilot that follows a script: for tests, and for scenarios without a person at the sticks."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import msgspec
 
-from snr_sim import Loop, LoopFactory, Node
+from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.node import Node
 from snr_sim.prelude.errors import ParameterError
-
-from .controls import Controls, controls_of
 
 
 class Cue:
-    """From a moment on, some fields of the controls are other ones.
+    """From a moment on, some fields of the controls have other values.
 
     Args:
-        at_s: when.
-        changes: fields of `Controls`.
+        at_s: when, from the first page "vehicle" on.
+        changes: fields of the controls.
 
     >>> Cue(2.0, is_armed=True, mode="depth_hold").changes
     {'is_armed': True, 'mode': 'depth_hold'}
@@ -35,45 +34,58 @@ class ScriptedPilotFactory(LoopFactory):
     Args:
         script: cues in the order of their times.
         rate_hz: controls per second.
-        key: of their page, if it goes to somebody at the surface who makes "controls" of it.
+        neutral: controls that ask for nothing, with a field `number`, which counts.
+        check: raises CommandError for a dict that holds no controls.
+        once: fields that a cue sets in one page only: later ones have the neutral value.
+        key: of the page, if a component at the surface makes "controls" of it.
 
     Raises:
         ParameterError: the cues are not in order.
-        CommandError: a cue has what are no controls.
+        CommandError: `check` rejects a cue.
     """
 
-    def __init__(self, script: Sequence[Cue], rate_hz: float, key: str = "controls") -> None:
+    def __init__(
+        self,
+        script: Sequence[Cue],
+        rate_hz: float,
+        neutral: msgspec.Struct,
+        check: Callable[[dict[str, Any]], object],
+        once: Sequence[str] = (),
+        key: str = "controls",
+    ) -> None:
         super().__init__()
         times = [cue.at_s for cue in script]
         if times != sorted(times):
             raise ParameterError(f"A pilot's cues come at {times} s.", fix="name them in the order of their times.")
+        self.neutral = msgspec.structs.asdict(neutral)
         for cue in script:
-            controls_of({**msgspec.structs.asdict(Controls()), **cue.changes})
+            check({**self.neutral, **cue.changes})
         self.script = tuple(script)
         self.rate_hz = rate_hz
+        self.once = {name: self.neutral[name] for name in once}
         self.key = key
 
     def get(self, parent: Node) -> ScriptedPilot:
-        """Returns the loop 'pilot'."""
+        """Return the loop 'pilot'."""
         return ScriptedPilot(self, parent, "pilot", self.rate_hz)
 
 
 class ScriptedPilot(Loop):
-    """Stores page 'controls': what the cues so far have made of them. They begin when the vehicle is first heard of."""
+    """Stores page 'controls', changed by the cues so far. The script begins with the first page 'vehicle'."""
 
     factory: ScriptedPilotFactory
 
     def setup(self) -> None:
-        """Begins with controls that ask for nothing."""
-        self._controls: dict[str, Any] = msgspec.structs.asdict(Controls())
+        """Begin with controls that ask for nothing."""
+        self._controls = dict(self.factory.neutral)
         self._left = list(self.factory.script)
         self._start_s: float | None = None
 
     def loop(self) -> None:
-        """Stores the controls of now; what a cue asks to be held is asked once."""
+        """Store the controls of now."""
         controls = self._controls
         controls["number"] += 1
-        controls["depth_m"] = controls["heading_rad"] = None
+        controls.update(self.factory.once)
         if self._start_s is None and self.get_data("vehicle") is not None:
             self._start_s = self.get_time_s()
         gone_s = -1.0 if self._start_s is None else self.get_time_s() - self._start_s

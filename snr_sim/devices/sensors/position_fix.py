@@ -1,4 +1,4 @@
-"""Where the vehicle is, as somebody sees it who looks into the water from above. The vehicle does not know it."""
+"""Where a vehicle is, as an observer above sees it. The vehicle does not know it by itself."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from snr_sim.devices.sensors.sensor_errors import SensorErrors
 from snr_sim.prelude.angles import roll_pitch_yaw_rad
 
 # A person sees to about a hand's breadth, some times a second, and needs a moment: our own choice.
-EYES = SensorErrors(
+POSITION_FIX_ERRORS = SensorErrors(
     noise={"position_m": 0.03, "yaw_rad": 0.03},
     delay_s=0.2,
     period_s=0.1,
 )
 
 
-class Place(msgspec.Struct, frozen=True):
+class PositionFix(msgspec.Struct, frozen=True):
     """Where it is.
 
     Args:
@@ -31,6 +31,6 @@ class Place(msgspec.Struct, frozen=True):
     stamp_s: float
 
 
-def place_of(plant: Any) -> Place:
-    """Returns the true place of a vehicle."""
-    return Place(list(plant.position_m), roll_pitch_yaw_rad(plant.attitude)[2], plant.time_s)
+def position_fix_of(plant: Any) -> PositionFix:
+    """Return the true fix of a vehicle with `position_m`, `attitude` and `time_s`."""
+    return PositionFix(list(plant.position_m), roll_pitch_yaw_rad(plant.attitude)[2], plant.time_s)

@@ -1,0 +1,87 @@
+"""The newest command page of a key, on its way from the node to the loop that writes it to a device."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from snr_sim.core.ages import age_s
+from snr_sim.core.authors import who_stored
+from snr_sim.core.loop import Loop
+from snr_sim.devices.commands import in_words
+from snr_sim.prelude.errors import CommandError
+from snr_sim.prelude.page import Page
+
+
+class CommandInput:
+    """Receives a loop's command pages, and reports where a wrong one was stored.
+
+    On the wall clock each page wakes the loop: it would wait for half a tick on average. In lock step, where a tick
+    comes after all that was made at its moment, most wait for none.
+
+    Args:
+        loop: the loop that writes the commands.
+        key: of their pages.
+    """
+
+    def __init__(self, loop: Loop, key: str) -> None:
+        self._loop, self._key = loop, key
+        self._page: Page | None = None
+        self._is_tapped = False
+        self._clamped: set[str] = set()
+
+    def begin(self) -> None:
+        """Receive pages from now on."""
+        self._page = None  # of before: the loop may have been out of the node meanwhile
+        self._is_tapped = True
+        self._loop.parent.tap(self._key, self._receive)
+
+    def end(self) -> None:
+        """Receive no more. Safe to call twice."""
+        if self._is_tapped:
+            self._is_tapped = False
+            self._loop.parent.untap(self._key, self._receive)
+
+    def _receive(self, page: Page) -> None:
+        self._page = page
+        self._loop.hurry()
+
+    def newest(self) -> tuple[Page | None, float]:
+        """Return the newest page and its age [s]; None and infinity before the first."""
+        # The node's own: of before `begin`, or in another process. Asking also reports a key that is never stored.
+        page = self._page or self._loop.parent.get_page(self._key)
+        return (None, math.inf) if page is None else (page, age_s(self._loop.parent, page))
+
+    def blamed(self, page: Page, error: CommandError) -> CommandError:
+        """Return the error with the component that stored the page, whose line comes first if it is known."""
+        what = f"Page '{page.key}' is no command: {error.message}"
+        if isinstance(page.data, dict):
+            what += f"\n  It holds {in_words(page.data)}."
+        when = f"at t = {page.created_at_s:.3f} s"
+        if page.origin != self._loop.parent.name:
+            return CommandError(f"{what}\n  It was made {when} by node '{page.origin}'.", fix=error.fix)
+        lines, who = self._who_stored()
+        return CommandError(f"{lines}{what}\n  It was stored {when} by {who}.", fix=error.fix)
+
+    def note_clamped(self, command: Any, applied: Any, limits: dict[str, tuple[float, float]]) -> None:
+        """Add a note for each field that was clamped, once."""
+        for field in command.__struct_fields__:
+            asked, got = getattr(command, field), getattr(applied, field)
+            if asked != got and field not in self._clamped:
+                self._clamped.add(field)
+                low, high = limits[field]
+                self._loop.parent.note(
+                    f"Command '{self._key}.{field}' = {_shown(asked)} is outside {limits[field]} "
+                    f"and was clamped to {_shown(got)} (said once; t = {self._loop.get_time_s():.2f} s). "
+                    f"Store what is from {low:g} to {high:g}.",
+                    self._who_stored()[0],
+                )
+
+    def _who_stored(self) -> tuple[str, str]:
+        others = [component for component in self._loop.parent.components.values() if component is not self._loop]
+        return who_stored(self._key, others)
+
+
+def _shown(value: Any) -> str:
+    """Return a number, or a list of numbers, as short as can be."""
+    return f"[{', '.join(map(_shown, value))}]" if isinstance(value, (list, tuple)) else f"{value:g}"

@@ -1,0 +1,161 @@
+"""What the person at the surface sees: what the vehicle is doing.
+
+On a terminal that is a table, a few times a second; in a pipe a line whenever a row of `news` changes, and now and
+then. A loop and no endpoint: it reads pages that are there and stores none, and a replay does without it.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.node import Node
+from snr_sim.devices.terminal_keys import has_terminal
+from snr_sim.prelude.recorder import RECORDING_KEY
+
+Rows = list[tuple[str, str]]
+
+# Age of page "vehicle" from which it is shown as silent; it is sent every 0.1 s. With the time between two drawings, a
+# vehicle that has stopped is shown to have within a second.
+SILENT_S = 0.5
+LINE_PERIOD_S = 10.0  # in a pipe, if nothing of the news changes
+NEWS = ("hands", "vehicle", "recording")
+NO_INPUT = (
+    "[red]nobody can steer: there is no game controller, and no terminal for keys; start it from a terminal[/red]"
+)
+
+
+class DisplayFactory(LoopFactory):
+    """Makes the display.
+
+    Args:
+        describe: returns names and texts, for rich to show, of page "vehicle" and the other pages, as they were then.
+        keys: of the pages that are shown: "vehicle" first; "pad", if a person commands.
+        link: key of the status page of the link to the vehicle.
+        news: names of rows that are printed as soon as they change.
+        rate_hz: how often it is drawn.
+        in_lock_step: whether it shows anything under a virtual clock; no, if that run is not watched as it goes.
+        lines: what is below the table.
+    """
+
+    def __init__(
+        self,
+        describe: Callable[[dict[str, Any], Mapping[str, Any]], Rows],
+        keys: Sequence[str],
+        link: str,
+        news: Sequence[str] = (),
+        rate_hz: float = 5.0,
+        in_lock_step: bool = True,
+        lines: Sequence[str] = (),
+    ) -> None:
+        super().__init__()
+        self.describe = describe
+        self.keys = (*keys, link, RECORDING_KEY)
+        self.link = link
+        self.news = (*NEWS, *news)
+        self.rate_hz = rate_hz
+        self.in_lock_step = in_lock_step
+        self.lines = tuple(lines)
+
+    def get(self, parent: Node) -> Display:
+        """Return the loop 'display'."""
+        return Display(self, parent, "display", self.rate_hz)
+
+    def rows(self, pages: Mapping[str, Any], heard_s: float, has_keys: bool = True) -> Rows:
+        """Return names and texts, for rich to show.
+
+        Args:
+            pages: the newest of each key, or None.
+            heard_s: how long ago page "vehicle" arrived.
+            has_keys: whether there is a terminal to type at.
+        """
+        page, pad = pages["vehicle"], pages.get("pad")
+        shown = []
+        if pad is not None and not pad.data["is_connected"]:
+            shown = [("hands", "[yellow]keyboard: no game controller[/yellow]" if has_keys else NO_INPUT)]
+        lost = pages.get(RECORDING_KEY)
+        if lost is not None:
+            reason = f"lost at {lost.origin} since its t = {lost.data['since_s']:.1f} s: {lost.data['reason']}"
+            shown.append(("recording", f"[red]{reason}[/red]"))
+        if page is None:
+            return [*shown, ("vehicle", f"[red]not heard yet{_reason_of(pages.get(self.link))}[/red]")]
+        try:
+            status = self.describe(page.data, pages)
+        except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+            # These pages come over a wire, and a display that ends takes the pilot with it.
+            status = [("pages", f"[red]what was told cannot be shown: {type(error).__name__}[/red]")]
+        if heard_s <= SILENT_S:
+            return [*shown, ("vehicle", f"heard {heard_s:.2f} s ago"), *status]
+        # What it was is worth knowing, but must not look like what it is.
+        then = [(name, f"[dim]last heard: {text}[/dim]") for name, text in status]
+        return [*shown, ("vehicle", f"[red]silent for {heard_s:.1f} s[/red]"), *then]
+
+
+class Display(Loop):
+    """Shows rows in a terminal, or lines where there is none."""
+
+    factory: DisplayFactory
+
+    def setup(self) -> None:
+        """Take the terminal, if standard error is one."""
+        self.live: Any = None
+        self.is_off = self.parent.is_in_lock_step and not self.factory.in_lock_step
+        self.has_keys = has_terminal()
+        self.printed: list[str] = []
+        self.printed_s = -math.inf
+        if sys.stderr.isatty() and not self.is_off:
+            from rich.console import Console
+            from rich.live import Live
+
+            self.live = Live(console=Console(stderr=True), auto_refresh=False, transient=True)
+            self.live.start()
+
+    def loop(self) -> None:
+        """Show what is known now."""
+        if self.is_off:
+            return
+        # By when it came here: what the vehicle's own clock shows, another computer cannot compare with.
+        heard_s = self.get_time_s() - self.parent.came_at_s("vehicle")
+        shown = self.factory.rows({key: self.get_page(key) for key in self.factory.keys}, heard_s, self.has_keys)
+        if self.live is None:
+            self.print_line(shown)
+        else:
+            self.draw(shown)
+
+    def draw(self, shown: Rows) -> None:
+        """Draw the table."""
+        from rich.table import Table
+        from rich.text import Text
+
+        table = Table(show_header=False, title=f"t = {self.get_time_s():.1f} s")
+        table.caption = Text("\n".join(self.factory.lines), justify="left")
+        for name, text in shown:
+            table.add_row(name, text)
+        self.live.update(table, refresh=True)
+
+    def print_line(self, shown: Rows) -> None:
+        """Print a line, if there is news or it is time."""
+        from rich.text import Text
+
+        now_s = self.get_time_s()
+        plain = [(name, Text.from_markup(text).plain) for name, text in shown]
+        news = [text.split()[0] if name == "vehicle" else text for name, text in plain if name in self.factory.news]
+        if news == self.printed and now_s - self.printed_s < LINE_PERIOD_S:
+            return
+        self.printed, self.printed_s = news, now_s
+        print(f"t = {now_s:.1f} s: {'; '.join(f'{name} {text}' for name, text in plain)}", file=sys.stderr, flush=True)
+
+    def halt(self) -> None:
+        """Restore the terminal."""
+        if self.__dict__.get("live") is not None:
+            self.live.stop()
+
+
+def _reason_of(link: Any) -> str:
+    """Return what the link waits for, while it is not up."""
+    from rich.markup import escape
+
+    return "" if link is None or link.data["up"] else f": the link {escape(link.data['reason'])}"

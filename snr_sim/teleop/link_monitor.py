@@ -1,0 +1,41 @@
+"""Ends the surface's role when the vehicle's has finished. A vehicle whose link is lost is waited for."""
+
+from __future__ import annotations
+
+from snr_sim.core.endpoint import Endpoint, EndpointFactory
+from snr_sim.core.node import Node
+from snr_sim.prelude import tasks
+from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
+
+
+class LinkMonitorFactory(EndpointFactory):
+    """Makes the monitor.
+
+    Args:
+        link: key of the link's status page.
+    """
+
+    def __init__(self, link: str) -> None:
+        super().__init__()
+        self.link = link
+
+    def get(self, parent: Node) -> LinkMonitor:
+        """Return the endpoint 'lookout'."""
+        return LinkMonitor(self, parent, "lookout")
+
+
+class LinkMonitor(Endpoint):
+    """Ends the surface's role when the vehicle's has sent its goodbye, which one that was cut off or killed did not."""
+
+    factory: LinkMonitorFactory
+
+    def __init__(self, factory: LinkMonitorFactory, parent: Node, name: str) -> None:
+        super().__init__(factory, parent, name)
+        self.task_handlers = {(TaskType.process_data, factory.link): self.on_link}
+
+    def on_link(self, task: Task, task_id: TaskId) -> SomeTasks:
+        """Check whether the vehicle has left."""
+        link = self.get_data(self.factory.link)
+        if not link["left"]:
+            return None
+        return tasks.terminate(f"the vehicle's role has finished: {link['reason'].rstrip('.')}")

@@ -1,0 +1,125 @@
+"""The link between a vehicle and its surface, where `--option` host, port, secret and allow say.
+
+It leaves this process only where a role runs by itself. Else both ends meet in memory, and a secret is neither needed
+nor read; so a run that had one can be replayed without it.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+from collections.abc import Mapping
+from typing import Any
+
+from snr_sim.links.faults import Faults
+from snr_sim.links.security import as_networks, is_loopback, secret_from_env, secret_from_file
+from snr_sim.links.sockets import SocketsPair
+from snr_sim.prelude.errors import ConfigError, ParameterError
+from snr_sim.prelude.scenario import Rig
+
+HERE = "127.0.0.1"
+SECRET_VARIABLE = "SNR_SECRET"  # the name of a variable, not a secret
+MAKES_ONE = 'python3 -c "import secrets; print(secrets.token_hex(16))" > secret.txt'
+SECRET_IS = ("secret", "--option secret=FILE at both ends, with the same text in it, or the same SNR_SECRET in both")
+# After so much silence either end counts as gone, also one that is there and does nothing: shown within a second.
+KEEP_ALIVE_S, GONE_S = 0.2, 0.6
+
+
+def surface_link(rig: Rig, vehicle: str, name: str, port: int, faults: Faults) -> SocketsPair:
+    """Return the link, to where the options say.
+
+    Args:
+        rig: of the run.
+        vehicle: the role that listens.
+        name: of the link.
+        port: if they say none.
+        faults: of the link.
+
+    Raises:
+        ParameterError: an option is no address or no port.
+        ConfigError: the secret cannot be read, or anybody in the network could steer the vehicle.
+    """
+    options = rig.robot.options
+    address, allow = address_of(options, port), _allowed(options)
+    more: dict[str, Any] = {}
+    if rig.role_apart:
+        more = {"secret": _secret(options), "allow": allow}
+        if rig.role_apart == vehicle:
+            _check_door(address[0], is_guarded=any(more.values()))
+    return SocketsPair(
+        address if rig.role_apart else (HERE, address[1]),
+        name=name,
+        faults=faults,
+        keep_alive_s=KEEP_ALIVE_S,
+        timeout_s=GONE_S,
+        secret_is=SECRET_IS,
+        **more,
+    )
+
+
+def address_of(options: Mapping[str, str], port: int) -> tuple[str, int]:
+    """Returns where the vehicle listens: `--option host=...` and `--option port=...`, the same for both roles.
+
+    Raises:
+        ParameterError: they say something else.
+    """
+    text = options.get("port", str(port))
+    given = int(text) if text.isascii() and text.isdecimal() and len(text) < 6 else 0
+    if not 0 < given < 1 << 16:
+        raise ParameterError(
+            f"--option port={text} is no port at which two ends can meet.",
+            fix="a number from 1 to 65535, the same at both ends: port=9120.",
+        )
+    host = options.get("host", HERE)
+    start, _, end = host.rpartition(":")
+    if end.isdecimal() and not _is_address(host):
+        raise ParameterError(
+            f"--option host={host} has a port in it, which has an option of its own.",
+            fix=f"--option host={start.strip('[]') or HERE} --option port={end}",
+        )
+    if not host or not host.isascii() or any(one.isspace() or one == "/" for one in host):
+        raise ParameterError(
+            f"--option host={host} is no name of a computer.",
+            fix="the vehicle's address or its name, the same at both ends: host=192.168.2.2.",
+        )
+    return host, given
+
+
+def _is_address(host: str) -> bool:
+    try:
+        ipaddress.ip_address(host)
+    except ValueError:
+        return False
+    return True
+
+
+def _allowed(options: Mapping[str, str]) -> tuple[str, ...]:
+    """Returns the addresses that `--option allow=...` names."""
+    allow = tuple(one.strip() for one in options["allow"].split(",")) if "allow" in options else ()
+    try:
+        as_networks(allow)
+    except ConfigError as error:
+        raise ParameterError(
+            f"--option allow={options['allow']}: {error.message}",
+            fix="the surface's address, or several with commas: allow=192.168.2.1,192.168.2.7.",
+        ) from error
+    return allow
+
+
+def _secret(options: Mapping[str, str]) -> bytes | None:
+    """Returns what both ends have to know, or None."""
+    if "secret" in options:
+        return secret_from_file(options["secret"])
+    return secret_from_env(SECRET_VARIABLE) if SECRET_VARIABLE in os.environ else None
+
+
+def _check_door(host: str, is_guarded: bool) -> None:
+    """Checks that not everybody may steer a vehicle that listens there."""
+    if is_loopback(host) or is_guarded:
+        return
+    raise ConfigError(
+        f"A vehicle that listens on {host} could be steered by anybody in that network.",
+        fix=f"{MAKES_ONE}, copy that file to the other computer, and add --option secret=secret.txt at both ends "
+        f"(or {SECRET_VARIABLE}=..., the text itself, in both environments); in a network that is yours alone, "
+        "--option allow=ADDRESS of the surface's computer, at the vehicle.",
+    )

@@ -1,0 +1,59 @@
+"""The newest command page, as its loop gets it: handed over, and looked up where none was."""
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+from snr_sim.devices.command_input import CommandInput
+from snr_sim.prelude.page import Page
+
+
+class Store:
+    """What a loop's node has of pages."""
+
+    name = "robot"
+
+    def __init__(self) -> None:
+        self.page: Page | None = None
+        self.taps: list[Any] = []
+        self.time_s = 0.0
+
+    def tap(self, key: str, way_out: Any) -> None:
+        self.taps.append(way_out)
+
+    def untap(self, key: str, way_out: Any) -> None:
+        self.taps.remove(way_out)
+
+    def get_page(self, key: str) -> Page | None:
+        return self.page
+
+    def get_time_s(self) -> float:
+        return self.time_s
+
+    def store(self, data: Any) -> Page:
+        self.page = Page("engine", data, self.name, self.time_s)
+        for way_out in self.taps:
+            way_out(self.page)
+        return self.page
+
+
+def test_newest_page_is_that_of_the_node_before_begin_after_it_and_after_an_absence() -> None:
+    store = Store()
+    wakes: list[float] = []
+    loop: Any = SimpleNamespace(parent=store, hurry=lambda: wakes.append(store.time_s))
+    commands = CommandInput(loop, "engine")
+    assert commands.newest() == (None, math.inf)
+    early = store.store(1)
+    store.time_s = 0.5
+    assert commands.newest() == (early, 0.5)
+    commands.begin()
+    assert commands.newest() == (early, 0.5)
+    late = store.store(2)
+    assert commands.newest() == (late, 0.0)
+    assert wakes == [0.5]
+    commands.end()
+    commands.end()
+    missed = store.store(3)
+    commands.begin()
+    assert commands.newest() == (missed, 0.0)
+    assert wakes == [0.5]
