@@ -24,7 +24,7 @@ import pytest
 from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.lab.lab import Check, Lab, find_lab, load_lab
 from snr_sim.grading.remote import child_process
-from snr_sim.grading.sandbox.sandbox import environment
+from snr_sim.grading.remote.launch import environment
 from tests.assignments.mistakes import write_solution, write_starter
 
 collect_ignore_glob = ["*/reference/*"]

@@ -13,10 +13,9 @@ from typing import Any
 
 import pytest
 
-from snr_sim.grading.remote import child_process
-from snr_sim.grading.sandbox import nursery as nursery_module
-from snr_sim.grading.sandbox import sandbox as sandbox_module
-from snr_sim.grading.sandbox.isolation import find_isolation
+from snr_sim.grading.remote import child_process, launch
+from snr_sim.grading.remote import nursery as nursery_module
+from snr_sim.grading.remote.isolation import find_isolation
 from snr_sim.grading.sandbox.sandbox import IsolationMissing
 
 # They run in the sandbox, and never in pytest, which imports whatever it collects.
@@ -126,7 +125,7 @@ def open_folder() -> Iterator[Path]:
 @pytest.fixture
 def at_first(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
     """Has a line of Python run in each student's process, before it puts up its walls."""
-    begin = sandbox_module.start_command
+    begin = launch.start_command
 
     def run_at_first(line: str) -> None:
         def changed(*args: Any, **more: Any) -> tuple[list[str], Path]:

@@ -6,14 +6,15 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import snr_sim
-from snr_sim.grading.sandbox.sandbox import WAYS_TO_RECKON
-from snr_sim.grading.sandbox.throwaway_user import FIRST, LAST
+from snr_sim.grading.remote.launch import WAYS_TO_RECKON
+from snr_sim.grading.sandbox.confiner import FIRST, LAST
 
 KIT = Path(snr_sim.__file__).resolve().parent
 KNOWN = {
@@ -25,6 +26,7 @@ KNOWN = {
 PROBE = '''
 import errno, os, resource, signal, sys, tempfile
 
+LIMITS = ("NPROC", "CORE", "FSIZE", "CPU", "AS", "NOFILE")
 ctypes = sys.modules["ctypes"]
 libc = ctypes.CDLL(None, use_errno=True)
 
@@ -80,7 +82,7 @@ def who():
         "arguments": sys.orig_argv[1:],
         "open files": [fd for fd in range(1024) if tried(os.fstat, fd) == "done"],
         "session": os.getsid(0) == os.getpid(),
-        "limits": [resource.getrlimit(getattr(resource, "RLIMIT_" + name)) for name in ("NPROC", "CORE", "FSIZE")],
+        "limits": [resource.getrlimit(getattr(resource, "RLIMIT_" + name)) for name in LIMITS],
         "pair": pair(),
     }
 
@@ -142,21 +144,37 @@ def heavy():
 '''
 SCRIPT = """
 import json, sys
+from contextlib import suppress
 from pathlib import Path
 from snr_sim.grading import Student
-from snr_sim.grading.sandbox.isolation import find_isolation
-from snr_sim.grading.sandbox.throwaway_user import _processes
+from snr_sim.grading.remote import launch
+from snr_sim.grading.remote.isolation import find_isolation
+from snr_sim.grading.sandbox.sandbox import KIT
+
+
+def processes():
+    found = []
+    for status in Path("/proc").glob("[0-9]*/status"):
+        with suppress(OSError):
+            fields = dict(line.split(":\t", 1) for line in status.read_text().splitlines() if ":\t" in line)
+            if not fields["State"].startswith("Z"):
+                found.append([int(fields["Pid"]), int(fields["Uid"].split()[0])])
+    return found
+
 
 folder, secret, port = Path(sys.argv[1]), sys.argv[2], int(sys.argv[3])
 allowed = frozenset({"ctypes", "_socket"})
 with Student(folder, find_isolation(), allowed) as ada, Student(folder, find_isolation(), allowed) as bob:
     told = {"isolation": ada.isolation, "who": ada.call("mine.py", "who"), "bob": bob.call("mine.py", "who")}
-    told["processes"] = [list(one) for one in _processes()]
+    told["processes"] = processes()
     told["tries"] = ada.call("mine.py", "tries", port)
     told["files"] = bob.call("mine.py", "tempfiles")
     told["looks"] = ada.call("mine.py", "looks", json.loads(secret))
     told["heavy"] = ada.call("mine.py", "heavy")
-told["left"] = [list(one) for one in _processes()]
+told["left"] = processes()
+launch.LABS = KIT / "plants"  # as if these were the labs of an installed kit
+with Student(folder, find_isolation(), allowed) as eve:
+    told["labs"] = eve.call("mine.py", "looks", [f"{KIT}/plants/__init__.py", f"{KIT}/__init__.py"])
 print(json.dumps(told))
 """
 
@@ -206,7 +224,7 @@ def test_each_confined_process_has_a_user_of_its_own_without_any_rights(told: di
         assert told[name]["uid"] == [user] * 4
         assert told[name]["groups"] == []
         assert told[name]["session"]
-        assert told[name]["limits"] == [[1, 1], [0, 0], [1 << 20, 1 << 20]]
+        assert told[name]["limits"] == [[1, 1], [0, 0], [1 << 20] * 2, [60, 62], [1 << 30] * 2, [64, 64]]
         assert [one for _, one in told["processes"]].count(user) == 1
         assert user not in [one for _, one in told["left"]]
 
@@ -224,6 +242,7 @@ def test_it_is_told_nothing_but_where_python_the_kit_and_its_own_folders_are(tol
 
 def test_it_reads_no_other_file_and_nothing_of_other_processes(told: dict[str, Any]) -> None:
     assert told["looks"] == ["EACCES"] * len(hidden(Path("x")))
+    assert told["labs"] == ["EACCES", "done"]
 
 
 def test_it_writes_a_few_short_files_in_its_scratch_folder_and_nowhere_else(told: dict[str, Any]) -> None:
@@ -256,6 +275,58 @@ def test_it_computes_as_any_program_does(told: dict[str, Any]) -> None:
     assert told["who"]["pair"] == "x"
 
 
+HOLDS = """
+import sys
+from pathlib import Path
+from snr_sim.grading import Student
+from snr_sim.grading.remote.isolation import find_isolation
+
+with Student(Path(sys.argv[1]), find_isolation()) as student:
+    assert student.call("mine.py", "f") == 1
+    print(student.isolation, flush=True)
+    sys.stdin.read()
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("isolation", ["sandbox", "confined"])
+def test_a_process_ends_with_its_grader_however_that_ends(
+    isolation: str, request: pytest.FixtureRequest, open_folder: Path
+) -> None:
+    prefix = request.getfixturevalue("docker") if isolation == "confined" else request.getfixturevalue("sandbox") or []
+    (open_folder / "mine.py").write_text("def f():\n    return 1\n")
+    grader = subprocess.Popen(
+        [*prefix, sys.executable, "-c", HOLDS, str(open_folder)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert grader.stdin is not None
+    assert grader.stdout is not None
+    with grader.stdin, grader.stdout:
+        assert grader.stdout.readline() == f"{isolation}\n"
+        below = below_of(grader.pid)
+        assert below
+        grader.kill()
+        grader.wait()
+        give_up_s = time.monotonic() + 60.0
+        while any(map(is_alive, below)):
+            assert time.monotonic() < give_up_s
+            time.sleep(0.01)
+
+
+def below_of(pid: int) -> list[int]:
+    children = [int(one) for one in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+    return children + [one for child in children for one in below_of(child)]
+
+
+def is_alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
 @pytest.mark.slow
 def test_a_kit_that_other_users_cannot_reach_is_named_before_a_student_is_blamed(
     docker: list[str], open_folder: Path
@@ -263,7 +334,7 @@ def test_a_kit_that_other_users_cannot_reach_is_named_before_a_student_is_blamed
     closed = open_folder / "private"
     shutil.copytree(KIT, closed / "snr_sim", ignore=shutil.ignore_patterns("__pycache__"))
     closed.chmod(0o700)
-    script = "from snr_sim.grading.sandbox.isolation import try_confinement; try_confinement()"
+    script = "from snr_sim.grading.remote.isolation import try_confinement; try_confinement()"
     words = [*docker, "env", f"PYTHONPATH={closed}", sys.executable, "-c", script]
     done = subprocess.run(words, capture_output=True, text=True, cwd=open_folder)
     assert done.returncode == 1

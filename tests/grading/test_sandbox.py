@@ -1,5 +1,6 @@
 """The sandbox: what a student's process is, sees and may use. Each is tried from inside."""
 
+import ctypes
 import os
 import shutil
 import sys
@@ -12,14 +13,19 @@ import snr_sim
 from snr_sim.grading import Student
 from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.lab.lab import load_lab
-from snr_sim.grading.lab.verdicts import Misbehaved
-from snr_sim.grading.sandbox import isolation
-from snr_sim.grading.sandbox.isolation import find_isolation, forbidden, try_confinement, try_sandbox, unconfined
-from snr_sim.grading.sandbox.nursery import Nursery
-from snr_sim.grading.sandbox.sandbox import WAYS_TO_RECKON, IsolationMissing, Limits, find_bubblewrap, is_root
+from snr_sim.grading.lab.verdicts import LabFault, Misbehaved
+from snr_sim.grading.remote import isolation
+from snr_sim.grading.remote.isolation import find_isolation, forbidden, try_confinement, try_sandbox, unconfined
+from snr_sim.grading.remote.launch import WAYS_TO_RECKON
+from snr_sim.grading.remote.nursery import Nursery
+from snr_sim.grading.sandbox import sandbox as sandbox_module
+from snr_sim.grading.sandbox.sandbox import IsolationMissing, Limits, find_bubblewrap, is_root
 
 PROBE = '''
 import errno, os, resource, sys
+
+KEY = 0x5E9
+LIMITS = ("NPROC", "CORE", "FSIZE", "CPU", "AS", "NOFILE")
 
 
 def tried(what, *args):
@@ -100,7 +106,12 @@ def facts():
     import _socket
 
     line = _socket.socket()
+    libc = __import__("ctypes").CDLL(None)
     return {
+        "number": os.getpid(),
+        "computer": os.uname().nodename,
+        "segment": libc.shmget(KEY, 0, 0),
+        "limits": [resource.getrlimit(getattr(resource, "RLIMIT_" + name)) for name in LIMITS],
         "uid": [os.getuid(), os.geteuid(), os.getgid()],
         "groups": os.getgroups(),
         "environment": sorted(os.environ),
@@ -120,7 +131,6 @@ def facts():
         "root again": tried(os.setuid, 0),
         "rights": rights(),
         "parent": tried(os.kill, os.getppid(), 9),
-        "core": resource.getrlimit(resource.RLIMIT_CORE),
         "more memory": tried(resource.setrlimit, resource.RLIMIT_AS, (-1, -1)),
         "open files": len([fd for fd in range(1024) if tried(os.fstat, fd) == "done"]),
     }
@@ -178,8 +188,18 @@ def test_a_process_in_the_sandbox_is_nobody_alone_and_can_write_on_little_but_it
     namespaces_alone: None, submission: Path, nursery: Nursery | None
 ) -> None:
     submission.parent.chmod(0o755)
-    with Student(submission, "sandbox", nursery=nursery) as student:
-        facts = student.call("mine.py", "facts")
+    libc = ctypes.CDLL(None)
+    segment = libc.shmget(0x5E9, 4096, 0o1666)  # which everybody outside may use
+    try:
+        with Student(submission, "sandbox", nursery=nursery) as student:
+            facts = student.call("mine.py", "facts")
+    finally:
+        libc.shmctl(segment, 0, None)  # IPC_RMID
+    assert (segment >= 0, facts["segment"]) == (True, -1)
+    assert facts["number"] < 10
+    assert facts["computer"] == "grader"
+    cpu_s = 1 if nursery is not None else 60
+    assert facts["limits"] == [[1, 1], [0, 0], [1 << 24] * 2, [cpu_s, cpu_s + 2], [1 << 30] * 2, [64, 64]]
     assert facts["uid"] == [65534, 65534, 65534]
     assert facts["groups"] == [] or os.getuid() != 0
     threads = ["MKL_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"]
@@ -195,7 +215,7 @@ def test_a_process_in_the_sandbox_is_nobody_alone_and_can_write_on_little_but_it
     for place in ("submission", "beside", "kit", "root folder"):
         assert facts[place] == "EROFS", place
     assert facts["scratch"] == "done"
-    assert facts["much scratch"] in ("EFBIG", "ENOSPC")
+    assert facts["much scratch"] == "ENOSPC"  # with the file that is there already
     assert facts["fork"] == "EAGAIN"
     assert facts["program"] == "EAGAIN"
     refused, capabilities, may_gain_no_rights = facts["rights"]
@@ -204,7 +224,6 @@ def test_a_process_in_the_sandbox_is_nobody_alone_and_can_write_on_little_but_it
     assert may_gain_no_rights == 1
     assert facts["root again"] in ("EPERM", "EINVAL")
     assert facts["parent"] in ("EPERM", "done")  # its parent is the namespace's own first process, or nobody
-    assert facts["core"] == [0, 0]
     assert facts["more memory"] in ("EPERM", "ValueError")
     assert facts["open files"] == 5  # the three of every process, its line, and the socket that was tried
     assert (submission / "mine.py").read_text() == PROBE
@@ -233,6 +252,31 @@ def test_a_process_sees_nothing_of_the_grader_or_of_other_submissions(
         assert student.call("mine.py", "looks", hidden) == ["ENOENT"] * len(hidden)
         assert student.call("mine.py", "seen_under", "/submission") == ["/submission/mine.py"]
         assert not any("do not tell" in argument for argument in student.call("mine.py", "arguments"))
+
+
+@pytest.mark.slow
+def test_labs_that_are_in_the_kit_are_covered(
+    submission: Path, nursery: Nursery | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kit = Path(snr_sim.__file__).parent
+    monkeypatch.setattr(sandbox_module, "LABS", kit / "plants")  # as if these were the labs of an installed kit
+    with Student(submission, "sandbox", nursery=nursery) as student:
+        assert student.call("mine.py", "looks", [f"{kit}/plants/__init__.py", f"{kit}/__init__.py"]) == [
+            "ENOENT",
+            "done",
+        ]
+        assert student.call("mine.py", "seen_under", f"{kit}/plants") == []
+
+
+@pytest.mark.slow
+def test_of_roots_rights_there_are_but_a_few_before_they_are_given_away(
+    submission: Path, nursery: Nursery | None, at_first: Callable[[str], None]
+) -> None:
+    if not is_root():
+        pytest.skip("nobody else has any")
+    at_first("import os; os.chroot('/')")
+    with Student(submission, "sandbox", nursery=nursery) as student, pytest.raises(LabFault, match="not permitted"):
+        student.call("mine.py", "looks", [])
 
 
 @pytest.mark.slow

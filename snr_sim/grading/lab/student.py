@@ -20,10 +20,10 @@ from snr_sim.grading.lab.verdicts import LabFault, Misbehaved
 from snr_sim.grading.remote.child_process import ChildProcess
 from snr_sim.grading.remote.endings import misbehaved
 from snr_sim.grading.remote.imports import check_imports
+from snr_sim.grading.remote.nursery import Nursery
 from snr_sim.grading.remote.piped_process import begin_process
 from snr_sim.grading.remote.protocol import ProtocolError, decode_as, plain_value
 from snr_sim.grading.reports.results import Isolation
-from snr_sim.grading.sandbox.nursery import Nursery
 from snr_sim.grading.sandbox.sandbox import Limits
 from snr_sim.prelude.structs import learned
 from snr_sim.prelude.values import encode_value, may_have_marks

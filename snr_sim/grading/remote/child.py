@@ -20,16 +20,9 @@ import msgspec
 
 from snr_sim.core.blame import describe_error, place_of, put_place_first
 from snr_sim.grading.remote.child_values import NoValue, encode_plain, short
+from snr_sim.grading.remote.cpu_time import TookTooLong, bound_time, heed_time, start_timer
 from snr_sim.grading.remote.protocol import PIPES, Answer, Said, decode_ask, encode
-from snr_sim.grading.sandbox.child_limits import (
-    TookTooLong,
-    become,
-    bound_time,
-    end_with_parent,
-    heed_time,
-    limit,
-    refuse_company,
-)
+from snr_sim.grading.sandbox.child_limits import become, end_with_parent, limit, refuse_company
 from snr_sim.prelude.errors import SnrError, nearest
 from snr_sim.prelude.values import decode_value
 from snr_sim.scenario import library
@@ -156,7 +149,7 @@ def main(
     limits: tuple[int, int, int, int],
     is_alone: bool,
     user: int | None,
-    walls: tuple[int, tuple[str, ...], str, str] | None = None,
+    walls: tuple[int, list[str], str, str] | None = None,
 ) -> None:
     """Answers until nobody asks any more. Does not return.
 
@@ -165,21 +158,19 @@ def main(
         limits: seconds of CPU time, bytes of memory, bytes of a file, open files.
         is_alone: whether nobody else runs as its user, so that it may start nothing.
         user: whom to become, if the process is root's and in a sandbox.
-        walls: of a process that confines itself.
+        walls: of a process that confines itself: see `confine`.
     """
     asks, answers = _line_of_pipes() if line == PIPES else _line_of_socket(line)
     if user is not None:
         become(user)
     if walls is not None:
-        from snr_sim.grading.sandbox.confinement import (  # here and below: at home nothing of it is needed
-            Walls,
-            confine,
-        )
+        from snr_sim.grading.sandbox.confinement import confine  # here and below: at home nothing of it is needed
 
-        confine(Walls(*walls), answers)
+        confine(answers, *walls)
     elif line != PIPES and not is_alone:  # bubblewrap does the same for a sandbox
         end_with_parent()  # a worker that is killed cannot end its program, which may be in a loop without an end
     limit(limits, is_alone)
+    start_timer()
     if is_alone:  # the last wall, behind which no limit needs to be set any more
         from snr_sim.grading.sandbox import seccomp
 

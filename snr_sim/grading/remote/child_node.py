@@ -20,9 +20,9 @@ from snr_sim.core.loop import Loop
 from snr_sim.core.machine import EventMachine, as_tasks
 from snr_sim.core.node import Node
 from snr_sim.grading.remote.child import Child
+from snr_sim.grading.remote.cpu_time import TookTooLong
 from snr_sim.grading.remote.node_messages import Made, Returned, StepDone
 from snr_sim.grading.remote.typed_pages import TypedPages
-from snr_sim.grading.sandbox.child_limits import TookTooLong
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.task import Task
 

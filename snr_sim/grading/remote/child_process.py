@@ -19,13 +19,13 @@ from typing import Any
 
 from snr_sim.grading.lab.verdicts import LabFault, Misbehaved
 from snr_sim.grading.remote.endings import ended_badly, spent
+from snr_sim.grading.remote.launch import environment, start_command
+from snr_sim.grading.remote.nursery import Copied, Nursery
+from snr_sim.grading.remote.patience import Patience, seen_of
 from snr_sim.grading.remote.protocol import MAX_ANSWER_BYTES, Answer, Ask, ProtocolError, decode_answer, encode
 from snr_sim.grading.reports.results import Isolation
 from snr_sim.grading.sandbox.confiner import Confiner
-from snr_sim.grading.sandbox.nursery import Copied, Nursery
-from snr_sim.grading.sandbox.patience import Patience, seen_of
-from snr_sim.grading.sandbox.sandbox import Limits, environment, start_command
-from snr_sim.grading.sandbox.scratch import Scratch
+from snr_sim.grading.sandbox.sandbox import Limits
 
 KEPT_BYTES = 8_000  # of what it prints
 MAX_PRINTED_BYTES = 1 << 20
@@ -121,7 +121,7 @@ class ChildProcess:
         """Hears whether it is there, before it has read anything of the student's: if not, that is our fault."""
         try:
             if self._confiner is not None:
-                self._take_listener(self._confiner.scratch)
+                self._take_listener(self._confiner)
             self._exchange("hello", None, _START_CPU_S)
         except (Misbehaved, ProtocolError) as error:
             raise LabFault(
@@ -129,15 +129,15 @@ class ChildProcess:
                 fix="is the computer out of memory or processes? Grade with fewer --jobs.",
             ) from error
 
-    def _take_listener(self, scratch: Scratch) -> None:
+    def _take_listener(self, confiner: Confiner) -> None:
         """Takes what a confined process sends when its walls are up: where it is asked whether it may make a file."""
         patience = Patience(self._limits.wall_s(_START_CPU_S), _START_CPU_S, self._process.pid)
         self._wait(patience, select.POLLIN)
         data, sent, _, _ = socket.recv_fds(self._socket, 1, 1)
         if data != b"\n" or len(sent) != 1:
             raise self._ended()
-        (scratch.listener,) = sent
-        self._poll.register(scratch.listener, select.POLLIN)
+        (confiner.listener,) = sent
+        self._poll.register(confiner.listener, select.POLLIN)
 
     def _exchange(self, do: str, args: Any, cpu_s: float) -> Answer:
         self._n += 1
@@ -241,7 +241,7 @@ class ChildProcess:
 
     def _hear_listener(self, listener: int, events: int) -> None:
         assert self._confiner is not None
-        if not events & select.POLLIN or not self._confiner.scratch.answer():
+        if not events & select.POLLIN or not self._confiner.answer():
             self._poll.unregister(listener)
 
     def _hear_output(self) -> None:
@@ -303,7 +303,6 @@ class ChildProcess:
 
         Raises:
             Misbehaved: it had printed too much.
-            LabFault: it was confined, and something of it cannot be ended.
         """
         if self._socket.fileno() < 0:
             return

@@ -15,8 +15,8 @@ from snr_sim.core.said import Heard
 from snr_sim.grading.remote.child import Child
 from snr_sim.grading.remote.child_node import ChildNode, in_words
 from snr_sim.grading.remote.child_values import plain
+from snr_sim.grading.remote.cpu_time import TookTooLong
 from snr_sim.grading.remote.node_messages import SUBMISSION, Handle, Load, Make, Open, Opened, Step
-from snr_sim.grading.sandbox.child_limits import TookTooLong
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.task import Task
 from snr_sim.prelude.values import encode_value

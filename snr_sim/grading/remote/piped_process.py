@@ -16,11 +16,12 @@ from queue import Empty, SimpleQueue
 from typing import IO
 
 from snr_sim.grading.remote.child_process import CHUNK, LOOK_S, ChildProcess, start_process
+from snr_sim.grading.remote.launch import start_command
+from snr_sim.grading.remote.nursery import Nursery
+from snr_sim.grading.remote.patience import Patience
 from snr_sim.grading.remote.protocol import PIPES
 from snr_sim.grading.reports.results import Isolation
-from snr_sim.grading.sandbox.nursery import Nursery
-from snr_sim.grading.sandbox.patience import Patience
-from snr_sim.grading.sandbox.sandbox import Limits, start_command
+from snr_sim.grading.sandbox.sandbox import Limits
 
 CAN_POLL_PIPES = hasattr(select, "poll")
 _END_S = 2.0

@@ -25,9 +25,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from snr_sim.grading.lab.verdicts import LabFault
+from snr_sim.grading.remote.launch import copy_for_all, environment, start_command
+from snr_sim.grading.remote.nursery_process import COPIED, COPY, HOW_IT_ENDED, STATUS, USED_UP
 from snr_sim.grading.reports.results import Isolation
-from snr_sim.grading.sandbox.nursery_process import COPIED, COPY, HOW_IT_ENDED, STATUS, USED_UP
-from snr_sim.grading.sandbox.sandbox import Limits, copy_for_all, environment, is_root, start_command
+from snr_sim.grading.sandbox.sandbox import Limits, is_root
 
 _MOST_BYTES = 64
 _END_S = 2.0
