@@ -51,7 +51,6 @@ from snr_sim.devices.sensors import ms5837
 from snr_sim.grading import pilot, queue_bench
 from snr_sim.grading.remote import child
 from snr_sim.grading.remote import child_node
-from snr_sim.grading.remote import node_verbs
 from snr_sim.plants.urov import t200
 from snr_sim.plants.urov import vehicle_file
 from snr_sim.std_mods import allocation, slew, thrust_curve

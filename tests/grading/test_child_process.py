@@ -8,6 +8,7 @@ import pytest
 from snr_sim.grading.lab.verdicts import LabFault
 from snr_sim.grading.remote import child_process
 from snr_sim.grading.remote.child_process import ChildProcess
+from snr_sim.grading.remote.protocol import Hello
 from snr_sim.grading.sandbox.sandbox import Limits
 
 
@@ -25,7 +26,7 @@ def test_a_process_that_ends_before_it_has_read_the_submission_is_no_fault_of_th
     monkeypatch.setattr(child_process, "start_command", broken)
     child = ChildProcess(tmp_path, "none", Limits())
     with pytest.raises(LabFault, match="could not be started"):
-        child.ask("call", {"file": "mine.py", "function": "f", "args": []}, 1.0)
+        child.ask(Hello(), 1.0)
     child.close()
 
 

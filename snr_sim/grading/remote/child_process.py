@@ -18,11 +18,11 @@ from pathlib import Path
 from typing import Any
 
 from snr_sim.grading.lab.verdicts import LabFault, Misbehaved
+from snr_sim.grading.remote import protocol
 from snr_sim.grading.remote.endings import ended_badly, spent
 from snr_sim.grading.remote.launch import environment, start_command
 from snr_sim.grading.remote.nursery import Copied, Nursery
 from snr_sim.grading.remote.patience import Patience, seen_of
-from snr_sim.grading.remote.protocol import MAX_ANSWER_BYTES, Answer, Ask, ProtocolError, decode_answer, encode
 from snr_sim.grading.reports.results import Isolation
 from snr_sim.grading.sandbox.confiner import Confiner
 from snr_sim.grading.sandbox.sandbox import Limits
@@ -100,12 +100,11 @@ class ChildProcess:
         seen = seen_of(self._process.pid)
         return None if seen is None else seen[1]
 
-    def ask(self, do: str, args: Any, cpu_s: float) -> Answer:
-        """Asks, and returns the answer.
+    def ask(self, verb: protocol.Verb, cpu_s: float) -> protocol.Answer:
+        """Ask, and return the answer.
 
         Args:
-            do: the child's verb.
-            args: a Struct, a list or a dict of its arguments.
+            verb: what for.
             cpu_s: how much CPU time it may take; the child itself counts, and the kernel behind it.
 
         Raises:
@@ -115,15 +114,15 @@ class ChildProcess:
         """
         if self._n == 0:
             self._greet()
-        return self._exchange(do, args, cpu_s)
+        return self._exchange(verb, cpu_s)
 
     def _greet(self) -> None:
         """Hears whether it is there, before it has read anything of the student's: if not, that is our fault."""
         try:
             if self._confiner is not None:
                 self._take_listener(self._confiner)
-            self._exchange("hello", None, _START_CPU_S)
-        except (Misbehaved, ProtocolError) as error:
+            self._exchange(protocol.Hello(), _START_CPU_S)
+        except (Misbehaved, protocol.ProtocolError) as error:
             raise LabFault(
                 f"A student's process could not be started. {error.message} {self.printed}".rstrip(),
                 fix="is the computer out of memory or processes? Grade with fewer --jobs.",
@@ -139,11 +138,11 @@ class ChildProcess:
         (confiner.listener,) = sent
         self._poll.register(confiner.listener, select.POLLIN)
 
-    def _exchange(self, do: str, args: Any, cpu_s: float) -> Answer:
+    def _exchange(self, verb: protocol.Verb, cpu_s: float) -> protocol.Answer:
         self._n += 1
         patience = Patience(self._limits.wall_s(cpu_s), cpu_s, self._process.pid)
-        self._send(encode(Ask(self._n, do, args, cpu_s)) + b"\n", patience)
-        answer = decode_answer(self._receive(patience))
+        self._send(protocol.encode(protocol.Ask(self._n, cpu_s, verb)) + b"\n", patience)
+        answer = protocol.decode_answer(self._receive(patience))
         if answer.n != self._n:
             self.kill()
             raise Misbehaved(
@@ -174,10 +173,11 @@ class ChildProcess:
                 line = bytes(heard)
                 heard.clear()
                 return line
-            if len(heard) > MAX_ANSWER_BYTES:
+            if len(heard) > protocol.MAX_ANSWER_BYTES:
                 self.kill()
                 raise Misbehaved(
-                    f"It answered with more than {MAX_ANSWER_BYTES} bytes.", "Return what was asked for, and no more."
+                    f"It answered with more than {protocol.MAX_ANSWER_BYTES} bytes.",
+                    "Return what was asked for, and no more.",
                 )
 
     def _received(self, patience: Patience) -> bytes:

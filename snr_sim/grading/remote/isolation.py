@@ -15,6 +15,7 @@ import msgspec
 
 from snr_sim.grading.lab.verdicts import LabFault
 from snr_sim.grading.remote.child_process import ChildProcess
+from snr_sim.grading.remote.protocol import Hello
 from snr_sim.grading.reports.results import Isolation
 from snr_sim.grading.sandbox.confiner import FIRST, LAST, is_for_here, missing_rights
 from snr_sim.grading.sandbox.sandbox import (
@@ -86,7 +87,7 @@ def _user_of_a_trial(isolation: Isolation) -> tuple[int | None, str]:
         os.chmod(name, 0o755)
         child = ChildProcess(Path(name), isolation, Limits())
         try:
-            answer = child.ask("hello", None, 10.0)
+            answer = child.ask(Hello(), 10.0)
         except LabFault as error:
             return None, child.printed or error.message
         finally:
