@@ -23,7 +23,7 @@ import pytest
 
 from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.lab.lab import Check, Lab, find_lab, load_lab
-from snr_sim.grading.remote import child_process
+from snr_sim.grading.remote import launch
 from snr_sim.grading.remote.launch import environment
 from tests.assignments.mistakes import write_solution, write_starter
 
@@ -137,12 +137,11 @@ def warm_children(warm: WarmProcess, monkeypatch: pytest.MonkeyPatch) -> None:
         return Copy(number, heard)
 
     class Subprocess:
-        """`subprocess` as `child_process` sees it."""
+        """`subprocess` as `launch` sees it."""
 
         Popen, DEVNULL, PIPE, STDOUT = staticmethod(popen), subprocess.DEVNULL, subprocess.PIPE, subprocess.STDOUT
-        TimeoutExpired = subprocess.TimeoutExpired
 
-    monkeypatch.setattr(child_process, "subprocess", Subprocess)
+    monkeypatch.setattr(launch, "subprocess", Subprocess)
 
 
 def one_hidden(check: Check) -> Check:

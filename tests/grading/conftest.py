@@ -13,8 +13,7 @@ from typing import Any
 
 import pytest
 
-from snr_sim.grading.remote import child_process, launch
-from snr_sim.grading.remote import nursery as nursery_module
+from snr_sim.grading.remote import launch
 from snr_sim.grading.remote.isolation import find_isolation
 from snr_sim.grading.sandbox.sandbox import IsolationMissing
 
@@ -132,8 +131,7 @@ def at_first(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
             command, folder = begin(*args, **more)
             return [*command[:-1], command[-1].replace("; main(", f"; {line}; main(")], folder
 
-        for module in (child_process, nursery_module):
-            monkeypatch.setattr(module, "start_command", changed)
+        monkeypatch.setattr(launch, "start_command", changed)
 
     return run_at_first
 

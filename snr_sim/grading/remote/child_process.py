@@ -11,29 +11,25 @@ import select
 import signal
 import socket
 import subprocess
-import time
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 from snr_sim.grading.lab.verdicts import LabFault, Misbehaved
 from snr_sim.grading.remote import protocol
 from snr_sim.grading.remote.endings import ended_badly, spent
-from snr_sim.grading.remote.launch import environment, start_command
+from snr_sim.grading.remote.launch import start_process
 from snr_sim.grading.remote.nursery import Copied, Nursery
-from snr_sim.grading.remote.patience import Patience, seen_of
+from snr_sim.grading.remote.patience import END_S, LOOK_S, Patience, seen_of, wait_for_the_end
 from snr_sim.grading.reports.results import Isolation
 from snr_sim.grading.sandbox.confiner import Confiner
 from snr_sim.grading.sandbox.sandbox import Limits
 
 KEPT_BYTES = 8_000  # of what it prints
 MAX_PRINTED_BYTES = 1 << 20
-_END_S = 2.0
 CHUNK = 1 << 16
 _NEWLINE = 10
 _START_CPU_S = 10.0  # of Python with the kit: about 0.2
-LOOK_S = 0.5  # so often it is looked at whether a process that does not answer is working
 
 
 class ChildProcess:
@@ -63,7 +59,9 @@ class ChildProcess:
         with there:
             try:
                 copied = nursery.copy(folder, there.fileno()) if nursery is not None and not readable else None
-                self._process = copied or _started(folder, isolation, there.fileno(), limits, readable, self._confiner)
+                self._process = copied or start_process(
+                    folder, isolation, there.fileno(), limits, readable, self._confiner
+                )
             except BaseException:
                 here.close()
                 if self._confiner is not None:
@@ -86,7 +84,6 @@ class ChildProcess:
         self._kept = bytearray()
         self.printed_bytes = 0
         self._confiner = confiner
-        self._next_look_s = 0.0
 
     @property
     def printed(self) -> str:
@@ -219,7 +216,7 @@ class ChildProcess:
         Raises:
             Misbehaved: it was ended.
         """
-        if not (self._is_time_to_look() and patience.is_over()):
+        if not patience.is_over():
             return
         self.kill()
         if patience.is_spent:
@@ -230,14 +227,6 @@ class ChildProcess:
             expected="an answer",
             actual="none",
         )
-
-    def _is_time_to_look(self) -> bool:
-        """Returns whether the last look was long ago: who prints a word now and then is looked at, too."""
-        now_s = time.monotonic()
-        if now_s < self._next_look_s:
-            return False
-        self._next_look_s = now_s + 0.9 * LOOK_S
-        return True
 
     def _hear_listener(self, listener: int, events: int) -> None:
         assert self._confiner is not None
@@ -277,7 +266,7 @@ class ChildProcess:
     def _ended(self) -> Misbehaved:
         """Says how it ended, although it was asked something."""
         with suppress(subprocess.TimeoutExpired):
-            self._process.wait(_END_S)
+            self._process.wait(END_S)
         status = self._process.poll()
         with suppress(Misbehaved):
             self._hear_output()
@@ -292,12 +281,6 @@ class ChildProcess:
         with suppress(ProcessLookupError):
             self._process.kill()
 
-    def _wait_for_the_end(self) -> None:
-        """Waits until nobody is left at the far end of the line: with a sandbox, its namespace is dead then."""
-        far_end = select.poll()
-        far_end.register(self._socket, 0)  # that it has gone is always told
-        far_end.poll(_END_S * 1000.0)
-
     def close(self) -> None:
         """Ends it and lets go of everything. Safe to call twice.
 
@@ -309,7 +292,7 @@ class ChildProcess:
         try:
             self.kill()
             self._process.wait()
-            self._wait_for_the_end()
+            wait_for_the_end(self._socket)  # with a sandbox, its namespace is dead then
             if self._confiner is not None:
                 self._confiner.close()
             self._hear_output()
@@ -317,47 +300,3 @@ class ChildProcess:
             self._socket.close()
             assert self._process.stdout is not None
             self._process.stdout.close()
-
-
-def _started(
-    folder: Path, isolation: Isolation, line: int, limits: Limits, readable: Sequence[Path], confiner: Confiner | None
-) -> subprocess.Popen[bytes]:
-    """Returns a process, with a Python and a sandbox of its own.
-
-    Raises:
-        LabFault: it cannot be started.
-    """
-    command, cwd = start_command(folder, isolation, line, limits, readable, confiner)
-    return start_process(command, cwd, confiner, pass_fds=(line,), start_new_session=True)
-
-
-def start_process(
-    command: list[str],
-    cwd: Path,
-    confiner: Confiner | None = None,
-    stdin: int = subprocess.DEVNULL,
-    stderr: int = subprocess.STDOUT,
-    **options: Any,
-) -> subprocess.Popen[bytes]:
-    """Start a student's process, whose stdout is a pipe.
-
-    Args:
-        command, cwd: of `start_command`.
-        confiner: of a process that is "confined".
-        stdin, stderr, options: as of `subprocess.Popen`.
-
-    Raises:
-        LabFault: it cannot be started.
-    """
-    try:
-        return subprocess.Popen(
-            command,
-            cwd=cwd,
-            env=environment(confiner),
-            stdin=stdin,
-            stdout=subprocess.PIPE,
-            stderr=stderr,
-            **options,
-        )
-    except OSError as error:
-        raise LabFault(f"A student's process could not be started: {error}.") from error

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import os
 import shutil
+import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+from snr_sim.grading.lab.verdicts import LabFault
+from snr_sim.grading.remote.protocol import PIPES
 from snr_sim.grading.reports.results import Isolation
 from snr_sim.grading.sandbox.confiner import FILE_BYTES, Confiner
 from snr_sim.grading.sandbox.sandbox import (
@@ -81,6 +85,31 @@ def start_command(
     if isolation == "sandbox":
         return [*wrapping(folder, readable, makes_copies), *python], Path("/")
     return python, folder
+
+
+def start_process(
+    folder: Path,
+    isolation: Isolation,
+    line: int,
+    limits: Limits,
+    readable: Sequence[Path] = (),
+    confiner: Confiner | None = None,
+    makes_copies: bool = False,
+) -> subprocess.Popen[bytes]:
+    """Start a student's process, whose stdout is a pipe; arguments as of `start_command`.
+
+    Raises:
+        LabFault: it cannot be started.
+    """
+    command, cwd = start_command(folder, isolation, line, limits, readable, confiner, makes_copies)
+    options: dict[str, Any] = {"stdin": subprocess.PIPE, "stderr": subprocess.PIPE}
+    if line != PIPES:
+        options = {"stdin": subprocess.DEVNULL, "stderr": subprocess.STDOUT}
+        options |= {"pass_fds": (line,), "start_new_session": True}
+    try:
+        return subprocess.Popen(command, cwd=cwd, env=environment(confiner), stdout=subprocess.PIPE, **options)
+    except OSError as error:
+        raise LabFault(f"A student's process could not be started: {error}.") from error
 
 
 @contextmanager
