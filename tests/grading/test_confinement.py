@@ -15,6 +15,7 @@ import pytest
 import snr_sim
 from snr_sim.grading.remote.launch import WAYS_TO_RECKON
 from snr_sim.grading.sandbox.confiner import FIRST, LAST
+from tests.grading.probe import TRIES
 
 KIT = Path(snr_sim.__file__).resolve().parent
 KNOWN = {
@@ -23,23 +24,13 @@ KNOWN = {
 }
 
 # Runs in a student's process. What the kit's own check of imports refuses is had by another way.
-PROBE = '''
-import errno, os, resource, signal, sys, tempfile
+PROBE = (
+    TRIES
+    + '''
+import signal, tempfile
 
-LIMITS = ("NPROC", "CORE", "FSIZE", "CPU", "AS", "NOFILE")
 ctypes = sys.modules["ctypes"]
 libc = ctypes.CDLL(None, use_errno=True)
-
-
-def tried(what, *args, **options):
-    """Returns what comes of a call: "done", or the error's name."""
-    try:
-        what(*args, **options)
-    except OSError as error:
-        return errno.errorcode[error.errno]
-    except Exception as error:
-        return type(error).__name__
-    return "done"
 
 
 def asked(name, *args):
@@ -47,11 +38,6 @@ def asked(name, *args):
     ctypes.set_errno(0)
     returned = getattr(libc, name)(*args)
     return "done" if ctypes.c_int(returned).value != -1 else errno.errorcode[ctypes.get_errno()]
-
-
-def write(path, size=1000):
-    with open(path, "wb") as file:
-        file.write(bytes(size))
 
 
 def tempfiles():
@@ -82,7 +68,7 @@ def who():
         "arguments": sys.orig_argv[1:],
         "open files": [fd for fd in range(1024) if tried(os.fstat, fd) == "done"],
         "session": os.getsid(0) == os.getpid(),
-        "limits": [resource.getrlimit(getattr(resource, "RLIMIT_" + name)) for name in LIMITS],
+        "limits": limits(),
         "pair": pair(),
     }
 
@@ -134,14 +120,11 @@ def tries(listener_port):
     }
 
 
-def looks(paths):
-    return [tried(os.listdir if path.endswith("/") else open, path) for path in paths]
-
-
 def heavy():
     import numpy, snr_sim.core.node
     return float(numpy.linalg.solve(numpy.eye(3) * 2, [1, 1, 1]).sum())
 '''
+)
 SCRIPT = """
 import json, sys
 from contextlib import suppress

@@ -20,34 +20,12 @@ from snr_sim.grading.remote.launch import WAYS_TO_RECKON
 from snr_sim.grading.remote.nursery import Nursery
 from snr_sim.grading.sandbox import sandbox as sandbox_module
 from snr_sim.grading.sandbox.sandbox import IsolationMissing, Limits, find_bubblewrap, is_root
+from tests.grading.probe import TRIES
 
-PROBE = '''
-import errno, os, resource, sys
-
+PROBE = (
+    TRIES
+    + '''
 KEY = 0x5E9
-LIMITS = ("NPROC", "CORE", "FSIZE", "CPU", "AS", "NOFILE")
-
-
-def tried(what, *args):
-    """Returns what comes of a call: "done", or the error's name."""
-    try:
-        what(*args)
-    except OSError as error:
-        return errno.errorcode[error.errno]
-    except Exception as error:
-        return type(error).__name__
-    return "done"
-
-
-def write(path):
-    with open(path, "w") as file:
-        file.write("x" * 1000)
-
-
-def fill(path):
-    with open(path, "wb") as file:
-        for _ in range(40):
-            file.write(bytes(1 << 20))
 
 
 def rights():
@@ -111,7 +89,7 @@ def facts():
         "number": os.getpid(),
         "computer": os.uname().nodename,
         "segment": libc.shmget(KEY, 0, 0),
-        "limits": [resource.getrlimit(getattr(resource, "RLIMIT_" + name)) for name in LIMITS],
+        "limits": limits(),
         "uid": [os.getuid(), os.geteuid(), os.getgid()],
         "groups": os.getgroups(),
         "environment": sorted(os.environ),
@@ -125,7 +103,7 @@ def facts():
         "kit": tried(write, os.path.dirname(sys.modules["snr_sim"].__file__) + "/more.py"),
         "root folder": tried(os.mkdir, "/more"),
         "scratch": tried(write, "/tmp/more"),
-        "much scratch": tried(fill, "/tmp/much"),
+        "much scratch": tried(write, "/tmp/much", 40 << 20),
         "fork": tried(os.fork),
         "program": tried(os.posix_spawn, sys.executable, ["python"], {}),
         "root again": tried(os.setuid, 0),
@@ -140,13 +118,10 @@ def arguments():
     return sys.orig_argv[1:]
 
 
-def looks(paths):
-    return [tried(os.listdir if path.endswith("/") else open, path) for path in paths]
-
-
 def seen_under(folder):
     return sorted(os.path.join(at, file) for at, _, files in os.walk(folder) for file in files)
 '''
+)
 
 pytestmark = pytest.mark.usefixtures("sandbox")
 
