@@ -14,7 +14,7 @@ from jsonschema import Draft202012Validator, validators
 from referencing import Registry, Resource
 
 from snr_sim.devices.emulated.toolchain import ToolsMissing, require_tools
-from snr_sim.grading.sandbox.isolation import try_sandbox
+from snr_sim.grading.remote.isolation import try_sandbox
 from snr_sim.grading.sandbox.sandbox import IsolationMissing
 from snr_sim.recording.reader import Trace, read_trace
 from snr_sim.recording.trace import FILE_NAME, TraceWriter

@@ -14,10 +14,11 @@ from snr_sim.core.blame import describe_error, without_addresses
 from snr_sim.grading.lab.lab import Case, Check, Lab
 from snr_sim.grading.lab.student import Student
 from snr_sim.grading.lab.verdicts import LabFault, Misbehaved, Unjudged, Verdict
+from snr_sim.grading.remote.isolation import find_isolation
+from snr_sim.grading.remote.launch import lent
+from snr_sim.grading.remote.nursery import Nursery
 from snr_sim.grading.reports.results import CaseResult, CheckResult, Demanded, Graded, Isolation, Status
-from snr_sim.grading.sandbox.isolation import find_isolation
-from snr_sim.grading.sandbox.nursery import Nursery
-from snr_sim.grading.sandbox.sandbox import Limits, lent
+from snr_sim.grading.sandbox.sandbox import Limits
 
 OnCase = Callable[[str, str], None]
 _MOST_STEPS = 10

@@ -23,8 +23,8 @@ import pytest
 
 from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.lab.lab import Check, Lab, find_lab, load_lab
-from snr_sim.grading.remote import child_process
-from snr_sim.grading.sandbox.sandbox import environment
+from snr_sim.grading.remote import launch
+from snr_sim.grading.remote.launch import environment
 from tests.assignments.mistakes import write_solution, write_starter
 
 collect_ignore_glob = ["*/reference/*"]
@@ -51,7 +51,6 @@ from snr_sim.devices.sensors import ms5837
 from snr_sim.grading import pilot, queue_bench
 from snr_sim.grading.remote import child
 from snr_sim.grading.remote import child_node
-from snr_sim.grading.remote import node_verbs
 from snr_sim.plants.urov import t200
 from snr_sim.plants.urov import vehicle_file
 from snr_sim.std_mods import allocation, slew, thrust_curve
@@ -138,12 +137,11 @@ def warm_children(warm: WarmProcess, monkeypatch: pytest.MonkeyPatch) -> None:
         return Copy(number, heard)
 
     class Subprocess:
-        """`subprocess` as `child_process` sees it."""
+        """`subprocess` as `launch` sees it."""
 
         Popen, DEVNULL, PIPE, STDOUT = staticmethod(popen), subprocess.DEVNULL, subprocess.PIPE, subprocess.STDOUT
-        TimeoutExpired = subprocess.TimeoutExpired
 
-    monkeypatch.setattr(child_process, "subprocess", Subprocess)
+    monkeypatch.setattr(launch, "subprocess", Subprocess)
 
 
 def one_hidden(check: Check) -> Check:

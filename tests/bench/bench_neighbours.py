@@ -29,7 +29,7 @@ from harness import Outcome, Row, Skipped
 
 from snr_sim.grading.grade import grade_submission, sandboxed
 from snr_sim.grading.lab.lab import load_lab
-from snr_sim.grading.sandbox.nursery import Nursery
+from snr_sim.grading.remote.nursery import Nursery
 from snr_sim.grading.sandbox.sandbox import Limits
 
 TESTS = Path(__file__).resolve().parents[1]

@@ -19,12 +19,14 @@ import sys
 from pathlib import Path
 from as_on_windows import block
 block()
+import msgspec
 from snr_sim.grading.remote.piped_process import PipedProcess, begin_process
+from snr_sim.grading.remote.protocol import Call
 from snr_sim.grading.sandbox.sandbox import Limits
 from snr_sim.grading.lab.verdicts import Misbehaved
 child = begin_process(Path(sys.argv[1]), "none", Limits(), (), None)
 assert type(child) is PipedProcess
-call = lambda function, cpu_s=5.0: child.ask("call", {"file": "mine.py", "function": function, "args": []}, cpu_s)
+call = lambda function, cpu_s=5.0: child.ask(Call("mine.py", function, msgspec.Raw(b"[]")), cpu_s)
 """
 MINE = """
 def add():

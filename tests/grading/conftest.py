@@ -13,10 +13,8 @@ from typing import Any
 
 import pytest
 
-from snr_sim.grading.remote import child_process
-from snr_sim.grading.sandbox import nursery as nursery_module
-from snr_sim.grading.sandbox import sandbox as sandbox_module
-from snr_sim.grading.sandbox.isolation import find_isolation
+from snr_sim.grading.remote import launch
+from snr_sim.grading.remote.isolation import find_isolation
 from snr_sim.grading.sandbox.sandbox import IsolationMissing
 
 # They run in the sandbox, and never in pytest, which imports whatever it collects.
@@ -126,15 +124,14 @@ def open_folder() -> Iterator[Path]:
 @pytest.fixture
 def at_first(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
     """Has a line of Python run in each student's process, before it puts up its walls."""
-    begin = sandbox_module.start_command
+    begin = launch.start_command
 
     def run_at_first(line: str) -> None:
         def changed(*args: Any, **more: Any) -> tuple[list[str], Path]:
             command, folder = begin(*args, **more)
             return [*command[:-1], command[-1].replace("; main(", f"; {line}; main(")], folder
 
-        for module in (child_process, nursery_module):
-            monkeypatch.setattr(module, "start_command", changed)
+        monkeypatch.setattr(launch, "start_command", changed)
 
     return run_at_first
 
@@ -142,4 +139,4 @@ def at_first(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
 @pytest.fixture
 def namespaces_alone(at_first: Callable[[str], None]) -> None:
     """Takes the filter of system calls down in sandboxes, so that the other walls are seen to stand by themselves."""
-    at_first("from snr_sim.grading import seccomp; seccomp.install = lambda program: 0")
+    at_first("from snr_sim.grading.sandbox import seccomp; seccomp.install = lambda program: 0")

@@ -14,7 +14,7 @@ from snr_sim.grading.remote.admission import (
     Admission,
     NotAdmitted,
 )
-from snr_sim.grading.remote.node_messages import Made
+from snr_sim.grading.remote.protocol import Made
 from snr_sim.prelude import tasks
 
 

@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 
 from snr_sim.grading.lab.verdicts import LabFault
-from snr_sim.grading.remote import child_process
+from snr_sim.grading.remote import launch
 from snr_sim.grading.remote.child_process import ChildProcess
+from snr_sim.grading.remote.protocol import Hello
 from snr_sim.grading.sandbox.sandbox import Limits
 
 
@@ -16,16 +17,16 @@ from snr_sim.grading.sandbox.sandbox import Limits
 def test_a_process_that_ends_before_it_has_read_the_submission_is_no_fault_of_the_students(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str
 ) -> None:
-    start = child_process.start_command
+    start = launch.start_command
 
     def broken(*args: object) -> tuple[list[str], Path]:
         command, folder = start(*args)  # type: ignore[arg-type]
         return [*command[:-1], ending], folder
 
-    monkeypatch.setattr(child_process, "start_command", broken)
+    monkeypatch.setattr(launch, "start_command", broken)
     child = ChildProcess(tmp_path, "none", Limits())
     with pytest.raises(LabFault, match="could not be started"):
-        child.ask("call", {"file": "mine.py", "function": "f", "args": []}, 1.0)
+        child.ask(Hello(), 1.0)
     child.close()
 
 
@@ -34,7 +35,7 @@ def test_a_process_that_cannot_be_started_leaves_no_line_open(tmp_path: Path, mo
         raise OSError(24, "Too many open files")
 
     line = socket.socketpair()
-    monkeypatch.setattr(child_process, "start_command", fails)
+    monkeypatch.setattr(launch, "start_command", fails)
     monkeypatch.setattr("socket.socketpair", lambda: line)
     with pytest.raises(OSError, match="Too many"):
         ChildProcess(tmp_path, "none", Limits())

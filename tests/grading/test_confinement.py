@@ -6,14 +6,16 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import snr_sim
-from snr_sim.grading.sandbox.sandbox import WAYS_TO_RECKON
-from snr_sim.grading.sandbox.throwaway_user import FIRST, LAST
+from snr_sim.grading.remote.launch import WAYS_TO_RECKON
+from snr_sim.grading.sandbox.confiner import FIRST, LAST
+from tests.grading.probe import TRIES
 
 KIT = Path(snr_sim.__file__).resolve().parent
 KNOWN = {
@@ -22,22 +24,13 @@ KNOWN = {
 }
 
 # Runs in a student's process. What the kit's own check of imports refuses is had by another way.
-PROBE = '''
-import errno, os, resource, signal, sys, tempfile
+PROBE = (
+    TRIES
+    + '''
+import signal, tempfile
 
 ctypes = sys.modules["ctypes"]
 libc = ctypes.CDLL(None, use_errno=True)
-
-
-def tried(what, *args, **options):
-    """Returns what comes of a call: "done", or the error's name."""
-    try:
-        what(*args, **options)
-    except OSError as error:
-        return errno.errorcode[error.errno]
-    except Exception as error:
-        return type(error).__name__
-    return "done"
 
 
 def asked(name, *args):
@@ -45,11 +38,6 @@ def asked(name, *args):
     ctypes.set_errno(0)
     returned = getattr(libc, name)(*args)
     return "done" if ctypes.c_int(returned).value != -1 else errno.errorcode[ctypes.get_errno()]
-
-
-def write(path, size=1000):
-    with open(path, "wb") as file:
-        file.write(bytes(size))
 
 
 def tempfiles():
@@ -80,7 +68,7 @@ def who():
         "arguments": sys.orig_argv[1:],
         "open files": [fd for fd in range(1024) if tried(os.fstat, fd) == "done"],
         "session": os.getsid(0) == os.getpid(),
-        "limits": [resource.getrlimit(getattr(resource, "RLIMIT_" + name)) for name in ("NPROC", "CORE", "FSIZE")],
+        "limits": limits(),
         "pair": pair(),
     }
 
@@ -132,31 +120,44 @@ def tries(listener_port):
     }
 
 
-def looks(paths):
-    return [tried(os.listdir if path.endswith("/") else open, path) for path in paths]
-
-
 def heavy():
     import numpy, snr_sim.core.node
     return float(numpy.linalg.solve(numpy.eye(3) * 2, [1, 1, 1]).sum())
 '''
+)
 SCRIPT = """
 import json, sys
+from contextlib import suppress
 from pathlib import Path
 from snr_sim.grading import Student
-from snr_sim.grading.sandbox.isolation import find_isolation
-from snr_sim.grading.sandbox.throwaway_user import _processes
+from snr_sim.grading.remote import launch
+from snr_sim.grading.remote.isolation import find_isolation
+from snr_sim.grading.sandbox.sandbox import KIT
+
+
+def processes():
+    found = []
+    for status in Path("/proc").glob("[0-9]*/status"):
+        with suppress(OSError):
+            fields = dict(line.split(":\t", 1) for line in status.read_text().splitlines() if ":\t" in line)
+            if not fields["State"].startswith("Z"):
+                found.append([int(fields["Pid"]), int(fields["Uid"].split()[0])])
+    return found
+
 
 folder, secret, port = Path(sys.argv[1]), sys.argv[2], int(sys.argv[3])
 allowed = frozenset({"ctypes", "_socket"})
 with Student(folder, find_isolation(), allowed) as ada, Student(folder, find_isolation(), allowed) as bob:
     told = {"isolation": ada.isolation, "who": ada.call("mine.py", "who"), "bob": bob.call("mine.py", "who")}
-    told["processes"] = [list(one) for one in _processes()]
+    told["processes"] = processes()
     told["tries"] = ada.call("mine.py", "tries", port)
     told["files"] = bob.call("mine.py", "tempfiles")
     told["looks"] = ada.call("mine.py", "looks", json.loads(secret))
     told["heavy"] = ada.call("mine.py", "heavy")
-told["left"] = [list(one) for one in _processes()]
+told["left"] = processes()
+launch.LABS = KIT / "plants"  # as if these were the labs of an installed kit
+with Student(folder, find_isolation(), allowed) as eve:
+    told["labs"] = eve.call("mine.py", "looks", [f"{KIT}/plants/__init__.py", f"{KIT}/__init__.py"])
 print(json.dumps(told))
 """
 
@@ -206,7 +207,7 @@ def test_each_confined_process_has_a_user_of_its_own_without_any_rights(told: di
         assert told[name]["uid"] == [user] * 4
         assert told[name]["groups"] == []
         assert told[name]["session"]
-        assert told[name]["limits"] == [[1, 1], [0, 0], [1 << 20, 1 << 20]]
+        assert told[name]["limits"] == [[1, 1], [0, 0], [1 << 20] * 2, [60, 62], [1 << 30] * 2, [64, 64]]
         assert [one for _, one in told["processes"]].count(user) == 1
         assert user not in [one for _, one in told["left"]]
 
@@ -224,6 +225,7 @@ def test_it_is_told_nothing_but_where_python_the_kit_and_its_own_folders_are(tol
 
 def test_it_reads_no_other_file_and_nothing_of_other_processes(told: dict[str, Any]) -> None:
     assert told["looks"] == ["EACCES"] * len(hidden(Path("x")))
+    assert told["labs"] == ["EACCES", "done"]
 
 
 def test_it_writes_a_few_short_files_in_its_scratch_folder_and_nowhere_else(told: dict[str, Any]) -> None:
@@ -256,6 +258,58 @@ def test_it_computes_as_any_program_does(told: dict[str, Any]) -> None:
     assert told["who"]["pair"] == "x"
 
 
+HOLDS = """
+import sys
+from pathlib import Path
+from snr_sim.grading import Student
+from snr_sim.grading.remote.isolation import find_isolation
+
+with Student(Path(sys.argv[1]), find_isolation()) as student:
+    assert student.call("mine.py", "f") == 1
+    print(student.isolation, flush=True)
+    sys.stdin.read()
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("isolation", ["sandbox", "confined"])
+def test_a_process_ends_with_its_grader_however_that_ends(
+    isolation: str, request: pytest.FixtureRequest, open_folder: Path
+) -> None:
+    prefix = request.getfixturevalue("docker") if isolation == "confined" else request.getfixturevalue("sandbox") or []
+    (open_folder / "mine.py").write_text("def f():\n    return 1\n")
+    grader = subprocess.Popen(
+        [*prefix, sys.executable, "-c", HOLDS, str(open_folder)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert grader.stdin is not None
+    assert grader.stdout is not None
+    with grader.stdin, grader.stdout:
+        assert grader.stdout.readline() == f"{isolation}\n"
+        below = below_of(grader.pid)
+        assert below
+        grader.kill()
+        grader.wait()
+        give_up_s = time.monotonic() + 60.0
+        while any(map(is_alive, below)):
+            assert time.monotonic() < give_up_s
+            time.sleep(0.01)
+
+
+def below_of(pid: int) -> list[int]:
+    children = [int(one) for one in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+    return children + [one for child in children for one in below_of(child)]
+
+
+def is_alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
 @pytest.mark.slow
 def test_a_kit_that_other_users_cannot_reach_is_named_before_a_student_is_blamed(
     docker: list[str], open_folder: Path
@@ -263,7 +317,7 @@ def test_a_kit_that_other_users_cannot_reach_is_named_before_a_student_is_blamed
     closed = open_folder / "private"
     shutil.copytree(KIT, closed / "snr_sim", ignore=shutil.ignore_patterns("__pycache__"))
     closed.chmod(0o700)
-    script = "from snr_sim.grading.sandbox.isolation import try_confinement; try_confinement()"
+    script = "from snr_sim.grading.remote.isolation import try_confinement; try_confinement()"
     words = [*docker, "env", f"PYTHONPATH={closed}", sys.executable, "-c", script]
     done = subprocess.run(words, capture_output=True, text=True, cwd=open_folder)
     assert done.returncode == 1

@@ -12,7 +12,7 @@ import pytest
 
 from snr_sim.grading import Student
 from snr_sim.grading.lab.verdicts import LabFault, Misbehaved
-from snr_sim.grading.sandbox.nursery import Nursery
+from snr_sim.grading.remote.nursery import Nursery
 from snr_sim.grading.sandbox.sandbox import Limits, is_root
 
 PROGRAM = '''

@@ -1,5 +1,6 @@
 """The sandbox: what a student's process is, sees and may use. Each is tried from inside."""
 
+import ctypes
 import os
 import shutil
 import sys
@@ -12,36 +13,19 @@ import snr_sim
 from snr_sim.grading import Student
 from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.lab.lab import load_lab
-from snr_sim.grading.lab.verdicts import Misbehaved
-from snr_sim.grading.sandbox import isolation
-from snr_sim.grading.sandbox.isolation import find_isolation, forbidden, try_confinement, try_sandbox, unconfined
-from snr_sim.grading.sandbox.nursery import Nursery
-from snr_sim.grading.sandbox.sandbox import WAYS_TO_RECKON, IsolationMissing, Limits, find_bubblewrap, is_root
+from snr_sim.grading.lab.verdicts import LabFault, Misbehaved
+from snr_sim.grading.remote import isolation
+from snr_sim.grading.remote.isolation import find_isolation, forbidden, try_confinement, try_sandbox, unconfined
+from snr_sim.grading.remote.launch import WAYS_TO_RECKON
+from snr_sim.grading.remote.nursery import Nursery
+from snr_sim.grading.sandbox import sandbox as sandbox_module
+from snr_sim.grading.sandbox.sandbox import IsolationMissing, Limits, find_bubblewrap, is_root
+from tests.grading.probe import TRIES
 
-PROBE = '''
-import errno, os, resource, sys
-
-
-def tried(what, *args):
-    """Returns what comes of a call: "done", or the error's name."""
-    try:
-        what(*args)
-    except OSError as error:
-        return errno.errorcode[error.errno]
-    except Exception as error:
-        return type(error).__name__
-    return "done"
-
-
-def write(path):
-    with open(path, "w") as file:
-        file.write("x" * 1000)
-
-
-def fill(path):
-    with open(path, "wb") as file:
-        for _ in range(40):
-            file.write(bytes(1 << 20))
+PROBE = (
+    TRIES
+    + '''
+KEY = 0x5E9
 
 
 def rights():
@@ -100,7 +84,12 @@ def facts():
     import _socket
 
     line = _socket.socket()
+    libc = __import__("ctypes").CDLL(None)
     return {
+        "number": os.getpid(),
+        "computer": os.uname().nodename,
+        "segment": libc.shmget(KEY, 0, 0),
+        "limits": limits(),
         "uid": [os.getuid(), os.geteuid(), os.getgid()],
         "groups": os.getgroups(),
         "environment": sorted(os.environ),
@@ -114,13 +103,12 @@ def facts():
         "kit": tried(write, os.path.dirname(sys.modules["snr_sim"].__file__) + "/more.py"),
         "root folder": tried(os.mkdir, "/more"),
         "scratch": tried(write, "/tmp/more"),
-        "much scratch": tried(fill, "/tmp/much"),
+        "much scratch": tried(write, "/tmp/much", 40 << 20),
         "fork": tried(os.fork),
         "program": tried(os.posix_spawn, sys.executable, ["python"], {}),
         "root again": tried(os.setuid, 0),
         "rights": rights(),
         "parent": tried(os.kill, os.getppid(), 9),
-        "core": resource.getrlimit(resource.RLIMIT_CORE),
         "more memory": tried(resource.setrlimit, resource.RLIMIT_AS, (-1, -1)),
         "open files": len([fd for fd in range(1024) if tried(os.fstat, fd) == "done"]),
     }
@@ -130,13 +118,10 @@ def arguments():
     return sys.orig_argv[1:]
 
 
-def looks(paths):
-    return [tried(os.listdir if path.endswith("/") else open, path) for path in paths]
-
-
 def seen_under(folder):
     return sorted(os.path.join(at, file) for at, _, files in os.walk(folder) for file in files)
 '''
+)
 
 pytestmark = pytest.mark.usefixtures("sandbox")
 
@@ -178,8 +163,18 @@ def test_a_process_in_the_sandbox_is_nobody_alone_and_can_write_on_little_but_it
     namespaces_alone: None, submission: Path, nursery: Nursery | None
 ) -> None:
     submission.parent.chmod(0o755)
-    with Student(submission, "sandbox", nursery=nursery) as student:
-        facts = student.call("mine.py", "facts")
+    libc = ctypes.CDLL(None)
+    segment = libc.shmget(0x5E9, 4096, 0o1666)  # which everybody outside may use
+    try:
+        with Student(submission, "sandbox", nursery=nursery) as student:
+            facts = student.call("mine.py", "facts")
+    finally:
+        libc.shmctl(segment, 0, None)  # IPC_RMID
+    assert (segment >= 0, facts["segment"]) == (True, -1)
+    assert facts["number"] < 10
+    assert facts["computer"] == "grader"
+    cpu_s = 1 if nursery is not None else 60
+    assert facts["limits"] == [[1, 1], [0, 0], [1 << 24] * 2, [cpu_s, cpu_s + 2], [1 << 30] * 2, [64, 64]]
     assert facts["uid"] == [65534, 65534, 65534]
     assert facts["groups"] == [] or os.getuid() != 0
     threads = ["MKL_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"]
@@ -195,7 +190,7 @@ def test_a_process_in_the_sandbox_is_nobody_alone_and_can_write_on_little_but_it
     for place in ("submission", "beside", "kit", "root folder"):
         assert facts[place] == "EROFS", place
     assert facts["scratch"] == "done"
-    assert facts["much scratch"] in ("EFBIG", "ENOSPC")
+    assert facts["much scratch"] == "ENOSPC"  # with the file that is there already
     assert facts["fork"] == "EAGAIN"
     assert facts["program"] == "EAGAIN"
     refused, capabilities, may_gain_no_rights = facts["rights"]
@@ -204,7 +199,6 @@ def test_a_process_in_the_sandbox_is_nobody_alone_and_can_write_on_little_but_it
     assert may_gain_no_rights == 1
     assert facts["root again"] in ("EPERM", "EINVAL")
     assert facts["parent"] in ("EPERM", "done")  # its parent is the namespace's own first process, or nobody
-    assert facts["core"] == [0, 0]
     assert facts["more memory"] in ("EPERM", "ValueError")
     assert facts["open files"] == 5  # the three of every process, its line, and the socket that was tried
     assert (submission / "mine.py").read_text() == PROBE
@@ -233,6 +227,31 @@ def test_a_process_sees_nothing_of_the_grader_or_of_other_submissions(
         assert student.call("mine.py", "looks", hidden) == ["ENOENT"] * len(hidden)
         assert student.call("mine.py", "seen_under", "/submission") == ["/submission/mine.py"]
         assert not any("do not tell" in argument for argument in student.call("mine.py", "arguments"))
+
+
+@pytest.mark.slow
+def test_labs_that_are_in_the_kit_are_covered(
+    submission: Path, nursery: Nursery | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kit = Path(snr_sim.__file__).parent
+    monkeypatch.setattr(sandbox_module, "LABS", kit / "plants")  # as if these were the labs of an installed kit
+    with Student(submission, "sandbox", nursery=nursery) as student:
+        assert student.call("mine.py", "looks", [f"{kit}/plants/__init__.py", f"{kit}/__init__.py"]) == [
+            "ENOENT",
+            "done",
+        ]
+        assert student.call("mine.py", "seen_under", f"{kit}/plants") == []
+
+
+@pytest.mark.slow
+def test_of_roots_rights_there_are_but_a_few_before_they_are_given_away(
+    submission: Path, nursery: Nursery | None, at_first: Callable[[str], None]
+) -> None:
+    if not is_root():
+        pytest.skip("nobody else has any")
+    at_first("import os; os.chroot('/')")
+    with Student(submission, "sandbox", nursery=nursery) as student, pytest.raises(LabFault, match="not permitted"):
+        student.call("mine.py", "looks", [])
 
 
 @pytest.mark.slow
@@ -316,6 +335,7 @@ def test_a_computer_that_forbids_namespaces_is_told_what_allows_them(monkeypatch
         assert words in str(forbidden(words))
         assert told in str(forbidden(words))
     assert "readable for everybody" in str(forbidden("ModuleNotFoundError: No module named 'snr_sim'"))
+    assert "0.5 or newer" in str(forbidden("bwrap: Unknown option --perms"))
 
 
 @pytest.mark.slow
@@ -335,7 +355,7 @@ def test_root_who_may_not_mount_is_refused_where_the_kernel_has_no_landlock(monk
 
     def no_landlock(*_: object) -> None:
         raise unconfined(
-            "Traceback\n  ...\nsnr_sim.grading.landlock.LandlockMissing: Landlock: Function not implemented"
+            "Traceback\n  ...\nsnr_sim.grading.sandbox.landlock.LandlockMissing: Landlock: Function not implemented"
         )
 
     def no_namespaces() -> None:

@@ -189,7 +189,7 @@ def test_an_answer_forged_before_it_was_asked_for_is_no_answer(tmp_path: Path) -
 
 @pytest.mark.slow
 def test_an_answer_of_another_form_ends_a_flight_with_its_own_hint_whatever_may_fail(tmp_path: Path) -> None:
-    body = "import sys; sys.modules['snr_sim.grading.remote.node_verbs']._encode = lambda answer: b'5'"
+    body = "import sys; sys.modules['snr_sim.grading.remote.child_node']._encode = lambda answer: b'5'"
     (tmp_path / "mine.py").write_text(CONTROLLER.replace("BODY", body))
     with pytest.raises(Misbehaved, match="no answer: Expected `object`, got `int`") as caught:
         Student(tmp_path).fly("lander_vertical", 3, "mine.py", may_fail=True)

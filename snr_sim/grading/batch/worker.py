@@ -23,8 +23,8 @@ from snr_sim import __version__
 from snr_sim.core.blame import describe_error
 from snr_sim.grading.grade import grade_submission, sandboxed
 from snr_sim.grading.lab.lab import Lab, load_lab
+from snr_sim.grading.remote.nursery import Nursery
 from snr_sim.grading.reports.results import Demanded, Graded, Isolation, Status, encode_graded
-from snr_sim.grading.sandbox.nursery import Nursery
 from snr_sim.grading.sandbox.sandbox import Limits
 from snr_sim.prelude.errors import SnrError
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from snr_sim.devices.loops import SensorLoopFactory
 from snr_sim.grading.lab.verdicts import ENDED_EARLY, LabFault, Misbehaved, Unjudged
-from snr_sim.grading.remote.node_messages import SUBMISSION
+from snr_sim.grading.remote.protocol import SUBMISSION
 from snr_sim.grading.remote.remote import Remote
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.page import Page

@@ -17,13 +17,13 @@ import msgspec
 
 from snr_sim.grading.batch.parsing import MAX_PARSED_BYTES
 from snr_sim.grading.lab.verdicts import LabFault, Misbehaved
+from snr_sim.grading.remote import protocol
 from snr_sim.grading.remote.child_process import ChildProcess
 from snr_sim.grading.remote.endings import misbehaved
 from snr_sim.grading.remote.imports import check_imports
+from snr_sim.grading.remote.nursery import Nursery
 from snr_sim.grading.remote.piped_process import begin_process
-from snr_sim.grading.remote.protocol import ProtocolError, decode_as, plain_value
 from snr_sim.grading.reports.results import Isolation
-from snr_sim.grading.sandbox.nursery import Nursery
 from snr_sim.grading.sandbox.sandbox import Limits
 from snr_sim.prelude.structs import learned
 from snr_sim.prelude.values import encode_value, may_have_marks
@@ -153,7 +153,7 @@ class Student:
         """
         values = msgspec.Raw(encode_value(list(args)))
         self.child(file)
-        raw = self._ask("call", {"file": file, "function": function, "args": values}, budget_s)
+        raw = self._ask(protocol.Call(file, function, values), budget_s)
         return _checked(f"{file}: {function}(...)", raw, returns, finite)
 
     def host(self, file: str, host: str, *args: Any, budget_s: float = CALL_CPU_S) -> Host:
@@ -174,10 +174,10 @@ class Student:
             raise LabFault(f"The host {host!r} is not of the kit.", fix="snr_sim.grading.module:Class")
         self.child(file)
         args_raw = msgspec.Raw(encode_value(list(args)))
-        raw = self._ask("host", {"file": file, "host": host, "args": args_raw}, budget_s)
+        raw = self._ask(protocol.MakeObject(file, host, args_raw), budget_s)
         try:
-            return Host(self, decode_as(_decode_number, raw), file)
-        except ProtocolError as error:
+            return Host(self, protocol.decode_as(_decode_number, raw), file)
+        except protocol.ProtocolError as error:
             raise nonsense(error) from error
 
     def feed(self, file: str, pages: Sequence[Given], **details: Any) -> list[Produced]:
@@ -259,11 +259,11 @@ class Student:
             raise Misbehaved(f"{file} is a link to elsewhere.", f"Hand in {file} itself, not a link.")
         return path
 
-    def _ask(self, do: str, args: Any, budget_s: float) -> msgspec.Raw:
+    def _ask(self, verb: protocol.Verb, budget_s: float) -> msgspec.Raw:
         assert self._child is not None
         try:
-            answer = self._child.ask(do, args, budget_s)
-        except ProtocolError as error:
+            answer = self._child.ask(verb, budget_s)
+        except protocol.ProtocolError as error:
             raise nonsense(error) from error
         if answer.error is not None:
             raise misbehaved(answer.error)
@@ -288,24 +288,25 @@ class Host:
             args: finite numbers, texts, lists, dicts: encoded without a second look, and tuples become lists.
             returns, finite, budget_s: as for `Student.call`.
         """
-        raw = self._student._ask("ask", [self._number, method, *args], budget_s)
+        verb = protocol.AskObject(self._number, method, msgspec.Raw(protocol.encode(args)))
+        raw = self._student._ask(verb, budget_s)
         return _checked(f"{self._file}: {method}(...)", raw, returns, finite)
 
 
 def _parsed(child: ChildProcess, parser: str, data: bytes) -> Any:
     try:
-        answer = child.ask("parse", {"parser": parser, "data": data}, CALL_CPU_S)
+        answer = child.ask(protocol.Parse(parser, data), CALL_CPU_S)
         if answer.error is not None:
             raise misbehaved(answer.error)
-        return plain_value(answer.value)
-    except ProtocolError as error:
+        return protocol.plain_value(answer.value)
+    except protocol.ProtocolError as error:
         raise nonsense(error) from error
 
 
 _decode_number = msgspec.json.Decoder(int)
 
 
-def nonsense(error: ProtocolError) -> Misbehaved:
+def nonsense(error: protocol.ProtocolError) -> Misbehaved:
     """Returns what there is to say of an answer that is none."""
     return Misbehaved(error.message, "Return numbers, texts, lists, or dicts of these, and leave the grader alone.")
 
@@ -316,10 +317,10 @@ def _checked(what: str, raw: msgspec.Raw, returns: Any, finite: bool) -> Any:
         with suppress(msgspec.DecodeError, UnicodeDecodeError):
             return _decode_text(raw)
     try:
-        value = plain_value(raw)
+        value = protocol.plain_value(raw)
         if may_have_marks(bytes(raw)):  # only then can there be more than plain JSON
             _check_plain(what, value, finite)
-    except ProtocolError as error:
+    except protocol.ProtocolError as error:
         raise nonsense(error) from error
     if returns is Any:
         return value
@@ -350,7 +351,7 @@ def _check_plain(what: str, value: Any, finite: bool) -> None:
         for item in value.values():
             _check_plain(what, item, finite)
     elif value is not None and kind not in (bool, int, float, str):
-        raise ProtocolError("It answered with something that is no plain value.")
+        raise protocol.ProtocolError("It answered with something that is no plain value.")
 
 
 _IN_WORDS = {

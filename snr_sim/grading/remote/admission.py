@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import msgspec
 
 from snr_sim.core.node import Node
-from snr_sim.grading.remote.node_messages import Made
+from snr_sim.grading.remote.protocol import Made
 from snr_sim.prelude import tasks as kit_tasks
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.page import Page

@@ -19,17 +19,10 @@ from typing import Any
 import msgspec
 
 from snr_sim.core.blame import describe_error, place_of, put_place_first
+from snr_sim.grading.remote import protocol
 from snr_sim.grading.remote.child_values import NoValue, encode_plain, short
-from snr_sim.grading.remote.protocol import PIPES, Answer, Said, decode_ask, encode
-from snr_sim.grading.sandbox.child_limits import (
-    TookTooLong,
-    become,
-    bound_time,
-    end_with_parent,
-    heed_time,
-    limit,
-    refuse_company,
-)
+from snr_sim.grading.remote.cpu_time import TookTooLong, bound_time, heed_time, start_timer
+from snr_sim.grading.sandbox.child_limits import become, end_with_parent, limit, refuse_company
 from snr_sim.prelude.errors import SnrError, nearest
 from snr_sim.prelude.values import decode_value
 from snr_sim.scenario import library
@@ -39,37 +32,14 @@ _NEWLINE = 10
 _FIRST_PRIVATE_FD = 200
 
 
-class CallArgs(msgspec.Struct, frozen=True):
-    """Which function of which file is called with what."""
-
-    file: str
-    function: str
-    args: msgspec.Raw
-
-
-class HostArgs(msgspec.Struct, frozen=True):
-    """Which class of the kit is made, with the student's module first."""
-
-    file: str
-    host: str
-    args: msgspec.Raw
-
-
-class ParseArgs(msgspec.Struct, frozen=True):
-    """Which parser of the kit reads what."""
-
-    parser: str
-    data: bytes
-
-
 class Child:
     """The verbs that a student's process knows."""
 
     def __init__(self) -> None:
         self._modules: dict[str, ModuleType] = {}
         self._hosts: list[Any] = []
-        self.verbs: dict[str, Callable[[msgspec.Raw], bytes]] = {
-            "hello": lambda raw: b"%d" % os.getuid() if hasattr(os, "getuid") else b"0",
+        self.verbs: dict[str, Callable[[Any], bytes]] = {
+            "hello": lambda do: b"%d" % os.getuid() if hasattr(os, "getuid") else b"0",
             "call": self.call,
             "host": self.host,
             "ask": self.ask,
@@ -87,49 +57,47 @@ class Child:
             self.step = before
         return module
 
-    def call(self, raw: msgspec.Raw) -> bytes:
-        """Calls a function; returns what it returns."""
-        args = _decode_call(raw)
-        function = function_of(self.module(args.file), args.function)
-        values = decode_value(bytes(args.args))
-        returned = self._called(f"{args.function}(...)", function, values)
-        return encode_plain(returned, f"{args.function}(...)", function)
+    def call(self, do: protocol.Call) -> bytes:
+        """Call a function; return what it returns."""
+        return self._call(function_of(self.module(do.file), do.function), do.function, do.args)
 
-    def host(self, raw: msgspec.Raw) -> bytes:
-        """Makes an object of the kit's around the student's module; returns its number."""
-        args = _decode_host(raw)
-        place, _, name = args.host.partition(":")
-        kind = getattr(importlib.import_module(place), name)
-        module = self.module(args.file)
-        self._hosts.append(self._called(f"{args.file} was prepared", kind, [module, *decode_value(bytes(args.args))]))
+    def host(self, do: protocol.MakeObject) -> bytes:
+        """Make an object of the kit's around the student's module; return its number."""
+        kind, module = _of_the_kit(do.host), self.module(do.file)
+        self._hosts.append(_called(f"{do.file} was prepared", kind, [module, *decode_value(bytes(do.args))]))
         return b"%d" % (len(self._hosts) - 1)
 
-    def parse(self, raw: msgspec.Raw) -> bytes:
+    def parse(self, do: protocol.Parse) -> bytes:
         """Apply a parser of the kit to what a student wrote; nothing of it runs."""
-        args = _decode_parse(raw)
-        module, _, name = args.parser.partition(":")
-        parser = getattr(importlib.import_module(module), name)
-        return encode_plain(parser(args.data), args.parser, parser)
+        parser = _of_the_kit(do.parser)
+        return encode_plain(parser(do.data), do.parser, parser)
 
-    def ask(self, raw: msgspec.Raw) -> bytes:
-        """Calls a method of such an object; returns what it returns."""
-        number, method, *values = decode_value(bytes(raw))
-        function = getattr(self._hosts[number], method)
-        return encode_plain(self._called(f"{method}(...)", function, values), f"{method}(...)", function)
+    def ask(self, do: protocol.AskObject) -> bytes:
+        """Call a method of such an object; return what it returns."""
+        return self._call(getattr(self._hosts[do.number], do.method), do.method, do.args)
 
-    def _called(self, what: str, function: Callable[..., Any], values: list[Any]) -> Any:
-        try:
-            return function(*values)
-        except SnrError:
-            raise
-        except TypeError as error:
-            if error.__traceback__ is not None and error.__traceback__.tb_next is None:  # it was never entered
-                place = place_of(function)
-                where = f"{place}\n  " if place is not None else ""
-                raise SnrError(
-                    f"{where}TypeError: {error}\n  while {what} was called with {len(values)} values"
-                ) from None
-            raise
+    def _call(self, function: Callable[..., Any], name: str, args: msgspec.Raw) -> bytes:
+        returned = _called(f"{name}(...)", function, decode_value(bytes(args)))
+        return encode_plain(returned, f"{name}(...)", function)
+
+
+def _of_the_kit(place: str) -> Any:
+    """Return what is found at "module:name"."""
+    module, _, name = place.partition(":")
+    return getattr(importlib.import_module(module), name)
+
+
+def _called(what: str, function: Callable[..., Any], values: list[Any]) -> Any:
+    try:
+        return function(*values)
+    except SnrError:
+        raise
+    except TypeError as error:
+        if error.__traceback__ is not None and error.__traceback__.tb_next is None:  # it was never entered
+            place = place_of(function)
+            where = f"{place}\n  " if place is not None else ""
+            raise SnrError(f"{where}TypeError: {error}\n  while {what} was called with {len(values)} values") from None
+        raise
 
 
 def function_of(module: ModuleType, name: str) -> Callable[..., Any]:
@@ -156,7 +124,7 @@ def main(
     limits: tuple[int, int, int, int],
     is_alone: bool,
     user: int | None,
-    walls: tuple[int, tuple[str, ...], str, str] | None = None,
+    walls: tuple[int, list[str], str, str] | None = None,
 ) -> None:
     """Answers until nobody asks any more. Does not return.
 
@@ -165,21 +133,19 @@ def main(
         limits: seconds of CPU time, bytes of memory, bytes of a file, open files.
         is_alone: whether nobody else runs as its user, so that it may start nothing.
         user: whom to become, if the process is root's and in a sandbox.
-        walls: of a process that confines itself.
+        walls: of a process that confines itself: see `confine`.
     """
-    asks, answers = _line_of_pipes() if line == PIPES else _line_of_socket(line)
+    asks, answers = _line_of_pipes() if line == protocol.PIPES else _line_of_socket(line)
     if user is not None:
         become(user)
     if walls is not None:
-        from snr_sim.grading.sandbox.confinement import (  # here and below: at home nothing of it is needed
-            Walls,
-            confine,
-        )
+        from snr_sim.grading.sandbox.confinement import confine  # here and below: at home nothing of it is needed
 
-        confine(Walls(*walls), answers)
-    elif line != PIPES and not is_alone:  # bubblewrap does the same for a sandbox
+        confine(answers, *walls)
+    elif line != protocol.PIPES and not is_alone:  # bubblewrap does the same for a sandbox
         end_with_parent()  # a worker that is killed cannot end its program, which may be in a loop without an end
     limit(limits, is_alone)
+    start_timer()
     if is_alone:  # the last wall, behind which no limit needs to be set any more
         from snr_sim.grading.sandbox import seccomp
 
@@ -214,41 +180,42 @@ def _line_of_pipes() -> tuple[int, int]:
 
 
 def _answer(child: Child, asked: bytes) -> bytes:
-    ask = decode_ask(asked)
-    child.step, child.component = ask.do, ""
+    ask = protocol.decode_ask(asked)
+    name = str(ask.verb.__struct_config__.tag)
+    child.step, child.component = name, ""
     try:
         bound_time(ask.cpu_s)
         try:
-            verb = child.verbs.get(ask.do)
-            if verb is None:
-                verb = node_verbs(child)[ask.do]
-            value = verb(ask.args)
+            verb = child.verbs.get(name) or node_verbs(child)[name]
+            value = verb(ask.verb)
         finally:
             bound_time(0.0)
     except BaseException as error:
         heed_time()
-        return encode(Answer(ask.n, error=_said(child, ask.do, error)))
+        return protocol.encode(protocol.Answer(ask.n, error=_said(child, name, error)))
     return b'{"n":%d,"value":%b}' % (ask.n, value)
 
 
-def node_verbs(child: Child) -> dict[str, Callable[[msgspec.Raw], bytes]]:
-    """Returns the child's verbs with those about nodes, which take long to import and many checks do not need."""
-    from snr_sim.grading.remote.node_verbs import NodeVerbs
+def node_verbs(child: Child) -> dict[str, Callable[[Any], bytes]]:
+    """Return the child's verbs with those about nodes, which take long to import and many checks do not need."""
+    from snr_sim.grading.remote.child_node import NodeVerbs
 
-    NodeVerbs(child)
+    child.verbs |= NodeVerbs(child).verbs
     return child.verbs
 
 
-def _said(child: Child, do: str, error: BaseException) -> Said:
+def _said(child: Child, do: str, error: BaseException) -> protocol.Said:
     if isinstance(error, NoValue):
-        return Said(child.step, _text(str(error.args[0])), component=child.component, is_value=True)
+        return protocol.Said(child.step, _text(str(error.args[0])), component=child.component, is_value=True)
     while_what = f"while it was asked to {do}" if do not in ("ask", "call") else "while the lab tried your file"
     if isinstance(error, TookTooLong):
-        return Said("slow", _text(describe_error(error, while_what).replace("TookTooLong: ", "")), "", child.component)
+        return protocol.Said(
+            "slow", _text(describe_error(error, while_what).replace("TookTooLong: ", "")), "", child.component
+        )
     if isinstance(error, SnrError):
         put_place_first(error)
-        return Said(child.step, _text(error.message), _text(error.fix), child.component, is_refused=True)
-    return Said(child.step, _text(describe_error(error, while_what)), component=child.component)
+        return protocol.Said(child.step, _text(error.message), _text(error.fix), child.component, is_refused=True)
+    return protocol.Said(child.step, _text(describe_error(error, while_what)), component=child.component)
 
 
 def _text(said: str) -> str:
@@ -276,8 +243,3 @@ def _say(fd: int, line: bytes) -> None:
     while sent < len(line):
         line = line[sent:]
         sent = os.write(fd, line)
-
-
-_decode_call = msgspec.json.Decoder(CallArgs).decode
-_decode_parse = msgspec.json.Decoder(ParseArgs).decode
-_decode_host = msgspec.json.Decoder(HostArgs).decode

@@ -6,8 +6,13 @@ goes back: so a component cannot tell that sensors, plant and clock are elsewher
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+import base64
+import pickle
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Protocol
 
 import msgspec
 
@@ -16,18 +21,33 @@ from snr_sim.core.clocks import SimClock
 from snr_sim.core.config import AnyFactory, Config, Mode
 from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.handlers import handler_name
-from snr_sim.core.loop import Loop
+from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.machine import EventMachine, as_tasks
 from snr_sim.core.node import Node
-from snr_sim.grading.remote.child import Child
-from snr_sim.grading.remote.node_messages import Made, Returned, StepDone
+from snr_sim.core.said import Heard
+from snr_sim.grading.remote import protocol
+from snr_sim.grading.remote.child_values import plain
+from snr_sim.grading.remote.cpu_time import TookTooLong
 from snr_sim.grading.remote.typed_pages import TypedPages
-from snr_sim.grading.sandbox.child_limits import TookTooLong
 from snr_sim.prelude.component import Component
+from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.task import Task
+from snr_sim.prelude.values import encode_value
+from snr_sim.scenario import library
+from snr_sim.scenario.controller import factories_of
 
 MAX_SAID_CHARS = 100_000  # of what is printed and logged in one step
 _AUTHORS_STEPS = ("begin", "join", "halt", "terminate")
+
+
+class Caller(Protocol):
+    """What is needed of the rest of the process (`child.Child`): its modules; and it says whose a failure was."""
+
+    step: str
+    component: str
+
+    def module(self, file: str) -> ModuleType:
+        """Return a file of the student's as a module."""
 
 
 class GivenClock(SimClock):
@@ -104,14 +124,14 @@ class ChildNode(Node):
         if self._said_chars <= MAX_SAID_CHARS:
             self._said.append((component, level, text.encode(errors="backslashreplace").decode()))
 
-    def add(self, factory: AnyFactory) -> Made:
+    def add(self, factory: AnyFactory) -> protocol.Made:
         """Makes a component; returns what the grader needs to know of it."""
         component = self.make(factory)
         self._said, self._said_chars = [], 0  # a trace holds nothing of before its first record
         self._add(component, len(self.components))
         kind: type[Any] = Loop if isinstance(component, Loop) else Endpoint
         steps = [step for step in _AUTHORS_STEPS if getattr(type(component), step) is not getattr(kind, step)]
-        made = Made(component.name, list(self.handlers_of(component)), steps)
+        made = protocol.Made(component.name, list(self.handlers_of(component)), steps)
         if isinstance(component, Loop):
             component.begin_on(GivenBacking())
             made = msgspec.structs.replace(
@@ -148,7 +168,7 @@ class ChildNode(Node):
         self._core.await_processing(page, before[0] if before else None)
         return Task(task.type, task.name, [page])
 
-    def handle(self, task: Task, first: str, child: Child) -> Returned:
+    def handle(self, task: Task, first: str, caller: Caller) -> protocol.Returned:
         """Calls each component's handler of a task, from the component `first` on."""
         returned: dict[str, list[Task]] = {}
         entries = [entry for entry in self.machine.lookup.find(task) if entry[0] is not self._core]
@@ -157,7 +177,7 @@ class ChildNode(Node):
         machine.task = task
         failed: tuple[str, BaseException, Any] | None = None
         for component, handler, task_id, _ in entries[names.index(first) if first in names else len(names) :]:
-            child.component = component.name
+            caller.component = component.name
             machine.running = component
             try:
                 made = as_tasks(handler(task, task_id), component, handler)
@@ -170,7 +190,7 @@ class ChildNode(Node):
             returned[component.name] = [*machine.scheduled, *made]
             machine.scheduled.clear()
         machine.task = None
-        answer = Returned(
+        answer = protocol.Returned(
             {name: [self._typed.leaves(task) for task in tasks] for name, tasks in returned.items()}, **self.told()
         )
         if failed is None:
@@ -180,7 +200,7 @@ class ChildNode(Node):
         slow = isinstance(failure, TookTooLong)
         return msgspec.structs.replace(answer, failed=name, text=text, fix=fix, is_slow=slow)
 
-    def step(self, component: Component, step: str) -> StepDone:
+    def step(self, component: Component, step: str) -> protocol.StepDone:
         """Calls one of the steps of a component's life, or a loop's `setup` or `loop`."""
         machine = self.machine
         machine.running = component
@@ -200,7 +220,7 @@ class ChildNode(Node):
             machine.running = None
         scheduled = [self._typed.leaves(task) for task in machine.scheduled]
         machine.scheduled.clear()
-        done = StepDone(scheduled, **self.told())
+        done = protocol.StepDone(scheduled, **self.told())
         if isinstance(component, Loop):
             stopped = component.is_terminated()
             return msgspec.structs.replace(done, next_s=component.next_tick_at_s, is_stopped=stopped)
@@ -230,3 +250,85 @@ def in_words(error: BaseException, begins: Any) -> tuple[str, str]:
     before, _, after = text.partition("\n  \0")
     fix = after.partition("Try: ")[2]
     return before.replace("TookTooLong: ", ""), fix
+
+
+class NodeVerbs:
+    """The verbs of a student's process that are about nodes: load a file, make components, have them do a step."""
+
+    def __init__(self, caller: Caller) -> None:
+        self._caller = caller
+        self._factories: list[AnyFactory] = []
+        self._nodes: dict[str, ChildNode] = {}
+        sys.stdout = Heard(sys.stdout, self._nodes.values())
+        self._folders = {protocol.SUBMISSION: Path.cwd()}
+        self.verbs: dict[str, Callable[[Any], bytes]] = {
+            "load": self.load,
+            "open": self.open,
+            "make": self.make,
+            "handle": self.handle,
+            "step": self.step,
+        }
+
+    def load(self, do: protocol.Load) -> bytes:
+        """Read a file; return its OPTIONS and ROLES, if it has any."""
+        for name, folder in do.robots:
+            self._folders[name] = Path(folder)
+            library.name_robot(name, Path(folder))
+        module = self._caller.module(do.file)
+        if not callable(getattr(module, "factories", None)):
+            raise SnrError(
+                f"{do.file} has no function `factories`, which a controller needs.",
+                fix="def factories(robot): return [MyEndpointFactory()].",
+            )
+        return encode_value(
+            {"options": plain(getattr(module, "OPTIONS", None)), "roles": plain(getattr(module, "ROLES", None))}
+        )
+
+    def open(self, do: protocol.Open) -> bytes:
+        """Have a file make its factories; return for each whether it makes a loop."""
+        module = self._caller.module(do.file)
+        robot = pickle.loads(base64.b64decode(do.robot))  # the grader's word, not a stranger's
+        made = factories_of(module, robot)
+        self._factories += made
+        return _encode(protocol.Opened([isinstance(one, LoopFactory) for one in made], _files_read(self._folders)))
+
+    def make(self, do: protocol.Make) -> bytes:
+        """Make the component of a factory in a node; return what the grader needs to know of it."""
+        if do.node not in self._nodes:
+            self._nodes[do.node] = ChildNode(do.node, do.chance)
+        return _encode(self._nodes[do.node].add(self._factories[do.factory]))
+
+    def handle(self, do: protocol.Handle) -> bytes:
+        """Have the components of a node handle a task."""
+        node = self._nodes[do.node]
+        node.bring(do.now_s, do.pages, do.came_s)
+        task = node.with_page(Task.deserialize(bytes(do.task)), do.processed)
+        return _encode(node.handle(task, do.component, self._caller))
+
+    def step(self, do: protocol.Step) -> bytes:
+        """Have a component of a node do a step of its life."""
+        node = self._nodes[do.node]
+        node.bring(do.now_s, do.pages, do.came_s)
+        self._caller.component = do.component
+        self._caller.step = do.step
+        try:
+            return _encode(node.step(node.components[do.component], do.step))
+        except TookTooLong:
+            raise
+        except BaseException as error:
+            text, fix = in_words(error, None)
+            raise SnrError(text, fix) from None
+
+
+def _files_read(folders: dict[str, Path]) -> list[tuple[str, str]]:
+    """Return which files in these folders were read as modules: the folder's name and the path in it."""
+    files = {Path(file).resolve() for one in list(sys.modules.values()) if (file := getattr(one, "__file__", None))}
+    return sorted(
+        (name, file.relative_to(folder).as_posix())
+        for name, folder in folders.items()
+        for file in files
+        if file.is_relative_to(folder)
+    )
+
+
+_encode = msgspec.json.Encoder().encode

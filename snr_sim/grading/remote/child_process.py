@@ -11,29 +11,25 @@ import select
 import signal
 import socket
 import subprocess
-import time
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 from snr_sim.grading.lab.verdicts import LabFault, Misbehaved
+from snr_sim.grading.remote import protocol
 from snr_sim.grading.remote.endings import ended_badly, spent
-from snr_sim.grading.remote.protocol import MAX_ANSWER_BYTES, Answer, Ask, ProtocolError, decode_answer, encode
+from snr_sim.grading.remote.launch import start_process
+from snr_sim.grading.remote.nursery import Copied, Nursery
+from snr_sim.grading.remote.patience import END_S, LOOK_S, Patience, seen_of, wait_for_the_end
 from snr_sim.grading.reports.results import Isolation
 from snr_sim.grading.sandbox.confiner import Confiner
-from snr_sim.grading.sandbox.nursery import Copied, Nursery
-from snr_sim.grading.sandbox.patience import Patience, seen_of
-from snr_sim.grading.sandbox.sandbox import Limits, environment, start_command
-from snr_sim.grading.sandbox.scratch import Scratch
+from snr_sim.grading.sandbox.sandbox import Limits
 
 KEPT_BYTES = 8_000  # of what it prints
 MAX_PRINTED_BYTES = 1 << 20
-_END_S = 2.0
 CHUNK = 1 << 16
 _NEWLINE = 10
 _START_CPU_S = 10.0  # of Python with the kit: about 0.2
-LOOK_S = 0.5  # so often it is looked at whether a process that does not answer is working
 
 
 class ChildProcess:
@@ -63,7 +59,9 @@ class ChildProcess:
         with there:
             try:
                 copied = nursery.copy(folder, there.fileno()) if nursery is not None and not readable else None
-                self._process = copied or _started(folder, isolation, there.fileno(), limits, readable, self._confiner)
+                self._process = copied or start_process(
+                    folder, isolation, there.fileno(), limits, readable, self._confiner
+                )
             except BaseException:
                 here.close()
                 if self._confiner is not None:
@@ -86,7 +84,6 @@ class ChildProcess:
         self._kept = bytearray()
         self.printed_bytes = 0
         self._confiner = confiner
-        self._next_look_s = 0.0
 
     @property
     def printed(self) -> str:
@@ -100,12 +97,11 @@ class ChildProcess:
         seen = seen_of(self._process.pid)
         return None if seen is None else seen[1]
 
-    def ask(self, do: str, args: Any, cpu_s: float) -> Answer:
-        """Asks, and returns the answer.
+    def ask(self, verb: protocol.Verb, cpu_s: float) -> protocol.Answer:
+        """Ask, and return the answer.
 
         Args:
-            do: the child's verb.
-            args: a Struct, a list or a dict of its arguments.
+            verb: what for.
             cpu_s: how much CPU time it may take; the child itself counts, and the kernel behind it.
 
         Raises:
@@ -115,35 +111,35 @@ class ChildProcess:
         """
         if self._n == 0:
             self._greet()
-        return self._exchange(do, args, cpu_s)
+        return self._exchange(verb, cpu_s)
 
     def _greet(self) -> None:
         """Hears whether it is there, before it has read anything of the student's: if not, that is our fault."""
         try:
             if self._confiner is not None:
-                self._take_listener(self._confiner.scratch)
-            self._exchange("hello", None, _START_CPU_S)
-        except (Misbehaved, ProtocolError) as error:
+                self._take_listener(self._confiner)
+            self._exchange(protocol.Hello(), _START_CPU_S)
+        except (Misbehaved, protocol.ProtocolError) as error:
             raise LabFault(
                 f"A student's process could not be started. {error.message} {self.printed}".rstrip(),
                 fix="is the computer out of memory or processes? Grade with fewer --jobs.",
             ) from error
 
-    def _take_listener(self, scratch: Scratch) -> None:
+    def _take_listener(self, confiner: Confiner) -> None:
         """Takes what a confined process sends when its walls are up: where it is asked whether it may make a file."""
         patience = Patience(self._limits.wall_s(_START_CPU_S), _START_CPU_S, self._process.pid)
         self._wait(patience, select.POLLIN)
         data, sent, _, _ = socket.recv_fds(self._socket, 1, 1)
         if data != b"\n" or len(sent) != 1:
             raise self._ended()
-        (scratch.listener,) = sent
-        self._poll.register(scratch.listener, select.POLLIN)
+        (confiner.listener,) = sent
+        self._poll.register(confiner.listener, select.POLLIN)
 
-    def _exchange(self, do: str, args: Any, cpu_s: float) -> Answer:
+    def _exchange(self, verb: protocol.Verb, cpu_s: float) -> protocol.Answer:
         self._n += 1
         patience = Patience(self._limits.wall_s(cpu_s), cpu_s, self._process.pid)
-        self._send(encode(Ask(self._n, do, args, cpu_s)) + b"\n", patience)
-        answer = decode_answer(self._receive(patience))
+        self._send(protocol.encode(protocol.Ask(self._n, cpu_s, verb)) + b"\n", patience)
+        answer = protocol.decode_answer(self._receive(patience))
         if answer.n != self._n:
             self.kill()
             raise Misbehaved(
@@ -174,10 +170,11 @@ class ChildProcess:
                 line = bytes(heard)
                 heard.clear()
                 return line
-            if len(heard) > MAX_ANSWER_BYTES:
+            if len(heard) > protocol.MAX_ANSWER_BYTES:
                 self.kill()
                 raise Misbehaved(
-                    f"It answered with more than {MAX_ANSWER_BYTES} bytes.", "Return what was asked for, and no more."
+                    f"It answered with more than {protocol.MAX_ANSWER_BYTES} bytes.",
+                    "Return what was asked for, and no more.",
                 )
 
     def _received(self, patience: Patience) -> bytes:
@@ -219,7 +216,7 @@ class ChildProcess:
         Raises:
             Misbehaved: it was ended.
         """
-        if not (self._is_time_to_look() and patience.is_over()):
+        if not patience.is_over():
             return
         self.kill()
         if patience.is_spent:
@@ -231,17 +228,9 @@ class ChildProcess:
             actual="none",
         )
 
-    def _is_time_to_look(self) -> bool:
-        """Returns whether the last look was long ago: who prints a word now and then is looked at, too."""
-        now_s = time.monotonic()
-        if now_s < self._next_look_s:
-            return False
-        self._next_look_s = now_s + 0.9 * LOOK_S
-        return True
-
     def _hear_listener(self, listener: int, events: int) -> None:
         assert self._confiner is not None
-        if not events & select.POLLIN or not self._confiner.scratch.answer():
+        if not events & select.POLLIN or not self._confiner.answer():
             self._poll.unregister(listener)
 
     def _hear_output(self) -> None:
@@ -277,7 +266,7 @@ class ChildProcess:
     def _ended(self) -> Misbehaved:
         """Says how it ended, although it was asked something."""
         with suppress(subprocess.TimeoutExpired):
-            self._process.wait(_END_S)
+            self._process.wait(END_S)
         status = self._process.poll()
         with suppress(Misbehaved):
             self._hear_output()
@@ -292,25 +281,18 @@ class ChildProcess:
         with suppress(ProcessLookupError):
             self._process.kill()
 
-    def _wait_for_the_end(self) -> None:
-        """Waits until nobody is left at the far end of the line: with a sandbox, its namespace is dead then."""
-        far_end = select.poll()
-        far_end.register(self._socket, 0)  # that it has gone is always told
-        far_end.poll(_END_S * 1000.0)
-
     def close(self) -> None:
         """Ends it and lets go of everything. Safe to call twice.
 
         Raises:
             Misbehaved: it had printed too much.
-            LabFault: it was confined, and something of it cannot be ended.
         """
         if self._socket.fileno() < 0:
             return
         try:
             self.kill()
             self._process.wait()
-            self._wait_for_the_end()
+            wait_for_the_end(self._socket)  # with a sandbox, its namespace is dead then
             if self._confiner is not None:
                 self._confiner.close()
             self._hear_output()
@@ -318,47 +300,3 @@ class ChildProcess:
             self._socket.close()
             assert self._process.stdout is not None
             self._process.stdout.close()
-
-
-def _started(
-    folder: Path, isolation: Isolation, line: int, limits: Limits, readable: Sequence[Path], confiner: Confiner | None
-) -> subprocess.Popen[bytes]:
-    """Returns a process, with a Python and a sandbox of its own.
-
-    Raises:
-        LabFault: it cannot be started.
-    """
-    command, cwd = start_command(folder, isolation, line, limits, readable, confiner)
-    return start_process(command, cwd, confiner, pass_fds=(line,), start_new_session=True)
-
-
-def start_process(
-    command: list[str],
-    cwd: Path,
-    confiner: Confiner | None = None,
-    stdin: int = subprocess.DEVNULL,
-    stderr: int = subprocess.STDOUT,
-    **options: Any,
-) -> subprocess.Popen[bytes]:
-    """Start a student's process, whose stdout is a pipe.
-
-    Args:
-        command, cwd: of `start_command`.
-        confiner: of a process that is "confined".
-        stdin, stderr, options: as of `subprocess.Popen`.
-
-    Raises:
-        LabFault: it cannot be started.
-    """
-    try:
-        return subprocess.Popen(
-            command,
-            cwd=cwd,
-            env=environment(confiner),
-            stdin=stdin,
-            stdout=subprocess.PIPE,
-            stderr=stderr,
-            **options,
-        )
-    except OSError as error:
-        raise LabFault(f"A student's process could not be started: {error}.") from error

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 import select
-import subprocess
 import threading
 from collections.abc import Sequence
 from contextlib import suppress
@@ -15,15 +14,15 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import IO
 
-from snr_sim.grading.remote.child_process import CHUNK, LOOK_S, ChildProcess, start_process
+from snr_sim.grading.remote.child_process import CHUNK, ChildProcess
+from snr_sim.grading.remote.launch import start_process
+from snr_sim.grading.remote.nursery import Nursery
+from snr_sim.grading.remote.patience import END_S, LOOK_S, Patience
 from snr_sim.grading.remote.protocol import PIPES
 from snr_sim.grading.reports.results import Isolation
-from snr_sim.grading.sandbox.nursery import Nursery
-from snr_sim.grading.sandbox.patience import Patience
-from snr_sim.grading.sandbox.sandbox import Limits, start_command
+from snr_sim.grading.sandbox.sandbox import Limits
 
 CAN_POLL_PIPES = hasattr(select, "poll")
-_END_S = 2.0
 
 
 class PipedProcess(ChildProcess):
@@ -37,8 +36,7 @@ class PipedProcess(ChildProcess):
     def __init__(self, folder: Path, isolation: Isolation, limits: Limits) -> None:
         assert isolation == "none"
         self._prepare(limits, None)
-        command, cwd = start_command(folder, "none", PIPES, limits, ())
-        self._piped = start_process(command, cwd, stdin=subprocess.PIPE, stderr=subprocess.PIPE)
+        self._piped = start_process(folder, "none", PIPES, limits)
         self._process = self._piped
         assert self._piped.stdout is not None
         assert self._piped.stderr is not None
@@ -99,7 +97,7 @@ class PipedProcess(ChildProcess):
             self.kill()
             self._piped.wait()
             for reader in self._readers:
-                reader.join(_END_S)
+                reader.join(END_S)
             self._hear_output()
         finally:
             with suppress(OSError):  # what it has not been told is in there

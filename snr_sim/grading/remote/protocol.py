@@ -1,6 +1,6 @@
 """What the grader and the student's process say to each other: one line of JSON each way, the grader asks first.
 
-    --> {"n": 7, "do": "call", "args": {"file": "mixer.py", "function": "mix", "args": [0.5]}}
+    --> {"n": 7, "cpu_s": 10.0, "verb": {"do": "call", "file": "mixer.py", "function": "mix", "args": [0.5]}}
     <-- {"n": 7, "value": [1500, 1550]}      or      {"n": 7, "error": {"step": "call", "text": "mixer.py, line 3: "}}
 
 What comes back is a stranger's: a line has a longest length, nothing in it is nested deeply, and of JSON nothing can
@@ -10,7 +10,7 @@ says that it equals, ever stands in the grader.
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import msgspec
 
@@ -21,6 +21,115 @@ MAX_ANSWER_BYTES = 1 << 20
 MAX_DEPTH = 32
 PIPES = -1  # in place of a descriptor: the process is asked on its stdin and answers on its stdout
 TIME_UP_STATUS = 152  # exit status of a process whose CPU time is up, as a shell tells SIGXCPU
+SUBMISSION = "."  # the name of the submission's folder; those of robots have theirs
+# Type of the task, its name (None: every one), and the handler's name.
+HandlerRow: TypeAlias = tuple[str, str | None, str]
+
+
+class _Verb(msgspec.Struct, frozen=True, tag_field="do", tag=str.lower):
+    """What the grader asks for: of each kind the child has a function (`Child.verbs`)."""
+
+
+class Hello(_Verb, frozen=True):
+    """Tell which user's this process is."""
+
+
+class Call(_Verb, frozen=True):
+    """Call a function of a file of the submission.
+
+    Args:
+        args: a list, as `values.encode_value` writes it.
+    """
+
+    file: str
+    function: str
+    args: msgspec.Raw
+
+
+class MakeObject(_Verb, frozen=True, tag="host"):
+    """Make an object of the kit's, whose class gets the student's module first."""
+
+    file: str
+    host: str
+    args: msgspec.Raw
+
+
+class AskObject(_Verb, frozen=True, tag="ask"):
+    """Call a method of such an object, by its number."""
+
+    number: int
+    method: str
+    args: msgspec.Raw
+
+
+class Parse(_Verb, frozen=True):
+    """Apply a parser of the kit."""
+
+    parser: str
+    data: bytes
+
+
+class Load(_Verb, frozen=True):
+    """Read this file.
+
+    Args:
+        file: of the submission.
+        robots: names and folders of robots whose modules it may import.
+    """
+
+    file: str
+    robots: list[tuple[str, str]]
+
+
+class Open(_Verb, frozen=True):
+    """Call the file's `factories`.
+
+    Args:
+        file: of the submission, which was read.
+        robot: what `factories` gets, pickled, in base64.
+    """
+
+    file: str
+    robot: str
+
+
+class Make(_Verb, frozen=True):
+    """Make the component of a factory in the node of a role."""
+
+    node: str
+    factory: int
+    chance: int
+
+
+class Handle(_Verb, frozen=True):
+    """Handle a task, from the component named on; `pages` are new in the datastore since the last message.
+
+    Args:
+        processed: of `process_data` that carries a page: that page and the one before it, if newer ones are in the
+            datastore; nothing if it is the newest. Then `task` is without values. None: `task` has what it carries.
+    """
+
+    node: str
+    component: str
+    task: msgspec.Raw
+    now_s: float
+    pages: list[msgspec.Raw]
+    came_s: dict[str, float]
+    processed: list[msgspec.Raw] | None
+
+
+class Step(_Verb, frozen=True):
+    """Do a step of a component's life: begin, join, terminate; of a loop also setup, loop."""
+
+    node: str
+    component: str
+    step: str
+    now_s: float
+    pages: list[msgspec.Raw]
+    came_s: dict[str, float]
+
+
+Verb: TypeAlias = Hello | Call | MakeObject | AskObject | Parse | Load | Open | Make | Handle | Step
 
 
 class Ask(msgspec.Struct, frozen=True):
@@ -28,24 +137,13 @@ class Ask(msgspec.Struct, frozen=True):
 
     Args:
         n: the number of the line.
-        do: which of the child's verbs.
-        args: for that.
         cpu_s: how much CPU time the answer may take.
+        verb: what is asked for.
     """
 
     n: int
-    do: str
-    args: Any
     cpu_s: float
-
-
-class Asked(msgspec.Struct, frozen=True):
-    """The same as the child hears it: the arguments are for the verb to read."""
-
-    n: int
-    do: str
-    args: msgspec.Raw
-    cpu_s: float
+    verb: Verb
 
 
 class Said(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -82,12 +180,70 @@ class Answer(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defau
     error: Said | None = None
 
 
+class Loaded(msgspec.Struct, frozen=True):
+    """A file was read: its OPTIONS and its ROLES, if it has any."""
+
+    options: Any
+    roles: Any
+
+
+class Opened(msgspec.Struct, frozen=True):
+    """There are factories: for each whether it makes a loop; and which files were read, in which folder."""
+
+    are_loops: list[bool]
+    files: list[tuple[str, str]]
+
+
+class Made(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A component: its name, its handlers, and which steps of its life its author has written."""
+
+    name: str
+    handlers: list[HandlerRow]
+    steps: list[str]
+    is_loop: bool = False
+    rate_hz: float = 0.0
+    first_s: float = 0.0
+    next_s: float | None = None
+
+
+class Told(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """What is told after every step: what entered through the door, new handlers, notes, pages asked for in vain.
+
+    Args:
+        said: what components have printed and logged: component, level, text.
+    """
+
+    entered: list[tuple[msgspec.Raw, str]] = []
+    handlers: dict[str, list[HandlerRow]] | None = None
+    notes: list[str] = []
+    missed: list[str] = []
+    said: list[tuple[str, str, str]] = []
+
+
+class Returned(Told, frozen=True, omit_defaults=True):
+    """What handlers returned, by component; and which one failed, if one did."""
+
+    returned: dict[str, list[msgspec.Raw]]
+    failed: str = ""
+    text: str = ""
+    fix: str = ""
+    is_slow: bool = False
+
+
+class StepDone(Told, frozen=True, omit_defaults=True):
+    """What a step scheduled; of a loop also when its next tick is to come, and whether there is to be one."""
+
+    scheduled: list[msgspec.Raw]
+    next_s: float | None = None
+    is_stopped: bool = False
+
+
 class ProtocolError(SnrError):
     """A line that is not what the protocol allows."""
 
 
 encode = msgspec.json.Encoder().encode
-decode_ask = msgspec.json.Decoder(Asked).decode
+decode_ask = msgspec.json.Decoder(Ask).decode
 _decode_answer = msgspec.json.Decoder(Answer).decode
 T = TypeVar("T")
 

@@ -13,39 +13,29 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TypeVar
 
 import msgspec
 
 from snr_sim.core.datastore import PREVIOUS
+from snr_sim.core.endpoint import Endpoint, EndpointFactory
+from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.core.said import LEVELS
 from snr_sim.grading.lab.verdicts import Misbehaved
+from snr_sim.grading.remote import protocol
 from snr_sim.grading.remote.admission import Admission
 from snr_sim.grading.remote.child_process import ChildProcess
 from snr_sim.grading.remote.endings import misbehaved
-from snr_sim.grading.remote.node_messages import (
-    Handle,
-    Load,
-    Loaded,
-    Made,
-    Make,
-    Open,
-    Opened,
-    Returned,
-    Step,
-    StepDone,
-    Told,
-)
 from snr_sim.grading.remote.packing import packed
-from snr_sim.grading.remote.protocol import Answer, ProtocolError, T, decode_as
-from snr_sim.grading.remote.proxies import RemoteEndpoint, RemoteEndpointFactory, RemoteLoop, RemoteLoopFactory
 from snr_sim.prelude.errors import SnrError
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.scenario import Robot
-from snr_sim.prelude.task import SomeTasks, Task, TaskType
+from snr_sim.prelude.task import SomeTasks, Task, TaskHandler, TaskHandlerMap, TaskId, TaskType
 
 STEP_CPU_S = 5.0  # for one handler, or one step of a component's life
+LOAD_CPU_S = 20.0  # for reading a file, or calling its `factories`
+T = TypeVar("T")
 
 
 class StudentFailed(SnrError):
@@ -75,41 +65,30 @@ class Remote:
         self._failed = ""
         self._failure: StudentFailed | None = None
 
-    def ask(self, do: str, args: Any, cpu_s: float = STEP_CPU_S, may_raise: bool = False) -> Answer:
-        """Asks the student's process.
+    def ask(self, verb: protocol.Verb, decoder: msgspec.json.Decoder[T], cpu_s: float = STEP_CPU_S) -> T:
+        """Ask the student's process; return what it answers.
 
         Args:
-            do, args, cpu_s: as for `ChildProcess.ask`.
-            may_raise: whether an error of the student's own is returned.
+            verb, cpu_s: as for `ChildProcess.ask`.
+            decoder: of the answer's form.
 
         Raises:
-            Misbehaved: it did not answer; kept, as a node that runs says it in other words.
+            Misbehaved: it did not answer in this form; kept, as a node that runs says it in other words.
+            StudentFailed: a step of a component's life raised.
         """
         try:
-            answer = self.child.ask(do, args, cpu_s)
-            if answer.error is not None and (not may_raise or answer.error.step == "slow"):
-                raise misbehaved(answer.error)
-            return answer
-        except ProtocolError as error:
-            raise self._nonsense(error) from error
+            answer = self.child.ask(verb, cpu_s)
+            if answer.error is None:
+                return protocol.decode_as(decoder, answer.value)
+            if isinstance(verb, protocol.Step) and answer.error.step != "slow":
+                raise StudentFailed(answer.error.text, answer.error.fix)
+            raise misbehaved(answer.error)
+        except protocol.ProtocolError as error:
+            self.misbehaved = Misbehaved(error.message, "Leave the grader's file descriptors alone.")
+            raise self.misbehaved from error
         except Misbehaved as error:
             self.misbehaved = error
             raise
-
-    def _decode(self, decoder: msgspec.json.Decoder[T], answer: Answer) -> T:
-        """Returns what an answer says.
-
-        Raises:
-            Misbehaved: it has another form; kept, as in `ask`.
-        """
-        try:
-            return decode_as(decoder, answer.value)
-        except ProtocolError as error:
-            raise self._nonsense(error) from error
-
-    def _nonsense(self, error: ProtocolError) -> Misbehaved:
-        self.misbehaved = Misbehaved(error.message, "Leave the grader's file descriptors alone.")
-        return self.misbehaved
 
     def controller(self, path: Path, robots: Sequence[tuple[str, Path]]) -> ModuleType:
         """Returns a module that stands for the student's file: its `factories` makes proxies.
@@ -118,8 +97,8 @@ class Remote:
             path: of the student's file, for the trace's header.
             robots: whose modules the student may import.
         """
-        answer = self.ask("load", Load(self.file, [(name, str(folder)) for name, folder in robots]), 20.0)
-        loaded = self._decode(_decode_loaded, answer)
+        load = protocol.Load(self.file, [(name, str(folder)) for name, folder in robots])
+        loaded = self.ask(load, _loaded, LOAD_CPU_S)
         module = ModuleType(Path(self.file).stem)
         module.__file__ = str(path)
         if loaded.options is not None:
@@ -131,7 +110,7 @@ class Remote:
 
     def factories(self, robot: Robot) -> list[RemoteEndpointFactory | RemoteLoopFactory]:
         """Has the student's `factories(robot)` called; returns a proxy for each of its factories."""
-        opened = self._decode(_decode_opened, self.ask("open", Open(self.file, packed(robot)), 20.0))
+        opened = self.ask(protocol.Open(self.file, packed(robot)), _opened, LOAD_CPU_S)
         self.files = opened.files
         first, self._made = self._made, self._made + len(opened.are_loops)
         return [
@@ -139,9 +118,9 @@ class Remote:
             for number, is_loop in enumerate(opened.are_loops, start=first)
         ]
 
-    def make(self, factory: int, parent: Node) -> Made:
+    def make(self, factory: int, parent: Node) -> protocol.Made:
         """Has a component made in the student's process."""
-        made = self._decode(_decode_made, self.ask("make", Make(parent.role, factory, parent.chance)))
+        made = self.ask(protocol.Make(parent.role, factory, parent.chance), _made)
         self.admission.component(made)
         self.names.add(made.name)
         return made
@@ -166,8 +145,8 @@ class Remote:
         pages, came_s = self._new_pages(node)
         processed = _processed_by(task, node)
         raw = msgspec.Raw((task if processed is None else Task(task.type, task.name)).serialize())
-        args = Handle(node.role, component.name, raw, node.machine.now_s, pages, came_s, processed)
-        answer = self._decode(_decode_returned, self.ask("handle", args))
+        verb = protocol.Handle(node.role, component.name, raw, node.machine.now_s, pages, came_s, processed)
+        answer = self.ask(verb, _returned)
         for name, tasks in answer.returned.items():
             self._answers[name] = self.admission.tasks(tasks, node, name)
         if answer.failed:
@@ -177,20 +156,17 @@ class Remote:
             self._answers.setdefault(answer.failed, [])
         self._take(answer, node)
 
-    def step(self, component: RemoteEndpoint | RemoteLoop, step: str) -> StepDone:
+    def step(self, component: RemoteEndpoint | RemoteLoop, step: str) -> protocol.StepDone:
         """Has a step of a component's life done."""
         node = component.parent
         now_s = node.get_time_s()
         self.admission.count(now_s)
         pages, came_s = self._new_pages(node)
-        answer = self.ask("step", Step(node.role, component.name, step, now_s, pages, came_s), may_raise=True)
-        if answer.error is not None:
-            raise StudentFailed(answer.error.text, answer.error.fix)
-        done = self._decode(_decode_step_done, answer)
+        done = self.ask(protocol.Step(node.role, component.name, step, now_s, pages, came_s), _step_done)
         self._take(done, node)
         return done
 
-    def _take(self, told: Told, node: Node) -> None:
+    def _take(self, told: protocol.Told, node: Node) -> None:
         """Does what else a step has told."""
         for raw, source in told.entered:
             (task,) = self.admission.tasks([raw], node, source)
@@ -238,8 +214,110 @@ def _processed_by(task: Task, node: Node) -> list[msgspec.Raw] | None:
     return [msgspec.Raw(one.serialize()) for one in (page, before) if one is not None]
 
 
-_decode_loaded = msgspec.json.Decoder(Loaded)
-_decode_opened = msgspec.json.Decoder(Opened)
-_decode_made = msgspec.json.Decoder(Made)
-_decode_returned = msgspec.json.Decoder(Returned)
-_decode_step_done = msgspec.json.Decoder(StepDone)
+class RemoteEndpointFactory(EndpointFactory):
+    """Makes the proxy of an endpoint."""
+
+    def __init__(self, remote: Remote, number: int) -> None:
+        super().__init__()
+        self.remote = remote
+        self._number = number
+
+    def get(self, parent: Node) -> Endpoint:
+        """Returns a proxy; the student's own endpoint is made in its process."""
+        return RemoteEndpoint(self, parent, self.remote.make(self._number, parent))
+
+
+class RemoteEndpoint(Endpoint):
+    """Stands for an endpoint of the student's."""
+
+    factory: RemoteEndpointFactory
+
+    def __init__(self, factory: RemoteEndpointFactory, parent: Node, made: protocol.Made) -> None:
+        super().__init__(factory, parent, made.name)
+        self._steps = {"join" if step == "halt" else step for step in made.steps}
+        self.task_handlers = self.handlers_of(made.handlers)
+
+    def handlers_of(self, rows: Sequence[protocol.HandlerRow]) -> TaskHandlerMap:
+        """Returns handlers that have the student's called."""
+        handlers: TaskHandlerMap = {}
+        for kind, name, label in rows:
+            task_type = TaskType(kind)
+            handlers[task_type if name is None else (task_type, name)] = self._handler(label)
+        return handlers
+
+    def _handler(self, label: str) -> TaskHandler:
+        def handle(task: Task, task_id: TaskId) -> SomeTasks:
+            return self.factory.remote.handle(self, task)
+
+        handle.__name__ = label
+        return handle
+
+    def begin(self) -> None:
+        """Has the student's `begin` called, if there is one."""
+        self._do("begin")
+
+    def join(self) -> None:
+        """Has the student's `halt` called, if there is one."""
+        self._do("join")
+
+    def terminate(self) -> None:
+        """Has the student's `terminate` called, if there is one."""
+        self._do("terminate")
+
+    def _do(self, step: str) -> None:
+        if step in self._steps:
+            done = self.factory.remote.step(self, step)
+            self.schedule(self.factory.remote.admission.tasks(done.scheduled, self.parent, self.name))
+
+
+class RemoteLoopFactory(LoopFactory):
+    """Makes the proxy of a loop."""
+
+    def __init__(self, remote: Remote, number: int) -> None:
+        super().__init__()
+        self.remote = remote
+        self._number = number
+
+    def get(self, parent: Node) -> Loop:
+        """Returns a proxy; the student's own loop is made in its process."""
+        return RemoteLoop(self, parent, self.remote.make(self._number, parent))
+
+
+class RemoteLoop(Loop):
+    """Stands for a loop of the student's: the grader's clock says when it ticks."""
+
+    factory: RemoteLoopFactory
+
+    def __init__(self, factory: RemoteLoopFactory, parent: Node, made: protocol.Made) -> None:
+        super().__init__(factory, parent, made.name, made.rate_hz)
+        self.first_tick_after_s = made.first_s
+        self.next_tick_at_s = made.next_s
+
+    def setup(self) -> None:
+        """Has the student's `setup` called."""
+        self._do("setup")
+
+    def loop(self) -> None:
+        """Has the student's `loop` called."""
+        self._do("loop")
+
+    def halt(self) -> None:
+        """Has the student's `halt` called."""
+        self._do("join")
+
+    def terminate(self) -> None:
+        """Has the student's `terminate` called."""
+        self._do("terminate")
+
+    def _do(self, step: str) -> None:
+        done = self.factory.remote.step(self, step)
+        self.next_tick_at_s = done.next_s
+        if done.is_stopped:
+            self.stop()
+
+
+_loaded = msgspec.json.Decoder(protocol.Loaded)
+_opened = msgspec.json.Decoder(protocol.Opened)
+_made = msgspec.json.Decoder(protocol.Made)
+_returned = msgspec.json.Decoder(protocol.Returned)
+_step_done = msgspec.json.Decoder(protocol.StepDone)

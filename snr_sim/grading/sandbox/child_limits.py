@@ -1,37 +1,24 @@
-"""What a student's process does to itself before it reads the submission: gives rights away, and takes limits on."""
+"""What a student's process does to itself before it reads the submission: drops privileges and sets limits."""
 
 from __future__ import annotations
 
-import _thread
 import ctypes
-import math
 import os
 import signal
 import sys
 import threading
 import time
-from types import FrameType
 
-from snr_sim.grading.remote.protocol import TIME_UP_STATUS
 from snr_sim.prelude.errors import SnrError
 
 _PARENT_DEATH_SIGNAL = 1  # prctl
-_GRACE_S = 0.5  # of CPU time, to end after the time is up
-_LOOK_S = 0.05
-_HAS_TIMER = hasattr(signal, "setitimer")  # Windows has none
-# The time for one thing, and for all; without these a thread calls the handler of a signal that exists everywhere.
-_TIME_UP = (signal.SIGPROF, signal.SIGXCPU) if _HAS_TIMER else (signal.SIGTERM,)
-
-
-class TookTooLong(BaseException):
-    """Raised where the student's program is when its CPU time is up; nothing of Python's own catches it."""
 
 
 def become(user: int) -> None:
-    """Becomes this user, for good."""
+    """Become this user, for good: with it all of root's rights are gone."""
     os.setgroups([])
     os.setresgid(user, user, user)
-    os.setresuid(user, user, user)  # with it all of root's rights are gone, for good
+    os.setresuid(user, user, user)
 
 
 def end_with_parent() -> None:
@@ -55,17 +42,16 @@ def process_control(option: int, value: int) -> None:
 
 
 def limit(limits: tuple[int, int, int, int], is_alone: bool) -> None:
-    """Takes limits on; they can only be lowered from here.
+    """Set limits, which can only be lowered from here. Windows has none of them.
 
     Args:
         limits: seconds of CPU time, bytes of memory, bytes of a file, open files.
-        is_alone: whether nobody else runs as its user, so that it may start nothing.
+        is_alone: whether no other process runs as its user, so that it may start nothing.
     """
-    if not _HAS_TIMER:
-        _Timer.start()
-        return  # Windows has none of these
-    import resource
-
+    try:
+        import resource
+    except ImportError:
+        return
     cpu_s, memory_bytes, file_bytes, open_files = limits
     hard = {
         resource.RLIMIT_CPU: (cpu_s, cpu_s + 2),
@@ -85,49 +71,9 @@ def limit(limits: tuple[int, int, int, int], is_alone: bool) -> None:
 
 
 def refuse_company() -> None:
-    """Has threads refused with a reason, and sleeps return at once: time is virtual here."""
+    """Have threads refused with a reason, and sleeps return at once: time is virtual here."""
     threading.Thread.start = _start_nothing  # type: ignore[assignment]
-    time.sleep = _do_not_sleep  # type: ignore[assignment]
-
-
-def heed_time() -> None:
-    """Has `TookTooLong` raised where the program is when a signal says that its time is up."""
-    for up in _TIME_UP:
-        signal.signal(up, _time_is_up)
-
-
-def bound_time(cpu_s: float) -> None:
-    """Have the time be up after so much more CPU time; 0 ends the bound."""
-    if _HAS_TIMER:
-        signal.setitimer(signal.ITIMER_PROF, cpu_s, _GRACE_S if cpu_s else 0.0)
-    else:
-        _Timer.up_s = time.process_time() + cpu_s if cpu_s else math.inf
-
-
-class _Timer:
-    """What a thread knows that does the same where the system has no timer of CPU time."""
-
-    up_s = math.inf
-
-    @classmethod
-    def start(cls) -> None:
-        threading.Thread(target=cls._run, daemon=True).start()
-
-    @classmethod
-    def _run(cls) -> None:
-        while True:
-            threading.Event().wait(_LOOK_S)  # `time.sleep` returns at once here
-            if time.process_time() > cls.up_s:
-                cls.up_s += _GRACE_S
-                if signal.getsignal(*_TIME_UP) is signal.SIG_DFL:  # it was told, and goes on
-                    os._exit(TIME_UP_STATUS)
-                _thread.interrupt_main(*_TIME_UP)
-
-
-def _time_is_up(number: int, frame: FrameType | None) -> None:
-    """Says so where the program is; if it goes on all the same, ends it."""
-    signal.signal(number, signal.SIG_DFL)
-    raise TookTooLong("this takes too long: its CPU time is used up")
+    time.sleep = lambda seconds: None
 
 
 def _start_nothing(thread: threading.Thread) -> None:
@@ -135,7 +81,3 @@ def _start_nothing(thread: threading.Thread) -> None:
         f"A thread '{thread.name}' was to be started, but a graded program has one only.",
         fix="let a Loop do it: in lock step the clock calls it.",
     )
-
-
-def _do_not_sleep(seconds: float) -> None:
-    """Returns at once."""

@@ -1,21 +1,15 @@
-"""The walls that a process puts up around itself where nobody may make namespaces: in an ordinary container, as root.
-
-    a user of its own      files, signals and limits of nobody else; all of root's rights are gone
-    no new privileges      no program gives any back
-    Landlock               reads Python, the kit without its labs, and the submission; writes in its scratch folder
-    seccomp                no processes, threads, programs, sockets, shared memory, or looks at other processes
-    limits                 as in the sandbox
+"""The walls that a process puts up around itself where no namespaces can be made: in an ordinary container, as root.
 
 Each is the kernel's own and cannot be taken down. If one of them cannot be put up, the process ends before it has read
-the submission.
+the submission. The limits and the filter of system calls come after these (`child_limits.py`).
 """
 
 from __future__ import annotations
 
 import os
 import socket
+from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 from snr_sim.grading.sandbox import seccomp
 from snr_sim.grading.sandbox.child_limits import become, end_with_parent, process_control
@@ -25,36 +19,23 @@ _DEVICES = {"null": READ | WRITE_FILE, "zero": READ, "full": READ, "random": REA
 _NO_NEW_PRIVILEGES = 38  # prctl
 
 
-class Walls(NamedTuple):
-    """What a confined process is told of itself.
+def confine(line: int, user: int, readable: Sequence[str], hidden: str, scratch: str) -> None:
+    """Put up all walls but the last; send the grader the listener that counts new files.
 
     Args:
-        user: whom to become.
+        line: the conversation with the grader.
+        user: which to become.
         readable: folders.
         hidden: a folder that may be in one of these, and must not be read.
         scratch: the folder to write in.
     """
-
-    user: int
-    readable: tuple[str, ...]
-    hidden: str
-    scratch: str
-
-
-def confine(walls: Walls, line: int) -> None:
-    """Puts up all but the limits and the last filter; sends the grader the listener that counts new files.
-
-    Args:
-        walls: what for.
-        line: the conversation with the grader.
-    """
     parent = os.getppid()
     process_control(_NO_NEW_PRIVILEGES, 1)
-    granted = {Path(walls.scratch): SCRATCH}
-    for tree in walls.readable:
-        granted.update(but_for(Path(tree), Path(walls.hidden)))
+    granted = {Path(scratch): SCRATCH}
+    for tree in readable:
+        granted.update(but_for(Path(tree), Path(hidden)))
     restrict(granted | {Path("/dev", name): access for name, access in _DEVICES.items()})
-    become(walls.user)
+    become(user)
     end_with_parent()  # now: with another user it would be forgotten
     if os.getppid() != parent:
         os._exit(1)

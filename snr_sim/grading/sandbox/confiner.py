@@ -1,28 +1,43 @@
-"""The grader's side of a confined process: gives it a user and a scratch folder, and clears away what was its.
+"""The grader's side of a confined process: a user and a scratch folder of its own, and the count of files in it.
 
-This is the second choice, after bubblewrap's namespaces, and for one place: root in a container that may not mount
+The second choice, after bubblewrap's namespaces, and for one place: root in a container that may not mount
 (without CAP_SYS_ADMIN), as Gradescope's and Docker's ordinary ones are. What differs for a program in it: `/` is the
 container's (asking whether a file is there is answered, opening it is refused), the folder to write in has the name
 that `tempfile` gives, and holds fewer and shorter files.
+
+The kernel bounds how long a file may be, and nothing but a file system bounds how many there are; a container's root
+may not make one. So seccomp stops a process that makes a file until the grader has counted.
 """
 
 from __future__ import annotations
 
+import errno
 import os
+import shutil
+import socket
+import struct
 import sys
-from collections.abc import Sequence
+import tempfile
+from contextlib import suppress
 from pathlib import Path
 
-from snr_sim.grading.sandbox.confinement import Walls
-from snr_sim.grading.sandbox.scratch import Scratch
-from snr_sim.grading.sandbox.throwaway_user import ThrowawayUser
+from snr_sim.grading.lab.verdicts import LabFault
 
+# What systemd keeps for services' users that come and go; within the 65536 that a container with a mapping has.
+# Source: "Users, Groups, UIDs and GIDs on systemd Systems", systemd.io.
+FIRST, LAST = 61184, 65519
+MAX_FILES = 16
+FILE_BYTES = 1 << 20
+# struct seccomp_notif begins with id and pid; struct seccomp_notif_resp: id, value, error, flags.
+_NOTICE_BYTES, _ID, _REPLY = 80, struct.Struct("=Q"), struct.Struct("=QqiI")
+_RECEIVE, _SEND = 0xC0502100, 0xC0182101  # SECCOMP_IOCTL_NOTIF_...
+_GO_ON = 1
 _SYS_ADMIN = 21
 _NEEDED = {"CAP_CHOWN": 0, "CAP_DAC_OVERRIDE": 1, "CAP_KILL": 5, "CAP_SETGID": 6, "CAP_SETUID": 7}
 
 
 class Confiner:
-    """What one confined process is given.
+    """What one confined process is given. No other process or grader here has its user; `close` gives that back.
 
     Raises:
         LabFault: there is no user left for it.
@@ -30,34 +45,66 @@ class Confiner:
     """
 
     def __init__(self) -> None:
-        self._user = ThrowawayUser()
+        self.user, self._claim = _claim_user()
+        self.listener = -1  # where the process asks whether it may make a file, once it has sent that
         try:
-            self.scratch = Scratch(self._user.number)
+            self.scratch = Path(tempfile.mkdtemp(prefix="snr-scratch-"))
+            os.chown(self.scratch, self.user, self.user)
         except OSError:
-            self._user.close()
+            self._claim.close()
             raise
 
-    def walls(self, readable: Sequence[Path], hidden: Path) -> Walls:
-        """Returns what the process is told: what it may read, but for a folder in it."""
-        return Walls(self._user.number, tuple(map(str, readable)), str(hidden), str(self.scratch.folder))
+    def answer(self) -> bool:
+        """Answer a process that is about to open a file and would make it; return False if there is none any more."""
+        import fcntl  # here, as `snr check` reads this file on Windows, too
+
+        notice = bytearray(_NOTICE_BYTES)
+        try:
+            fcntl.ioctl(self.listener, _RECEIVE, notice)
+            (number,) = _ID.unpack_from(notice)
+            is_full = len(os.listdir(self.scratch)) >= MAX_FILES
+            fcntl.ioctl(self.listener, _SEND, _REPLY.pack(number, 0, *((-errno.ENOSPC, 0) if is_full else (0, _GO_ON))))
+        except OSError as error:
+            return error.errno in (errno.EINTR, errno.ENOENT)  # it was interrupted, and asks again
+        return True
 
     def close(self) -> None:
-        """Clears away whatever was the process', which has ended.
+        """Remove what the process has written, which has ended."""
+        if self.listener >= 0:
+            with suppress(OSError):
+                os.close(self.listener)
+        shutil.rmtree(self.scratch, ignore_errors=True)
+        self._claim.close()
 
-        Raises:
-            LabFault: something of it cannot be ended.
-        """
-        self.scratch.close()
-        self._user.close()
+
+def _claim_user() -> tuple[int, socket.socket]:
+    """Return a user that no other grader here has, and what keeps it ours until it is closed."""
+    import pwd  # as `fcntl` above
+
+    for number in range(FIRST, LAST + 1):
+        with suppress(KeyError):
+            pwd.getpwuid(number)
+            continue  # a service has it
+        claim = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        try:
+            claim.bind(f"\0snr_sim_user_{number}")  # one process can have that name, until it ends
+        except OSError:
+            claim.close()
+            continue
+        return number, claim
+    raise LabFault(
+        f"All users from {FIRST} to {LAST} are in use, of which each confined process needs one.",
+        fix="are graders left over, which have them? Look with `ps -eo uid,pid,cmd`.",
+    )
 
 
 def is_for_here() -> bool:
-    """Returns whether this process is root's in a container that may not mount."""
+    """Return whether this process is root's in a container that may not mount."""
     return sys.platform == "linux" and os.geteuid() == 0 and not _rights() >> _SYS_ADMIN & 1
 
 
 def missing_rights() -> list[str]:
-    """Returns which of root's rights are missing that give a process to another user."""
+    """Return which of root's rights are missing that give a process to another user."""
     rights = _rights()
     return [name for name, bit in _NEEDED.items() if not rights >> bit & 1]
 

@@ -25,12 +25,13 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from snr_sim.grading.lab.verdicts import LabFault
+from snr_sim.grading.remote.launch import copy_for_all, start_process
+from snr_sim.grading.remote.nursery_process import COPIED, COPY, HOW_IT_ENDED, STATUS, USED_UP
+from snr_sim.grading.remote.patience import wait_for_the_end
 from snr_sim.grading.reports.results import Isolation
-from snr_sim.grading.sandbox.nursery_process import COPIED, COPY, HOW_IT_ENDED, STATUS, USED_UP
-from snr_sim.grading.sandbox.sandbox import Limits, copy_for_all, environment, is_root, start_command
+from snr_sim.grading.sandbox.sandbox import Limits, is_root
 
 _MOST_BYTES = 64
-_END_S = 2.0
 _ANSWER_S = 130.0  # wall time; a copy takes a millisecond, and a start of Python 0.2 s
 
 
@@ -176,22 +177,9 @@ class Nursery:
         here.settimeout(_ANSWER_S)
         self._socket = here
         with there:
-            command, cwd = start_command(
-                self._shown_folder(), "sandbox", there.fileno(), self._limits, (), makes_copies=True
+            self._process = start_process(
+                self._shown_folder(), "sandbox", there.fileno(), self._limits, makes_copies=True
             )
-            try:
-                self._process = subprocess.Popen(
-                    command,
-                    cwd=cwd,
-                    env=environment(),
-                    stdin=subprocess.DEVNULL,
-                    stdout=subprocess.PIPE,
-                    stderr=subprocess.STDOUT,
-                    pass_fds=(there.fileno(),),
-                    start_new_session=True,
-                )
-            except OSError as error:
-                raise LabFault(f"A student's process could not be started: {error}.") from error
 
     def _fault(self) -> LabFault:
         """Returns what there is to say when no copy can be had; ends what there is."""
@@ -215,9 +203,7 @@ class Nursery:
                 os.killpg(self._process.pid, signal.SIGKILL)
             said, _ = self._process.communicate()
         if self._socket is not None:
-            far_end = select.poll()
-            far_end.register(self._socket, 0)  # that it has gone is always told
-            far_end.poll(_END_S * 1000.0)
+            wait_for_the_end(self._socket)
             self._socket.close()
         self._process = self._socket = None
         self.is_busy = False

@@ -7,9 +7,13 @@ what the kernel says of it, and not by a clock, so a slow computer does not make
 from __future__ import annotations
 
 import os
+import select
+import socket
 import time
 from pathlib import Path
 
+END_S = 2.0
+LOOK_S = 0.5  # so often, and no oftener, it is looked at whether a process that does not answer is working
 _IDLE_LOOKS = 6  # so many looks in a row with no work done
 _SLACK_S = 2.0
 _TICKS_HZ = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 0  # of /proc, which Windows has not
@@ -25,7 +29,9 @@ class Patience:
     """
 
     def __init__(self, wall_s: float, cpu_s: float, pid: int) -> None:
-        self._give_up_s = time.monotonic() + wall_s
+        now_s = time.monotonic()
+        self._give_up_s = now_s + wall_s
+        self._next_look_s = now_s + 0.9 * LOOK_S
         self._cpu_s = cpu_s + _SLACK_S
         self._pid = pid
         self._idle = 0
@@ -34,9 +40,13 @@ class Patience:
         self.is_spent = False  # whether its CPU time was used up
 
     def is_over(self) -> bool:
-        """Looks again; returns whether it is of no use to wait any longer."""
-        if time.monotonic() > self._give_up_s:
+        """Look again, unless the last look was just now; return whether it is of no use to wait any longer."""
+        now_s = time.monotonic()
+        if now_s > self._give_up_s:
             return True
+        if now_s < self._next_look_s:
+            return False
+        self._next_look_s = now_s + 0.9 * LOOK_S
         seen = seen_of(self._pid)
         if seen is None:
             return False
@@ -65,3 +75,10 @@ def seen_of(pid: int) -> tuple[bool, float] | None:
         ticks += int(stat[11]) + int(stat[12])
         waiting += map(int, children)
     return are_asleep, ticks / _TICKS_HZ
+
+
+def wait_for_the_end(line: socket.socket) -> None:
+    """Wait until no process is left at the far end of a line."""
+    far_end = select.poll()
+    far_end.register(line, 0)  # that it has gone is always told
+    far_end.poll(END_S * 1000.0)

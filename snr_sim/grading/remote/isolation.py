@@ -1,7 +1,7 @@
-"""How students' programs are kept apart on this computer, found out by trying.
+"""Which isolation of students' programs this computer has, found out by trying.
 
-If bubblewrap starts a process, they are in its "sandbox" (`sandbox.py`). If not, and we are root who may not mount, a
-process is "confined" by itself (`confinement.py`). Else official grading refuses, and says what to install.
+If bubblewrap starts a process, it is the "sandbox" (`sandbox.py`). If not, and we are root who may not mount, a process
+is "confined" by itself (`confinement.py`). Else official grading refuses, and says what to install.
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ import msgspec
 
 from snr_sim.grading.lab.verdicts import LabFault
 from snr_sim.grading.remote.child_process import ChildProcess
+from snr_sim.grading.remote.protocol import Hello
 from snr_sim.grading.reports.results import Isolation
-from snr_sim.grading.sandbox.confiner import is_for_here, missing_rights
+from snr_sim.grading.sandbox.confiner import FIRST, LAST, is_for_here, missing_rights
 from snr_sim.grading.sandbox.sandbox import (
     NOBODY,
     IsolationMissing,
@@ -25,15 +26,14 @@ from snr_sim.grading.sandbox.sandbox import (
     find_bubblewrap,
     is_root,
 )
-from snr_sim.grading.sandbox.throwaway_user import FIRST, LAST
 
 
 @lru_cache(maxsize=1)
 def find_isolation() -> Isolation:
-    """Returns how students' programs are kept apart here: in a sandbox wherever that can be had.
+    """Return the isolation of this computer: the sandbox wherever it works.
 
     Raises:
-        IsolationMissing: not at all.
+        IsolationMissing: there is none.
     """
     try:
         try_sandbox()
@@ -50,7 +50,7 @@ def find_isolation() -> Isolation:
 
 @lru_cache(maxsize=1)
 def try_sandbox() -> None:
-    """Starts a process in the sandbox once, and hears whether it answers.
+    """Start a process in the sandbox once, and check that it answers.
 
     Raises:
         IsolationMissing: it does not.
@@ -63,7 +63,7 @@ def try_sandbox() -> None:
 
 @lru_cache(maxsize=1)
 def try_confinement() -> None:
-    """Starts a confined process once, and hears whether it answers.
+    """Start a confined process once, and check that it answers.
 
     Raises:
         IsolationMissing: it does not.
@@ -71,19 +71,23 @@ def try_confinement() -> None:
     if missing := missing_rights():
         raise unconfined(f"root has no {missing[0]} here")
     if closed := closed_to_others():
-        raise out_of_reach(closed)
+        raise IsolationMissing(
+            f"Nor can a program confine itself here: it is another user's, who may not enter {closed}, and Python, its "
+            "packages or the kit are in there.",
+            fix=f"Or have the environment elsewhere, as in /opt, or let others pass: chmod o+x {closed}",
+        )
     user, words = _user_of_a_trial("confined")
     if user is None or not FIRST <= user <= LAST:
         raise unconfined(words or "the process is another user's than it should be")
 
 
 def _user_of_a_trial(isolation: Isolation) -> tuple[int | None, str]:
-    """Returns whose a process is that is kept so, or what it has said instead."""
+    """Return the user of a process in this isolation, or what it has printed instead."""
     with tempfile.TemporaryDirectory(prefix="snr-grading-") as name:
         os.chmod(name, 0o755)
         child = ChildProcess(Path(name), isolation, Limits())
         try:
-            answer = child.ask("hello", None, 10.0)
+            answer = child.ask(Hello(), 10.0)
         except LabFault as error:
             return None, child.printed or error.message
         finally:
@@ -92,7 +96,7 @@ def _user_of_a_trial(isolation: Isolation) -> tuple[int | None, str]:
 
 
 def forbidden(words: str) -> IsolationMissing:
-    """Returns what there is to say when bubblewrap could not start a process."""
+    """Return the error for a process that bubblewrap could not start."""
     _, is_seccomp, why = words.rpartition("SeccompMissing: ")
     if is_seccomp:
         return IsolationMissing(
@@ -109,21 +113,14 @@ def forbidden(words: str) -> IsolationMissing:
         )
     return IsolationMissing(
         f"bubblewrap could not start Python: {words.strip()}",
-        fix="Python and its packages must be readable for everybody; is part of them linked from elsewhere?",
-    )
-
-
-def out_of_reach(closed: Path) -> IsolationMissing:
-    """Returns what there is to say when Python, its packages or the kit are in a folder that others may not enter."""
-    return IsolationMissing(
-        f"Nor can a program confine itself here: it is another user's, who may not enter {closed}, and Python, its "
-        "packages or the kit are in there.",
-        fix=f"Or have the environment elsewhere, as in /opt, or let others pass: chmod o+x {closed}",
+        fix="bubblewrap must know its options: 0.5 or newer does."
+        if "nknown option" in words
+        else "Python and its packages must be readable for everybody; is part of them linked from elsewhere?",
     )
 
 
 def unconfined(words: str) -> IsolationMissing:
-    """Returns what there is to say when a process could not confine itself: its last line, which has the reason."""
+    """Return the error for a process that could not confine itself: its last line has the reason."""
     reason = words.strip().rpartition("\n")[2]
     return IsolationMissing(
         f"Nor can a program confine itself here without namespaces: {reason}",

@@ -1,0 +1,68 @@
+"""How a student's process heeds its CPU time: it is interrupted where it is, so that the line can be named.
+
+A program that ignores this is ended all the same: by the kernel's limit (`child_limits.py`), or by `patience.py`.
+"""
+
+from __future__ import annotations
+
+import _thread
+import math
+import os
+import signal
+import threading
+import time
+from types import FrameType
+
+from snr_sim.grading.remote.protocol import TIME_UP_STATUS
+
+_GRACE_S = 0.5  # of CPU time, to end after the time is up
+_LOOK_S = 0.05
+_HAS_TIMER = hasattr(signal, "setitimer")  # Windows has none
+# The time for one thing, and for all; without these a thread calls the handler of a signal that exists everywhere.
+_TIME_UP = (signal.SIGPROF, signal.SIGXCPU) if _HAS_TIMER else (signal.SIGTERM,)
+
+
+class TookTooLong(BaseException):
+    """Raised where the student's program is when its CPU time is up; nothing of Python's own catches it."""
+
+
+def start_timer() -> None:
+    """Start what counts CPU time where the system has no timer of it, while threads may still be started."""
+    if not _HAS_TIMER:
+        threading.Thread(target=_Timer.run, daemon=True).start()
+
+
+def heed_time() -> None:
+    """Have `TookTooLong` raised where the program is when a signal reports that its time is up."""
+    for up in _TIME_UP:
+        signal.signal(up, _time_is_up)
+
+
+def bound_time(cpu_s: float) -> None:
+    """Have the time be up after so much more CPU time; 0 ends the bound."""
+    if _HAS_TIMER:
+        signal.setitimer(signal.ITIMER_PROF, cpu_s, _GRACE_S if cpu_s else 0.0)
+    else:
+        _Timer.up_s = time.process_time() + cpu_s if cpu_s else math.inf
+
+
+class _Timer:
+    """What a thread knows that does the same where the system has no timer of CPU time."""
+
+    up_s = math.inf
+
+    @classmethod
+    def run(cls) -> None:
+        while True:
+            threading.Event().wait(_LOOK_S)  # `time.sleep` returns at once here
+            if time.process_time() > cls.up_s:
+                cls.up_s += _GRACE_S
+                if signal.getsignal(*_TIME_UP) is signal.SIG_DFL:  # it was interrupted, and goes on
+                    os._exit(TIME_UP_STATUS)
+                _thread.interrupt_main(*_TIME_UP)
+
+
+def _time_is_up(number: int, frame: FrameType | None) -> None:
+    """Raise it where the program is; if that goes on all the same, the next signal ends the process."""
+    signal.signal(number, signal.SIG_DFL)
+    raise TookTooLong("this takes too long: its CPU time is used up")

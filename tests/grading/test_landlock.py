@@ -1,0 +1,75 @@
+"""Landlock: what is granted can be opened, and nothing else; a folder can be left out of what is granted."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from snr_sim.grading.sandbox.landlock import READ, READ_DIR, but_for
+
+SCRIPT = """
+import ctypes, json, sys
+from pathlib import Path
+from snr_sim.grading.sandbox.landlock import LandlockMissing, SCRATCH, but_for, restrict
+
+tree = Path(sys.argv[1])
+ctypes.CDLL(None).prctl(38, 1, 0, 0, 0)
+try:
+    kit = dict(but_for(tree / "kit", tree / "kit" / "a" / "labs"))
+    restrict({**kit, tree / "scratch": SCRATCH, tree / "absent": SCRATCH})
+except LandlockMissing as missing:
+    print(json.dumps(str(missing)))
+    sys.exit()
+
+
+def tried(what, *args):
+    try:
+        what(*args)
+    except OSError as error:
+        return type(error).__name__
+    return "done"
+
+
+print(json.dumps({
+    "kit": tried((tree / "kit" / "a" / "file").read_text),
+    "labs": tried((tree / "kit" / "a" / "labs" / "file").read_text),
+    "beside": tried((tree / "file").read_text),
+    "write": tried((tree / "kit" / "a" / "file").write_text, "x"),
+    "scratch": tried((tree / "scratch" / "new").write_text, "x"),
+    "folder": tried((tree / "scratch" / "folder").mkdir),
+}))
+"""
+
+
+def made(folder: Path) -> Path:
+    (folder / "scratch").mkdir()
+    (folder / "kit" / "a" / "labs").mkdir(parents=True)
+    (folder / "kit" / "b").mkdir()
+    for path in ("file", "kit/a/file", "kit/a/labs/file"):
+        (folder / path).write_text(path)
+    return folder
+
+
+def test_all_but_one_folder_is_granted_and_the_way_to_it_to_list(tmp_path: Path) -> None:
+    kit = made(tmp_path) / "kit"
+    assert dict(but_for(kit, kit / "a" / "labs")) == {
+        kit: READ_DIR,
+        kit / "a": READ_DIR,
+        kit / "a" / "file": READ,
+        kit / "b": READ,
+    }
+    assert dict(but_for(kit, tmp_path / "elsewhere")) == {kit: READ}
+    assert dict(but_for(kit, kit)) == {}
+
+
+@pytest.mark.slow
+def test_the_kernel_opens_what_is_granted_and_nothing_else(tmp_path: Path) -> None:
+    done = subprocess.run([sys.executable, "-c", SCRIPT, str(made(tmp_path))], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    if isinstance(told, str):
+        pytest.skip(told)
+    refused = dict.fromkeys(("labs", "beside", "write", "folder"), "PermissionError")
+    assert told == {"kit": "done", "scratch": "done", **refused}
