@@ -8,7 +8,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated, Any, Protocol
+from typing import Annotated, TypeAlias
 
 from snr_sim.plants.urov.plausible import LIMITS, check_number, check_record, is_number, shown
 from snr_sim.prelude.errors import ParameterError
@@ -78,42 +78,8 @@ class Pack:
 _ROUNDING_S = 1e-9  # a tenth of a second is one, however many steps it is made of
 
 
-class Supply(Protocol):
-    """What feeds the thrusters."""
-
-    @property
-    def charge(self) -> float:
-        """What is left, 0 to 1."""
-        ...
-
-    @property
-    def energy_j(self) -> float:
-        """Given since the last reset, at the terminals."""
-        ...
-
-    def reset(self) -> None:
-        """Puts it back to the start."""
-        ...
-
-    def voltage_v(self, current_a: float) -> float:
-        """Returns the voltage at which a current flows."""
-        ...
-
-    def draw(self, current_a: float, voltage_v: float, dt_s: float) -> None:
-        """Takes a current out of it for a time, at a voltage."""
-        ...
-
-    def snapshot(self) -> Any:
-        """Returns all of its state."""
-        ...
-
-    def restore(self, snapshot: Any) -> None:
-        """Puts back what `snapshot` returned."""
-        ...
-
-
 class BenchSupply:
-    """A supply that holds its voltage whatever is drawn, as one on a bench; for measuring. Keeps the promise of Supply.
+    """A supply that holds its voltage whatever is drawn, as one on a bench; for measuring.
 
     Args:
         volts: that it holds.
@@ -152,7 +118,7 @@ class BenchSupply:
 
 
 class Battery:
-    """A pack and how much is left in it. Keeps the promise of Supply.
+    """A pack and how much is left in it.
 
     Args:
         pack: what it is.
@@ -221,3 +187,6 @@ class Battery:
         low, low_v, slope = _line_at(self.charge)
         cells = self.pack.cells
         self._line = low, cells * low_v, cells * slope, self.pack.resistance_ohm
+
+
+Supply: TypeAlias = Battery | BenchSupply  # what feeds the thrusters
