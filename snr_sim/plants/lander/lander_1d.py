@@ -220,30 +220,13 @@ class Lander1D:
         return "; ".join(self.gear.passed(self.touchdown)) if self.touchdown is not None else ""
 
     def snapshot(self) -> State:
-        """Returns all of the state."""
-        return State(
-            self.time_s,
-            self.height_m,
-            self.velocity_mps,
-            self.mass_kg,
-            self.fuel_kg,
-            self.throttle,
-            self.touchdown,
-            self.outcome,
-        )
+        """Return all of the state."""
+        return State(*(getattr(self, name) for name in State._fields))
 
     def restore(self, snapshot: State) -> None:
-        """Puts back what `snapshot` returned."""
-        (
-            self.time_s,
-            self.height_m,
-            self.velocity_mps,
-            self.mass_kg,
-            self.fuel_kg,
-            self.throttle,
-            self.touchdown,
-            self.outcome,
-        ) = snapshot
+        """Put back what `snapshot` returned."""
+        for name, value in zip(State._fields, snapshot, strict=True):
+            setattr(self, name, value)
 
     def scene(self) -> dict[str, Any]:
         """Returns flat ground with a pad, and the module."""
