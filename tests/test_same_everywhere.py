@@ -15,7 +15,6 @@ import snr_sim
 
 ROOT = Path(snr_sim.__file__).parents[1]
 FOLDERS = [*(f"snr_sim/{room}" for room in ("prelude", "core", "std_mods", "devices", "plants")), "robots", "scenarios"]
-REFERENCES = ("robots/urov/fossen_rk4.py", "robots/urov/physics_cases/")  # computed beside a plant, to compare it with
 REASON = re.compile(r"# (exact: (integers|fractions)|decides no run: \w+)")
 
 # Python 3.12 made `sum` of floats compensated, and built `statistics.fmean` with weights on it.
@@ -84,8 +83,7 @@ def test_no_operation_that_decides_a_run_rounds_differently_elsewhere() -> None:
     for folder in FOLDERS:
         for path in sorted((ROOT / folder).rglob("*.py")):
             name = path.relative_to(ROOT).as_posix()
-            if not name.startswith(REFERENCES):
-                found += [f"{name}:{line}: {message}" for line, message in found_in(path.read_text(encoding="utf-8"))]
+            found += [f"{name}:{line}: {message}" for line, message in found_in(path.read_text(encoding="utf-8"))]
     assert not found, "\n" + "\n".join(found)
 
 

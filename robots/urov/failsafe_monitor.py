@@ -14,8 +14,9 @@ from when they were made, by the vehicle's own clock.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from snr_sim.plants.urov.plausible import IS_ABOVE, Limit, check_number
+from snr_sim.plants.urov.plausible import IS_ABOVE, Limit, check_record
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.signals import PowerReading
 
@@ -55,16 +56,15 @@ class FailsafeLimits:
         ParameterError: a number cannot be; the message names it and says what is usual.
     """
 
-    stale_s: float = 0.25
-    lost_s: float = 2.0
-    hold_s: float = 10.0
-    low_v: float = 13.0
-    low_s: float = 10.0
-    sag_ohm: float = 0.03
+    stale_s: Annotated[float, LIMITS["stale_s"]] = 0.25
+    lost_s: Annotated[float, LIMITS["lost_s"]] = 2.0
+    hold_s: Annotated[float, LIMITS["hold_s"]] = 10.0
+    low_v: Annotated[float, LIMITS["low_v"]] = 13.0
+    low_s: Annotated[float, LIMITS["low_s"]] = 10.0
+    sag_ohm: Annotated[float, LIMITS["sag_ohm"]] = 0.03
 
     def __post_init__(self) -> None:
-        for name, limit in LIMITS.items():
-            check_number(f"FailsafeLimits.{name}", getattr(self, name), limit)
+        check_record(self, "FailsafeLimits.")
         if self.lost_s < self.stale_s:
             raise ParameterError(
                 f"FailsafeLimits.lost_s ({self.lost_s:g}) is less than stale_s ({self.stale_s:g}).",

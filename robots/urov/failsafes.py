@@ -27,8 +27,9 @@ their `hold` and `surface` begin when they are back, for which the vehicle re-ar
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Annotated
 
-from snr_sim.plants.urov.plausible import IS_ABOVE, Limit, check_number, shown
+from snr_sim.plants.urov.plausible import IS_ABOVE, Limit, check_number, check_record, shown
 from snr_sim.prelude.errors import ParameterError, nearest
 
 ACTIONS = ("warn", "neutral", "hold", "surface")
@@ -77,10 +78,10 @@ class Failsafes:
     disk_full: str | Rearm = "warn"
     overloaded: str | Rearm = "warn"
     no_rearm: str | Rearm = "neutral"
-    no_rearm_s: float = 10.0
+    no_rearm_s: Annotated[float, NO_REARM] = 10.0
 
     def __post_init__(self) -> None:
-        check_number("The failsafes' no_rearm_s", self.no_rearm_s, NO_REARM)
+        check_record(self, "The failsafes' ")
         for cause in CAUSES:
             self._check(cause, self.of(cause))
 

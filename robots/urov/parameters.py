@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 from snr_sim.devices.sensors.camera import Camera
 from snr_sim.devices.sensors.echo_sounder import EchoSounder
@@ -16,7 +17,7 @@ from snr_sim.devices.sensors.hull_watch import LeakProbe, PowerModule
 from snr_sim.devices.sensors.imu import InertialUnit
 from snr_sim.devices.sensors.ms5837 import Ms5837
 from snr_sim.links.faults import Faults
-from snr_sim.plants.urov.plausible import DEGREES, IS_ABOVE, Limit, check_number, check_vector, check_whole, shown
+from snr_sim.plants.urov.plausible import DEGREES, IS_ABOVE, Limit, check_number, check_record, shown
 from snr_sim.plants.urov.t200 import LEAST_V, MOST_V
 from snr_sim.plants.urov.vehicle import Vehicle
 from snr_sim.plants.urov.vehicle_file import read_vehicle
@@ -29,11 +30,11 @@ from .failsafes import Failsafes
 from .seeing_pilot import Waypoint
 from .tether_link import tether_faults
 
-PARTS = {"depth": Ms5837, "imu": InertialUnit, "altitude": EchoSounder, "power": PowerModule, "leak": LeakProbe}
+PARTS = ("depth", "imu", "altitude", "power", "leak")
 # fmt: off
 GAIN = Limit(0.0, 1e5, "", "it stands here without a minus, and a vehicle of this size has some tens")
 PUSH = Limit(0.0, 1e3, "", "eight of its thrusters give some 200 N")
-MOST = Limit(0.0, 1e3, "", "eight of its thrusters give some 200 N", {}, IS_ABOVE)
+MOST = Limit(0.0, 1e3, "", "the most that a controller asks for: eight thrusters give some 200 N", {}, IS_ABOVE)
 RATE = Limit(0.0, 1000.0, "Hz", "10 to 50 is usual", {}, IS_ABOVE)
 FIX = Limit(0.0, 100.0, "Hz", "1 to 5 is usual, and 0 where there is none")
 VOLTS = Limit(LEAST_V, MOST_V, "V", "14.8 is usual, with 4 cells", {"millivolts": 1e-3})
@@ -48,6 +49,8 @@ HOLDS = {
     "brake_radps2": Limit(0.0, 10.0, "rad/s2", "0.4 is usual", DEGREES, IS_ABOVE),
 }
 # fmt: on
+SUCH_FAILSAFES = 'Failsafes(link_lost="surface").'
+SUCH_GAINS = "Gains(kp=8.0, ki=1.5, kd=4.0, most=8.0)"
 VEHICLES = Path(__file__).parent / "vehicles"
 
 
@@ -59,15 +62,13 @@ class Gains:
         ParameterError: one cannot be; the message names it.
     """
 
-    kp: float
-    ki: float
-    kd: float
-    most: float
+    kp: Annotated[float, GAIN]
+    ki: Annotated[float, GAIN]
+    kd: Annotated[float, GAIN]
+    most: Annotated[float, MOST]
 
     def __post_init__(self) -> None:
-        for name in ("kp", "ki", "kd"):
-            check_number(f"The gain {name}", getattr(self, name), GAIN)
-        check_number("The most that a controller asks for", self.most, MOST)
+        check_record(self, "The gain ")
 
 
 @dataclass(frozen=True)
@@ -88,26 +89,19 @@ class HoldNumbers:
         ParameterError: a number cannot be; the message names it and says what is usual.
     """
 
-    depth: Gains = Gains(kp=120.0, ki=40.0, kd=70.0, most=70.0)
-    heading: Gains = Gains(kp=8.0, ki=1.5, kd=4.0, most=8.0)
-    level: Gains = Gains(kp=8.0, ki=2.0, kd=3.0, most=8.0)
-    sticks_n: tuple[float, float, float] = (60.0, 60.0, 60.0)
-    yaw_nm: float = 6.0
-    sink_mps: float = 0.35
-    brake_mps2: float = 0.1
-    lead_m: float = 1.0
-    turn_radps: float = 0.7
-    brake_radps2: float = 0.4
+    depth: Annotated[Gains, SUCH_GAINS] = Gains(kp=120.0, ki=40.0, kd=70.0, most=70.0)
+    heading: Annotated[Gains, SUCH_GAINS] = Gains(kp=8.0, ki=1.5, kd=4.0, most=8.0)
+    level: Annotated[Gains, SUCH_GAINS] = Gains(kp=8.0, ki=2.0, kd=3.0, most=8.0)
+    sticks_n: Annotated[tuple[float, float, float], PUSH, ("surge", "sway", "heave")] = (60.0, 60.0, 60.0)
+    yaw_nm: Annotated[float, HOLDS["yaw_nm"]] = 6.0
+    sink_mps: Annotated[float, HOLDS["sink_mps"]] = 0.35
+    brake_mps2: Annotated[float, HOLDS["brake_mps2"]] = 0.1
+    lead_m: Annotated[float, HOLDS["lead_m"]] = 1.0
+    turn_radps: Annotated[float, HOLDS["turn_radps"]] = 0.7
+    brake_radps2: Annotated[float, HOLDS["brake_radps2"]] = 0.4
 
     def __post_init__(self) -> None:
-        for name in ("depth", "heading", "level"):
-            if not isinstance(getattr(self, name), Gains):
-                raise ParameterError(
-                    f"The hold's {name} is {shown(getattr(self, name))}.", fix="Gains(kp=8.0, ki=1.5, kd=4.0, most=8.0)"
-                )
-        check_vector("The hold's sticks_n", self.sticks_n, PUSH, ("surge", "sway", "heave"))
-        for name, limit in HOLDS.items():
-            check_number(f"The hold's {name}", getattr(self, name), limit)
+        check_record(self, "The hold's ")
 
 
 @dataclass(frozen=True)
@@ -118,22 +112,18 @@ class Sensors:
         ParameterError: a part is none, or it is read at no rate; the message names it.
     """
 
-    depth: Ms5837 = field(default_factory=Ms5837)
-    imu: InertialUnit = field(default_factory=InertialUnit)
-    altitude: EchoSounder = field(default_factory=EchoSounder)
-    power: PowerModule = field(default_factory=PowerModule)
-    leak: LeakProbe = field(default_factory=LeakProbe)
-    camera: Camera | None = None
+    depth: Annotated[Ms5837, "Ms5837()"] = field(default_factory=Ms5837)
+    imu: Annotated[InertialUnit, "InertialUnit()"] = field(default_factory=InertialUnit)
+    altitude: Annotated[EchoSounder, "EchoSounder()"] = field(default_factory=EchoSounder)
+    power: Annotated[PowerModule, "PowerModule()"] = field(default_factory=PowerModule)
+    leak: Annotated[LeakProbe, "LeakProbe()"] = field(default_factory=LeakProbe)
+    camera: Annotated[Camera | None, 'Camera("down"), or None.'] = None
     rates_hz: dict[str, float] = field(
         default_factory=lambda: {"depth": 20.0, "imu": 50.0, "altitude": 10.0, "power": 5.0, "leak": 2.0}
     )
 
     def __post_init__(self) -> None:
-        for name, kind in PARTS.items():
-            if not isinstance(getattr(self, name), kind):
-                raise ParameterError(f"The sensor '{name}' is {shown(getattr(self, name))}.", fix=f"{kind.__name__}()")
-        if self.camera is not None and not isinstance(self.camera, Camera):
-            raise ParameterError(f"The camera is {shown(self.camera)}.", fix='Camera("down"), or None.')
+        check_record(self, "The sensor ")
         if not isinstance(self.rates_hz, dict):
             raise ParameterError(f"The sensors' rates_hz is {shown(self.rates_hz)}.", fix='{"depth": 20.0, ...}')
         for name in self.rates_hz:
@@ -178,25 +168,18 @@ class UrovParameters:
     sensors: Sensors = field(default_factory=Sensors)
     holds: HoldNumbers = field(default_factory=HoldNumbers)
     failsafe_limits: FailsafeLimits = field(default_factory=FailsafeLimits)
-    failsafes: Failsafes = field(default_factory=Failsafes)
-    fix_hz: float = 0.0
-    nominal_v: float = 14.8
-    slew_nps: float = 250.0
+    failsafes: Annotated[Failsafes, SUCH_FAILSAFES] = field(default_factory=Failsafes)
+    fix_hz: Annotated[float, FIX] = 0.0
+    nominal_v: Annotated[float, VOLTS] = 14.8
+    slew_nps: Annotated[float, SLEW] = 250.0
     first: tuple[str, ...] = ("heave", "roll", "pitch", "yaw")
-    command_hz: float = 20.0
-    pwm_hz: float = 50.0
+    command_hz: Annotated[float, RATE] = 20.0
+    pwm_hz: Annotated[float, RATE] = 50.0
     tether: Faults = field(default_factory=lambda: tether_faults(35.0))
-    port: int = 9120
+    port: Annotated[int, PORT] = 9120
 
     def __post_init__(self) -> None:
-        if not isinstance(self.failsafes, Failsafes):
-            raise ParameterError(f"failsafes is {shown(self.failsafes)}.", fix='Failsafes(link_lost="surface").')
-        check_number("nominal_v", self.nominal_v, VOLTS)
-        check_number("slew_nps", self.slew_nps, SLEW)
-        check_number("command_hz", self.command_hz, RATE)
-        check_number("pwm_hz", self.pwm_hz, RATE)
-        check_number("fix_hz", self.fix_hz, FIX)
-        check_whole("port", self.port, PORT)
+        check_record(self, "")
         for axis in (self.first,) if isinstance(self.first, str) else self.first:
             if axis not in AXES:
                 raise ParameterError(f"first has {shown(axis)}, which is no axis.", fix=nearest(str(axis), AXES))

@@ -1,9 +1,21 @@
 import math
+from dataclasses import dataclass
+from typing import Annotated, Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from snr_sim.plants.urov.plausible import LIMITS, check_members, check_number, check_vector, checked_matrix, is_number
+from snr_sim.plants.urov.plausible import (
+    FINITE,
+    LIMITS,
+    check_members,
+    check_number,
+    check_record,
+    check_vector,
+    checked_matrix,
+    is_number,
+)
 from snr_sim.prelude.errors import ParameterError
 
 
@@ -58,3 +70,53 @@ def test_every_limit_has_its_reason_and_room() -> None:
     for name, limit in LIMITS.items():
         assert limit.why, name
         assert limit.least < limit.most, name
+
+
+@dataclass(frozen=True)
+class Part:
+    share: Annotated[float, LIMITS["share"]] = 0.5
+
+    def __post_init__(self) -> None:
+        check_record(self, "The part's ")
+
+
+@dataclass(frozen=True)
+class Whole:
+    cells: Annotated[int, LIMITS["cells"]] = 4
+    cutoff_v: Annotated[float | None, LIMITS["cutoff_cell_v"]] = None
+    sticks: Annotated[tuple[float, float], LIMITS["share"], ("surge", "yaw")] = (0.0, 0.0)
+    inertia: Annotated[NDArray[np.float64], FINITE, ("x", "y")] = ((1.0, 0.0), (0.0, 1.0))  # type: ignore[assignment]
+    part: Annotated[Part | None, "Part(0.5), or None."] = None
+    parts: Annotated[tuple[Part, ...], "Part(0.5)"] = ()
+    other: Any = "not checked"
+    parts_too: tuple[Part, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_record(self, "It has ")
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"cells": 4.5}, r"It has cells is 4\.5, which is no whole number"),
+        ({"cells": 99}, "It has cells is 99"),
+        ({"cutoff_v": 10.0}, r"It has cutoff_v is 10\.0: of four cells\?"),
+        ({"sticks": (0.0, 2.0)}, r"It has sticks of yaw is 2\.0"),
+        ({"inertia": ((1.0, 0.2), (0.1, 1.0))}, r"It has inertia has 0\.2 at x, y"),
+        ({"part": 0.5}, r"It has part is 0\.5\.\n  Try: Part\(0\.5\), or None"),
+        ({"parts": Part()}, "It has parts is one Part, not a row of them"),
+    ],
+)
+def test_record_that_its_annotations_do_not_allow_raises(given: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        Whole(**given)
+
+
+def test_record_keeps_plain_numbers_and_what_is_not_annotated() -> None:
+    made = Whole(cutoff_v=np.float32(2.5), sticks=[1, np.int64(0)], parts=[Part()], parts_too=[3], other=None)  # type: ignore[arg-type]
+    assert type(made.cutoff_v) is float
+    assert made.sticks == (1.0, 0.0)
+    assert [type(one) for one in made.sticks] == [float, float]
+    assert made.inertia.tolist() == [[1.0, 0.0], [0.0, 1.0]]
+    assert made.parts == (Part(),)
+    assert made.parts_too == [3]

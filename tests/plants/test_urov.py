@@ -317,11 +317,11 @@ def test_where_nothing_is_near_mujoco_need_not_look_and_no_bit_changes() -> None
     ]
     for i, plant in enumerate(plants):
 
-        def look(i: int = i, look: Callable[[], bool] = plant._mujoco.look) -> bool:
+        def look(i: int = i, look: Callable[[], bool] = plant._body.look) -> bool:
             looks[i] += 1
             return look()
 
-        plant._mujoco.look = look  # type: ignore[method-assign]
+        plant._body.look = look  # type: ignore[method-assign]
     touched = 0
     for plant in plants:
         go(plant, plant.step_s)  # with the first look of all

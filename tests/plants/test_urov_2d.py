@@ -355,7 +355,7 @@ def test_what_of_a_dive_leads_out_of_the_plane_is_left_out() -> None:
 @pytest.mark.parametrize("force", [1e9, 1e200, math.inf])
 def test_a_push_too_violent_for_the_step_is_an_error_that_says_what_it_was(force: float) -> None:
     plant = both()[1]
-    plant._wrench = (force, 0.0, 0.0, 0.0, 0.0, 0.0)  # `write` would not take infinity
+    plant._drive.wrench = (force, 0.0, 0.0, 0.0, 0.0, 0.0)  # `write` would not take infinity
     with pytest.raises(PlantError, match=r"^At surge 0, sway 0, .* a step of 0\.005 s is too long"):
         plant.step(0.005)
 

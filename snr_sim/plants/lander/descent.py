@@ -102,11 +102,6 @@ def free_fall(height_m: float, velocity_mps: float, gravity_mps2: float = MOON_G
     return (velocity_mps + speed) / gravity_mps2, speed
 
 
-def tsiolkovsky(mass_kg: float, dry_mass_kg: float, exhaust_mps: float) -> float:
-    """Returns the change of speed [m/s] that burning from one mass to the other gives, far from anything that pulls."""
-    return exhaust_mps * math.log(mass_kg / dry_mass_kg)
-
-
 def time_to_stop(start: Motion, engine: Engine, final_mps: float = 0.0) -> float:
     """Returns how long full thrust needs to end a fall [s], or to slow it to a speed; 0 when it falls no faster.
 
@@ -183,12 +178,6 @@ def cheapest_descent(start: Motion, engine: Engine, idle_thrust_n: float = 0.0, 
     burn = time_to_stop(ignition, engine, touchdown_mps)
     fuel = start.mass_kg - ignition.mass_kg + thrust / exhaust * burn
     return Descent(coast, ignition.height_m, -ignition.velocity_mps, burn, fuel)
-
-
-def impulsive_bound_kg(start: Motion, engine: Engine) -> float:
-    """Returns the propellant that an infinitely strong engine would need: no descent is cheaper [kg]."""
-    speed = free_fall(start.height_m, start.velocity_mps, engine.gravity_mps2)[1]
-    return -start.mass_kg * math.expm1(-speed / engine.exhaust_mps)
 
 
 def constant_mass_ignition_m(start: Motion, engine: Engine) -> float:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, TypedDict
+from typing import Annotated, Any, TypedDict
 
 import numpy as np
 
-from snr_sim.plants.urov.plausible import check_fields
+from snr_sim.plants.urov.plausible import LIMITS, check_record
 
 
 class Touchdown(TypedDict):
@@ -42,17 +42,15 @@ class GearLimits:
     slopes of up to 12 deg, along which it then stands), as given for NASA TN D-6850.
     """
 
-    vertical_mps: float = 3.05
-    vertical_sliding_mps: float = 2.13
-    lateral_mps: float = 1.22
-    attitude_rad: float = math.radians(6.0)
-    rate_radps: float = math.radians(2.0)
-    rest_rad: float = math.radians(12.0)
+    vertical_mps: Annotated[float, LIMITS["gear_mps"]] = 3.05
+    vertical_sliding_mps: Annotated[float, LIMITS["gear_mps"]] = 2.13
+    lateral_mps: Annotated[float, LIMITS["gear_mps"]] = 1.22
+    attitude_rad: Annotated[float, LIMITS["gear_rad"]] = math.radians(6.0)
+    rate_radps: Annotated[float, LIMITS["gear_radps"]] = math.radians(2.0)
+    rest_rad: Annotated[float, LIMITS["gear_rad"]] = math.radians(12.0)
 
     def __post_init__(self) -> None:
-        speeds = dict.fromkeys(("vertical_mps", "vertical_sliding_mps", "lateral_mps"), "gear_mps")
-        angles = dict.fromkeys(("attitude_rad", "rest_rad"), "gear_rad")
-        check_fields(self, "The gear's ", {**speeds, **angles, "rate_radps": "gear_radps"}, {})
+        check_record(self, "The gear's ")
 
     def vertical_limit(self, lateral_mps: Any) -> Any:
         """Returns the largest vertical speed at a lateral one [m/s]; beyond the largest lateral one it stays the same.

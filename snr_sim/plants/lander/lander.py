@@ -118,6 +118,29 @@ class Lander(ABC):
             )
         return start, terrain
 
+    def _flight_state(self) -> dict[str, Any]:
+        """Return what both engines' states have in common, by the names of their fields."""
+        return {
+            "steps": self._steps,
+            "mass_kg": self.mass_kg,
+            "fuel_kg": self.fuel_kg,
+            "throttle": self.throttle,
+            "gimbal_rad": self.gimbal_rad,
+            "command": (self._throttle_goal, self._gimbal_goal, self._jets),
+            "still_steps": self._still_steps,
+            "terrain": self.terrain,
+            "touchdown": self.touchdown,
+            "outcome": self.outcome,
+        }
+
+    def _restore_flight(self, state: Any) -> None:
+        """Put that back."""
+        self._steps, self._still_steps, self.terrain = state.steps, state.still_steps, state.terrain
+        self.mass_kg, self.fuel_kg = state.mass_kg, state.fuel_kg
+        self.throttle, self.gimbal_rad = state.throttle, state.gimbal_rad
+        self._throttle_goal, self._gimbal_goal, self._jets = state.command
+        self.touchdown, self.outcome = state.touchdown, state.outcome
+
     def scaled(self, factors: Mapping[str, float]) -> Self:
         """Returns a module of which some numbers, those in `SCALABLE`, are multiplied; its propellant is the same."""
 

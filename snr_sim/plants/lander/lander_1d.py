@@ -10,15 +10,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from snr_sim.plants.lander.descent import Engine, Motion, after, find_root
 from snr_sim.plants.lander.gear import APOLLO_GEAR, GearLimits, Touchdown
-from snr_sim.plants.lander.module import MASSES, check_tank
+from snr_sim.plants.lander.module import check_tank
 from snr_sim.plants.lander.module_shapes import NOZZLE_BELOW_M, PADS_BELOW_M, module_shapes
 from snr_sim.plants.lander.terrain import FLAT
 from snr_sim.plants.lander.terrain_shapes import terrain_shapes
-from snr_sim.plants.urov.plausible import LIMITS, check_fields, check_number, shown
+from snr_sim.plants.urov.plausible import LIMITS, check_number, check_record, shown
 from snr_sim.prelude.errors import ParameterError, PlantError, UnknownName, nearest
 from snr_sim.prelude.signals import EngineCommand, RadarReading
 
@@ -37,13 +37,13 @@ class VerticalStart:
         ParameterError: a number cannot be.
     """
 
-    height_m: float
-    velocity_mps: float
-    mass_kg: float
-    fuel_kg: float
+    height_m: Annotated[float, LIMITS["above_m"]]
+    velocity_mps: Annotated[float, LIMITS["flight_mps"]]
+    mass_kg: Annotated[float, LIMITS["module_kg"]]
+    fuel_kg: Annotated[float, LIMITS["fuel_kg"]]
 
     def __post_init__(self) -> None:
-        check_fields(self, "The start's ", {"height_m": "above_m", "velocity_mps": "flight_mps", **MASSES}, {})
+        check_record(self, "The start's ")
         check_tank(self.mass_kg, self.fuel_kg)
 
 
@@ -220,30 +220,13 @@ class Lander1D:
         return "; ".join(self.gear.passed(self.touchdown)) if self.touchdown is not None else ""
 
     def snapshot(self) -> State:
-        """Returns all of the state."""
-        return State(
-            self.time_s,
-            self.height_m,
-            self.velocity_mps,
-            self.mass_kg,
-            self.fuel_kg,
-            self.throttle,
-            self.touchdown,
-            self.outcome,
-        )
+        """Return all of the state."""
+        return State(*(getattr(self, name) for name in State._fields))
 
     def restore(self, snapshot: State) -> None:
-        """Puts back what `snapshot` returned."""
-        (
-            self.time_s,
-            self.height_m,
-            self.velocity_mps,
-            self.mass_kg,
-            self.fuel_kg,
-            self.throttle,
-            self.touchdown,
-            self.outcome,
-        ) = snapshot
+        """Put back what `snapshot` returned."""
+        for name, value in zip(State._fields, snapshot, strict=True):
+            setattr(self, name, value)
 
     def scene(self) -> dict[str, Any]:
         """Returns flat ground with a pad, and the module."""

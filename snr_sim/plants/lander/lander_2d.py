@@ -83,18 +83,9 @@ class Lander2D(Lander):
         return State(
             body=self._hull.pose(),
             has_hull_touched=self._hull.has_touched,
-            steps=self._steps,
-            mass_kg=self.mass_kg,
-            fuel_kg=self.fuel_kg,
-            throttle=self.throttle,
-            gimbal_rad=self.gimbal_rad,
-            command=(self._throttle_goal, self._gimbal_goal, self._jets),
             grips_m=self._legs.grips_m,
             far_steps=self._far_steps,
-            still_steps=self._still_steps,
-            terrain=self.terrain,
-            touchdown=self.touchdown,
-            outcome=self.outcome,
+            **self._flight_state(),
         )
 
     def restore(self, snapshot: State) -> None:
@@ -105,14 +96,8 @@ class Lander2D(Lander):
         hull.has_touched = snapshot.has_hull_touched
         hull.put(snapshot.body)
         self._hull, self._move, self._push = hull, hull.move, hull.push
-        self.terrain = snapshot.terrain
-        self._steps = snapshot.steps
-        self.mass_kg, self.fuel_kg = snapshot.mass_kg, snapshot.fuel_kg
-        self.throttle, self.gimbal_rad = snapshot.throttle, snapshot.gimbal_rad
-        self._throttle_goal, self._gimbal_goal, self._jets = snapshot.command
-        self._legs.grips_m = snapshot.grips_m
-        self._far_steps, self._still_steps = snapshot.far_steps, snapshot.still_steps
-        self.touchdown, self.outcome = snapshot.touchdown, snapshot.outcome
+        self._legs.grips_m, self._far_steps = snapshot.grips_m, snapshot.far_steps
+        self._restore_flight(snapshot)
         self._pose: Pose | None = None
 
     # -- moving -------------------------------------------------------------------------------------------------------

@@ -93,34 +93,16 @@ class Lander3D(Lander):
 
     def snapshot(self) -> State:
         """Returns all of the state; it never changes afterwards."""
-        return State(
-            body=self._hull.state(),
-            attitude_rad=self._attitude,
-            mass_kg=self.mass_kg,
-            fuel_kg=self.fuel_kg,
-            terrain=self.terrain,
-            steps=self._steps,
-            throttle=self.throttle,
-            gimbal_rad=self.gimbal_rad,
-            command=(self._throttle_goal, self._gimbal_goal, self._jets),
-            still_steps=self._still_steps,
-            touchdown=self.touchdown,
-            outcome=self.outcome,
-        )
+        return State(body=self._hull.state(), attitude_rad=self._attitude, **self._flight_state())
 
     def restore(self, snapshot: State) -> None:
         """Puts back what `snapshot` returned."""
-        self.terrain = snapshot.terrain
+        self._restore_flight(snapshot)
         self._build()
         self._hull.put_state(snapshot.body)
         self._hull.weigh(snapshot.mass_kg)
         self._hull.look()
         self._attitude = snapshot.attitude_rad
-        self.mass_kg, self.fuel_kg = snapshot.mass_kg, snapshot.fuel_kg
-        self._steps, self._still_steps = snapshot.steps, snapshot.still_steps
-        self.throttle, self.gimbal_rad = snapshot.throttle, snapshot.gimbal_rad
-        self._throttle_goal, self._gimbal_goal, self._jets = snapshot.command
-        self.touchdown, self.outcome = snapshot.touchdown, snapshot.outcome
         self._pose = None
 
     # -- moving -------------------------------------------------------------------------------------------------------

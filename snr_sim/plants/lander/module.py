@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Annotated
 
 from snr_sim.plants.lander.gear import APOLLO_GEAR, GearLimits
-from snr_sim.plants.urov.plausible import check_fields
+from snr_sim.plants.urov.plausible import LIMITS, check_record
 from snr_sim.prelude.errors import ParameterError
 
 
@@ -22,11 +23,11 @@ class Throttle:
         ParameterError: they are no such shares.
     """
 
-    lowest: float
-    highest: float
+    lowest: Annotated[float, LIMITS["share"]]
+    highest: Annotated[float, LIMITS["share"]]
 
     def __post_init__(self) -> None:
-        check_fields(self, "The throttle's ", {"lowest": "share", "highest": "share"}, {})
+        check_record(self, "The throttle's ")
         if self.lowest > self.highest:
             raise ParameterError(
                 f"The throttle runs from {self.lowest:g} to {self.highest:g}.", fix="give the lower end first."
@@ -58,13 +59,12 @@ class Leg:
         ParameterError: a number cannot be.
     """
 
-    spring_npm: float
-    damper_nspm: float
-    friction: float
+    spring_npm: Annotated[float, LIMITS["leg_npm"]]
+    damper_nspm: Annotated[float, LIMITS["leg_nspm"]]
+    friction: Annotated[float, LIMITS["grip"]]
 
     def __post_init__(self) -> None:
-        numbers = {"spring_npm": "leg_npm", "damper_nspm": "leg_nspm", "friction": "grip"}
-        check_fields(self, "The leg's ", numbers, {})
+        check_record(self, "The leg's ")
 
 
 @dataclass(frozen=True)
@@ -88,33 +88,20 @@ class LunarModule:
         ParameterError: a number cannot be.
     """
 
-    thrust_n: float
-    exhaust_mps: float
+    thrust_n: Annotated[float, LIMITS["engine_n"]]
+    exhaust_mps: Annotated[float, LIMITS["exhaust_mps"]]
     throttle: Throttle
-    throttle_lag_s: float
-    gimbal_rad: float
-    gimbal_rate_radps: float
-    jets_nm: float
-    gyration_m: float
+    throttle_lag_s: Annotated[float, LIMITS["lag_s"]]
+    gimbal_rad: Annotated[float, LIMITS["gimbal_rad"]]
+    gimbal_rate_radps: Annotated[float, LIMITS["gimbal_radps"]]
+    jets_nm: Annotated[float, LIMITS["couple_nm"]]
+    gyration_m: Annotated[float, LIMITS["gyration_m"]]
     leg: Leg
-    gravity_mps2: float
+    gravity_mps2: Annotated[float, LIMITS["pull_mps2"]]
     gear: GearLimits = field(default=APOLLO_GEAR)
 
     def __post_init__(self) -> None:
-        numbers = {
-            "thrust_n": "engine_n",
-            "exhaust_mps": "exhaust_mps",
-            "throttle_lag_s": "lag_s",
-            "gimbal_rad": "gimbal_rad",
-            "gimbal_rate_radps": "gimbal_radps",
-            "jets_nm": "couple_nm",
-            "gyration_m": "gyration_m",
-            "gravity_mps2": "pull_mps2",
-        }
-        check_fields(self, "The module's ", numbers, {})
-
-
-MASSES = {"mass_kg": "module_kg", "fuel_kg": "fuel_kg"}  # of a start, with their limits
+        check_record(self, "The module's ")
 
 
 def check_tank(mass_kg: float, fuel_kg: float) -> None:
@@ -145,17 +132,15 @@ class PlaneStart:
         ParameterError: a number cannot be.
     """
 
-    position_m: tuple[float, float]
-    velocity_mps: tuple[float, float]
-    mass_kg: float
-    fuel_kg: float
-    attitude_rad: float = 0.0
-    rate_radps: float = 0.0
+    position_m: Annotated[tuple[float, float], LIMITS["way_m"]]
+    velocity_mps: Annotated[tuple[float, float], LIMITS["flight_mps"]]
+    mass_kg: Annotated[float, LIMITS["module_kg"]]
+    fuel_kg: Annotated[float, LIMITS["fuel_kg"]]
+    attitude_rad: Annotated[float, LIMITS["angle_rad"]] = 0.0
+    rate_radps: Annotated[float, LIMITS["tumble_radps"]] = 0.0
 
     def __post_init__(self) -> None:
-        numbers = {**MASSES, "attitude_rad": "angle_rad", "rate_radps": "tumble_radps"}
-        vectors = {"position_m": "way_m", "velocity_mps": "flight_mps"}
-        check_fields(self, "The start's ", numbers, vectors, axes=("x", "z"))
+        check_record(self, "The start's ")
         check_tank(self.mass_kg, self.fuel_kg)
 
 

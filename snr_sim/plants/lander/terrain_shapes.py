@@ -17,26 +17,8 @@ from snr_sim.plants.lander.terrain import PAD_HALF_WIDTH_M, SPACING_M, Terrain
 from snr_sim.prelude.rng import rng_for
 
 SHOWN_M = 250.0  # to either side of the pad; no flight that ends well goes farther
-ROWS_M = (
-    -90.0,
-    -72.0,
-    -58.0,
-    -46.0,
-    -36.0,
-    -28.0,
-    -21.0,
-    -15.0,
-    -7.0,
-    7.0,
-    15.0,
-    21.0,
-    28.0,
-    36.0,
-    46.0,
-    58.0,
-    72.0,
-    90.0,
-)
+_ROWS_M = (7.0, 15.0, 21.0, 28.0, 36.0, 46.0, 58.0, 72.0, 90.0)
+ROWS_M = (*(-y for y in reversed(_ROWS_M)), *_ROWS_M)  # to both sides of the line
 OWN_FROM_M, OWN_TO_M = 13.0, 50.0  # between these distances from the line the country becomes its own
 CRATERS = 36
 PAD_HALF_DEPTH_M = 13.0

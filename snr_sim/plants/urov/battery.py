@@ -8,9 +8,9 @@ from __future__ import annotations
 from bisect import bisect_right
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Protocol
+from typing import Annotated, TypeAlias
 
-from snr_sim.plants.urov.plausible import LIMITS, check_fields, check_number, check_whole, is_number, shown
+from snr_sim.plants.urov.plausible import LIMITS, check_number, check_record, is_number, shown
 from snr_sim.prelude.errors import ParameterError
 
 # Open-circuit voltage of a cell over its charge: a Samsung INR21700-40T, measured at C/20 and room temperature, at the
@@ -22,7 +22,6 @@ OPEN_CIRCUIT = (
     (0.0, 2.5), (0.0050, 2.8080), (0.0352, 3.1179), (0.0854, 3.3182), (0.1357, 3.4193),
     (0.2915, 3.5826), (0.4523, 3.6941), (0.8392, 4.0664), (0.9548, 4.1121), (1.0, 4.2),
 )  # fmt: skip
-PACK_NUMBERS = ("capacity_ah", "resistance_ohm", "cutoff_cell_v", "cutoff_s")
 _CHARGES = [charge for charge, _ in OPEN_CIRCUIT]
 # From which charge on, the voltage there, and volts per charge above it.
 _LINES = [(low, low_v, (high_v - low_v) / (high - low)) for (low, low_v), (high, high_v) in pairwise(OPEN_CIRCUIT)]
@@ -66,57 +65,21 @@ class Pack:
         ParameterError: a number makes no sense; the message names it and says what is usual.
     """
 
-    cells: int = 4
-    capacity_ah: float = 18.0
-    resistance_ohm: float = 0.03
-    cutoff_cell_v: float | None = 2.5
-    cutoff_s: float = 0.1
+    cells: Annotated[int, LIMITS["cells"]] = 4
+    capacity_ah: Annotated[float, LIMITS["capacity_ah"]] = 18.0
+    resistance_ohm: Annotated[float, LIMITS["resistance_ohm"]] = 0.03
+    cutoff_cell_v: Annotated[float | None, LIMITS["cutoff_cell_v"]] = 2.5
+    cutoff_s: Annotated[float, LIMITS["cutoff_s"]] = 0.1
 
     def __post_init__(self) -> None:
-        check_whole("The battery's cells", self.cells, LIMITS["cells"])
-        names = [one for one in PACK_NUMBERS if one != "cutoff_cell_v" or self.cutoff_cell_v is not None]
-        check_fields(self, "The battery's ", {name: name for name in names}, {})
+        check_record(self, "The battery's ")
 
 
 _ROUNDING_S = 1e-9  # a tenth of a second is one, however many steps it is made of
 
 
-class Supply(Protocol):
-    """What feeds the thrusters."""
-
-    @property
-    def charge(self) -> float:
-        """What is left, 0 to 1."""
-        ...
-
-    @property
-    def energy_j(self) -> float:
-        """Given since the last reset, at the terminals."""
-        ...
-
-    def reset(self) -> None:
-        """Puts it back to the start."""
-        ...
-
-    def voltage_v(self, current_a: float) -> float:
-        """Returns the voltage at which a current flows."""
-        ...
-
-    def draw(self, current_a: float, voltage_v: float, dt_s: float) -> None:
-        """Takes a current out of it for a time, at a voltage."""
-        ...
-
-    def snapshot(self) -> Any:
-        """Returns all of its state."""
-        ...
-
-    def restore(self, snapshot: Any) -> None:
-        """Puts back what `snapshot` returned."""
-        ...
-
-
 class BenchSupply:
-    """A supply that holds its voltage whatever is drawn, as one on a bench; for measuring. Keeps the promise of Supply.
+    """A supply that holds its voltage whatever is drawn, as one on a bench; for measuring.
 
     Args:
         volts: that it holds.
@@ -155,7 +118,7 @@ class BenchSupply:
 
 
 class Battery:
-    """A pack and how much is left in it. Keeps the promise of Supply.
+    """A pack and how much is left in it.
 
     Args:
         pack: what it is.
@@ -224,3 +187,6 @@ class Battery:
         low, low_v, slope = _line_at(self.charge)
         cells = self.pack.cells
         self._line = low, cells * low_v, cells * slope, self.pack.resistance_ohm
+
+
+Supply: TypeAlias = Battery | BenchSupply  # what feeds the thrusters

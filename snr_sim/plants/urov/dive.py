@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
-from snr_sim.plants.urov.plausible import LIMITS, check_fields, check_members, check_number, is_number, shown
+from snr_sim.plants.urov.plausible import LIMITS, check_number, check_record, is_number, shown
 from snr_sim.plants.urov.propulsion import FAULTS
 from snr_sim.plants.urov.tether import Tether
 from snr_sim.plants.urov.vehicle import Vector
@@ -27,15 +28,14 @@ class Load:
         until_s: when it is let go.
     """
 
-    mass_kg: float
-    volume_m3: float = 0.0
-    place_m: Vector = STILL
-    from_s: float = 0.0
+    mass_kg: Annotated[float, LIMITS["load_kg"]]
+    volume_m3: Annotated[float, LIMITS["load_m3"]] = 0.0
+    place_m: Annotated[Vector, LIMITS["place_m"]] = STILL
+    from_s: Annotated[float, LIMITS["time_s"]] = 0.0
     until_s: float = math.inf
 
     def __post_init__(self) -> None:
-        numbers = {"mass_kg": "load_kg", "volume_m3": "load_m3", "from_s": "time_s"}
-        check_fields(self, "The load's ", numbers, {"place_m": "place_m"})
+        check_record(self, "The load's ")
         if not is_number(self.until_s) or not self.from_s < self.until_s:
             raise ParameterError(
                 f"The load's until_s is {shown(self.until_s)}, and it is taken up at {self.from_s:g} s.",
@@ -54,14 +54,13 @@ class Leak:
         place_m: where it gathers, body frame.
     """
 
-    from_s: float
-    rate_lps: float
-    most_l: float = 2.0
-    place_m: Vector = STILL
+    from_s: Annotated[float, LIMITS["time_s"]]
+    rate_lps: Annotated[float, LIMITS["leak_lps"]]
+    most_l: Annotated[float, LIMITS["leak_l"]] = 2.0
+    place_m: Annotated[Vector, LIMITS["place_m"]] = STILL
 
     def __post_init__(self) -> None:
-        numbers = {"from_s": "time_s", "rate_lps": "leak_lps", "most_l": "leak_l"}
-        check_fields(self, "The leak's ", numbers, {"place_m": "place_m"})
+        check_record(self, "The leak's ")
 
     def water_l(self, time_s: float) -> float:
         """Returns how much is in."""
@@ -79,13 +78,13 @@ class ThrusterFault:
         share: of its force that a weak one keeps.
     """
 
-    at_s: float
+    at_s: Annotated[float, LIMITS["time_s"]]
     thruster: int | str
     fault: str = "off"
-    share: float = 0.5
+    share: Annotated[float, LIMITS["share"]] = 0.5
 
     def __post_init__(self) -> None:
-        check_fields(self, "The thruster fault's ", {"at_s": "time_s", "share": "share"}, {})
+        check_record(self, "The thruster fault's ")
         if not isinstance(self.fault, str) or self.fault not in FAULTS:
             raise ParameterError(f"A thruster cannot be {shown(self.fault)}.", fix=nearest(str(self.fault), FAULTS))
 
@@ -119,11 +118,11 @@ class Current:
         velocity_mps: world frame.
     """
 
-    from_s: float
-    velocity_mps: Vector
+    from_s: Annotated[float, LIMITS["time_s"]]
+    velocity_mps: Annotated[Vector, LIMITS["speed_mps"]]
 
     def __post_init__(self) -> None:
-        check_fields(self, "The current's ", {"from_s": "time_s"}, {"velocity_mps": "speed_mps"})
+        check_record(self, "The current's ")
 
 
 @dataclass(frozen=True)
@@ -146,34 +145,19 @@ class Dive:
         ParameterError: a number cannot be, or currents are out of order.
     """
 
-    position_m: Vector = (0.0, 0.0, -1.0)
-    attitude_rad: Vector = STILL
-    velocity_mps: Vector = STILL
-    rate_radps: Vector = STILL
-    currents: tuple[Current, ...] = ()
-    loads: tuple[Load, ...] = ()
-    leak: Leak | None = None
-    faults: tuple[ThrusterFault, ...] = ()
-    tether: Tether | None = None
+    position_m: Annotated[Vector, LIMITS["position_m"]] = (0.0, 0.0, -1.0)
+    attitude_rad: Annotated[Vector, LIMITS["angle_rad"]] = STILL
+    velocity_mps: Annotated[Vector, LIMITS["start_mps"]] = STILL
+    rate_radps: Annotated[Vector, LIMITS["start_radps"]] = STILL
+    currents: Annotated[tuple[Current, ...], "Current(...)"] = ()
+    loads: Annotated[tuple[Load, ...], "Load(...)"] = ()
+    leak: Annotated[Leak | None, "a dive has one Leak, or None."] = None
+    faults: Annotated[tuple[ThrusterFault, ...], "ThrusterFault(...)"] = ()
+    tether: Annotated[Tether | None, "a dive has one Tether, or None."] = None
 
     def __post_init__(self) -> None:
-        vectors = {
-            "position_m": "position_m",
-            "attitude_rad": "angle_rad",
-            "velocity_mps": "start_mps",
-            "rate_radps": "start_radps",
-        }
-        check_fields(self, "The dive's ", {}, vectors)
+        check_record(self, "The dive's ")
         check_number("The dive's position_m", self.position_m[2], LIMITS["height_m"], "z")
-        for name, kind in (("currents", Current), ("loads", Load), ("faults", ThrusterFault)):
-            check_members(f"The dive's {name}", getattr(self, name), kind)
-            object.__setattr__(self, name, tuple(getattr(self, name)))
-        for name, one in (("leak", Leak), ("tether", Tether)):
-            if not isinstance(getattr(self, name), one | None):
-                raise ParameterError(
-                    f"The dive's {name} is {shown(getattr(self, name))}.",
-                    fix=f"a dive has one {one.__name__}, or None.",
-                )
         times = [current.from_s for current in self.currents]
         if times != sorted(times):
             raise ParameterError(f"Currents begin at {times} s.", fix="name them in the order of their times.")

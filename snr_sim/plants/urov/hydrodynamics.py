@@ -17,6 +17,8 @@ since both are quadratic in nu, and its error shrinks with dt squared. With the 
 without damping grew by 73 % in 20 s at 10 ms. It is an equation for nu1, solved in rounds. Two are enough (1e-5 of that
 energy are lost) when the first guess is good: the last acceleration, changed once more as it changed last.
 
+The algebra of six numbers is written out, for speed; tests/plants/test_hydrodynamics.py has the same step in matrices.
+
 Source: Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control (2011), chapters 3, 6 to 8; the scheme is the
 implicit midpoint rule (Hairer, Lubich, Wanner: Geometric Numerical Integration, IV.2).
 """

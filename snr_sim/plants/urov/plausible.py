@@ -1,5 +1,8 @@
 """What the numbers of a small vehicle in a pool and of a lander can be: one table of limits, each with its reason.
 
+A record names its limits in its annotations, and `check_record` holds it against them. msgspec's `Meta` and `convert`
+would not do: they know no numpy numbers, and their errors tell neither the value nor what it might have meant.
+
 They are wide: what lies outside is not unusual but a slip, most often of the unit, and the message names the unit that
 would explain it. A limit tells a slip before a dive, where physics would tell it as a vehicle that behaves oddly.
 """
@@ -9,13 +12,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from numbers import Integral, Real
-from typing import Any
+from types import NoneType, UnionType
+from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
 from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.wrench import AXES
 
 GRAMS = {"grams": 1e-3}
 MILLIMETRES = {"millimetres": 1e-3, "centimetres": 1e-2}
@@ -145,29 +151,76 @@ LIMITS = {
 }
 # fmt: on
 FINITE = Limit(-math.inf, math.inf)
+AXES_OF = {2: ("x", "z"), 3: ("x", "y", "z"), 6: AXES}  # unless an annotation names others
 
 
-def check_fields(
-    record: Any, who: str, numbers: Mapping[str, str], vectors: Mapping[str, str], axes: Sequence[str] = ("x", "y", "z")
-) -> None:
-    """Checks numbers and places of a frozen record, and puts plain floats where others were given.
+def check_record(record: Any, who: str) -> None:
+    """Check a frozen dataclass against its annotations, and put plain floats where other numbers were given.
+
+        speed_mps: Annotated[float, Limit(...)]             a number, or a whole one if annotated as int
+        velocity_mps: Annotated[Vector, Limit(...)]         a number for each axis; axes may be named after the limit
+        inertia_kgm2: Annotated[Matrix, FINITE, AXES[3:]]   symmetric, a row and a column of them for each axis
+        leak: Annotated[Leak | None, "an example"]          of this class, or None; the example ends the message
+        faults: Annotated[tuple[Fault, ...], "an example"]  a row of them
+
+    What is annotated with neither a `Limit` nor an example is not checked.
 
     Args:
-        record: whose fields they are.
+        record: just made.
         who: it is, for the message: "The tether's ".
-        numbers: name in `LIMITS` for each field that is a number.
-        vectors: the same for each that has a number for each axis.
-        axes: of these.
 
     Raises:
-        ParameterError: one is none; the message names it.
+        ParameterError: a field cannot be what it is; the message names it.
     """
-    for name, limit in numbers.items():
-        check_number(f"{who}{name}", getattr(record, name), LIMITS[limit])
-        object.__setattr__(record, name, float(getattr(record, name)))
-    for name, limit in vectors.items():
-        check_vector(f"{who}{name}", getattr(record, name), LIMITS[limit], axes)
-        object.__setattr__(record, name, tuple(float(value) for value in getattr(record, name)))
+    made_of: Any = type(record)
+    for name, kind in _kinds(made_of).items():
+        value = getattr(record, name)
+        clean = _checked(f"{who}{name}", value, kind)
+        if clean is not value:
+            object.__setattr__(record, name, clean)
+
+
+@cache
+def _kinds(record: Any) -> dict[str, Any]:
+    # Names as in the module that made the class: the module of a robot that is loaded twice has two of each class.
+    return get_type_hints(record, record.__post_init__.__globals__, include_extras=True)
+
+
+def _checked(what: str, value: Any, kind: Any, *rules: Any) -> Any:
+    """Return a value as its annotation wants it.
+
+    Args:
+        what: it is.
+        value: that was given.
+        kind: its annotation.
+        rules: of an annotation around that.
+    """
+    origin, inside = get_origin(kind), get_args(kind)
+    if origin is Annotated:
+        return _checked(what, value, *inside)
+    if origin in (Union, UnionType) and NoneType in inside:
+        (kind, *_) = (one for one in inside if one is not NoneType)
+        return None if value is None else _checked(what, value, kind, *rules)
+    if not rules:
+        return value
+    rule, *more = rules
+    if not isinstance(rule, Limit):  # an example
+        if origin is tuple:
+            check_members(what, value, inside[0])
+            return tuple(value)
+        if not isinstance(value, kind):
+            raise ParameterError(f"{what} is {shown(value)}.", fix=rule)
+    elif kind is int:
+        check_whole(what, value, rule)
+    elif kind is float:
+        check_number(what, value, rule)
+        return float(value)
+    elif origin is tuple:
+        check_vector(what, value, rule, *(more or [AXES_OF[len(inside)]]))
+        return tuple(float(one) for one in value)
+    else:
+        return checked_matrix(what, value, *more)
+    return value
 
 
 def check_number(what: str, value: Any, limit: Limit = FINITE, axis: str = "") -> None:

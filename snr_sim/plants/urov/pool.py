@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from html import escape
+from typing import Annotated
 
-from snr_sim.plants.urov.plausible import check_fields, check_members, shown
+from snr_sim.plants.urov.plausible import LIMITS, check_record, shown
 from snr_sim.plants.urov.vehicle import Vector, Vehicle
 from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.water import FRESH_KGM3, GRAVITY_MPS2
@@ -39,18 +40,17 @@ class Gate:
     """
 
     name: str
-    position_m: Vector
-    heading_rad: float = 0.0
-    width_m: float = 1.5
-    height_m: float = 1.0
+    position_m: Annotated[Vector, LIMITS["position_m"]]
+    heading_rad: Annotated[float, LIMITS["angle_rad"]] = 0.0
+    width_m: Annotated[float, LIMITS["gate_m"]] = 1.5
+    height_m: Annotated[float, LIMITS["gate_m"]] = 1.0
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.strip() or self.name in PARTS:
             raise ParameterError(
                 f"A gate is named {shown(self.name)}.", fix=f"give it a name of its own, other than {', '.join(PARTS)}."
             )
-        numbers = {"heading_rad": "angle_rad", "width_m": "gate_m", "height_m": "gate_m"}
-        check_fields(self, f"Gate '{self.name}': ", numbers, {"position_m": "position_m"})
+        check_record(self, f"Gate '{self.name}': ")
 
     def corners_m(self) -> list[Vector]:
         """Returns the four corners, in order around it."""
@@ -80,26 +80,16 @@ class Pool:
         ParameterError: a number cannot be, a gate is outside, or two gates have one name.
     """
 
-    length_m: float = 25.0
-    width_m: float = 12.5
-    depth_m: float = 4.0
-    gates: tuple[Gate, ...] = ()
-    density_kgm3: float = FRESH_KGM3
-    gravity_mps2: float = GRAVITY_MPS2
-    temperature_c: float = 18.0
+    length_m: Annotated[float, LIMITS["basin_m"]] = 25.0
+    width_m: Annotated[float, LIMITS["basin_m"]] = 12.5
+    depth_m: Annotated[float, LIMITS["basin_m"]] = 4.0
+    gates: Annotated[tuple[Gate, ...], "Gate(...)"] = ()
+    density_kgm3: Annotated[float, LIMITS["water_kgm3"]] = FRESH_KGM3
+    gravity_mps2: Annotated[float, LIMITS["gravity_mps2"]] = GRAVITY_MPS2
+    temperature_c: Annotated[float, LIMITS["temperature_c"]] = 18.0
 
     def __post_init__(self) -> None:
-        numbers = {
-            "length_m": "basin_m",
-            "width_m": "basin_m",
-            "depth_m": "basin_m",
-            "density_kgm3": "water_kgm3",
-            "gravity_mps2": "gravity_mps2",
-            "temperature_c": "temperature_c",
-        }
-        check_fields(self, "The pool's ", numbers, {})
-        check_members("The pool's gates", self.gates, Gate)
-        object.__setattr__(self, "gates", tuple(self.gates))
+        check_record(self, "The pool's ")
         for gate in self.gates:
             x, y, z = gate.position_m
             if abs(x) > 0.5 * self.length_m or abs(y) > 0.5 * self.width_m or not -self.depth_m <= z <= WALLS_RISE_M:

@@ -49,26 +49,26 @@ Numbers: TypeAlias = tuple[float, ...]
 
 
 class Lines(NamedTuple):
-    """What forces and currents are about a voltage, and what they were when that was looked up.
+    """Numbers on their way, all with the same lag.
 
     Args:
-        from_v, to_v: where it holds.
-        before: forces [N], then currents [A], when the lines were laid.
-        bases: what they settle to at `from_v`.
+        before: what they were when the lines were laid.
+        bases: what they settle to at the voltage from which the lines hold.
         slopes: how that changes with each volt more.
-        current_a: the sums of the currents in the three of them.
     """
 
-    from_v: float
-    to_v: float
     before: Sequence[float]
-    bases: Numbers
-    slopes: Numbers
-    current_a: tuple[float, float, float]
+    bases: Sequence[float]
+    slopes: Sequence[float]
+
+    def at(self, left: float, rise: float) -> list[float]:
+        """Return where they are."""
+        gone = 1.0 - left
+        return [left * a + gone * b + rise * c for a, b, c in zip(self.before, self.bases, self.slopes, strict=True)]
 
 
 class Mix(NamedTuple):
-    """What a matrix makes of the forces among the lines: before, bases and slopes.
+    """What a matrix makes of the forces, as lines of their own.
 
     Args:
         matrix: and its `rows` as lists. For so few numbers Python is quicker than numpy, whose code is cold by then.
@@ -76,15 +76,15 @@ class Mix(NamedTuple):
 
     matrix: Matrix
     rows: list[list[float]]
-    before: list[float]
-    bases: list[float]
-    slopes: list[float]
+    lines: Lines
 
 
 class PropulsionState(NamedTuple):
     """All there is to know of the thrusters at one moment."""
 
-    lines: Lines
+    range_v: tuple[float, float]
+    drives: Lines
+    current_a: tuple[float, float, float]
     mix: Mix | None
     left: float
     rise: float
@@ -148,7 +148,9 @@ class Propulsion:
         self.supply.reset()
         self.escs = [Esc() for _ in range(n)]
         nothing = (0.0,) * (2 * n)
-        self._lines = Lines(0.0, 0.0, nothing, nothing, nothing, (0.0, 0.0, 0.0))
+        self._range_v = 0.0, 0.0  # where the lines hold
+        self._drives = Lines(nothing, nothing, nothing)  # forces [N], then currents [A]
+        self._current_a = 0.0, 0.0, 0.0  # the line of all currents together: before, base, slope
         self._left, self._rise = 1.0, 0.0
         self._mean = self._left, self._rise  # of the last step
         self._mix: Mix | None = None
@@ -165,7 +167,7 @@ class Propulsion:
     @property
     def forces_n(self) -> list[float]:
         """Force of each thruster along its own axis, after the last step."""
-        return self._drives(self._left, self._rise)[: self.count]
+        return self._drives.at(self._left, self._rise)[: self.count]
 
     @property
     def mean_forces_n(self) -> list[float]:
@@ -173,19 +175,19 @@ class Propulsion:
 
         With the force of the step's end a vehicle would be ahead of its thrusters' lag by half a step.
         """
-        return self._drives(*self._mean)[: self.count]
+        return self._drives.at(*self._mean)[: self.count]
 
     @property
     def currents_a(self) -> list[float]:
         """Current of each thruster."""
-        return self._drives(self._left, self._rise)[self.count :]
+        return self._drives.at(self._left, self._rise)[self.count :]
 
     @property
     def current_a(self) -> float:
         """All that is drawn from the supply: nothing from one that is empty or has been cut off."""
         if self.voltage_v <= 0.0:
             return 0.0
-        before, base, slope = self._lines.current_a
+        before, base, slope = self._current_a
         return self._left * before + (1.0 - self._left) * base + self._rise * slope + self.electronics_a
 
     @property
@@ -236,8 +238,8 @@ class Propulsion:
             self._mix = mix = mix._replace(matrix=matrix)
         if mix is None or mix.matrix is not matrix:
             rows, n = matrix.tolist(), self.count
-            self._mix = mix = Mix(matrix, rows, *(_products(rows, one[:n]) for one in self._lines[2:5]))
-        return _along(mix, *self._mean)
+            self._mix = mix = Mix(matrix, rows, Lines(*(_products(rows, one[:n]) for one in self._drives)))
+        return mix.lines.at(*self._mean)
 
     def step(self, dt_s: float, pulses_us: Sequence[float | None]) -> None:
         """Moves on by `dt_s`.
@@ -252,9 +254,10 @@ class Propulsion:
         volts = self.voltage_v
         if not self._is_settled or volts < LEAST_V or pulses_us != self._told:
             self._hear(dt_s, list(pulses_us))
-        if not self._lines.from_v <= volts < self._lines.to_v or self._is_stale:
+        from_v, to_v = self._range_v
+        if not from_v <= volts < to_v or self._is_stale:
             self._look_up(volts)
-        lines = self._lines
+            from_v, _ = self._range_v
         if self._lag_of[0] != dt_s:
             share = 1.0 - math.exp(-dt_s / self.lag_s)
             self._lag_of = dt_s, share, 1.0 / share - self.lag_s / dt_s
@@ -262,23 +265,14 @@ class Propulsion:
         had, rose = self._left, self._rise
         left = had - share * had
         self._left = left = left if left > GONE else 0.0
-        self._rise = rise = rose + share * (volts - lines.from_v - rose)
+        self._rise = rise = rose + share * (volts - from_v - rose)
         self._mean = had + middle * (left - had), rose + middle * (rise - rose)
-        before, base, slope = lines.current_a
+        before, base, slope = self._current_a
         supply, current_a = self.supply, left * before + (1.0 - left) * base + rise * slope + self.electronics_a
         supply.draw(current_a, volts, dt_s)
         # The current has its lag, so it is known, and the voltage follows from it. Where both have settled, current and
         # voltage satisfy the table and the battery at once.
         self.voltage_v = supply.voltage_v(current_a)
-
-    def _drives(self, left: float, rise: float) -> list[float]:
-        """Returns all forces, then all currents: they follow the table alike."""
-        lines = self._lines
-        gone = 1.0 - left
-        return [
-            left * before + gone * base + rise * slope
-            for before, base, slope in zip(lines.before, lines.bases, lines.slopes, strict=True)
-        ]
 
     def _hear(self, dt_s: float, pulses: list[float | None]) -> None:
         """Has the speed controllers hear the pulses; skipped while they are armed and told the same as before."""
@@ -348,21 +342,16 @@ class Propulsion:
             columns: forces and currents at `from_v`, and how these and those change with each volt.
         """
         forces, currents, forces_per_v, currents_per_v = columns
-        if self._mix is not None:  # where it is it goes on from, too
-            matrix, rows, *_ = self._mix
-            mixed = _along(self._mix, self._left, self._rise)
-            self._mix = Mix(matrix, rows, mixed, _products(rows, forces), _products(rows, forces_per_v))
         left, rise = self._left, self._rise
-        before_a, base_a, slope_a = self._lines.current_a
+        if self._mix is not None:  # where it is it goes on from, too
+            matrix, rows, lines = self._mix
+            lines = Lines(lines.at(left, rise), _products(rows, forces), _products(rows, forces_per_v))
+            self._mix = Mix(matrix, rows, lines)
+        before_a, base_a, slope_a = self._current_a
         now_a = left * before_a + (1.0 - left) * base_a + rise * slope_a
-        self._lines = Lines(
-            from_v,
-            to_v,
-            self._drives(self._left, self._rise),
-            forces + currents,
-            forces_per_v + currents_per_v,
-            (now_a, ordered_sum(currents), ordered_sum(currents_per_v)),
-        )
+        self._current_a = now_a, ordered_sum(currents), ordered_sum(currents_per_v)
+        self._drives = Lines(self._drives.at(left, rise), forces + currents, forces_per_v + currents_per_v)
+        self._range_v = from_v, to_v
         self._left, self._rise, self._is_stale = 1.0, 0.0, False
 
     def _forget(self) -> None:
@@ -374,7 +363,9 @@ class Propulsion:
     def snapshot(self) -> PropulsionState:
         """Returns all of the state."""
         return PropulsionState(
-            self._lines,
+            self._range_v,
+            self._drives,
+            self._current_a,
             self._mix,
             self._left,
             self._rise,
@@ -389,7 +380,8 @@ class Propulsion:
 
     def restore(self, snapshot: PropulsionState) -> None:
         """Puts back what `snapshot` returned."""
-        self._lines, self._mix = snapshot.lines, snapshot.mix
+        self._range_v, self._drives, self._current_a = snapshot.range_v, snapshot.drives, snapshot.current_a
+        self._mix = snapshot.mix
         self._left, self._rise = self._mean = snapshot.left, snapshot.rise
         self.acting_us = snapshot.acting_us
         self._shares, self._stuck = list(snapshot.shares), list(snapshot.stuck)
@@ -416,12 +408,6 @@ def _patch(step: int, pulse_us: int) -> tuple[float, float, float, float, float,
     corners = [one.at(pulse) for one in (lower, upper) for pulse in (pulse_us, following_us)]
     force, current, _ = zip(*corners, strict=True)
     return (*_bilinear(*force), *_bilinear(*current))
-
-
-def _along(mix: Mix, left: float, rise: float) -> list[float]:
-    """Returns where the lines of a mix are."""
-    gone = 1.0 - left
-    return [left * a + gone * b + rise * c for a, b, c in zip(mix.before, mix.bases, mix.slopes, strict=True)]
 
 
 def _bilinear(low: float, low_next: float, high: float, high_next: float) -> tuple[float, float, float, float]:

@@ -14,8 +14,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
-from snr_sim.plants.urov.plausible import check_fields
+from snr_sim.plants.urov.plausible import LIMITS, check_record
 from snr_sim.plants.urov.vehicle import Vector
 
 
@@ -37,19 +38,17 @@ class Tether:
         ParameterError: a number that cannot be.
     """
 
-    anchor_m: Vector
-    length_m: float = 35.0
-    place_m: Vector = (-0.2, 0.0, 0.0)
-    diameter_m: float = 0.0075
-    modulus_pa: float = 6.437e7
-    across: float = 1.2
-    along: float = 0.01
-    damping_share: float = 0.1
+    anchor_m: Annotated[Vector, LIMITS["position_m"]]
+    length_m: Annotated[float, LIMITS["length_m"]] = 35.0
+    place_m: Annotated[Vector, LIMITS["place_m"]] = (-0.2, 0.0, 0.0)
+    diameter_m: Annotated[float, LIMITS["diameter_m"]] = 0.0075
+    modulus_pa: Annotated[float, LIMITS["modulus_pa"]] = 6.437e7
+    across: Annotated[float, LIMITS["across"]] = 1.2
+    along: Annotated[float, LIMITS["along"]] = 0.01
+    damping_share: Annotated[float, LIMITS["damping_share"]] = 0.1
 
     def __post_init__(self) -> None:
-        numbers = ("length_m", "diameter_m", "modulus_pa", "across", "along", "damping_share")
-        vectors = {"anchor_m": "position_m", "place_m": "place_m"}
-        check_fields(self, "The tether's ", {name: name for name in numbers}, vectors)
+        check_record(self, "The tether's ")
 
     @property
     def stiffness_npm(self) -> float:

@@ -17,20 +17,22 @@ without friction. So the vehicle heads east, whichever way it heads in space.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 from snr_sim.plants.attitude import rotation_of
 from snr_sim.plants.urov.dive import Dive
 from snr_sim.plants.urov.impulses_2d import stopped
+from snr_sim.plants.urov.motion import Motion
 from snr_sim.plants.urov.pool import FRICTION, Pool
 from snr_sim.plants.urov.pool_2d import Pool2D
+from snr_sim.plants.urov.propulsion import Propulsion
 from snr_sim.plants.urov.urov import STEP_S, Urov
-from snr_sim.plants.urov.urov_forces import SLOWING_ROUNDS
-from snr_sim.plants.urov.urov_state import State, Thrusters
-from snr_sim.plants.urov.vehicle import Vector, Vehicle
+from snr_sim.plants.urov.urov_state import Body, Mover
+from snr_sim.plants.urov.vehicle import Matrix, Vector, Vehicle
 from snr_sim.plants.urov.water_2d import Three, Water2D
+from snr_sim.plants.urov.water_forces import SLOWING_ROUNDS, WaterForces
 
 
 class Urov2D(Urov):
@@ -50,90 +52,106 @@ class Urov2D(Urov):
         vehicle: Vehicle,
         pool: Pool,
         start_of: Callable[[int], Dive],
-        thrusters: Thrusters | None = None,
+        thrusters: Propulsion | None = None,
         seed: int = 0,
         step_s: float = STEP_S,
     ) -> None:
         super().__init__(vehicle, pool, lambda number: in_plane(start_of(number)), thrusters, seed, step_s)
 
-    def _build(self, mjcf: str | None) -> Pool2D:
-        """Builds the world."""
-        self._plane = Pool2D(self.pool, self.vehicle)
-        self._water = Water2D(self.vehicle)
-        return self._plane
-
-    def _engine_state(self) -> Any:
-        """Returns the state in the plane, to the bit: our attitude is pitch by another name."""
-        return self._plane.snapshot()
+    def _build(self, mjcf: str | None) -> tuple[Body, WaterForces, Mover]:
+        """Build the world, and what moves the vehicle in it."""
+        plane = Pool2D(self.pool, self.vehicle)
+        water = WaterForces(self.vehicle, self.pool, plane, self._motion)
+        return plane, water, PlaneMover(plane, self._motion, water, Water2D(self.vehicle))
 
     def scene(self) -> dict[str, Any]:
-        """Returns what the vehicle in space shows, and that it stays in its plane."""
+        """Return what the vehicle in space shows, and that it stays in its plane."""
         return {**super().scene(), "is_planar": True}
 
-    def restore(self, snapshot: State) -> None:
-        """Puts back what `snapshot` returned."""
-        super().restore(snapshot)
+
+class PlaneMover(Mover):
+    """Three degrees of freedom: surge, heave and pitch.
+
+    Args:
+        plane: the vehicle in pymunk.
+        motion: of the vehicle, which is written.
+        water: what it does to the vehicle.
+        equation: its new velocity.
+    """
+
+    def __init__(self, plane: Pool2D, motion: Motion, water: WaterForces, equation: Water2D) -> None:
+        self._plane, self._motion, self._water, self._equation = plane, motion, water, equation
+        self._known_mass: tuple[Matrix | None, float] = (None, 1.0)
+
+    def engine_state(self) -> Any:
+        """Return the state in the plane, to the bit: our attitude is pitch by another name."""
+        return self._plane.snapshot()
+
+    def forget(self) -> None:
+        """Take over the pitch that the vehicle was put at."""
         self._pitch = self._plane.where()[2]
 
-    def _set_wet(self, share: float) -> None:
-        super()._set_wet(share)
-        self._water.set_mass(self._hydro.mass, share)
+    def _follow_mass(self) -> None:
+        """Take over the mass of vehicle and water if it has changed."""
+        mass, wet = self._water.hydro.mass, self._water.wet
+        if self._known_mass[0] is not mass or self._known_mass[1] != wet:
+            self._known_mass = mass, wet
+            self._equation.set_mass(mass, wet)
 
-    def _advance(self) -> None:
-        """Moves on by one step."""
-        step_s, plane, water, flotation = self.step_s, self._plane, self._water, self._flotation
-        (vx, _, vz), (cx, _, cz), pitch_rate = self._velocity, self._current, self._rate[1]
-        push = self._around(self._thrust(), self.through_water, step_s)
+    def advance(self, push: Sequence[float]) -> None:
+        """Move on by one step."""
+        motion, plane, water, equation = self._motion, self._plane, self._water, self._equation
+        step_s, flotation = motion.step_s, water.flotation
+        (vx, _, vz), (cx, _, cz), pitch_rate = motion.velocity, motion.current, motion.rate[1]
+        push = water.around(push, motion.through_water(), step_s)
+        self._follow_mass()
         through = vx - cx, vz - cz, pitch_rate
-        if self._slam is not None:
-            through = water.less(through, self._pitch, (self._slam[0], self._slam[2], self._slam[4]))
+        if water.slam is not None:
+            through = equation.less(through, self._pitch, (water.slam[0], water.slam[2], water.slam[4]))
             plane.move_at((through[0] + cx, through[1] + cz, through[2]))
         plane.drift(0.5 * step_s)
         arm_x, _, arm_z = flotation.arm
-        rx, rz, rate = water.advance(
+        rx, rz, rate = equation.advance(
             through, self._pitch, (push[0], push[2], push[4]), flotation.net_n, (arm_x, arm_z), step_s
         )
-        motion, self._contact_n = (rx + cx, rz + cz, rate), None
+        after, self.contact_n = (rx + cx, rz + cz, rate), None
         touches = plane.touches()
         if touches:
-            mobility = water.mobility(self._pitch + 0.5 * step_s * pitch_rate)
-            motion, (along_x, along_z) = stopped(motion, touches, mobility, FRICTION, step_s)
-            self._contact_n = (along_x / step_s, 0.0, along_z / step_s)
-            self._taken = self._wet
-        plane.move_at(motion)
+            mobility = equation.mobility(self._pitch + 0.5 * step_s * pitch_rate)
+            after, (along_x, along_z) = stopped(after, touches, mobility, FRICTION, step_s)
+            self.contact_n = (along_x / step_s, 0.0, along_z / step_s)
+            water.taken = water.wet
+        plane.move_at(after)
         plane.drift(0.5 * step_s)
-        if self._taken > self._wet:
-            x, z, rate = self._slowed_in_plane((motion[0] - cx, motion[1] - cz, motion[2]), plane.where()[2])
-            motion = x + cx, z + cz, rate
-            plane.move_at(motion)
-        self._steps += 1
-        self._take_over(motion)
+        if water.taken > water.wet:
+            x, z, rate = self._slowed((after[0] - cx, after[1] - cz, after[2]), plane.where()[2])
+            after = x + cx, z + cz, rate
+            plane.move_at(after)
+        self._take_over(after)
 
-    def _slowed_in_plane(self, through: Three, pitch: float) -> Three:
-        """Returns the velocity at a step's end, as `_slowed` does in space."""
-        share = self._taken - self._wet
+    def _slowed(self, through: Three, pitch: float) -> Three:
+        """Return the velocity at a step's end, as `WaterForces.slowed` does in space."""
         cos, sin = math.cos(pitch), math.sin(pitch)
         x, z, rate = through
         for _ in range(SLOWING_ROUNDS):
-            surge, _, heave, _, turn, _ = self._added_momentum(
-                cos * x - sin * z, 0.0, sin * x + cos * z, 0.0, rate, 0.0
-            )
-            x, z, rate = self._water.less(through, pitch, (share * surge, share * heave, share * turn))
+            late = self._water.late_momentum((cos * x - sin * z, 0.0, sin * x + cos * z, 0.0, rate, 0.0))
+            x, z, rate = self._equation.less(through, pitch, (late[0], late[2], late[4]))
         return x, z, rate
 
-    def _take_over(self, motion: tuple[float, float, float]) -> None:
-        """Takes over where the step led to."""
-        (vx, _, vz), y = self._velocity, self._place[1]
+    def _take_over(self, after: Three) -> None:
+        """Take over where the step led to."""
+        motion = self._motion
+        (vx, _, vz), (_, y, _) = motion.velocity, motion.place
         x, z, pitch = self._plane.where()
         self._pitch = pitch
-        self._place, self._attitude = (x, y, z), (math.cos(0.5 * pitch), 0.0, math.sin(0.5 * pitch), 0.0)
-        self._rotation = rotation_of(self._attitude)
-        self._velocity, self._rate = (motion[0], 0.0, motion[1]), (0.0, motion[2], 0.0)
-        self._gained = ((motion[0] - vx) / self.step_s, 0.0, (motion[1] - vz) / self.step_s)
+        motion.place, motion.attitude = (x, y, z), (math.cos(0.5 * pitch), 0.0, math.sin(0.5 * pitch), 0.0)
+        motion.rotation = rotation_of(motion.attitude)
+        motion.velocity, motion.rate = (after[0], 0.0, after[1]), (0.0, after[2], 0.0)
+        motion.gained = ((after[0] - vx) / motion.step_s, 0.0, (after[1] - vz) / motion.step_s)
 
 
 def in_plane(dive: Dive) -> Dive:
-    """Returns what of a dive lies in the plane: the vehicle heads east, and nothing pulls to the side."""
+    """Return what of a dive lies in the plane: the vehicle heads east, and nothing pulls to the side."""
     y = dive.position_m[1]
     tether = dive.tether
     return replace(

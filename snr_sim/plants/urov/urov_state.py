@@ -1,100 +1,50 @@
-"""What the underwater vehicle is made of and what it remembers: thrusters, a body in an engine, all of its state."""
+"""What the underwater vehicle is made of and what it remembers: what moves it, what it is told, all of its state."""
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, TypeAlias
 
 import msgspec
 
 from snr_sim.plants.attitude import Quaternion
+from snr_sim.plants.mujoco_body import MujocoBody
 from snr_sim.plants.urov.dive import Dive
 from snr_sim.plants.urov.hydrodynamics import AT_REST
-from snr_sim.plants.urov.vehicle import Matrix, Six, Vector
+from snr_sim.plants.urov.pool_2d import Pool2D
+from snr_sim.plants.urov.vehicle import Six, Vector
+
+Body: TypeAlias = MujocoBody | Pool2D  # in space, and in the plane
 
 
-class Thrusters(Protocol):
-    """What the plant asks of its thrusters; `Propulsion` is it."""
+class Mover(ABC):
+    """What moves the vehicle: in space (`space_mover.py`) or in the plane (`urov_2d.py`).
 
-    count: int
-    voltage_v: float
+    Attributes:
+        acceleration: of the velocity through the water, body frame, without contacts.
+        guess: what it will be in the next step.
+        contact_n: what contacts pushed in the last step, world frame; None if nothing touched.
+        pressed_n: the same in the last part of it, as a size.
+    """
 
-    @property
-    def forces_n(self) -> list[float]:
-        """Of each thruster along its own axis."""
-        ...
+    acceleration: Six = AT_REST
+    guess: Six = AT_REST
+    contact_n: Vector | None = None
+    pressed_n: float = 0.0
 
-    @property
-    def mean_forces_n(self) -> list[float]:
-        """The same, on average over the last step."""
-        ...
+    @abstractmethod
+    def advance(self, push: Sequence[float]) -> None:
+        """Move on by one step under a wrench."""
 
-    @property
-    def current_a(self) -> float:
-        """All that is drawn from the supply."""
-        ...
+    @abstractmethod
+    def engine_state(self) -> Any:
+        """Return all of the engine's state."""
 
-    @property
-    def charge(self) -> float:
-        """What is left in the supply, 0 to 1."""
-        ...
-
-    def reset(self) -> None:
-        """Puts everything back to the start."""
-        ...
-
-    def step(self, dt_s: float, pulses_us: list[float | None]) -> None:
-        """Moves on."""
-        ...
-
-    def mixed(self, matrix: Matrix) -> list[float]:
-        """Returns a matrix of n columns times `mean_forces_n`."""
-        ...
-
-    def fail(self, thruster: int, fault: str, share: float = 0.5) -> None:
-        """Breaks a thruster."""
-        ...
-
-    def snapshot(self) -> Any:
-        """Returns all of the state."""
-        ...
-
-    def restore(self, snapshot: Any) -> None:
-        """Puts back what `snapshot` returned."""
-        ...
-
-
-class Body(Protocol):
-    """What both engines' bodies tell and take: MuJoCo's in space, and pymunk's in the plane."""
-
-    engine: str
-    rigid: Matrix
-    gravity_mps2: float
-
-    def clear(self) -> None:
-        """Puts the whole world back to its start."""
-        ...
-
-    def put(self, pose: Sequence[float], velocity: Sequence[float]) -> None:
-        """Puts the body somewhere: see `MujocoBody.put`."""
-        ...
-
-    def height_over_ground_m(self, place: Sequence[float]) -> float:
-        """Returns how far it is straight down from a place to anything but the body; negative if there is nothing."""
-        ...
-
-    def deepest(self) -> tuple[str, float]:
-        """Returns in what the body is deepest, and how deep [m]; 0 if it is in nothing."""
-        ...
-
-    def snapshot(self) -> Any:
-        """Returns all of the state."""
-        ...
-
-    def restore(self, snapshot: Any) -> None:
-        """Puts back what `snapshot` returned."""
-        ...
+    @abstractmethod
+    def forget(self) -> None:
+        """Note that the vehicle was put somewhere else."""
 
 
 class WrenchCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -10,29 +10,26 @@ A wrench has six numbers: force along x, y, z [N], then moment about x, y, z [N 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from snr_sim.plants.urov.plausible import (
+    FINITE,
     LEAD_KGM3,
     LIMITS,
     MILLIMETRES,
     OUTRIGGER_M,
     Limit,
-    check_fields,
-    check_members,
     check_number,
-    check_vector,
-    checked_matrix,
+    check_record,
     shown,
 )
-from snr_sim.prelude.errors import ParameterError, nearest
+from snr_sim.prelude.errors import ParameterError
 from snr_sim.prelude.sums import ordered_sum
-from snr_sim.prelude.wrench import AXES, lacking_axes
+from snr_sim.prelude.wrench import AXES
 
 Vector: TypeAlias = tuple[float, float, float]
 Six: TypeAlias = tuple[float, float, float, float, float, float]
@@ -50,15 +47,14 @@ class Thruster:
     """
 
     name: str
-    position_m: Vector
-    direction: Vector
+    position_m: Annotated[Vector, LIMITS["place_m"]]
+    direction: Annotated[Vector, FINITE]
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.strip():
             raise ParameterError(f"A thruster is named {shown(self.name)}.", fix='give it a name, such as "T1".')
         who = f"Thruster '{self.name}'"
-        check_fields(self, f"{who}: ", {}, {"position_m": "place_m"})
-        check_vector(f"{who}: direction", self.direction)
+        check_record(self, f"{who}: ")
         length = math.hypot(*self.direction)
         if not 0.99 < length < 1.01:
             raise ParameterError(
@@ -93,17 +89,17 @@ class Vehicle:
     """
 
     name: str
-    mass_kg: float
-    inertia_kgm2: Matrix
-    volume_m3: float
-    added_mass: Matrix
-    linear_damping: Six
-    quadratic_damping: Six
-    centre_of_mass_m: Vector = (0.0, 0.0, 0.0)
-    centre_of_buoyancy_m: Vector = (0.0, 0.0, 0.0)
-    size_m: Vector = (0.457, 0.575, 0.254)
-    thrusters: tuple[Thruster, ...] = ()
-    net_buoyancy_n: float | None = None
+    mass_kg: Annotated[float, LIMITS["mass_kg"]]
+    inertia_kgm2: Annotated[Matrix, FINITE, AXES[3:]]
+    volume_m3: Annotated[float, LIMITS["volume_m3"]]
+    added_mass: Annotated[Matrix, FINITE, AXES]
+    linear_damping: Annotated[Six, LIMITS["linear_damping"]]
+    quadratic_damping: Annotated[Six, LIMITS["quadratic_damping"]]
+    centre_of_mass_m: Annotated[Vector, LIMITS["place_m"]] = (0.0, 0.0, 0.0)
+    centre_of_buoyancy_m: Annotated[Vector, LIMITS["place_m"]] = (0.0, 0.0, 0.0)
+    size_m: Annotated[Vector, LIMITS["size_m"], ("length", "width", "height")] = (0.457, 0.575, 0.254)
+    thrusters: Annotated[tuple[Thruster, ...], "Thruster(...)"] = ()
+    net_buoyancy_n: Annotated[float | None, LIMITS["net_buoyancy_n"]] = None
     sources: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -112,17 +108,8 @@ class Vehicle:
                 f"A vehicle is named {shown(self.name)}, its sources are {shown(self.sources)}.",
                 fix='a text such as "mine", and a dict of texts, by the names of the numbers.',
             )
-        names = ["mass_kg", "volume_m3"] + ["net_buoyancy_n"] * (self.net_buoyancy_n is not None)
-        places = {"centre_of_mass_m": "place_m", "centre_of_buoyancy_m": "place_m"}
-        check_fields(self, self._what(""), {name: name for name in names}, places)
-        for name, axes in (
-            ("linear_damping", AXES),
-            ("quadratic_damping", AXES),
-            ("size_m", ("length", "width", "height")),
-        ):
-            check_vector(self._what(name), getattr(self, name), LIMITS[name], axes)
-            object.__setattr__(self, name, tuple(float(value) for value in getattr(self, name)))
-        for name in places:
+        check_record(self, self._what(""))
+        for name in ("centre_of_mass_m", "centre_of_buoyancy_m"):
             for axis, value, size in zip("xyz", getattr(self, name), self.size_m, strict=True):
                 inside = Limit(0.0, 0.5 * size, "m", "it is inside the frame, as size_m says", MILLIMETRES)
                 check_number(self._what(f"{name}, off the middle in {axis},"), abs(value), inside)
@@ -135,7 +122,7 @@ class Vehicle:
         return f"Vehicle '{self.name}': {name}"
 
     def _check_inertia(self) -> None:
-        inertia = self._checked_matrix("inertia_kgm2", AXES[3:])
+        inertia = self.inertia_kgm2
         principal = np.linalg.eigvalsh(inertia)  # decides no run: only checked
         if not principal[0] > 0.0:
             raise ParameterError(
@@ -165,7 +152,7 @@ class Vehicle:
             )
 
     def _check_added_mass(self) -> None:
-        added = self._checked_matrix("added_mass", AXES)
+        added = self.added_mass
         water = 1000.0 * self.volume_m3
         corner = water * 0.25 * ordered_sum(side * side for side in self.size_m)
         share = LIMITS["added_mass_share"]
@@ -185,14 +172,7 @@ class Vehicle:
                 fix="look at what is off the diagonal: it is too large.",
             )
 
-    def _checked_matrix(self, name: str, axes: Sequence[str]) -> Matrix:
-        matrix: Matrix = checked_matrix(self._what(name), getattr(self, name), axes)
-        object.__setattr__(self, name, matrix)
-        return matrix
-
     def _check_thrusters(self) -> None:
-        check_members(self._what("thrusters"), self.thrusters, Thruster)
-        object.__setattr__(self, "thrusters", tuple(self.thrusters))
         names = ["".join(thruster.name.split()) for thruster in self.thrusters]  # blanks make no other name
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
@@ -240,20 +220,3 @@ class Vehicle:
             for thruster in self.thrusters
         ]
         return np.array(columns).reshape(-1, 6).T
-
-    def require_axes(self, axes: Sequence[str] = AXES) -> None:
-        """Checks that the thrusters can push along and about all of these axes.
-
-        Raises:
-            ParameterError: they cannot; the message names the axes.
-        """
-        axes = (axes,) if isinstance(axes, str) else axes
-        for axis in axes:
-            if axis not in AXES:
-                raise ParameterError(f"There is no axis '{axis}'.", fix=nearest(axis, AXES))
-        lacking = [axis for axis in axes if axis in lacking_axes(self.thruster_matrix())]
-        if lacking:
-            raise ParameterError(
-                f"The {len(self.thrusters)} thrusters of '{self.name}' have no authority in {', '.join(lacking)}.",
-                fix="ask only for the other axes, or take a frame with thrusters that push there, such as benzon2022.",
-            )

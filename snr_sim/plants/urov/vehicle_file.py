@@ -7,39 +7,27 @@ are turned into ours.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from snr_sim.plants.urov.plausible import check_number, check_vector, checked_matrix, shown
-from snr_sim.plants.urov.vehicle import Matrix, Six, Thruster, Vector, Vehicle
+from snr_sim.plants.urov.vehicle import Matrix, Thruster, Vector, Vehicle
 from snr_sim.prelude.errors import ParameterError, nearest
 from snr_sim.prelude.sums import ordered_sum
 from snr_sim.prelude.water import FRESH_KGM3, GRAVITY_MPS2
 from snr_sim.prelude.wrench import AXES, lacking_axes
 
+Flip: TypeAlias = NDArray[np.float64]  # signs of six axes
+
 FLIP = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])  # from FRD to FLU and back
 FRAMES = {"FRD": FLIP, "FLU": np.ones(6)}
-PLACE = ("x", "y", "z")
-# What each number is made of: nothing is a single one, names are a row of numbers, and names twice are a matrix.
-_NUMBERS: dict[str, tuple[tuple[str, ...], ...]] = {
-    "mass_kg": (),
-    "volume_m3": (),
-    "net_buoyancy_n": (),
-    "inertia_kgm2": (AXES[3:], AXES[3:]),
-    "added_mass": (AXES, AXES),
-    "linear_damping": (AXES,),
-    "quadratic_damping": (AXES,),
-    "centre_of_mass_m": (PLACE,),
-    "centre_of_buoyancy_m": (PLACE,),
-    "size_m": (("length", "width", "height"),),
-}
 MOST_LINEAR = 2.0  # drag at 1 m/s along the axes, linear by quadratic: those in robots/urov/vehicles have 0.1 and 0.2
 _OPTIONAL = {"net_buoyancy_n"}
-_KNOWN = ("about", "frame", "sources", "thruster", "thrusters_source", "lacks", *_NUMBERS)
 _NUMBER = ("value", "source")
 _THRUSTER = ("name", "position_m", "direction")
 
@@ -98,29 +86,16 @@ def _vehicle(name: str, data: dict[str, Any]) -> Vehicle:
     flip = FRAMES[frame]
     if not isinstance(data.get("about", ""), str):
         raise ParameterError(f"about is {shown(data['about'])}, which is no text.", fix='write about = "...".')
-    values, sources = _numbers(data)
-    return Vehicle(
-        name,
-        mass_kg=float(values["mass_kg"]),
-        inertia_kgm2=_matrix(values["inertia_kgm2"], flip[:3]),
-        volume_m3=float(values["volume_m3"]),
-        added_mass=_matrix(values["added_mass"], flip),
-        linear_damping=_six(values["linear_damping"]),
-        quadratic_damping=_six(values["quadratic_damping"]),
-        centre_of_mass_m=_vector(values["centre_of_mass_m"], flip),
-        centre_of_buoyancy_m=_vector(values["centre_of_buoyancy_m"], flip),
-        size_m=_vector(values["size_m"], np.ones(6)),
-        thrusters=_thrusters(data.get("thruster", []), flip),
-        net_buoyancy_n=values.get("net_buoyancy_n"),
-        sources=sources,
-    )
+    values, sources = _numbers(data, flip)
+    thrusters = _thrusters(data.get("thruster", []), flip)
+    return Vehicle(name, **values, thrusters=thrusters, sources=sources)
 
 
-def _numbers(data: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
-    """Returns the values and their sources, in full, by name."""
+def _numbers(data: dict[str, Any], flip: Flip) -> tuple[dict[str, Any], dict[str, str]]:
+    """Return the values in our frame and their sources, in full, by name."""
     named = _sources(data)
     values, sources = {}, {}
-    for name, shape in _NUMBERS.items():
+    for name, turned in _NUMBERS.items():
         if name not in data:
             if name in _OPTIONAL:
                 continue
@@ -132,7 +107,7 @@ def _numbers(data: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
                 fix=f'write {name} = {{ value = ..., source = "..." }}.',
             )
         _check_keys(name, entry, "part of a number", _NUMBER, _NUMBER)
-        values[name] = _checked(name, entry["value"], shape)
+        values[name] = turned(name, entry["value"], flip)
         sources[name] = _source(f"{name}: source", entry["source"], named)
     if data.get("thruster"):
         if "thrusters_source" not in data:
@@ -163,20 +138,55 @@ def _source(what: str, key: Any, named: dict[str, str]) -> str:
     return named[key]
 
 
-def _checked(name: str, value: Any, shape: tuple[tuple[str, ...], ...]) -> Any:
-    """Returns a value that has the shape due, each of its numbers finite."""
-    if not shape:
-        check_number(name, value)
-    elif len(shape) == 1:
-        check_vector(name, value, axes=shape[0])
-    elif isinstance(value, list) and any(isinstance(row, list) for row in value):
-        checked_matrix(name, value, shape[0])  # here, as the file has it, not turned to FLU
+def _number(name: str, value: Any, flip: Flip) -> float:
+    check_number(name, value)
+    return float(value)
+
+
+def _place(name: str, value: Any, flip: Flip) -> Vector:
+    check_vector(name, value)
+    x, y, z = (float(one * sign) + 0.0 for one, sign in zip(value, flip[:3], strict=True))
+    return x, y, z
+
+
+def _size(name: str, value: Any, flip: Flip) -> tuple[float, ...]:
+    check_vector(name, value, axes=("length", "width", "height"))
+    return tuple(map(float, value))
+
+
+def _damping(name: str, value: Any, flip: Flip) -> tuple[float, ...]:
+    check_vector(name, value, axes=AXES)
+    return tuple(map(float, value))
+
+
+def _matrix(name: str, value: Any, flip: Flip, axes: Sequence[str] = AXES) -> Matrix:
+    """Return a matrix that stands there in full or by its diagonal."""
+    flip = flip[: len(axes)]
+    if isinstance(value, list) and any(isinstance(row, list) for row in value):
+        matrix = checked_matrix(name, value, axes)  # here, as the file has it, not turned to FLU
     else:
-        check_vector(name, value, axes=shape[0])
-    return value
+        check_vector(name, value, axes=axes)
+        matrix = np.diag(np.array(value, dtype=float))
+    return matrix * np.outer(flip, flip) + 0.0
 
 
-def _thrusters(tables: Any, flip: NDArray[np.float64]) -> tuple[Thruster, ...]:
+# What takes each number from the file's frame to ours, and checks its shape before.
+_NUMBERS: dict[str, Callable[[str, Any, Flip], Any]] = {
+    "mass_kg": _number,
+    "volume_m3": _number,
+    "net_buoyancy_n": _number,
+    "inertia_kgm2": partial(_matrix, axes=AXES[3:]),
+    "added_mass": _matrix,
+    "linear_damping": _damping,
+    "quadratic_damping": _damping,
+    "centre_of_mass_m": _place,
+    "centre_of_buoyancy_m": _place,
+    "size_m": _size,
+}
+_KNOWN = ("about", "frame", "sources", "thruster", "thrusters_source", "lacks", *_NUMBERS)
+
+
+def _thrusters(tables: Any, flip: Flip) -> tuple[Thruster, ...]:
     if not isinstance(tables, list) or not all(isinstance(one, dict) for one in tables):
         raise ParameterError(
             f"thruster is {shown(tables)}.", fix="begin each thruster with [[thruster]], in two pairs."
@@ -188,9 +198,7 @@ def _thrusters(tables: Any, flip: NDArray[np.float64]) -> tuple[Thruster, ...]:
         _check_keys(where, one, "part of a thruster", _THRUSTER, _THRUSTER)
         if not isinstance(name, str):
             raise ParameterError(f"{where}: name is {shown(name)}, which is no text.", fix='write name = "T1".')
-        for key in ("position_m", "direction"):
-            check_vector(f"{where}: {key}", one[key])
-        thrusters.append(Thruster(name, _vector(one["position_m"], flip), _vector(one["direction"], flip)))
+        thrusters.append(Thruster(name, *(_place(f"{where}: {key}", one[key], flip) for key in _THRUSTER[1:])))
     return tuple(thrusters)
 
 
@@ -212,22 +220,6 @@ def _lacks(data: dict[str, Any]) -> tuple[str, ...]:
         if not isinstance(axis, str) or axis not in AXES:
             raise ParameterError(f"lacks has {shown(axis)}, which is no axis.", fix=nearest(str(axis), AXES))
     return tuple(declared)
-
-
-def _matrix(value: list[Any], flip: NDArray[np.float64]) -> Matrix:
-    given = np.array(value, dtype=float)
-    matrix: Matrix = np.diag(given) if given.ndim == 1 else given
-    return matrix * np.outer(flip, flip) + 0.0
-
-
-def _vector(value: list[float], flip: NDArray[np.float64]) -> Vector:
-    x, y, z = (float(one * sign) + 0.0 for one, sign in zip(value, flip[:3], strict=True))
-    return x, y, z
-
-
-def _six(value: list[float]) -> Six:
-    u, v, w, p, q, r = (float(one) for one in value)
-    return u, v, w, p, q, r
 
 
 def _check_upright(vehicle: Vehicle) -> None:

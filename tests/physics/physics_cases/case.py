@@ -15,7 +15,7 @@ STEPS_S = (0.002, 0.005, 0.01)
 
 SECOND_ORDER = "error of the midpoint rule, of second order in the step"
 LEFT = "what is left of the way to it in 12 s"
-ROUNDING = "what the rounds leave of the midpoint rule's equation"
+ROUNDS = "what the rounds leave of the midpoint rule's equation"
 
 
 @dataclass(frozen=True)
@@ -46,5 +46,5 @@ class Case:
         return self.expected() if callable(self.expected) else self.expected
 
     def error(self, ours: float) -> float:
-        """Returns the error as `allowed` counts it."""
+        """Return the error as `allowed` counts it."""
         return ours / self.reference - 1.0 if self.reference else ours

@@ -11,13 +11,13 @@ import numpy as np
 
 from snr_sim.plants.urov.vehicle import Vehicle
 
-from .swimming import mass_along
+from .vehicles import along_axis
 
 Rate: TypeAlias = Callable[[float, tuple[float, ...]], tuple[float, ...]]  # of time and state
 
 
 def step_response(mass: float, a: float, b: float, push: float, time_s: float) -> tuple[float, float]:
-    """Returns speed and way from rest under a constant push, against drag a u + b u |u|."""
+    """Return speed and way from rest under a constant push, against drag a u + b u |u|."""
     u1 = (math.sqrt(a * a + 4.0 * b * push) - a) / (2.0 * b)
     u2 = u1 + a / b
     k = b * (u1 + u2) / mass
@@ -28,19 +28,19 @@ def step_response(mass: float, a: float, b: float, push: float, time_s: float) -
 
 
 def terminal_speed(a: float, b: float, push: float) -> float:
-    """Returns the speed at which drag is the push."""
+    """Return the speed at which drag is the push."""
     return (math.sqrt(a * a + 4.0 * b * push) - a) / (2.0 * b)
 
 
 def coasting(mass: float, a: float, b: float, speed: float, time_s: float) -> float:
-    """Returns what is left of a speed."""
+    """Return what is left of a speed."""
     if a == 0.0:
         return speed / (1.0 + b * speed * time_s / mass)
     return a / (math.exp(a * time_s / mass) * (a / speed + b) - b)
 
 
 def pendulum_period(mass: float, stiffness: float, swing_rad: float) -> float:
-    """Returns the period of an undamped pendulum at any swing, by the arithmetic-geometric mean."""
+    """Return the period of an undamped pendulum at any swing, by the arithmetic-geometric mean."""
     a, b = 1.0, math.cos(0.5 * swing_rad)
     while abs(a - b) > 1e-15:
         a, b = 0.5 * (a + b), math.sqrt(a * b)
@@ -48,8 +48,8 @@ def pendulum_period(mass: float, stiffness: float, swing_rad: float) -> float:
 
 
 def steady_circle(one: Vehicle, push: float) -> tuple[float, float, float]:
-    """Returns speed ahead, sideways and rate of the circle that a push ahead ends in, by Newton's method."""
-    mx, my = mass_along(one, 0), mass_along(one, 1)
+    """Return speed ahead, sideways and rate of the circle that a push ahead ends in, by Newton's method."""
+    mx, my = along_axis(one, 0)[0], along_axis(one, 1)[0]
 
     def unbalanced(state: np.ndarray) -> np.ndarray:
         u, v, r = state
@@ -70,14 +70,14 @@ def steady_circle(one: Vehicle, push: float) -> tuple[float, float, float]:
 
 
 def sliding(mass: float, a: float, b: float, friction: float, speed: float, time_s: float) -> float:
-    """Returns what is left of a speed that friction and drag a u + b u^2 take, before it has stopped."""
+    """Return what is left of a speed that friction and drag a u + b u^2 take, before it has stopped."""
     rest = friction - 0.25 * a * a / b  # mass u' = -(b (u + a / 2b)^2 + rest)
     fast = math.sqrt(rest / b)
     return fast * math.tan(math.atan((speed + 0.5 * a / b) / fast) - math.sqrt(rest * b) * time_s / mass) - 0.5 * a / b
 
 
 def rk4(rate: Rate, state: tuple[float, ...], time_s: float, step_s: float) -> tuple[float, ...]:
-    """Returns the state after a time, by the Runge-Kutta rule of fourth order."""
+    """Return the state after a time, by the Runge-Kutta rule of fourth order."""
     half = 0.5 * step_s
     for i in range(round(time_s / step_s)):
         t = i * step_s

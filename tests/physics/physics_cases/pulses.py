@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import partial
 
 from snr_sim.plants.urov.battery import Battery, BenchSupply
 from snr_sim.plants.urov.dive import Dive
@@ -17,9 +18,9 @@ from snr_sim.plants.urov.vehicle import Vehicle
 from snr_sim.prelude.signals import PwmCommand
 from snr_sim.prelude.sums import ordered_sum
 
-from .case import LEFT, SECOND_ORDER, Case
+from .case import LEFT, Case
 from .closed_forms import rk4, terminal_speed
-from .swimming import DEEP, SEA, SETS, go, mass_along, weightless
+from .vehicles import DEEP, SEA, along_axis, go, weightless
 
 # T200 at 16 V: Blue Robotics, T200 public performance data 10-20 V (2019).
 N_PER_KGF = 9.80665
@@ -40,7 +41,7 @@ SLOW_TURN = [1600.0, 1400.0, 1400.0, 1600.0] + [1500.0] * 4
 
 
 def pulsed(one: Vehicle, step_s: float, pulses: list[float], time_s: float, supply: Battery | BenchSupply) -> Urov:
-    """Returns a plant that has been given pulses for a time, after its speed controllers had armed."""
+    """Return a plant that has been given pulses for a time, after its speed controllers had armed."""
     plant = Urov(one, SEA, lambda seed: Dive(DEEP), Propulsion(8, supply), step_s=step_s)
     plant.write("pwm", PwmCommand(STOP))
     go(plant, 1.2)
@@ -48,39 +49,41 @@ def pulsed(one: Vehicle, step_s: float, pulses: list[float], time_s: float, supp
     return go(plant, time_s)
 
 
-def pushed() -> Iterator[Case]:
-    """Rising and turning by pulses at 16 V, and the voltage that four thrusters flat out leave."""
+def pushed(name: str) -> Iterator[Case]:
+    """Rising and turning by pulses at 16 V."""
+    case = partial(Case, GROUP)
+    one = weightless(name)
     up_n = 2.0 * N_PER_KGF * (AHEAD_KGF[1700.0] + ASTERN_KGF[1300.0])
-    for name in SETS:
-        one = weightless(name)
-        a, b = one.linear_damping, one.quadratic_damping
-        yield Case(
-            GROUP, f"{name}: four thrusters up at 1700 and 1300 us, 16 V: terminal", terminal_speed(a[2], b[2], up_n),
-            "m/s", lambda h, one=one: pulsed(one, h, UP, 12.0, BenchSupply(16.0)).through_water[2], 1e-5, LEFT,
+
+    def rising(step_s: float, time_s: float) -> float:
+        return pulsed(one, step_s, UP, time_s, BenchSupply(16.0)).through_water[2]
+
+    terminal = terminal_speed(*along_axis(one, 2)[1:], up_n)
+    what = f"{name}: four thrusters up at 1700 and 1300 us, 16 V: terminal"
+    yield case(what, terminal, "m/s", lambda h: rising(h, 12.0), 1e-5, LEFT)
+    for pulses, ahead, astern in ((LEFT_TURN, 1700.0, 1300.0), (SLOW_TURN, 1600.0, 1400.0)):
+        turn_nm = 2.0 * ARM_M * N_PER_KGF * (AHEAD_KGF[ahead] + ASTERN_KGF[astern])
+        yield case(
+            f"{name}: level thrusters against each other at {ahead:g} and {astern:g} us, 16 V: terminal",
+            terminal_speed(*along_axis(one, 5)[1:], turn_nm), "rad/s",
+            lambda h, pulses=pulses: pulsed(one, h, pulses, 12.0, BenchSupply(16.0)).rate_radps[2], 1e-5, LEFT,
         )  # fmt: skip
-        for pulses, ahead, astern in ((LEFT_TURN, 1700.0, 1300.0), (SLOW_TURN, 1600.0, 1400.0)):
-            turn_nm = 2.0 * ARM_M * N_PER_KGF * (AHEAD_KGF[ahead] + ASTERN_KGF[astern])
-            yield Case(
-                GROUP, f"{name}: level thrusters against each other at {ahead:g} and {astern:g} us, 16 V: terminal",
-                terminal_speed(a[5], b[5], turn_nm), "rad/s",
-                lambda h, one=one, pulses=pulses: pulsed(one, h, pulses, 12.0, BenchSupply(16.0)).rate_radps[2], 1e-5,
-                LEFT,
-            )  # fmt: skip
-        yield Case(
-            GROUP, f"{name}: four thrusters up, 0.2 s after the pulse, with their lag", late(one, up_n, 0.2), "m/s",
-            lambda h, one=one: pulsed(one, h, UP, 0.2, BenchSupply(16.0)).through_water[2], 2e-4, SECOND_ORDER,
-        )  # fmt: skip
-    one = weightless("benzon2022")
+    what = f"{name}: four thrusters up, 0.2 s after the pulse, with their lag"
+    yield case(what, late(one, up_n, 0.2), "m/s", lambda h: rising(h, 0.2), 2e-4)
+
+
+def sagging() -> Iterator[Case]:
+    """The voltage that four thrusters flat out leave."""
     yield Case(
         GROUP, "voltage of a full battery under four thrusters flat out", sagged_v(), "V",
-        lambda h: pulsed(one, h, ALL_UP, 0.5, Battery()).read("power").voltage_v, 5e-4,
+        lambda h: pulsed(weightless("benzon2022"), h, ALL_UP, 0.5, Battery()).read("power").voltage_v, 5e-4,
         "the charge that half a second takes",
     )  # fmt: skip
 
 
 def late(one: Vehicle, push_n: float, time_s: float) -> float:
-    """Returns the speed up that a push gives which follows its command with a lag, by Runge and Kutta."""
-    mass, a, b = mass_along(one, 2), one.linear_damping[2], one.quadratic_damping[2]
+    """Return the speed up that a push gives which follows its command with a lag, by Runge and Kutta."""
+    mass, a, b = along_axis(one, 2)
 
     def rate(time_s: float, state: tuple[float, ...]) -> tuple[float, ...]:
         (w,) = state
@@ -90,7 +93,7 @@ def late(one: Vehicle, push_n: float, time_s: float) -> float:
 
 
 def sagged_v() -> float:
-    """Returns where the battery's line and the table's meet: between 14 and 16 V both are straight."""
+    """Return where the battery's line and the table's meet: between 14 and 16 V both are straight."""
     slope = ordered_sum(AHEAD_A[1] - AHEAD_A[0] + ASTERN_A[1] - ASTERN_A[0] for _ in range(2)) / 2.0
     at_14_v = 2.0 * (AHEAD_A[0] + ASTERN_A[0]) + ELECTRONICS_A
     return (FULL_V - RESISTANCE_OHM * (at_14_v - 14.0 * slope)) / (1.0 + RESISTANCE_OHM * slope)

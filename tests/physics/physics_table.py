@@ -1,7 +1,7 @@
-"""Writes PHYSICS.md beside it: each case in physics_cases/, its reference, what the plant makes of it, the error.
+"""The page robots/urov/PHYSICS.md: each case in physics_cases/, its reference, what the plant makes of it, the error.
 
-python robots/urov/physics_table.py            writes the page
-python robots/urov/physics_table.py --print    shows it
+python tests/physics/physics_table.py            writes the page
+python tests/physics/physics_table.py --print    shows it
 """
 
 from __future__ import annotations
@@ -10,20 +10,20 @@ import sys
 from itertools import groupby
 from pathlib import Path
 
-from physics_cases.all_cases import cases
+from physics_cases import cases
 from physics_cases.case import STEPS_S, Case
 
-PAGE = Path(__file__).parent / "PHYSICS.md"
+PAGE = Path(__file__).parents[2] / "robots" / "urov" / "PHYSICS.md"
 
 SHOWN_STEPS = ", ".join(f"{1e3 * step_s:g}" for step_s in STEPS_S)
 
 HEAD = f"""# What the vehicle's physics is worth
 
-Made by `python robots/urov/physics_table.py`; a test compares it with what the plant does. Each case is known without a
-simulation: a closed form, a conserved quantity, the root of steady equations, or a Runge-Kutta (of `fossen_rk4.py`, or
-in `physics_cases/`) that shares nothing with the plant but the numbers. Errors are shares of the reference, or in its
-unit where that is 0, at steps of {SHOWN_STEPS} ms (the plant's own is 5); 0 is rounding, or less than a ten-thousandth
-of what is allowed. "Allowed" is what the test allows at each step, and why.
+Made by `python tests/physics/physics_table.py`; a test compares it with what the plant does. Each case is known without
+a simulation: a closed form, a conserved quantity, the root of steady equations, or a Runge-Kutta (all in
+`tests/physics/physics_cases/`) that shares nothing with the plant but the numbers. Errors are shares of the reference,
+or in its unit where that is 0, at steps of {SHOWN_STEPS} ms (the plant's own is 5); 0 is rounding, or less than a
+ten-thousandth of what is allowed. "Allowed" is what the test allows at each step, and why.
 
 `benzon2022` and `wu2018` are as they are in `vehicles/`, in fresh water; where only one axis is meant, they are
 ballasted to weigh nothing, with their buoyancy at their centre of mass.
@@ -31,7 +31,7 @@ ballasted to weigh nothing, with their buoyancy at their centre of mass.
 
 
 def row(case: Case, ours: list[float]) -> str:
-    """Returns one line of the table.
+    """Return one line of the table.
 
     Args:
         case: what it is about.
@@ -44,18 +44,18 @@ def row(case: Case, ours: list[float]) -> str:
 
 
 def _error(case: Case, ours: float) -> str:
-    """Returns an error to one digit; what matters to nobody, and may differ between computers, is 0."""
+    """Return an error to one digit; what matters to nobody, and may differ between computers, is 0."""
     error = case.error(ours)
     return f"{error:+.0e}" if abs(error) >= least_shown(case) else "0"
 
 
 def least_shown(case: Case) -> float:
-    """Returns the least error that is shown."""
+    """Return the least error that is shown."""
     return max(1e-9, 1e-4 * case.allowed)
 
 
 def page(rows: dict[str, str]) -> str:
-    """Returns the page.
+    """Return the page.
 
     Args:
         rows: of each case, by its name.

@@ -20,20 +20,20 @@ Array = NDArray[np.float64]
 
 
 def cross(vector: Array) -> Array:
-    """Returns the matrix that takes the cross product with a vector."""
+    """Return the matrix that takes the cross product with a vector."""
     x, y, z = vector
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def coriolis(mass: Array, nu: Array) -> Array:
-    """Returns the skew-symmetric C of a 6 x 6 mass matrix."""
+    """Return the skew-symmetric C of a 6 x 6 mass matrix."""
     linear = mass[:3, :3] @ nu[:3] + mass[:3, 3:] @ nu[3:]
     angular = mass[3:, :3] @ nu[:3] + mass[3:, 3:] @ nu[3:]
     return np.block([[np.zeros((3, 3)), -cross(linear)], [-cross(linear), -cross(angular)]])
 
 
 def rotation(q: Array) -> Array:
-    """Returns the matrix of a quaternion (w, x, y, z), by Rodrigues."""
+    """Return the matrix of a quaternion (w, x, y, z), by Rodrigues."""
     q = q / np.linalg.norm(q)
     turn = cross(q[1:])
     return np.eye(3) + 2.0 * q[0] * turn + 2.0 * turn @ turn
@@ -65,7 +65,7 @@ class Fossen:
         self.inverse = np.linalg.inv(self.rigid + self.added)
 
     def rate(self, state: Array, wrench: Array) -> Array:
-        """Returns the derivative of (position, quaternion, nu), 13 numbers."""
+        """Return the derivative of (position, quaternion, nu), 13 numbers."""
         q, nu = state[3:7], state[7:]
         turn = rotation(q)
         flow = turn.T @ self.current
@@ -88,7 +88,7 @@ class Fossen:
         return np.concatenate([turn @ nu[:3], spin @ q, nu_rate])
 
     def run(self, state: Array, wrench_at: Callable[[float], Array], time_s: float, step_s: float = 0.002) -> Array:
-        """Returns the state after a time; the wrench is held for each step at what it is in its middle."""
+        """Return the state after a time; the wrench is held for each step at what it is in its middle."""
         for i in range(round(time_s / step_s)):
             wrench = wrench_at((i + 0.5) * step_s)
             k1 = self.rate(state, wrench)

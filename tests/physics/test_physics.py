@@ -1,4 +1,4 @@
-"""The vehicle beside what is known without a simulation, at 2, 5 and 10 ms: the cases in robots/urov/physics_cases."""
+"""The vehicle beside what is known without a simulation, at 2, 5 and 10 ms: the cases in physics_cases/."""
 
 import importlib
 import math
@@ -9,22 +9,22 @@ from typing import Any
 
 import pytest
 
-UROV = Path(__file__).parents[2] / "robots" / "urov"
+HERE = Path(__file__).parent
 
 
-def table_of_the_robot() -> ModuleType:
+def the_table() -> ModuleType:
     """physics_table.py, imported as if it were run: with its folder on the path, and only then."""
-    sys.path.insert(0, str(UROV))
+    sys.path.insert(0, str(HERE))
     try:
         return importlib.import_module("physics_table")
     finally:
-        sys.path.remove(str(UROV))
+        sys.path.remove(str(HERE))
 
 
-table = table_of_the_robot()
+table = the_table()
 
 CASES = table.cases()
-PAGE = (UROV / "PHYSICS.md").read_text(encoding="utf-8")
+PAGE = table.PAGE.read_text(encoding="utf-8")
 
 
 def shown_alike(cell: str, shown: str, least: float) -> bool:
@@ -66,3 +66,7 @@ def test_the_page_has_each_case_once_and_no_other() -> None:
     lines = [line for line in PAGE.splitlines() if line.startswith("| ") and not line.startswith("| Case")]
     assert [line.split(" | ")[0][2:] for line in lines] == [case.name for case in CASES]
     assert len({case.name for case in CASES}) == len(CASES)
+
+
+def test_the_page_begins_as_it_is_made() -> None:
+    assert PAGE.startswith(table.HEAD)
