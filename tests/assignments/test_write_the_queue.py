@@ -13,9 +13,6 @@ import pytest
 
 from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.lab.lab import load_lab
-from snr_sim.grading.plain_code import what_is_not_plain
-from snr_sim.grading.plain_queue import PlainQueue
-from snr_sim.grading.queue_bench import QueueBench
 from snr_sim.prelude.errors import SnrError
 from snr_sim.scenario.library import load_program
 from tests.assignments.mistakes import write_solution
@@ -24,6 +21,10 @@ from tests.assignments.write_the_queue.mistakes import MISTAKES
 pytestmark = pytest.mark.usefixtures("warm_children")
 
 LAB = Path(__file__).parents[2] / "assignments" / "11_write_the_queue"
+_lab = load_lab(LAB / "checks.py")
+QueueBench = _lab.module("grader.queue_bench").QueueBench
+PlainQueue = _lab.module("grader.plain_queue").PlainQueue
+what_is_not_plain = _lab.module("grader.plain_code").what_is_not_plain
 REFERENCE = Path(__file__).parent / "write_the_queue" / "reference" / "task_queue.py"
 
 

@@ -28,8 +28,8 @@ from snr_sim.grading.sandbox.nursery import Nursery
 from snr_sim.grading.sandbox.sandbox import Limits
 from snr_sim.prelude.errors import SnrError
 
-# Of the grader's own process, for one submission. Lab 10, which trains, takes 1.3 s of it with its reference (and 2.2 s
-# in students' processes, which have limits of their own): room for a hundredfold slower computer, and for hard cases.
+# Of the grader's own process, for one submission. A lab that trains takes 1.3 s of it with its reference (and 2.2 s in
+# students' processes, which have limits of their own): room for a hundredfold slower computer, and for hard cases.
 JOB_CPU_S = 900
 MEMORY_BYTES = 8 << 30  # of address space, of which every thread of numpy's reserves some
 

@@ -6,7 +6,6 @@ What the student prints goes elsewhere than what it answers.
 
 from __future__ import annotations
 
-import importlib
 import os
 import signal
 import sys
@@ -21,6 +20,7 @@ import msgspec
 from snr_sim.core.blame import describe_error, place_of, put_place_first
 from snr_sim.grading.remote.child_values import NoValue, encode_plain, short
 from snr_sim.grading.remote.protocol import PIPES, Answer, Said, decode_ask, encode
+from snr_sim.grading.remote.sent_code import SentCode
 from snr_sim.grading.sandbox.child_limits import (
     TookTooLong,
     become,
@@ -48,17 +48,17 @@ class CallArgs(msgspec.Struct, frozen=True):
 
 
 class HostArgs(msgspec.Struct, frozen=True):
-    """Which class of the kit is made, with the student's module first."""
+    """Which class of the kit or the lab is made, with the student's module first."""
 
     file: str
-    host: str
+    host: SentCode
     args: msgspec.Raw
 
 
 class ParseArgs(msgspec.Struct, frozen=True):
-    """Which parser of the kit reads what."""
+    """Which parser of the kit or the lab reads what."""
 
-    parser: str
+    parser: SentCode
     data: bytes
 
 
@@ -96,20 +96,18 @@ class Child:
         return encode_plain(returned, f"{args.function}(...)", function)
 
     def host(self, raw: msgspec.Raw) -> bytes:
-        """Makes an object of the kit's around the student's module; returns its number."""
+        """Makes an object of the kit's or the lab's around the student's module; returns its number."""
         args = _decode_host(raw)
-        place, _, name = args.host.partition(":")
-        kind = getattr(importlib.import_module(place), name)
+        kind = args.host.received()
         module = self.module(args.file)
         self._hosts.append(self._called(f"{args.file} was prepared", kind, [module, *decode_value(bytes(args.args))]))
         return b"%d" % (len(self._hosts) - 1)
 
     def parse(self, raw: msgspec.Raw) -> bytes:
-        """Apply a parser of the kit to what a student wrote; nothing of it runs."""
+        """Apply a parser of the kit or the lab to what a student wrote; nothing of it runs."""
         args = _decode_parse(raw)
-        module, _, name = args.parser.partition(":")
-        parser = getattr(importlib.import_module(module), name)
-        return encode_plain(parser(args.data), args.parser, parser)
+        parser = args.parser.received()
+        return encode_plain(parser(args.data), args.parser.name, parser)
 
     def ask(self, raw: msgspec.Raw) -> bytes:
         """Calls a method of such an object; returns what it returns."""
