@@ -33,7 +33,6 @@ class Chosen(msgspec.Struct):
     """What choose() did."""
 
     actions: list[int]
-    is_drawn: bool
     table: Rows
 
 

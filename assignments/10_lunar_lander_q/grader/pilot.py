@@ -191,11 +191,9 @@ class Pilot:
         return actions
 
     def choices(self, plain: dict[str, Any], states: Sequence[int], epsilon: float, seed: int) -> dict[str, Any]:
-        """Return what is chosen in states of a given table, and what that did to table and random generator."""
+        """Return what is chosen in states of a given table, and the table afterwards."""
         self.table, self.rng = Table.of(plain), random.Random(seed)
-        before = self.rng.getstate()
-        actions = self.choose(states, epsilon)
-        return {"actions": actions, "is_drawn": self.rng.getstate() != before, "table": self.table.plain()}
+        return {"actions": self.choose(states, epsilon), "table": self.table.plain()}
 
     def learned(self) -> dict[str, Any]:
         """Return the table."""
