@@ -16,7 +16,7 @@ from snr_sim.learning.q_table import QTable
 from snr_sim.prelude.errors import RecordingError
 
 from .grader.evidence import Change, Evidence, Rows, changed, count_of, table_of
-from .grader.learning import ByTable, Flights, Trained, World, as_policy, fly, train
+from .grader.learning import ByTable, Flights, Trained, as_policy, fly, train
 from .grader.pilot import ACTIONS, Pilot, Table, Transition
 from .grader.q_rule import Ledger, diagnosis, why_not
 
@@ -398,7 +398,7 @@ def learns(student: Student, case: Seed) -> Verdict:
 def is_sturdy(student: Student, case: Elsewhere) -> Verdict:
     """It also lands where gravity and thrust are a tenth more or less: all points from 75 of 100, none below 40."""
     pilot, evidence = pilot_of(student)
-    flown = fly(pilot, case.seed, 100, World(case.gravity, case.thrust))
+    flown = fly(pilot, case.seed, 100, case.gravity, case.thrust)
     if flown.share > 0.4:
         confirm(student, evidence)
     if flown.share >= 0.75:

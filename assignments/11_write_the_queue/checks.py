@@ -7,7 +7,7 @@ import time
 from bisect import insort
 from collections import deque
 from dataclasses import dataclass
-from types import ModuleType
+from types import SimpleNamespace
 from typing import Any
 
 from snr_sim.grading import Lab, Student, Verdict, check, failed, passed
@@ -56,9 +56,7 @@ def all_different(rng: random.Random, asked: list[list[Any]]) -> list[list[Any]]
 
 def right(most: int, asked: list[list[Any]]) -> list[Any]:
     """Returns the right answers to some operations."""
-    module: Any = ModuleType("right")
-    module.TaskQueue = PlainQueue
-    return QueueBench(module).answers(most, asked)
+    return QueueBench(SimpleNamespace(TaskQueue=PlainQueue)).answers(most, asked)
 
 
 def first_wrong(student: Student, most: int, asked: list[list[Any]]) -> tuple[int, Any, Any] | None:
@@ -253,10 +251,9 @@ def goes_on(student: Student, rng: random.Random) -> Verdict | None:
 
 def of_a_line_s(asked: list[list[Any]]) -> float:
     """Returns the CPU time in which a line that is deaf to priorities takes some tasks in, and gives them back."""
-    module: Any = ModuleType("line")
-    module.TaskQueue = Line
+    bench = QueueBench(SimpleNamespace(TaskQueue=Line))
     before_s = time.process_time()
-    QueueBench(module).answers(0, [*asked, *[["take"]] * len(asked)])
+    bench.answers(0, [*asked, *[["take"]] * len(asked)])
     return time.process_time() - before_s
 
 
@@ -288,9 +285,7 @@ def drives_a_node(student: Student, case: Seed) -> Verdict:
         for i, name in enumerate(names)
     }
     first = [["event", name] for name in rng.sample(names[:12], 6)]
-    module: Any = ModuleType("right")
-    module.TaskQueue = PlainQueue
-    bench, most = QueueBench(module), rng.choice([8, 15])
+    bench, most = QueueBench(SimpleNamespace(TaskQueue=PlainQueue)), rng.choice([8, 15])
     order = bench.run_node(most, answers, first)["handled"]
     last = order[len(order) // 2]  # whoever handles this ends the node, while others wait
     answers[last] = [*answers[last], [TERMINATE, "enough"]]

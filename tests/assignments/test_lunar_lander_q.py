@@ -234,13 +234,12 @@ def test_the_reference_learns_at_home_and_its_policy_flies_in_a_node(tmp_path: P
 
 def test_a_file_is_trained_alike_apart_and_here_and_training_keeps_to_its_budget() -> None:
     """The student's process knows neither the seeds nor the starts, and gives the same table for the same seed."""
-    budget = GRADER.Budget(steps=2560, episodes=10_000)
     here = GRADER.Here(load_program(str(REFERENCE / "q_lander.py")))
     student = Student(REFERENCE)
     try:
         apart = student.host("q_lander.py", GRADER.Pilot)
         known = [GRADER.Evidence(one, 7) for one in (here, apart)]
-        took = [GRADER.train(one, 7, budget, of) for one, of in zip((here, apart), known, strict=True)]
+        took = [GRADER.train(one, 7, of, 2560, 10_000) for one, of in zip((here, apart), known, strict=True)]
         assert took[0] == took[1]
         assert took[0].steps == 2560
         assert known[0].ledger.plain() == known[1].ledger.plain()
@@ -252,7 +251,7 @@ def test_a_file_is_trained_alike_apart_and_here_and_training_keeps_to_its_budget
         assert here.ask("learned") == apart.ask("learned")
     finally:
         student.close()
-    few = GRADER.train(here, 7, GRADER.Budget(steps=10_000_000, episodes=GRADER.LANDERS + 50))
+    few = GRADER.train(here, 7, None, 10_000_000, GRADER.LANDERS + 50)
     assert GRADER.LANDERS + 50 < few.episodes < 2 * GRADER.LANDERS + 50
 
 
@@ -268,7 +267,7 @@ def test_at_home_the_students_own_choice_and_table_fly_and_not_the_graders(tmp_p
     file = submission(tmp_path) / "q_lander.py"
     file.write_text(file.read_text().replace("    return max(tried(table", "    return 0\n    return max(tried(table"))
     here = GRADER.Here(load_program(str(file)))
-    GRADER.train(here, 0, GRADER.Budget(steps=2560))
+    GRADER.train(here, 0, most_steps=2560)
     assert GRADER.fly(here, 1, 20).outcomes == {"landed": 0, "crashed": 20, "timeout": 0}
 
 
@@ -282,4 +281,4 @@ def test_flights_in_the_batch_end_as_those_of_the_scenario(tmp_path: Path) -> No
     flights = GRADER.fly(GRADER.ByTable(table), 1, 100)
     assert sum(end["success"] for end in ends) == 10
     assert flights.share == 1.0
-    assert GRADER.fly(GRADER.ByTable(table), 1, 100, GRADER.World(gravity=3.0, thrust=0.5)).share < 0.5
+    assert GRADER.fly(GRADER.ByTable(table), 1, 100, gravity=3.0, thrust=0.5).share < 0.5

@@ -36,6 +36,7 @@ from .q_rule import Step
 # So many fly at once in training. With fewer the pipe costs more: each message finds the caches cold. With a thousand
 # more tables do not land 80 of 100: of 25 trainings of the reference one, and of 25 with finer states three.
 LANDERS = 256
+MOST_STEPS_TRAINED, MOST_EPISODES = 80_000, 3000  # of all of them together
 FLIGHT_STEPS = 600  # two minutes; free fall from the highest start takes 50 s
 THROTTLES = np.array(VERTICAL_THROTTLES)
 
@@ -70,22 +71,6 @@ class Here:
     def rows(self) -> tuple[Floats, NDArray[np.int64]]:
         """Return the student's own table."""
         return np.array(self.pilot.table.values), np.array(self.pilot.table.visits)
-
-
-@dataclass(frozen=True)
-class Budget:
-    """How long a training may be, of all landers together; it ends with whichever comes first."""
-
-    steps: int = 80_000
-    episodes: int = 3000
-
-
-@dataclass(frozen=True)
-class World:
-    """How the Moon and the engine differ from what was trained with: as fractions of the usual."""
-
-    gravity: float = 1.0
-    thrust: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -127,20 +112,25 @@ def course() -> Course:
     return course_of(env)
 
 
-def train(student: Any, seed: int, budget: Budget | None = None, evidence: Evidence | None = None) -> Trained:
+def train(
+    student: Any,
+    seed: int,
+    evidence: Evidence | None = None,
+    most_steps: int = MOST_STEPS_TRAINED,
+    most_episodes: int = MOST_EPISODES,
+) -> Trained:
     """Let a student's file learn, in landings that begin anywhere on the way down.
 
     Args:
         student: learns, and keeps what it has learned; by `Student.host` or `Here`.
         seed: of the starts, of the radar's noise and of the student's random numbers.
-        budget: how long.
         evidence: learns the same, and decides what is tried; else the student's own choose() does.
+        most_steps, most_episodes: how long it may be; it ends with whichever comes first.
 
     Raises:
         Misbehaved: it does not report where it is, or what that is worth.
     """
-    limits, given = budget or Budget(), course()
-    rng = np.random.default_rng([seed, 2])
+    given, rng = course(), np.random.default_rng([seed, 2])
     student.ask("begin", int(rng.integers(2**31)))  # not the seed itself: who knew it would know the starts
     landers = _starts(given, LANDERS, rng)
     told = _told(given, landers, rng)
@@ -149,9 +139,9 @@ def train(student: Any, seed: int, budget: Budget | None = None, evidence: Evide
     ends: list[list[Any]] = []  # lists: a tuple would have to be told apart on its way
     states, actions = list[int](), np.empty(0, np.intp)  # of the last step, too
     count = MOST_STATES if evidence is None else evidence.states
-    steps = -(-limits.steps // LANDERS)
+    steps = -(-most_steps // LANDERS)
     for i in range(steps):
-        share = max(i / steps, min(1.0, (episodes - LANDERS) / limits.episodes))
+        share = max(i / steps, min(1.0, (episodes - LANDERS) / most_episodes))
         done = "".join(map(str, actions.tolist()))
         answer: Told = student.ask("learn", share, packed(told.T, landers[:2], *burned_kg), ends, done, returns=Told)
         came_from, states = states, checked_states(answer.states, LANDERS, count)
@@ -177,23 +167,23 @@ def train(student: Any, seed: int, budget: Budget | None = None, evidence: Evide
             landers[:, over], flown[over] = _starts(given, len(over), rng), 0
             told[over] = _told(given, landers[:, over], rng)
             episodes += len(over)
-            if episodes > limits.episodes:
+            if episodes > most_episodes:
                 break
     return Trained((i + 1) * LANDERS, episodes, ended)
 
 
-def fly(flier: Any, seed: int, count: int, world: World | None = None) -> Flights:
+def fly(flier: Any, seed: int, count: int, gravity: float = 1.0, thrust: float = 1.0) -> Flights:
     """Land by what was learned, without learning and without chance.
 
     Args:
         flier: `act` returns an action for each observation, shape (n, 2): height [m] and velocity [m/s].
         seed: of the starts and of the radar's noise. They begin as the scenario does, 600 to 1500 m up.
         count: of starts.
-        world: what is different.
+        gravity, thrust: of the Moon and the engine, as fractions of what was trained with.
     """
-    place, given = world or World(), course()
+    given = course()
     usual = given.engine
-    engine = usual._replace(gravity_mps2=usual.gravity_mps2 * place.gravity, thrust_n=usual.thrust_n * place.thrust)
+    engine = usual._replace(gravity_mps2=usual.gravity_mps2 * gravity, thrust_n=usual.thrust_n * thrust)
     rng = np.random.default_rng([seed, 3])
     landers = given.proper(count, rng)
     tank_kg = landers[3].copy()

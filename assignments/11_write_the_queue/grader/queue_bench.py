@@ -38,7 +38,7 @@ class QueueBench:
         ParameterError: the file has no such class.
     """
 
-    def __init__(self, module: ModuleType) -> None:
+    def __init__(self, module: Any) -> None:
         kind = getattr(module, "TaskQueue", None)
         if not isinstance(kind, type):
             raise ParameterError("The file has no class TaskQueue.", fix="keep the name that the starter has.")
