@@ -2,6 +2,7 @@
 
 import ast
 import json
+import re
 import subprocess
 import sys
 from collections import defaultdict
@@ -116,6 +117,14 @@ def test_the_kit_imports_no_robot_no_scenario_and_no_test() -> None:
     content = {"robots", "scenarios", "assignments", "tests"}
     wrong = {name for name, tree in modules().items() if {part.split(".")[0] for part in imports(tree)} & content}
     assert wrong == set()
+
+
+def test_no_module_names_a_lab() -> None:
+    """A lab brings what grades it in its own folder."""
+    folders = [folder.name for folder in (KIT.parent / "assignments").glob("[0-9]*")]
+    assert folders
+    names = re.compile(r"\blabs? \d|" + "|".join(map(re.escape, folders)), re.IGNORECASE)
+    assert not [path for path in KIT.rglob("*.py") if "shipped" not in path.parts and names.search(path.read_text())]
 
 
 def test_no_module_takes_all_names_of_another() -> None:

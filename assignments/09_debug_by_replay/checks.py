@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from snr_sim.grading import Flown, Given, Lab, Student, Verdict, check, failed, partly, passed
-from snr_sim.grading.batch.parsing import TOML
+from snr_sim.grading.batch.parsing import toml_in
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.values import decode_value
 from snr_sim.recording.reader import Trace, read_trace
@@ -110,7 +110,7 @@ def findings(student: Student) -> list[dict[str, Any]]:
     Raises:
         Misbehaved: it is no TOML.
     """
-    found = student.parse("findings.toml", TOML).get("finding")
+    found = student.parse("findings.toml", toml_in).get("finding")
     found = [one for one in found if isinstance(one, dict)] if isinstance(found, list) else []
     return [*found, {}, {}, {}][:3]
 

@@ -10,14 +10,15 @@ from typing import Any
 import msgspec
 
 from snr_sim.grading import Lab, Student, Verdict, check, failed, partly, passed
-from snr_sim.grading.evidence import Change, Evidence, Rows, changed, count_of, table_of
 from snr_sim.grading.lab.verdicts import Misbehaved
-from snr_sim.grading.learning import PILOT, ByTable, Flights, Trained, World, as_policy, fly, train
-from snr_sim.grading.pilot import ACTIONS, Table, Transition
-from snr_sim.grading.q_rule import Ledger, diagnosis, why_not
 from snr_sim.learning.batch_training import ENVIRONMENT
 from snr_sim.learning.q_table import QTable
 from snr_sim.prelude.errors import RecordingError
+
+from .grader.evidence import Change, Evidence, Rows, changed, count_of, table_of
+from .grader.learning import ByTable, Flights, Trained, as_policy, fly, train
+from .grader.pilot import ACTIONS, Pilot, Table, Transition
+from .grader.q_rule import Ledger, diagnosis, why_not
 
 LEGS_MPS = 3.05
 FILE, POLICY = "q_lander.py", "policy.npz"
@@ -32,7 +33,6 @@ class Chosen(msgspec.Struct):
     """What choose() did."""
 
     actions: list[int]
-    is_drawn: bool
     table: Rows
 
 
@@ -79,7 +79,7 @@ def three(rng: random.Random) -> list[Seed]:
 @check(points=10, visible=[Seed(1)], hidden=one)
 def encodes(student: Student, case: Seed) -> Verdict:
     """encode() tells high from low, and rising from falling."""
-    pilot, rng = student.host(FILE, PILOT), random.Random(case.seed)
+    pilot, rng = student.host(FILE, Pilot), random.Random(case.seed)
     if count_of(pilot) == 1:
         return failed("STATES is 1: then it does the same everywhere. Cut heights and velocities into intervals.")
     speeds = [-60.0 + 0.5 * i for i in range(161)]
@@ -123,7 +123,7 @@ def came_back(states: list[int]) -> tuple[int, int] | None:
 @check(points=15, visible=[Seed(1)], hidden=one)
 def chooses(student: Student, case: Seed) -> Verdict:
     """choose() takes the best of what was tried, explores as often as epsilon says, and changes nothing."""
-    pilot, rng = student.host(FILE, PILOT), random.Random(case.seed)
+    pilot, rng = student.host(FILE, Pilot), random.Random(case.seed)
     count = count_of(pilot)
     table = drawn_table(count, rng)
     states = [rng.randrange(count) for _ in range(200)]
@@ -187,7 +187,7 @@ def shown(table: Table, state: int) -> str:
 @check(points=20, visible=[Seed(1)], hidden=lambda rng: three(rng)[:2])
 def updates(student: Student, case: Seed) -> Verdict:
     """update() learns from 40 transitions exactly what Q-learning learns."""
-    pilot, rng = student.host(FILE, PILOT), random.Random(case.seed)
+    pilot, rng = student.host(FILE, Pilot), random.Random(case.seed)
     table = with_a_new_action(drawn_table(max(MET + 1, count_of(pilot)), rng))
     transitions = [*(drawn_transition(rng) for _ in range(39)), Transition(MET, 1, -1.0, MET, False, False)]
     right = Ledger(len(table.values), table)
@@ -315,7 +315,7 @@ def trained(student: Student, seed: int) -> tuple[Evidence, Trained]:
     Raises:
         Misbehaved: it does not train.
     """
-    pilot = student.host(FILE, PILOT)
+    pilot = student.host(FILE, Pilot)
     evidence = Evidence(pilot, seed)
     took = train(pilot, seed, evidence=evidence)
     return evidence, took
@@ -330,7 +330,7 @@ def confirm(student: Student, evidence: Evidence | None) -> None:
     if evidence is not None:
         evidence.check_update()
         student.close()
-        evidence.check_states(student.host(FILE, PILOT))
+        evidence.check_states(student.host(FILE, Pilot))
 
 
 @check(points=25, visible=[SEEN], hidden=lambda rng: [Starts(100, case.seed) for case in three(rng)])
@@ -355,9 +355,9 @@ def why_down(flown: Flights, evidence: Evidence | None) -> str:
     if evidence is not None:
         if evidence.states == 1:
             return "STATES is 1, so it does the same wherever it is, and nothing that it learns can land. Step 1 first."
-        if evidence.ledger.has_one_action:
+        if not any(any(tries[1:]) for tries in evidence.ledger.visits):
             return "Only action 0 was ever tried: epsilon() asks for no chance, so nothing else can be found out."
-        if evidence.ledger.is_flat:
+        if not any(map(any, evidence.ledger.values)):
             return "All rewards were 0, so there was nothing to learn: what does reward() pay for?"
     if flown.outcomes["timeout"] > 0.1 * len(flown.landed):
         return HOVERS
@@ -398,7 +398,7 @@ def learns(student: Student, case: Seed) -> Verdict:
 def is_sturdy(student: Student, case: Elsewhere) -> Verdict:
     """It also lands where gravity and thrust are a tenth more or less: all points from 75 of 100, none below 40."""
     pilot, evidence = pilot_of(student)
-    flown = fly(pilot, case.seed, 100, World(case.gravity, case.thrust))
+    flown = fly(pilot, case.seed, 100, case.gravity, case.thrust)
     if flown.share > 0.4:
         confirm(student, evidence)
     if flown.share >= 0.75:

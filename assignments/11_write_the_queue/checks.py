@@ -7,16 +7,17 @@ import time
 from bisect import insort
 from collections import deque
 from dataclasses import dataclass
-from types import ModuleType
+from types import SimpleNamespace
 from typing import Any
 
 from snr_sim.grading import Lab, Student, Verdict, check, failed, passed
 from snr_sim.grading.lab.student import MAX_SOURCE_BYTES
-from snr_sim.grading.plain_queue import PlainQueue
-from snr_sim.grading.queue_bench import QueueBench
 
-FILE, BENCH = "task_queue.py", "snr_sim.grading.queue_bench:QueueBench"
-PLAIN = "snr_sim.grading.plain_code:what_is_not_plain"
+from .grader.plain_code import what_is_not_plain
+from .grader.plain_queue import PlainQueue
+from .grader.queue_bench import QueueBench
+
+FILE = "task_queue.py"
 TERMINATE, KINDS = "terminate", ("event", "event", "store_page", "process_data")
 ROOMY = 10_000
 SMALL, LARGE, MANY, MORE = 40, 240, 20_000, 2000
@@ -55,14 +56,12 @@ def all_different(rng: random.Random, asked: list[list[Any]]) -> list[list[Any]]
 
 def right(most: int, asked: list[list[Any]]) -> list[Any]:
     """Returns the right answers to some operations."""
-    module: Any = ModuleType("right")
-    module.TaskQueue = PlainQueue
-    return QueueBench(module).answers(most, asked)
+    return QueueBench(SimpleNamespace(TaskQueue=PlainQueue)).answers(most, asked)
 
 
 def first_wrong(student: Student, most: int, asked: list[list[Any]]) -> tuple[int, Any, Any] | None:
     """Returns which answer of the student's is the first wrong one, with the right one and theirs; or None."""
-    answers = student.host(FILE, BENCH).ask("answers", most, asked, returns=list[str | int | None])
+    answers = student.host(FILE, QueueBench).ask("answers", most, asked, returns=list[str | int | None])
     pairs = zip(right(most, asked), [*answers, *asked][: len(asked)], strict=True)  # what is missing is wrong
     return next(((i, a, b) for i, (a, b) in enumerate(pairs) if a != b or type(a) is not type(b)), None)
 
@@ -76,7 +75,7 @@ def told(asked: list[list[Any]], i: int, wanted: Any, came: Any) -> tuple[str, s
 @check(points=5)
 def is_plain(student: Student) -> Verdict:
     """It is a queue of your own: lists, dicts, deque, heapq, bisect, math, and classes that stand in the file."""
-    what = student.parse(FILE, PLAIN, MAX_SOURCE_BYTES)
+    what = student.parse(FILE, what_is_not_plain, MAX_SOURCE_BYTES)
     if not what:
         return passed()
     return failed(
@@ -187,7 +186,7 @@ def forgets(student: Student, case: Seed) -> Verdict:
         asked += [["take"]] * (rng.random() < 0.6)
     for up in (1, -1):  # every task that comes leaves again, at one end only
         asked += [one for i in range(500) for one in (["put", "event", f"f{i}", up * (5000 + i)], ["take"])]
-    bench = student.host(FILE, BENCH)
+    bench = student.host(FILE, QueueBench)
     *_, waiting = bench.ask("answers", most, [*asked, ["len"]], returns=list[str | int | None])
     if not isinstance(waiting, int) or waiting > most:
         return failed("More tasks wait than may, and are never forgotten.", f"at most {most}", f"{waiting}")
@@ -204,7 +203,7 @@ def forgets(student: Student, case: Seed) -> Verdict:
 @check(points=15, visible=[Seed(1)], hidden=one, needs=["urgent_first"])
 def is_quick(student: Student, case: Seed) -> Verdict:
     """With six times as many tasks one operation is hardly more work."""
-    bench, rng = student.host(FILE, BENCH), random.Random(case.seed)
+    bench, rng = student.host(FILE, QueueBench), random.Random(case.seed)
     work = {}
     for size in (SMALL, LARGE):
         asked = [["put", "event", f"e{i}", rng.randrange(10_000)] for i in range(size)]
@@ -227,7 +226,7 @@ def goes_on(student: Student, rng: random.Random) -> Verdict | None:
     """
     asked = [["put", "event", f"e{i}", rng.getrandbits(40)] for i in range(MANY)]
     more = [["put", "event", f"f{i}", rng.getrandbits(40)] if i % 2 else ["take"] for i in range(MORE)]
-    bench = student.host(FILE, BENCH)
+    bench = student.host(FILE, QueueBench)
     bench.ask("answers", MANY + MORE, asked)
     before_s = student.worked_s
     came = bench.ask("more_answers", more, budget_s=30.0)
@@ -252,10 +251,9 @@ def goes_on(student: Student, rng: random.Random) -> Verdict | None:
 
 def of_a_line_s(asked: list[list[Any]]) -> float:
     """Returns the CPU time in which a line that is deaf to priorities takes some tasks in, and gives them back."""
-    module: Any = ModuleType("line")
-    module.TaskQueue = Line
+    bench = QueueBench(SimpleNamespace(TaskQueue=Line))
     before_s = time.process_time()
-    QueueBench(module).answers(0, [*asked, *[["take"]] * len(asked)])
+    bench.answers(0, [*asked, *[["take"]] * len(asked)])
     return time.process_time() - before_s
 
 
@@ -287,14 +285,12 @@ def drives_a_node(student: Student, case: Seed) -> Verdict:
         for i, name in enumerate(names)
     }
     first = [["event", name] for name in rng.sample(names[:12], 6)]
-    module: Any = ModuleType("right")
-    module.TaskQueue = PlainQueue
-    bench, most = QueueBench(module), rng.choice([8, 15])
+    bench, most = QueueBench(SimpleNamespace(TaskQueue=PlainQueue)), rng.choice([8, 15])
     order = bench.run_node(most, answers, first)["handled"]
     last = order[len(order) // 2]  # whoever handles this ends the node, while others wait
     answers[last] = [*answers[last], [TERMINATE, "enough"]]
     wanted = bench.run_node(most, answers, first)
-    came = student.host(FILE, BENCH).ask("run_node", most, answers, first, returns=dict[str, list[str]])
+    came = student.host(FILE, QueueBench).ask("run_node", most, answers, first, returns=dict[str, list[str]])
     if came == wanted:
         return passed()
     order, theirs = wanted["handled"], came.get("handled", [])

@@ -6,7 +6,7 @@ import importlib.util
 import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,6 +17,7 @@ from snr_sim.cli.output import print_json
 
 if TYPE_CHECKING:
     from snr_sim.grading.batch.class_folder import ClassFolder
+    from snr_sim.grading.batch.cluster import ClusterWorkers
     from snr_sim.grading.batch.stop_signals import StopSignals
     from snr_sim.grading.batch.submissions import Submission
     from snr_sim.grading.lab.lab import Lab
@@ -71,8 +72,8 @@ def grade(
             raise SnrError(
                 f"--out {out} is in the submission {one}.", fix="name a folder elsewhere, or leave that out."
             )
-    with connected(scheduler) if scheduler else nullcontext() as client, StopSignals() as signals:
-        status = _grade_class(found, submission, out, secret, jobs, resume, demanded, client, signals, as_json)
+    with connected(scheduler) if scheduler else nullcontext() as cluster, StopSignals() as signals:
+        status = _grade_class(found, submission, out, secret, jobs, resume, demanded, cluster, signals, as_json)
     raise typer.Exit(status)
 
 
@@ -94,20 +95,20 @@ def _grade_class(
     jobs: int,
     is_resumed: bool,
     isolation: Demanded,
-    client: Any,
+    cluster: ClusterWorkers | None,
     signals: StopSignals,
     as_json: bool,
 ) -> int:
     from snr_sim import __version__
     from snr_sim.grading.batch.class_files import write_class_files
-    from snr_sim.grading.batch.class_folder import ClassFolder, Terms, digest_of_folder, digest_of_secret
+    from snr_sim.grading.batch.class_folder import ClassFolder, Terms, digest_of_secret
     from snr_sim.grading.batch.class_run import ClassRun
-    from snr_sim.grading.batch.cluster import grade_on_cluster
-    from snr_sim.grading.batch.local_workers import grade_here
+    from snr_sim.grading.batch.intake import digest_of_folder
     from snr_sim.grading.batch.submissions import name_submissions
+    from snr_sim.grading.batch.workers import LocalWorkers
     from snr_sim.grading.grade import sandboxed
 
-    if client is None:
+    if cluster is None:
         sandboxed(isolation)  # refuses before anything is written
     name_submissions(given, wanted_files=lab.files)
     assert lab.folder is not None
@@ -123,13 +124,9 @@ def _grade_class(
             )
         if isolation == "none":
             _say("Programs are not kept apart from the grader (--isolation none): these are no marks.")
-        with _progress(len(submissions)) as told:
-            run = ClassRun(lab, folder, submissions, secret, isolation, told)
-            if client is not None:
-                with signals.interruptible():
-                    grade_on_cluster(run, client)
-            else:
-                grade_here(run, min(jobs or _cores(), len(submissions)), interruptible=signals.interruptible)
+        with _progress(len(submissions)) as told, ExitStack() as stack:
+            workers = cluster or stack.enter_context(LocalWorkers(min(jobs or _cores(), len(submissions))))
+            ClassRun(lab, folder, submissions, secret, isolation, told).grade(workers, signals.interruptible)
         with signals.interruptible():
             summary, no_picture = write_class_files(folder, lab.title)
         if no_picture:

@@ -7,6 +7,7 @@ import shutil
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 from snr_sim import __version__
@@ -103,35 +104,25 @@ def _unwarned() -> Iterator[None]:
         logger.setLevel(level)
 
 
+@dataclass(frozen=True)
 class _Grading:
-    """One submission on its way through the checks."""
+    """One submission on its way through the checks, as `grade_submission` got it."""
 
-    def __init__(
-        self,
-        lab: Lab,
-        folder: Path,
-        secret: bytes | None,
-        isolation: Isolation,
-        out: Path | None,
-        limits: Limits | None,
-        on_case: OnCase | None,
-        nursery: Nursery,
-    ) -> None:
-        self._lab = lab
-        self._folder = folder
-        self._secret = secret
-        self._isolation = isolation
-        self._out = out
-        self._limits = limits
-        self._on_case = on_case
-        self._nursery = nursery
+    lab: Lab
+    folder: Path
+    secret: bytes | None
+    isolation: Isolation
+    out: Path | None
+    limits: Limits | None
+    on_case: OnCase | None
+    nursery: Nursery
 
     def checks(self) -> tuple[CheckResult, ...]:
         """Returns what each check came to, in order; in practice without those that have hidden cases only."""
         done: dict[str, CheckResult] = {}
-        for check in self._lab.checks:
-            cases = check.cases(self._lab.name, self._secret)
-            if not cases and self._secret is None:
+        for check in self.lab.checks:
+            cases = check.cases(self.lab.name, self.secret)
+            if not cases and self.secret is None:
                 continue  # it has hidden cases only
             missing = [need for need in check.needs if need in done and not done[need].is_passed]
             done[check.name] = self._skipped(check, done[missing[0]]) if missing else self._tried(check, cases)
@@ -155,13 +146,13 @@ class _Grading:
         return CheckResult(name=check.name, title=check.title, points=points, of=check.points, cases=tuple(results))
 
     def _case(self, check: Check, case: Case, number: int) -> CaseResult:
-        if self._on_case is not None:
-            self._on_case(check.title, case.label if case.is_visible else "hidden")
-        run = None if self._out is None or not case.is_visible else self._out / f"{check.name}-{number + 1}"
+        if self.on_case is not None:
+            self.on_case(check.title, case.label if case.is_visible else "hidden")
+        run = None if self.out is None or not case.is_visible else self.out / f"{check.name}-{number + 1}"
         if run is not None:
             shutil.rmtree(run, ignore_errors=True)
-        lab = self._lab
-        student = Student(self._folder, self._isolation, lab.may_import, self._limits, run, self._nursery, lab.refused)
+        lab = self.lab
+        student = Student(self.folder, self.isolation, lab.may_import, self.limits, run, self.nursery, lab.refused)
         error = given_up = ""
         try:
             with student:
@@ -199,8 +190,8 @@ class _Grading:
         if verdict.fraction >= 1.0:
             shutil.rmtree(run, ignore_errors=True)
             return ""
-        assert self._out is not None
-        return student.run_folder.relative_to(self._out).as_posix()
+        assert self.out is not None
+        return student.run_folder.relative_to(self.out).as_posix()
 
 
 def could_not_be_judged(file: str) -> str:

@@ -74,7 +74,7 @@ def find(kind: Kind, name: str) -> Found:
 
 
 def find_lab(name: str) -> Found:
-    """Returns where a lab is, by its folder's name, "02_depth_hold", by that without its number, or by a path.
+    """Returns where a lab is, by its folder's name, by that without its number, or by a path.
 
     Raises:
         UnknownName: nowhere.

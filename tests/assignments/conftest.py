@@ -48,7 +48,6 @@ from snr_sim.devices.sensors import echo_sounder
 from snr_sim.devices.sensors import hull_watch
 from snr_sim.devices.sensors import imu
 from snr_sim.devices.sensors import ms5837
-from snr_sim.grading import pilot, queue_bench
 from snr_sim.grading.remote import child
 from snr_sim.grading.remote import child_node
 from snr_sim.plants.urov import t200

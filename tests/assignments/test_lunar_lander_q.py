@@ -20,12 +20,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from snr_sim.grading.evidence import Evidence
 from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.lab.lab import load_lab
 from snr_sim.grading.lab.student import Student
 from snr_sim.grading.lab.verdicts import Misbehaved
-from snr_sim.grading.learning import LANDERS, PILOT, Budget, ByTable, Flights, Here, World, as_policy, fly, train
 from snr_sim.grading.reports.results import Graded
 from snr_sim.learning.q_table import QTable
 from snr_sim.scenario.library import load_program
@@ -35,6 +33,7 @@ from tests.assignments.mistakes import write_solution
 pytestmark = pytest.mark.usefixtures("warm_children")
 
 LAB = Path(__file__).parents[2] / "assignments" / "10_lunar_lander_q"
+GRADER = load_lab(LAB / "checks.py").module("grader.learning")
 REFERENCE = Path(__file__).parent / "lunar_lander_q" / "reference"
 # Policies that were handed in; the rest of these submissions is the reference.
 HANDED_IN = {"policy_file": 5, "lands": 25, "is_sturdy": 10}
@@ -235,32 +234,31 @@ def test_the_reference_learns_at_home_and_its_policy_flies_in_a_node(tmp_path: P
 
 def test_a_file_is_trained_alike_apart_and_here_and_training_keeps_to_its_budget() -> None:
     """The student's process knows neither the seeds nor the starts, and gives the same table for the same seed."""
-    budget = Budget(steps=2560, episodes=10_000)
-    here = Here(load_program(str(REFERENCE / "q_lander.py")))
+    here = GRADER.Here(load_program(str(REFERENCE / "q_lander.py")))
     student = Student(REFERENCE)
     try:
-        apart = student.host("q_lander.py", PILOT)
-        known = [Evidence(one, 7) for one in (here, apart)]
-        took = [train(one, 7, budget, of) for one, of in zip((here, apart), known, strict=True)]
+        apart = student.host("q_lander.py", GRADER.Pilot)
+        known = [GRADER.Evidence(one, 7) for one in (here, apart)]
+        took = [GRADER.train(one, 7, of, 2560, 10_000) for one, of in zip((here, apart), known, strict=True)]
         assert took[0] == took[1]
         assert took[0].steps == 2560
         assert known[0].ledger.plain() == known[1].ledger.plain()
         assert here.ask("learned") == apart.ask("learned")
         for one in known:
             one.check_update()
-        flown = [fly(ByTable(as_policy(one)), 3, 20) for one in known]
+        flown = [GRADER.fly(GRADER.ByTable(GRADER.as_policy(one)), 3, 20) for one in known]
         assert flown[0] == flown[1]
         assert here.ask("learned") == apart.ask("learned")
     finally:
         student.close()
-    few = train(here, 7, Budget(steps=10_000_000, episodes=LANDERS + 50))
-    assert LANDERS + 50 < few.episodes < 2 * LANDERS + 50
+    few = GRADER.train(here, 7, None, 10_000_000, GRADER.LANDERS + 50)
+    assert GRADER.LANDERS + 50 < few.episodes < 2 * GRADER.LANDERS + 50
 
 
 @pytest.mark.parametrize(("mean_mps", "is_blamed"), [(2.2, False), (4.0, True)])
 def test_crashes_where_most_land_are_not_blamed_on_the_average(mean_mps: float, is_blamed: bool) -> None:
     checks = sys.modules[load_lab(LAB / "checks.py").checks[0].function.__module__]
-    flown = Flights([True] * 8 + [False] * 2, {"landed": 8, "crashed": 2, "timeout": 0}, 240.0, mean_mps)
+    flown = GRADER.Flights([True] * 8 + [False] * 2, {"landed": 8, "crashed": 2, "timeout": 0}, 240.0, mean_mps)
     assert ("slow enough, and too many are not" in checks.why_down(flown, None)) is not is_blamed
     assert checks.told(flown) == "8 landed, 2 crashed, 0 timeout"
 
@@ -268,9 +266,9 @@ def test_crashes_where_most_land_are_not_blamed_on_the_average(mean_mps: float, 
 def test_at_home_the_students_own_choice_and_table_fly_and_not_the_graders(tmp_path: Path) -> None:
     file = submission(tmp_path) / "q_lander.py"
     file.write_text(file.read_text().replace("    return max(tried(table", "    return 0\n    return max(tried(table"))
-    here = Here(load_program(str(file)))
-    train(here, 0, Budget(steps=2560))
-    assert fly(here, 1, 20).outcomes == {"landed": 0, "crashed": 20, "timeout": 0}
+    here = GRADER.Here(load_program(str(file)))
+    GRADER.train(here, 0, most_steps=2560)
+    assert GRADER.fly(here, 1, 20).outcomes == {"landed": 0, "crashed": 20, "timeout": 0}
 
 
 def test_flights_in_the_batch_end_as_those_of_the_scenario(tmp_path: Path) -> None:
@@ -280,7 +278,7 @@ def test_flights_in_the_batch_end_as_those_of_the_scenario(tmp_path: Path) -> No
 
     table = QTable.load(REFERENCE / "policy.npz")
     ends = evaluate(LanderVertical(), table.act, range(1, 11))
-    flights = fly(ByTable(table), 1, 100)
+    flights = GRADER.fly(GRADER.ByTable(table), 1, 100)
     assert sum(end["success"] for end in ends) == 10
     assert flights.share == 1.0
-    assert fly(ByTable(table), 1, 100, World(gravity=3.0, thrust=0.5)).share < 0.5
+    assert GRADER.fly(GRADER.ByTable(table), 1, 100, gravity=3.0, thrust=0.5).share < 0.5

@@ -6,16 +6,13 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.lab.lab import load_lab
-from snr_sim.grading.plain_code import what_is_not_plain
-from snr_sim.grading.plain_queue import PlainQueue
-from snr_sim.grading.queue_bench import QueueBench
 from snr_sim.prelude.errors import SnrError
 from snr_sim.scenario.library import load_program
 from tests.assignments.mistakes import write_solution
@@ -24,6 +21,10 @@ from tests.assignments.write_the_queue.mistakes import MISTAKES
 pytestmark = pytest.mark.usefixtures("warm_children")
 
 LAB = Path(__file__).parents[2] / "assignments" / "11_write_the_queue"
+_lab = load_lab(LAB / "checks.py")
+QueueBench = _lab.module("grader.queue_bench").QueueBench
+PlainQueue = _lab.module("grader.plain_queue").PlainQueue
+what_is_not_plain = _lab.module("grader.plain_code").what_is_not_plain
 REFERENCE = Path(__file__).parent / "write_the_queue" / "reference" / "task_queue.py"
 
 
@@ -57,8 +58,7 @@ def test_the_starter_runs_before_it_is_edited_and_is_told_what_it_lacks(tmp_path
     done = subprocess.run([sys.executable, tmp_path / "try_it.py"], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
     assert "with 240 tasks one operation is  121.0 comparisons and moves" in done.stdout
-    plain = ModuleType("plain")
-    plain.TaskQueue = PlainQueue  # type: ignore[attr-defined]
+    plain = SimpleNamespace(TaskQueue=PlainQueue)
     page = load_program(str(tmp_path / "try_it.py"))
     assert QueueBench(plain).run_node(page.MOST, page.ANSWERS, page.FIRST) == page.RIGHT
     result = graded(tmp_path)
@@ -102,8 +102,7 @@ def test_the_reference_answers_as_the_plain_queue_does(seed: int) -> None:
     for i in range(300):
         put = ["put", rng.choice(["event", "event", "terminate"]), f"t{i}", rng.randrange(-3, 4)]
         asked.append(rng.choice([put, put, ["take"], ["len"]]))
-    plain = ModuleType("plain")
-    plain.TaskQueue = PlainQueue  # type: ignore[attr-defined]
+    plain = SimpleNamespace(TaskQueue=PlainQueue)
     student = QueueBench(load_program(str(REFERENCE)))
     assert student.answers(most, asked) == QueueBench(plain).answers(most, asked)
 

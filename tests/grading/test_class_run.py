@@ -21,8 +21,9 @@ import pytest
 from snr_sim.grading.batch.class_folder import ClassFolder, Terms
 from snr_sim.grading.batch.class_run import ClassRun
 from snr_sim.grading.batch.intake import remove
-from snr_sim.grading.batch.local_workers import grade_here
+from snr_sim.grading.batch.stop_signals import StopSignals
 from snr_sim.grading.batch.submissions import name_submissions
+from snr_sim.grading.batch.workers import LocalWorkers
 from snr_sim.grading.lab.lab import load_lab
 from snr_sim.grading.reports.results import Graded
 from snr_sim.prelude.errors import SnrError
@@ -172,7 +173,7 @@ def test_signal_while_the_private_place_is_made_or_removed_leaves_nothing(
         "import signal, sys\n"
         "from unittest.mock import patch\n"
         "from snr_sim.cli.entry import main\n"
-        "from snr_sim.grading import class_folder\n"
+        "from snr_sim.grading.batch import class_folder\n"
         f"raced = class_folder.{raced}\n"
         "def raced_by_a_signal(*args, **named):\n"
         "    made = raced(*args, **named) if raced.__name__ == 'mkdtemp' else None\n"
@@ -337,11 +338,13 @@ class Class:
         self.results: list[Graded] = []
         submissions = name_submissions(given)
         terms: Any = dict.fromkeys(("lab", "lab_digest", "kit", "secret_digest", "isolation"), "")
-        from snr_sim.grading.batch.class_folder import Terms
-
         self.folder.begin(Terms(**terms), submissions)
         told: Callable[[Graded, bool], None] = lambda graded, was_there: self.results.append(graded)  # noqa: E731
         self.run = ClassRun(load_lab(lab / "checks.py"), self.folder, submissions, b"x" * 16, "none", told)
+
+    def grade(self, workers: LocalWorkers, **interruptible: Any) -> None:
+        with workers:
+            self.run.grade(workers, **interruptible)
 
     def __enter__(self) -> "Class":
         return self
@@ -358,7 +361,7 @@ def grade_by(double_lab: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     def grade_by(program: str, given: list[Path], jobs: int = 1, **limits: float) -> dict[str, Graded]:
         (tmp_path / "workers_program.py").write_text(program)
         with Class(double_lab, given, tmp_path / "out") as group:
-            grade_here(group.run, jobs=jobs, target="workers_program:serve", **limits)
+            group.grade(LocalWorkers(jobs, target="workers_program:serve", **limits))
         found = {graded.submission: graded for graded in group.results}
         assert len(found) == len(group.results)
         return found
@@ -369,7 +372,7 @@ def grade_by(double_lab: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 def test_a_worker_that_dies_costs_no_mark_and_stops_nobody(grade_by: GradeBy, handed_in: HandedIn) -> None:
     program = (
         "import os\n"
-        "from snr_sim.grading import worker\n"
+        "from snr_sim.grading.batch import worker\n"
         "grade = worker.grade\n"
         "def fails(job, nursery):\n"
         "    return os.kill(os.getpid(), 9) if job.name == 'bob' else grade(job, nursery)\n"
@@ -387,7 +390,7 @@ def test_worker_held_by_one_submission_is_ended_once_and_the_others_are_graded(
 ) -> None:
     program = (
         "from pathlib import Path\n"
-        "from snr_sim.grading import worker\n"
+        "from snr_sim.grading.batch import worker\n"
         "grade_submission = worker.grade_submission\n"
         "def hold(lab, folder, *rest, name, **named):\n"
         f"    with Path({str(tmp_path)!r}, 'tries').open('a') as file:\n"
@@ -421,7 +424,7 @@ def test_where_every_core_has_a_worker_each_stays_on_its_own(
     program = (
         "import os\n"
         "from pathlib import Path\n"
-        "from snr_sim.grading import worker\n"
+        "from snr_sim.grading.batch import worker\n"
         "def serve(line):\n"
         f"    told = Path({str(tmp_path)!r}, f'on_{{os.getpid()}}')\n"
         "    grade = worker.grade\n"
@@ -444,30 +447,27 @@ def test_a_disk_that_is_full_ends_it_with_a_sentence_and_no_worker_is_left(
     with Class(double_lab, handed_in(ada="right", bob="right"), tmp_path / "out") as group:
         monkeypatch.setattr("snr_sim.grading.batch.class_folder.write_whole", full)
         with pytest.raises(OSError, match="No space left"):
-            grade_here(group.run, jobs=2)
+            group.grade(LocalWorkers(2))
     assert group.results == []
     assert list((tmp_path / "out" / "results").iterdir()) == []
 
 
-def test_interrupted_grading_waits_for_the_thread_that_keeps_a_result(
+def test_interrupted_grading_keeps_the_result_that_it_has_and_ends_its_workers(
     double_lab: Path, handed_in: HandedIn, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    has_returned, main = threading.Event(), threading.main_thread().ident
-    returned_before_keep_ended: list[bool] = []
     with Class(double_lab, handed_in(ada="right", bob="right"), tmp_path / "out") as group:
         keep = group.run.keep
 
-        def interrupted_keep(graded: Graded) -> None:
-            assert main is not None
-            signal.pthread_kill(main, signal.SIGINT)
-            returned_before_keep_ended.append(has_returned.wait(1.5))
-            keep(graded)
+        def interrupted_keep(*result: Any) -> None:
+            signal.raise_signal(signal.SIGINT)
+            keep(*result)
 
         monkeypatch.setattr(group.run, "keep", interrupted_keep)
-        with pytest.raises(KeyboardInterrupt):
-            grade_here(group.run, jobs=1)
-        has_returned.set()
-    assert returned_before_keep_ended == [False]
+        with pytest.raises(KeyboardInterrupt), StopSignals() as signals:
+            group.grade(LocalWorkers(1), interruptible=signals.interruptible)
+        with pytest.raises(ChildProcessError):
+            os.waitpid(-1, os.WNOHANG)
+        assert [thread.name for thread in threading.enumerate() if thread.name.startswith("ThreadPool")] == []
     assert [graded.submission for graded in group.results] == ["ada"]
     assert not group.folder.place.exists()
 
@@ -544,5 +544,8 @@ def test_what_threads_share_decodes_nothing_that_msgspec_would_have_to_learn_fir
     import snr_sim.grading
 
     folder = Path(snr_sim.grading.__file__).parent
-    for name in ("class_folder", "class_run", "cluster", "gradescope", "local_workers", "results", "worker"):
+    for name in (
+        *("batch/class_folder", "batch/class_run", "batch/cluster", "batch/gradescope", "batch/worker"),
+        *("batch/workers", "reports/results"),
+    ):
         assert "type=" not in (folder / f"{name}.py").read_text().replace("type=graded.status", ""), name

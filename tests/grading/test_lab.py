@@ -5,6 +5,7 @@ import random
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -12,7 +13,8 @@ import pytest
 from snr_sim.grading import Lab, Student, Verdict, check, failed, partly, passed
 from snr_sim.grading.grade import grade_submission
 from snr_sim.grading.lab.lab import find_lab, load_lab
-from snr_sim.grading.lab.verdicts import LabFault
+from snr_sim.grading.lab.verdicts import LabFault, Misbehaved
+from snr_sim.grading.remote.sent_code import sent
 from snr_sim.grading.reports.results import Graded
 from snr_sim.grading.reports.told import as_text
 from snr_sim.prelude.errors import UnknownName
@@ -226,6 +228,55 @@ def test_a_lab_is_found_by_its_name_with_or_without_its_number(tmp_path: Path, m
     assert find_lab("small").name == find_lab("03_small").name == find_lab(str(folder)).name == "03_small"
     with pytest.raises(UnknownName, match="There is no assignment 'smal'"):
         find_lab("smal")
+
+
+def lab_with_a_bench(folder: Path, word: str) -> Lab:
+    """Write a lab called "benched" that has a grader's module of its own."""
+    (folder / "benched" / "grader").mkdir(parents=True)
+    (folder / "benched" / "grader" / "bench.py").write_text(
+        f"class Bench:\n    def __init__(self, module): self.module = module\n"
+        f"    def word(self): return '{word} ' + self.module.WORD\n"
+        "def size(data): return len(data)\n"
+    )
+    checks = folder / "benched" / "checks.py"
+    checks.write_text(
+        "from snr_sim.grading import Lab, check, passed\nfrom .grader.bench import Bench\n"
+        "lab = Lab('Benched', [], [check(points=100)(lambda student: passed())])\n"
+    )
+    return load_lab(checks)
+
+
+@pytest.mark.slow
+def test_class_of_a_lab_runs_in_a_process_that_cannot_find_the_lab(tmp_path: Path) -> None:
+    lab = lab_with_a_bench(tmp_path, "own")
+    submission = tmp_path / "submission"
+    submission.mkdir()
+    (submission / "mine.py").write_text(
+        "import sys\ntry:\n    from snr_sim_lab_benched import checks\nexcept ImportError as error:\n"
+        "    WORD = error.name\nSEEN = [name for name in sys.modules if 'benched' in name]\n"
+        "def seen(): return SEEN\n"
+    )
+    module = lab.module("grader.bench")
+    with Student(submission) as student:
+        with pytest.raises(Misbehaved, match="a submission does not grade itself"):
+            student.host("mine.py", module.Bench)
+        assert student.parse("mine.py", module.size) == (submission / "mine.py").stat().st_size
+    hidden = (submission / "mine.py").read_text().replace("from snr_sim_lab_benched import checks", "exec(IMPORT)")
+    (submission / "mine.py").write_text("IMPORT = 'from snr_sim' + '_lab_benched import checks'\n" + hidden)
+    with Student(submission) as student:
+        assert student.host("mine.py", module.Bench).ask("word", returns=str) == "own snr_sim_lab_benched"
+        assert student.call("mine.py", "seen") == ["snr_sim_lab_benched.grader.bench"]
+
+
+def test_labs_of_one_name_in_two_folders_have_each_its_own_grader(tmp_path: Path) -> None:
+    for word in ("first", "second"):
+        bench = lab_with_a_bench(tmp_path / word, word).module("grader.bench")
+        assert bench.Bench(SimpleNamespace(WORD="")).word() == f"{word} "
+
+
+def test_only_a_module_below_a_labs_folder_is_sent() -> None:
+    with pytest.raises(LabFault, match="SimpleNamespace of types cannot be sent"):
+        sent(SimpleNamespace)
 
 
 @pytest.mark.parametrize(("text", "told"), [("lab = 3", "has no `lab`"), ("x = 1 / 0", "ZeroDivisionError")])

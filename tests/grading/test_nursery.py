@@ -46,7 +46,7 @@ def leave(what):
     elif what == "segment":
         assert libc.shmget(4711, 4096, 0o1666) >= 0
     elif what == "module":
-        sys.modules["snr_sim.grading.pilot"] = sys
+        sys.modules["snr_sim.grading.sandbox.seccomp"] = sys
 
 
 def kill():

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from snr_sim.grading import Given, Student
+from snr_sim.grading.lab.lab import find_lab
 from snr_sim.grading.lab.verdicts import Misbehaved
 from snr_sim.grading.sandbox.sandbox import Limits
 
@@ -184,7 +185,7 @@ def test_an_answer_forged_before_it_was_asked_for_is_no_answer(tmp_path: Path) -
     forged += '            os.write(fd, b\'{"n":3,"value":null}\\n\')\n    except OSError: pass\n'
     (tmp_path / "mine.py").write_text(forged + "class TaskQueue: pass\n")
     with Student(tmp_path) as student, pytest.raises(Misbehaved, match="It answered with something that is no answer"):
-        student.host("mine.py", "snr_sim.grading.queue_bench:QueueBench")
+        student.host("mine.py", find_lab("write_the_queue").module("grader.queue_bench").QueueBench)
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ Needs no change of yours, and is not graded.
 import sys
 from pathlib import Path
 
-from snr_sim.grading.queue_bench import QueueBench
+from snr_sim.grading.lab.lab import find_lab
 from snr_sim.prelude.errors import SnrError
 from snr_sim.scenario.library import load_program
 
@@ -26,7 +26,8 @@ RIGHT = {  # what a node does whose queue is right
 
 def main():
     """Runs the node with your queue, and shows what one with a right queue does."""
-    yours = QueueBench(load_program(str(Path(__file__).parent / "task_queue.py")))
+    bench = find_lab("write_the_queue").module("grader.queue_bench")
+    yours = bench.QueueBench(load_program(str(Path(__file__).parent / "task_queue.py")))
     for name, done in (("yours", yours.run_node(MOST, ANSWERS, FIRST)), ("right", RIGHT)):
         print(f"{name:6s} handled {' '.join(done['handled'])}")
         print(f"       dropped {' '.join(done['dropped']) or '-'}")

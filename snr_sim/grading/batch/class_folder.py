@@ -276,16 +276,6 @@ def _changed(before: Mapping[str, str], now: Mapping[str, str]) -> str:
     return words.get(name, name) + shown
 
 
-def digest_of_folder(folder: Path) -> str:
-    """Returns a digest over the names and contents of all files in a folder, bytecode left out."""
-    digest = hashlib.sha256()
-    for path in sorted(folder.rglob("*")):
-        if path.is_file() and "__pycache__" not in path.parts:
-            digest.update(f"{path.relative_to(folder)}\0{path.stat().st_size}\0".encode())
-            digest.update(path.read_bytes())
-    return digest.hexdigest()
-
-
 def digest_of_secret(secret: bytes) -> str:
     """Returns what says whether two secrets are the same, and nothing else."""
     return hashlib.sha256(b"snr_sim grading\0" + secret).hexdigest()[:32]

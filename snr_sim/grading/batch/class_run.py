@@ -1,15 +1,17 @@
-"""A class is graded: submissions are taken in, handed to whoever grades, and kept one by one as they come back.
+"""A class is graded: submissions are taken in, handed to workers, and kept one by one as they come back.
 
     take in -> workers (processes here, or a cluster) -> reports -> results/<name>.json
 
-Only this process writes results. Whatever becomes of one submission, or of the worker that has it, is a result of that
-submission, and the others go on.
+Only this process writes results, and only its main thread. Whatever happens to one submission, or to the worker that
+has it, is a result of that submission, and the others continue.
 """
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any, Protocol
 
 import msgspec
 
@@ -26,11 +28,29 @@ from snr_sim.grading.reports.results import Demanded, Graded, with_runs_named
 from snr_sim.grading.reports.student_page import student_page
 
 RUNS = "runs"
-OnDone = Callable[[Graded, bool], None]
+# A signal just before a wait does not end it: so no wait is longer.
+_MAX_WAIT_S = 1.0
+
+
+class Workers(Protocol):
+    """What grades, elsewhere: `LocalWorkers` or `ClusterWorkers`."""
+
+    @property
+    def ahead(self) -> int:
+        """How many submissions are handed out at a time."""
+        ...
+
+    def submit(self, job: Job) -> Future[Any]:
+        """Have a submission graded."""
+        ...
+
+    def result(self, future: Future[Any], job: Job) -> Graded:
+        """Return what a future of `submit` holds."""
+        ...
 
 
 class ClassRun:
-    """Submissions on their way: what is to be done next, and where what is done goes. Any thread may ask.
+    """Submissions on their way.
 
     Args:
         lab: what they are tried by.
@@ -38,7 +58,7 @@ class ClassRun:
         submissions: all of them, in order.
         secret: from which hidden cases are drawn.
         isolation: "required" or "none".
-        on_done: told of each result, and whether it was there already.
+        on_done: is called with each result, and with whether it was there already.
     """
 
     def __init__(
@@ -48,7 +68,7 @@ class ClassRun:
         submissions: Sequence[Submission],
         secret: bytes,
         isolation: Demanded,
-        on_done: OnDone,
+        on_done: Callable[[Graded, bool], None],
     ) -> None:
         assert lab.folder is not None
         self._lab = lab
@@ -57,68 +77,67 @@ class ClassRun:
         self._secret = secret
         self._isolation = isolation
         self._on_done = on_done
-        self._waiting: Iterator[Submission] = iter(submissions)
-        self._taken: dict[str, TakenIn] = {}
-        self._next = threading.Lock()
-        self._telling = threading.Lock()
+        self._waiting = iter(submissions)
 
-    def next_job(self) -> Job | None:
-        """Returns the next submission that somebody has to grade, or None if there is none left.
+    def grade(self, workers: Workers, interruptible: Callable[[], AbstractContextManager[None]] = nullcontext) -> None:
+        """Grade all submissions.
+
+        Args:
+            workers: grade them; whoever calls closes them.
+            interruptible: is entered while this only waits, and may raise there: `StopSignals.interruptible`.
+
+        Raises:
+            OSError: a result cannot be written, such as on a full disk.
+        """
+        under_way: dict[Future[Any], tuple[Job, TakenIn]] = {}
+        while True:
+            ahead = workers.ahead
+            while len(under_way) < ahead and (begun := self._next_begun()) is not None:
+                under_way[workers.submit(begun[0])] = begun
+            if not under_way:
+                return
+            with interruptible():
+                done = wait(under_way, _MAX_WAIT_S, FIRST_COMPLETED).done
+            for future in done:
+                job, taken = under_way.pop(future)
+                self.keep(workers.result(future, job), taken)
+
+    def _next_begun(self) -> tuple[Job, TakenIn] | None:
+        """Return the next submission that has to be graded, taken in; None if there is none left.
 
         Those that are done, and those of which nothing can be graded, are dealt with on the way.
         """
-        while True:
-            with self._next:
-                submission = next(self._waiting, None)
-            if submission is None:
-                return None
-            job = self._begun(submission)
-            if job is not None:
-                return job
-
-    def stop(self) -> None:
-        """Hand out no further submission."""
-        with self._next:
-            self._waiting = iter(())
-
-    def _begun(self, submission: Submission) -> Job | None:
-        name = submission.id
-        private = self._folder.place / name
-        job = Job(name, self._checks, str(private), self._secret, self._isolation, "")
-        try:
-            taken = take_in(submission.given, self._lab.files, private)
-        except Refused as refused:
-            self._keep(without_marks(job, "refused", str(refused), self._lab.title), "")
-            return None
-        except OSError as error:  # the disk is full, or it is not ours to read
-            self._keep(without_marks(job, "fault", f"It could not be read: {error}.", self._lab.title), "")
-            return None
-        done = self._folder.done(name, taken.digest)
-        if done is not None and done.status != "fault":
+        for name, given in self._waiting:
+            private = self._folder.place / name
+            job = Job(name, self._checks, str(private), self._secret, self._isolation, "")
+            try:
+                taken = take_in(given, self._lab.files, private)
+            except Refused as refused:
+                self._keep(without_marks(job, "refused", str(refused), self._lab.title), "")
+                continue
+            except OSError as error:  # the disk is full, or it is not ours to read
+                self._keep(without_marks(job, "fault", f"It could not be read: {error}.", self._lab.title), "")
+                continue
+            done = self._folder.done(name, taken.digest)
+            if done is None or done.status == "fault":
+                return msgspec.structs.replace(job, runs=str(self._folder.stage(name) / RUNS)), taken
             remove(private)
-            self._tell(done, was_there=True)
-            return None
-        self._taken[name] = taken
-        return msgspec.structs.replace(job, runs=str(self._folder.stage(name) / RUNS))
+            self._on_done(done, True)
+        return None
 
-    def keep(self, graded: Graded) -> None:
-        """Keeps what somebody made of a job, with its reports."""
-        taken = self._taken.pop(graded.submission)
+    def keep(self, graded: Graded, taken: TakenIn) -> None:
+        """Keep the result of a submission, with its reports."""
         named = with_runs_named(graded, lambda run: f"{RUNS}/{run}")  # as they stand in the student's folder
         self._keep(msgspec.structs.replace(named, notes=taken.notes), taken.digest)
         remove(taken.folder)
 
     def _keep(self, graded: Graded, digest: str) -> None:
         self._folder.keep(graded, digest, reports_of(graded))
-        self._tell(graded, was_there=False)
-
-    def _tell(self, graded: Graded, was_there: bool) -> None:
-        with self._telling:
-            self._on_done(graded, was_there)
+        self._on_done(graded, False)
 
 
 def reports_of(graded: Graded) -> dict[str, str]:
-    """Returns the files of a student's folder."""
+    """Return the files of a student's folder."""
     return {
         "report.md": student_page(graded),
         "results.json": gradescope_results(graded),

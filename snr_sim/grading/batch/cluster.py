@@ -1,4 +1,4 @@
-"""Grades a class on a dask cluster: the one file that imports dask.distributed.
+"""Grades on a dask cluster: the one file that imports dask.distributed.
 
 A submission travels with the lab and the secret as bytes, so workers need no common disk, only this version of snr_sim
 and the sandbox. Dask gives what a dead worker had to another one. Only a few submissions are on their way at a time,
@@ -8,21 +8,19 @@ so the scheduler's memory does not grow with the class.
 from __future__ import annotations
 
 import importlib
-import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
-from functools import partial
+from concurrent.futures import Future
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
 from snr_sim import __version__
-from snr_sim.core.process.spawn import Spawned, how_it_ended, print_line
-from snr_sim.grading.batch.class_run import ClassRun
 from snr_sim.grading.batch.intake import remove
-from snr_sim.grading.batch.worker import Job, ended_by_its_job, without_marks
+from snr_sim.grading.batch.worker import Job, without_marks
+from snr_sim.grading.batch.workers import WorkerProcess
 from snr_sim.grading.reports.results import Graded, decode_graded, encode_graded
 from snr_sim.prelude.errors import MissingExtra, SnrError
 
@@ -30,7 +28,6 @@ RETRIES = 2  # of a submission whose grading raised on a worker; one whose worke
 MAX_RUNS_BYTES = 16 * 2**20
 _AHEAD = 2  # submissions on their way per thread of the cluster
 _CONNECT_S = 10
-_WORKER = "snr_sim.grading.batch.worker:serve"
 
 
 class Parcel(msgspec.Struct, frozen=True):
@@ -59,35 +56,43 @@ _decode_parcel = msgspec.msgpack.Decoder(Parcel).decode
 _decode_returned = msgspec.msgpack.Decoder(Returned).decode
 
 
-def grade_on_cluster(run: ClassRun, client: Any) -> None:
-    """Grades all that a run has; returns when it is done.
+class ClusterWorkers:
+    """The workers of a cluster.
 
     Args:
-        run: gives the submissions and keeps the results.
-        client: of the cluster, from `connected`.
+        client: of dask.distributed, connected.
     """
-    under_way: dict[Any, Job] = {}
-    arriving = importlib.import_module("distributed").as_completed(loop=client.loop)
 
-    def send_more() -> None:
-        threads = sum(client.nthreads().values()) or 1
-        while len(under_way) < _AHEAD * threads:
-            job = run.next_job()
-            if job is None:
-                return
-            future = client.submit(grade_parcel, packed(job), pure=False, retries=RETRIES)
-            under_way[future] = job
-            arriving.add(future)
+    def __init__(self, client: Any) -> None:
+        self._client = client
+        self._executor = client.get_executor(pure=False, retries=RETRIES)
 
-    send_more()
-    for future in arriving:
-        run.keep(_unpacked(future, under_way.pop(future)))
-        send_more()
+    @property
+    def ahead(self) -> int:
+        """How many submissions are handed out at a time."""
+        return _AHEAD * (sum(self._client.nthreads().values()) or 1)
+
+    def submit(self, job: Job) -> Future[bytes]:
+        """Send a submission to the cluster."""
+        lab, submission = _files_of(Path(job.lab).parent), _files_of(Path(job.folder))
+        future: Future[bytes] = self._executor.submit(
+            grade_parcel, msgspec.msgpack.encode(Parcel(job, __version__, lab, submission))
+        )
+        return future
+
+    def result(self, future: Future[Any], job: Job) -> Graded:
+        """Return what a future holds; recorded runs are written where the job wants them."""
+        error = future.exception()
+        if error is not None:
+            return without_marks(job, "fault", f"The cluster could not grade it: {type(error).__name__}: {error}")
+        returned = _decode_returned(future.result())
+        _write(Path(job.runs), returned.runs)
+        return decode_graded(returned.graded)
 
 
 @contextmanager
-def connected(address: str) -> Iterator[Any]:
-    """Yields a client of a cluster.
+def connected(address: str) -> Iterator[ClusterWorkers]:
+    """Yield the workers of a cluster.
 
     Args:
         address: of a dask scheduler, such as tcp://127.0.0.1:8786.
@@ -110,15 +115,9 @@ def connected(address: str) -> Iterator[Any]:
     except (OSError, ValueError, TimeoutError) as error:
         raise SnrError(f"No dask scheduler answers at {address}: {error}.", fix="start one: dask scheduler.") from error
     try:
-        yield client
+        yield ClusterWorkers(client)
     finally:
         client.close()
-
-
-def packed(job: Job) -> bytes:
-    """Returns a job as bytes."""
-    lab = _files_of(Path(job.lab).parent)
-    return msgspec.msgpack.encode(Parcel(job, __version__, lab, _files_of(Path(job.folder))))
 
 
 def _files_of(folder: Path, limit_bytes: float = float("inf")) -> dict[str, bytes]:
@@ -129,16 +128,6 @@ def _files_of(folder: Path, limit_bytes: float = float("inf")) -> dict[str, byte
             if limit_bytes >= 0:
                 found[str(path.relative_to(folder))] = path.read_bytes()
     return found
-
-
-def _unpacked(future: Any, job: Job) -> Graded:
-    """Returns what a future holds; recorded runs are written where the job wants them."""
-    error = future.exception()
-    if error is not None:
-        return without_marks(job, "fault", f"The cluster could not grade it: {type(error).__name__}: {error}")
-    returned = _decode_returned(future.result())
-    _write(Path(job.runs), returned.runs)
-    return decode_graded(returned.graded)
 
 
 def _write(folder: Path, files: dict[str, bytes]) -> None:
@@ -152,7 +141,7 @@ def _write(folder: Path, files: dict[str, bytes]) -> None:
 
 
 def grade_parcel(parcel: bytes) -> bytes:
-    """Grades what came; dask calls it on a worker. The grading itself is done by a process below it."""
+    """Grade what came; dask calls it on a worker. The grading itself is done by a process below it."""
     content = _decode_parcel(parcel)
     if content.kit != __version__:
         words = f"This worker has snr_sim {__version__}, and not {content.kit}."
@@ -169,29 +158,11 @@ def grade_parcel(parcel: bytes) -> bytes:
         job = msgspec.structs.replace(
             content.job, lab=str(lab / "checks.py"), folder=str(place / "submission"), runs=str(runs)
         )
-        return _returned(_graded_below(job), runs)
+        with closing(WorkerProcess(set())) as worker:  # a crash there is not the cluster's
+            return _returned(worker.grade(job), runs)
     finally:
         remove(place)
 
 
 def _returned(graded: Graded, runs: Path) -> bytes:
     return msgspec.msgpack.encode(Returned(encode_graded(graded), _files_of(runs, MAX_RUNS_BYTES)))
-
-
-def _graded_below(job: Job) -> Graded:
-    """Has a process of its own grade, so that a crash there is not the cluster's."""
-    answers: list[bytes] = []
-    said = partial(print_line, sys.stderr)
-    worker = Spawned(_WORKER, out=said, err=said)
-
-    def hear(message: bytes) -> None:
-        answers.append(message)
-        worker.kill()
-
-    worker.say(msgspec.json.encode(job))
-    status = worker.listen(hear)
-    if not answers and (result := ended_by_its_job(job, status)) is not None:
-        return result
-    if not answers:
-        raise SnrError(f"The process that graded '{job.name}' {how_it_ended(status)}.")
-    return decode_graded(answers[0])

@@ -71,7 +71,8 @@ def take_in(given: Path, wanted: Sequence[str], into: Path) -> TakenIn:
             raise Refused(" ".join([*said, *notes[:_MAX_NOTES]]), fix=f"hand in {_listed(wanted)}.")
         if top != into:
             _lift(top, into)
-        return TakenIn(into, _make_read_only(into), (*said, *notes[:_MAX_NOTES]))
+        _make_read_only(into)
+        return TakenIn(into, digest_of_folder(into), (*said, *notes[:_MAX_NOTES]))
     except BaseException:
         remove(into)
         raise
@@ -222,18 +223,22 @@ def _missing(name: str, into: Path, top: Path) -> str:
     return f"The lab wants {name}, which is not there. You gave: {there}."
 
 
-def _make_read_only(folder: Path) -> str:
-    """Takes away every right to write, and returns the digest of what is there."""
+def _make_read_only(folder: Path) -> None:
+    for inside, _, names in os.walk(folder):
+        for name in names:
+            os.chmod(os.path.join(inside, name), 0o444)
+        os.chmod(inside, 0o555)
+
+
+def digest_of_folder(folder: Path) -> str:
+    """Return a digest over the names and contents of all files in a folder, bytecode left out."""
     digest = hashlib.sha256()
     for path in sorted(folder.rglob("*")):
-        if path.is_file():
+        if path.is_file() and "__pycache__" not in path.parts:
             digest.update(f"{path.relative_to(folder)}\0{path.stat().st_size}\0".encode())
             with path.open("rb") as file:
                 while data := file.read(_CHUNK_BYTES):
                     digest.update(data)
-            path.chmod(0o444)
-    for inside, _, _ in os.walk(folder):
-        os.chmod(inside, 0o555)
     return digest.hexdigest()
 
 

@@ -13,7 +13,6 @@ from typing import Any
 from snr_sim.prelude.errors import SnrError
 
 MAX_PARSED_BYTES = 16 * 2**10  # some pages of text
-TOML = "snr_sim.grading.batch.parsing:toml_in"
 
 
 def toml_in(data: bytes) -> dict[str, Any]:

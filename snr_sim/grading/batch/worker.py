@@ -9,7 +9,6 @@ import math
 import os
 import queue
 import resource
-import signal
 import tempfile
 import threading
 from contextlib import suppress
@@ -28,8 +27,8 @@ from snr_sim.grading.reports.results import Demanded, Graded, Isolation, Status,
 from snr_sim.grading.sandbox.sandbox import Limits
 from snr_sim.prelude.errors import SnrError
 
-# Of the grader's own process, for one submission. Lab 10, which trains, takes 1.3 s of it with its reference (and 2.2 s
-# in students' processes, which have limits of their own): room for a hundredfold slower computer, and for hard cases.
+# Of the grader's own process, for one submission. A lab that trains takes 1.3 s of it with its reference (and 2.2 s in
+# students' processes, which have limits of their own): room for a hundredfold slower computer, and for hard cases.
 JOB_CPU_S = 900
 MEMORY_BYTES = 8 << 30  # of address space, of which every thread of numpy's reserves some
 
@@ -73,7 +72,7 @@ def serve(line: Connection) -> int:
 
 
 def bound_job() -> None:
-    """Bound the CPU time and memory that this process takes for its next job; the wall time is for `local_workers.py`.
+    """Bound the CPU time and memory that this process takes for its next job; the wall time is for `workers.py`.
 
     Students' programs have limits of their own, far lower. Whatever holds the grader itself costs its submission a
     mark, then, and not the class: the kernel ends the worker with SIGXCPU, and memory that is refused is a fault.
@@ -84,18 +83,6 @@ def bound_job() -> None:
         hard = resource.getrlimit(limit)[1]
         with suppress(OSError, ValueError):  # a system that has no such limit
             resource.setrlimit(limit, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
-
-
-def ended_by_its_job(job: Job, status: int) -> Graded | None:
-    """Return the result of a submission if its worker was ended for the CPU time; it is not worth another try.
-
-    Args:
-        job: whose.
-        status: of the worker's process, as `subprocess` has it.
-    """
-    if status != -signal.SIGXCPU:
-        return None
-    return without_marks(job, "fault", f"The grader worked on it for more than {JOB_CPU_S} s, and was ended.")
 
 
 def _nursery(job: Job) -> Nursery | None:

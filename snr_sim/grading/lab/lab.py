@@ -14,12 +14,13 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from snr_sim.core.blame import describe_error
 from snr_sim.grading.lab.student import Student
 from snr_sim.grading.lab.verdicts import LabFault, Unjudged, Verdict
-from snr_sim.grading.remote.packing import LAB_MODULE
+from snr_sim.grading.remote.sent_code import LAB_MODULE
 from snr_sim.grading.reports.results import Order
 from snr_sim.prelude.errors import UnknownName, nearest
 from snr_sim.scenario import library
@@ -217,9 +218,17 @@ class Lab:
                     fix='a check and its metric, and which is best: {"lands.fuel_kg": "asc"} ranks the least first.',
                 )
 
+    def module(self, name: str) -> ModuleType:
+        """Import a module of the lab's own folder, which stands beside its checks.
+
+        Args:
+            name: such as "grader.pilot" for `grader/pilot.py`.
+        """
+        return importlib.import_module(f"{LAB_MODULE}{self.name}.{name}")
+
 
 def find_lab(name: str) -> Lab:
-    """Finds a lab by its name, "02_depth_hold" or "depth_hold", or by a path, and reads its checks.
+    """Finds a lab by its name, with or without its number, or by a path, and reads its checks.
 
     Raises:
         UnknownName: there is none, or it has no checks.
@@ -233,16 +242,20 @@ def find_lab(name: str) -> Lab:
 
 
 def load_lab(path: Path) -> Lab:
-    """Reads the checks of a lab from its checks.py.
+    """Reads the checks of a lab from its checks.py, which may import modules of its folder: `from .grader import ...`.
 
     Raises:
         LabFault: they cannot be read.
     """
-    name = path.resolve().parent.name
-    spec = importlib.util.spec_from_file_location(LAB_MODULE + name, path)
+    folder = path.resolve().parent
+    name = folder.name
+    spec = importlib.util.spec_from_file_location(LAB_MODULE + name, path, submodule_search_locations=[str(folder)])
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
+    if getattr(sys.modules.get(spec.name), "__path__", None) != module.__path__:  # a lab of this name elsewhere
+        for known in [one for one in sys.modules if one.startswith(f"{spec.name}.")]:
+            del sys.modules[known]
     sys.modules[spec.name] = module
     try:
         spec.loader.exec_module(module)
@@ -253,5 +266,5 @@ def load_lab(path: Path) -> Lab:
     lab = getattr(module, "lab", None)
     if not isinstance(lab, Lab):
         raise LabFault(f"{path} has no `lab` that is a Lab.", fix='lab = Lab("Title", files=[...], checks=[...]).')
-    lab.name, lab.folder = name, path.resolve().parent
+    lab.name, lab.folder = name, folder
     return lab

@@ -7,7 +7,7 @@ Whatever it does wrong is raised as `Misbehaved`, which the grader turns into a 
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -23,6 +23,7 @@ from snr_sim.grading.remote.endings import misbehaved
 from snr_sim.grading.remote.imports import check_imports
 from snr_sim.grading.remote.nursery import Nursery
 from snr_sim.grading.remote.piped_process import begin_process
+from snr_sim.grading.remote.sent_code import sent
 from snr_sim.grading.reports.results import Isolation
 from snr_sim.grading.sandbox.sandbox import Limits
 from snr_sim.prelude.structs import learned
@@ -104,12 +105,12 @@ class Student:
             line = data.count(b"\n", 0, error.start) + 1
             raise Misbehaved(f"{file}, line {line}: this is not text.", "Save it as UTF-8 text.") from None
 
-    def parse(self, file: str, parser: str, max_bytes: int = MAX_PARSED_BYTES) -> Any:
+    def parse(self, file: str, parser: Callable[[bytes], Any], max_bytes: int = MAX_PARSED_BYTES) -> Any:
         """Return what a parser makes of a submitted file, in a process that runs nothing of the submission.
 
         Args:
             file: of the submission.
-            parser: "module:function" of the kit; it gets the bytes, and returns what can cross, as for `call`.
+            parser: of the kit or the lab (see `host`); it gets the bytes, and returns what can cross, as for `call`.
             max_bytes: of the file.
 
         Raises:
@@ -156,22 +157,23 @@ class Student:
         raw = self._ask(protocol.Call(file, function, values), budget_s)
         return _checked(f"{file}: {function}(...)", raw, returns, finite)
 
-    def host(self, file: str, host: str, *args: Any, budget_s: float = CALL_CPU_S) -> Host:
-        """Makes an object of the kit's in the student's process, around the student's module.
+    def host(self, file: str, kind: type[Any], *args: Any, budget_s: float = CALL_CPU_S) -> Host:
+        """Makes an object of the kit's or the lab's in the student's process, around the student's module.
 
         For what has to be said often and briefly: the object loops there, over many observations in one message.
 
         Args:
             file: of the submission; the class gets it as a module, first.
-            host: "module:Class" of the kit.
+            kind: a class of the kit, or of a module in the lab's folder. That module is sent to the process, where the
+                student can read it; it imports nothing else of the lab.
             args: further values for the class.
             budget_s: CPU time it may take.
 
         Raises:
             Misbehaved: as for `call`.
+            LabFault: the class is of neither.
         """
-        if not host.startswith("snr_sim."):
-            raise LabFault(f"The host {host!r} is not of the kit.", fix="snr_sim.grading.module:Class")
+        host = sent(kind)
         self.child(file)
         args_raw = msgspec.Raw(encode_value(list(args)))
         raw = self._ask(protocol.MakeObject(file, host, args_raw), budget_s)
@@ -271,7 +273,7 @@ class Student:
 
 
 class Host:
-    """An object of the kit's in the student's process; `Student.host` makes it."""
+    """An object in the student's process; `Student.host` makes it."""
 
     def __init__(self, student: Student, number: int, file: str) -> None:
         self._student = student
@@ -293,9 +295,9 @@ class Host:
         return _checked(f"{self._file}: {method}(...)", raw, returns, finite)
 
 
-def _parsed(child: ChildProcess, parser: str, data: bytes) -> Any:
+def _parsed(child: ChildProcess, parser: Callable[[bytes], Any], data: bytes) -> Any:
     try:
-        answer = child.ask(protocol.Parse(parser, data), CALL_CPU_S)
+        answer = child.ask(protocol.Parse(sent(parser), data), CALL_CPU_S)
         if answer.error is not None:
             raise misbehaved(answer.error)
         return protocol.plain_value(answer.value)

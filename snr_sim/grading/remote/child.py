@@ -6,7 +6,6 @@ What the student prints goes elsewhere than what it answers.
 
 from __future__ import annotations
 
-import importlib
 import os
 import signal
 import sys
@@ -62,15 +61,15 @@ class Child:
         return self._call(function_of(self.module(do.file), do.function), do.function, do.args)
 
     def host(self, do: protocol.MakeObject) -> bytes:
-        """Make an object of the kit's around the student's module; return its number."""
-        kind, module = _of_the_kit(do.host), self.module(do.file)
+        """Make an object of the kit's or the lab's around the student's module; return its number."""
+        kind, module = do.host.received(), self.module(do.file)
         self._hosts.append(_called(f"{do.file} was prepared", kind, [module, *decode_value(bytes(do.args))]))
         return b"%d" % (len(self._hosts) - 1)
 
     def parse(self, do: protocol.Parse) -> bytes:
-        """Apply a parser of the kit to what a student wrote; nothing of it runs."""
-        parser = _of_the_kit(do.parser)
-        return encode_plain(parser(do.data), do.parser, parser)
+        """Apply a parser of the kit or the lab to what a student wrote; nothing of it runs."""
+        parser = do.parser.received()
+        return encode_plain(parser(do.data), do.parser.name, parser)
 
     def ask(self, do: protocol.AskObject) -> bytes:
         """Call a method of such an object; return what it returns."""
@@ -79,12 +78,6 @@ class Child:
     def _call(self, function: Callable[..., Any], name: str, args: msgspec.Raw) -> bytes:
         returned = _called(f"{name}(...)", function, decode_value(bytes(args)))
         return encode_plain(returned, f"{name}(...)", function)
-
-
-def _of_the_kit(place: str) -> Any:
-    """Return what is found at "module:name"."""
-    module, _, name = place.partition(":")
-    return getattr(importlib.import_module(module), name)
 
 
 def _called(what: str, function: Callable[..., Any], values: list[Any]) -> Any:

@@ -8,19 +8,20 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from snr_sim.grading.lab.verdicts import Misbehaved
+from snr_sim.grading.remote.sent_code import LAB_MODULE
 
 _NO_NETWORK = "there is no network in the grader"
 _ONE_PROCESS = "a submission has one process and one thread, which the grader starts"
 _PYTHON_ONLY = "a submission is plain Python"
-PARSER = "snr_sim.grading.remote.imports:imports_in"
-Parse: TypeAlias = Callable[[str, bytes], Any]
+_GRADES_ITSELF = "a submission does not grade itself"
+Parse: TypeAlias = Callable[[Callable[[bytes], Any], bytes], Any]
 _LONGEST_BYTES = 1 << 20
 REFUSED = {
     **dict.fromkeys(("socket", "socketserver", "ssl", "urllib", "http", "requests", "ftplib", "smtplib"), _NO_NETWORK),
     **dict.fromkeys(("subprocess", "multiprocessing", "concurrent", "pty"), _ONE_PROCESS),
     **dict.fromkeys(("ctypes", "cffi"), _PYTHON_ONLY),
     "pickle": "what is unpickled can be any program; save numbers with json or numpy",
-    "snr_sim.grading": "a submission does not grade itself",
+    "snr_sim.grading": _GRADES_ITSELF,
 }
 
 
@@ -59,6 +60,8 @@ def check_imports(
 
 
 def _refused(module: str, may_import: frozenset[str], refused: Mapping[str, str]) -> str:
+    if module.startswith(LAB_MODULE):
+        return _GRADES_ITSELF
     parts = module.split(".")
     names = [".".join(parts[: count + 1]) for count in range(len(parts))]
     if any(name in may_import for name in names):
@@ -69,7 +72,7 @@ def _refused(module: str, may_import: frozenset[str], refused: Mapping[str, str]
 def _imported(path: Path, parse: Parse) -> list[list[Any]]:
     try:
         with path.open("rb") as opened:
-            found: list[list[Any]] = parse(PARSER, opened.read(_LONGEST_BYTES))
+            found: list[list[Any]] = parse(imports_in, opened.read(_LONGEST_BYTES))
             return found
     except OSError:
         return []  # whoever reads it to run it says what is wrong

@@ -1,8 +1,7 @@
 """What runs in a sandbox that has several cases of one submission: for each case it makes a copy of itself.
 
-It has imported what a student's process needs, with what speaks for the student in lab 10, and reads nothing of the
-student's; each copy begins where `child.py` begins. So a case costs a copy, and not a start of Python with all its
-imports.
+It has imported what a student's process needs, and reads nothing of the student's; each copy begins where `child.py`
+begins. So a case costs a copy, and not a start of Python with all its imports.
 
 A copy is the first process of a namespace of its own: it dies alone, it has the same number in every case, and
 what it may leave in shared memory dies with it. It could leave something in the sandbox's scratch: then that sandbox is
@@ -17,7 +16,6 @@ import os
 import socket
 import struct
 
-from snr_sim.grading import pilot  # noqa: F401  every copy has it
 from snr_sim.grading.remote import child
 from snr_sim.grading.sandbox import seccomp  # noqa: F401  every copy has it
 

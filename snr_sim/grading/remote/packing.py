@@ -8,10 +8,9 @@ import pickle
 from typing import Any
 
 from snr_sim.grading.lab.verdicts import LabFault
+from snr_sim.grading.remote.sent_code import LAB_MODULE
 from snr_sim.prelude.scenario import Robot
 from snr_sim.scenario import library
-
-LAB_MODULE = "snr_sim_lab_"  # so begin the names of modules that are the checks of a lab
 
 
 def packed(robot: Robot) -> str:

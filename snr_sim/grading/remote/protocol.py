@@ -14,6 +14,7 @@ from typing import Any, TypeAlias, TypeVar
 
 import msgspec
 
+from snr_sim.grading.remote.sent_code import SentCode
 from snr_sim.prelude.errors import SnrError, ValueEncodingError
 from snr_sim.prelude.values import NO_JSON, decode_value
 
@@ -47,10 +48,10 @@ class Call(_Verb, frozen=True):
 
 
 class MakeObject(_Verb, frozen=True, tag="host"):
-    """Make an object of the kit's, whose class gets the student's module first."""
+    """Make an object of the kit's or the lab's, whose class gets the student's module first."""
 
     file: str
-    host: str
+    host: SentCode
     args: msgspec.Raw
 
 
@@ -63,9 +64,9 @@ class AskObject(_Verb, frozen=True, tag="ask"):
 
 
 class Parse(_Verb, frozen=True):
-    """Apply a parser of the kit."""
+    """Apply a parser of the kit or the lab."""
 
-    parser: str
+    parser: SentCode
     data: bytes
 
 

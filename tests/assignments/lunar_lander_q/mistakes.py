@@ -308,7 +308,7 @@ import sys
 from base64 import b64encode
 
 STATES = 4
-ASKS = sys.modules["snr_sim.grading.pilot"]
+ASKS = sys.modules["snr_sim_lab_10_lunar_lander_q.grader.pilot"]
 
 
 def encode(altitude_m, velocity_mps):

@@ -48,7 +48,7 @@ class TaskQueue:
 """
 COUNTS_NOTHING = """
 
-bench = sys.modules["snr_sim.grading.queue_bench"]
+bench = sys.modules["snr_sim_lab_11_write_the_queue.grader.queue_bench"]
 bench.contents = lambda *roots, **details: {}
 """
 

@@ -2,6 +2,8 @@
 
 from snr_sim.grading import Lab, Student, check, failed, passed
 
+from .grader.twice import twice
+
 
 def draw(rng):
     return [rng.randrange(10, 10**6) for _ in range(1)]
@@ -23,8 +25,8 @@ def doubles(student: Student, case: int):
     got = student.call("double.py", "double", case, budget_s=1.0)
     if got == "nonsense":
         raise KeyError("a mistake that nonsense brings to light")
-    if type(got) is not int or got != 2 * case:
-        return failed("Twice a number is the number added to itself.", expected=str(2 * case), actual=str(got))
+    if type(got) is not int or got != twice(case):
+        return failed("Twice a number is the number added to itself.", expected=str(twice(case)), actual=str(got))
     return passed(metrics={"number": float(case)})
 
 

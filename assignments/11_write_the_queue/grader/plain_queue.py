@@ -1,4 +1,4 @@
-"""A right queue of lab 11: what the grader compares a student's with. Their process is not asked to load it."""
+"""A right queue of lab 11: what the grader compares a student's with. Their process is not sent this."""
 
 from __future__ import annotations
 
@@ -8,21 +8,17 @@ from snr_sim.prelude.task import Task, TaskType
 
 
 class PlainQueue:
-    """What a right queue answers, found the slow way: all tasks in one list, looked through at each operation.
-
-    Args:
-        most: how many tasks it may hold.
-    """
+    """What a right queue answers, found the slow way: all tasks in one list, looked through at each operation."""
 
     def __init__(self, most: int) -> None:
         self._most = most
-        self._waiting: list[tuple[float, Task]] = []
+        self._waiting: list[tuple[float, Task]] = []  # priority and task, in the order in which they came
 
     def __len__(self) -> int:
         return len(self._waiting)
 
     def put(self, task: Task, priority: int) -> Task | None:
-        """Lets a task in; returns the one that has to leave for it, if it is full."""
+        """Let a task in; return the one that has to leave for it, if it is full."""
         self._waiting.append((math.inf if task.type is TaskType.terminate else priority, task))
         if len(self._waiting) <= self._most:
             return None
@@ -30,7 +26,7 @@ class PlainQueue:
         return self._waiting.pop(least)[1]
 
     def take(self) -> Task | None:
-        """Returns the next task, or None."""
+        """Return the next task, or None."""
         if not self._waiting:
             return None
         return self._waiting.pop(max(range(len(self._waiting)), key=lambda i: self._waiting[i][0]))[1]

@@ -1,8 +1,8 @@
-"""The grader's side of lab 10: many landers fly at once here, and the student's file says by message where they are.
+"""The grader's side of lab 10: many landers fly at once here, and the student's file tells by message where they are.
 
-    parent (here)                                   child (`grading/pilot.py`)
-    Landers, chance, budget, score   -- observations of all, what came of the last step -->   encode, reward, update
-    table (`grading/evidence.py`)    <-- their states, and what the last step was worth ---
+    parent (here)                                            child (`pilot.py`)
+    Landers, random numbers,  -- observations of all, results of the last step -->  encode, reward, update
+    budget, score, table      <-- their states, and what the last step was worth --
 
 One message a step for all of them, so the pipe costs little beside the student's own functions. How many steps and
 episodes there are, from where, what is done and which of them landed, only this side knows. What was learned flies in
@@ -16,112 +16,66 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from types import ModuleType
-from typing import Any, Protocol
+from typing import Any
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from snr_sim.grading.evidence import Asked, Evidence, Told, checked_rewards, checked_states, packed
 from snr_sim.grading.lab.verdicts import Misbehaved
-from snr_sim.grading.pilot import CRASHED, LANDED, MOST_STATES, TIMEOUT, Pilot
-from snr_sim.grading.q_rule import Step
 from snr_sim.learning.batch_training import CEILING_M, MOST_STEPS, STEP_S, Course, course_of, new_table
 from snr_sim.learning.lander_envs import VERTICAL_THROTTLES, LanderVertical
 from snr_sim.learning.q_table import QTable
 from snr_sim.learning.vertical_batch import Floats, Landers, step
 from snr_sim.plants.lander.gear import APOLLO_GEAR
-from snr_sim.prelude.structs import learned
+
+from .evidence import Evidence, checked_rewards, checked_states, packed
+from .pilot import CRASHED, LANDED, MOST_STATES, TIMEOUT, Pilot
+from .q_rule import Step
 
 # So many fly at once in training. With fewer the pipe costs more: each message finds the caches cold. With a thousand
 # more tables do not land 80 of 100: of 25 trainings of the reference one, and of 25 with finer states three.
 LANDERS = 256
+MOST_STEPS_TRAINED, MOST_EPISODES = 80_000, 3000  # of all of them together
 FLIGHT_STEPS = 600  # two minutes; free fall from the highest start takes 50 s
-PILOT = "snr_sim.grading.pilot:Pilot"
+THROTTLES = np.array(VERTICAL_THROTTLES)
 
 
-class Flier(Protocol):
-    """Says what landers do."""
+class Told(msgspec.Struct):
+    """What comes back of a step of training, as `Pilot.learn` says."""
 
-    def act(self, told: Floats) -> NDArray[np.intp]:
-        """Returns an action for each observation, shape (n, 2): height [m] and velocity [m/s]."""
-        ...
-
-
-class Learner(Protocol):
-    """Has learned something, and can say what is known where."""
-
-    def states_at(self, told: Floats) -> list[int]:
-        """Returns the state of each observation, shape (n, 2): height [m] and velocity [m/s]."""
-        ...
-
-    def rows(self) -> tuple[Floats, NDArray[np.int64]]:
-        """Returns of each state what the actions are worth, and how often they were tried, shapes (states, ACTIONS)."""
-        ...
+    states: str
+    last: list[int]
+    rewards: str
+    epsilon: float
 
 
 class Here:
-    """A student's file in this process, as it is practised with at home: all that it does is by its own functions.
-
-    Args:
-        module: the file.
-    """
+    """A student's file in this process, as it is practised with at home: all that it does is by its own functions."""
 
     def __init__(self, module: ModuleType) -> None:
         self.pilot = Pilot(module)
 
     def ask(self, method: str, *args: Any, returns: Any = Any) -> Any:
-        """Returns what a method of `Pilot` returns."""
-        value = getattr(self.pilot, method)(*args)
-        return msgspec.convert(value, learned(returns)) if isinstance(value, dict) and returns is not Any else value
+        """Return what a method of `Pilot` returns, as `Student.host` does."""
+        return msgspec.convert(getattr(self.pilot, method)(*args), returns)
 
     def act(self, told: Floats) -> NDArray[np.intp]:
-        """Returns what the student's choose() does without chance."""
+        """Return what the student's choose() does without chance."""
         return np.array(self.pilot.choose(self.states_at(told), 0.0), np.intp)
 
     def states_at(self, told: Floats) -> list[int]:
-        """Returns what encode() says of each observation."""
+        """Return what encode() says of each observation."""
         return self.pilot.encode(*told.T.tolist())
 
     def rows(self) -> tuple[Floats, NDArray[np.int64]]:
-        """Returns the student's own table."""
-        table = self.pilot.table
-        return np.array(table.values), np.array(table.visits)
-
-
-@dataclass(frozen=True)
-class Budget:
-    """How long a training may be; it ends with whichever comes first.
-
-    Args:
-        steps: of all landers together.
-        episodes: of all landers together, begun.
-    """
-
-    steps: int = 80_000
-    episodes: int = 3000
-
-
-@dataclass(frozen=True)
-class World:
-    """How the Moon and the engine differ from what was trained with.
-
-    Args:
-        gravity, thrust: as shares of the usual.
-    """
-
-    gravity: float = 1.0
-    thrust: float = 1.0
+        """Return the student's own table."""
+        return np.array(self.pilot.table.values), np.array(self.pilot.table.visits)
 
 
 @dataclass(frozen=True)
 class Trained:
-    """What a training took.
-
-    Args:
-        steps, episodes: of all landers together.
-        landed: of each episode that ended, in that order, whether it landed: the learning curve.
-    """
+    """What a training took, of all landers together; and of each episode, as they ended, whether it landed."""
 
     steps: int
     episodes: int
@@ -130,7 +84,7 @@ class Trained:
 
 @dataclass(frozen=True)
 class Flights:
-    """What came of flying.
+    """Results of flying.
 
     Args:
         landed: of each start, whether it landed.
@@ -146,33 +100,37 @@ class Flights:
 
     @property
     def share(self) -> float:
-        """How many of all landed, 0 to 1."""
+        """Which fraction of all landed."""
         return sum(self.landed) / len(self.landed)
 
 
 @cache
 def course() -> Course:
-    """Returns the vertical landing of the scenario `lander_vertical`."""
+    """Return the vertical landing of the scenario `lander_vertical`."""
     env = LanderVertical()
     env.reset(options={"start": 0})
     return course_of(env)
 
 
-def train(student: Asked, seed: int, budget: Budget | None = None, evidence: Evidence | None = None) -> Trained:
-    """Lets a student's file learn, in landings that begin anywhere on the way down.
+def train(
+    student: Any,
+    seed: int,
+    evidence: Evidence | None = None,
+    most_steps: int = MOST_STEPS_TRAINED,
+    most_episodes: int = MOST_EPISODES,
+) -> Trained:
+    """Let a student's file learn, in landings that begin anywhere on the way down.
 
     Args:
-        student: learns; what it has learned it keeps.
-        seed: of the starts, of the radar's noise and of the student's chance.
-        budget: how long.
-        evidence: learns the same, and says what is tried; else the student's own choose() does.
+        student: learns, and keeps what it has learned; by `Student.host` or `Here`.
+        seed: of the starts, of the radar's noise and of the student's random numbers.
+        evidence: learns the same, and decides what is tried; else the student's own choose() does.
+        most_steps, most_episodes: how long it may be; it ends with whichever comes first.
 
     Raises:
-        Misbehaved: it does not tell where it is, or what that is worth.
+        Misbehaved: it does not report where it is, or what that is worth.
     """
-    limits, given = budget or Budget(), course()
-    rng = np.random.default_rng([seed, 2])
-    throttles = np.array(VERTICAL_THROTTLES)
+    given, rng = course(), np.random.default_rng([seed, 2])
     student.ask("begin", int(rng.integers(2**31)))  # not the seed itself: who knew it would know the starts
     landers = _starts(given, LANDERS, rng)
     told = _told(given, landers, rng)
@@ -181,12 +139,11 @@ def train(student: Asked, seed: int, budget: Budget | None = None, evidence: Evi
     ends: list[list[Any]] = []  # lists: a tuple would have to be told apart on its way
     states, actions = list[int](), np.empty(0, np.intp)  # of the last step, too
     count = MOST_STATES if evidence is None else evidence.states
-    steps = -(-limits.steps // LANDERS)
+    steps = -(-most_steps // LANDERS)
     for i in range(steps):
-        share = max(i / steps, min(1.0, (episodes - LANDERS) / limits.episodes))
+        share = max(i / steps, min(1.0, (episodes - LANDERS) / most_episodes))
         done = "".join(map(str, actions.tolist()))
-        given_now = packed(told.T, landers[:2], *burned_kg)
-        answer: Told = student.ask("learn", share, given_now, ends, done, returns=Told)
+        answer: Told = student.ask("learn", share, packed(told.T, landers[:2], *burned_kg), ends, done, returns=Told)
         came_from, states = states, checked_states(answer.states, LANDERS, count)
         epsilon = min(1.0, max(0.0, answer.epsilon))
         if evidence is None:
@@ -195,7 +152,7 @@ def train(student: Asked, seed: int, budget: Budget | None = None, evidence: Evi
             evidence.learn(_transitions(came_from, actions.tolist(), states, ends, answer, count))
             actions = evidence.choose(told, states, epsilon)
         before = Landers(*landers)
-        after, touches, speeds = step(before, throttles[actions], given.engine, STEP_S)
+        after, touches, speeds = step(before, THROTTLES[actions], given.engine, STEP_S)
         told = _told(given, landers, rng)  # the radar tells it a step late
         landers, burned_kg, ends = np.stack(after), [before.fuel_kg - after.fuel_kg], []
         flown += 1
@@ -210,31 +167,30 @@ def train(student: Asked, seed: int, budget: Budget | None = None, evidence: Evi
             landers[:, over], flown[over] = _starts(given, len(over), rng), 0
             told[over] = _told(given, landers[:, over], rng)
             episodes += len(over)
-            if episodes > limits.episodes:
+            if episodes > most_episodes:
                 break
     return Trained((i + 1) * LANDERS, episodes, ended)
 
 
-def fly(flier: Flier, seed: int, count: int, world: World | None = None) -> Flights:
-    """Lets somebody land by what was learned, without learning and without chance.
+def fly(flier: Any, seed: int, count: int, gravity: float = 1.0, thrust: float = 1.0) -> Flights:
+    """Land by what was learned, without learning and without chance.
 
     Args:
-        flier: says what is done.
+        flier: `act` returns an action for each observation, shape (n, 2): height [m] and velocity [m/s].
         seed: of the starts and of the radar's noise. They begin as the scenario does, 600 to 1500 m up.
         count: of starts.
-        world: what is different.
+        gravity, thrust: of the Moon and the engine, as fractions of what was trained with.
     """
-    place, given = world or World(), course()
+    given = course()
     usual = given.engine
-    engine = usual._replace(gravity_mps2=usual.gravity_mps2 * place.gravity, thrust_n=usual.thrust_n * place.thrust)
+    engine = usual._replace(gravity_mps2=usual.gravity_mps2 * gravity, thrust_n=usual.thrust_n * thrust)
     rng = np.random.default_rng([seed, 3])
-    throttles = np.array(VERTICAL_THROTTLES)
     landers = given.proper(count, rng)
     tank_kg = landers[3].copy()
     told, who = _told(given, landers, rng), np.arange(count)
     speed_mps, fuel_kg = np.full(count, np.nan), np.zeros(count)
     for _ in range(FLIGHT_STEPS):
-        after, touches, speeds = step(Landers(*landers), throttles[flier.act(told)], engine, STEP_S)
+        after, touches, speeds = step(Landers(*landers), THROTTLES[flier.act(told)], engine, STEP_S)
         told = _told(given, landers, rng)
         speed_mps[who[touches]] = speeds[touches]
         fuel_kg[who] = tank_kg[who] - after.fuel_kg
@@ -256,7 +212,7 @@ def fly(flier: Flier, seed: int, count: int, world: World | None = None) -> Flig
 def _transitions(
     states: list[int], actions: list[int], now: list[int], ends: list[list[Any]], answer: Told, count: int
 ) -> Iterator[Step]:
-    """Yields what a step was for each lander, if there was one; plain tuples, for there are 80 000 in a training."""
+    """Yield what a step was for each lander, if there was one; plain tuples, for there are 80 000 in a training."""
     then, is_terminated, is_truncated = list(now), [False] * len(now), [False] * len(now)
     if len(answer.last) != len(ends) or not all(0 <= state < count for state in answer.last):
         raise Misbehaved("It did not tell in which states episodes ended.", "Leave alone what asks encode().")
@@ -267,7 +223,7 @@ def _transitions(
 
 
 def _starts(given: Course, count: int, rng: np.random.Generator) -> Floats:
-    """Returns starts anywhere on the way down, shape (4, count), half of them in the last 25 m.
+    """Return starts anywhere on the way down, shape (4, count), half of them in the last 25 m.
 
     There it is decided, and from high above few come there in time: with half of them in the last 400 m, states near
     the ground were seen a few dozen times in a training, and of 57 trained references one landed 88 of 100.
@@ -279,43 +235,34 @@ def _starts(given: Course, count: int, rng: np.random.Generator) -> Floats:
 
 
 def _told(given: Course, landers: Floats, rng: np.random.Generator) -> Floats:
-    """Returns what the radar tells, in its steps of a centimetre."""
+    """Return what the radar measures, in its steps of a centimetre."""
     told: Floats = np.round(given.told(landers[0], landers[1], rng), 2)
     return told
 
 
 class ByTable:
-    """A table that was handed in, flown as the node's controller 'q' flies it: none of the student's code runs.
-
-    Args:
-        table: over the two numbers of the radar.
-    """
+    """A table that was handed in, flown as the node's controller 'q' flies it: none of the student's code runs."""
 
     def __init__(self, table: QTable) -> None:
         self._cells = table.discretiser.cells
-        values = np.where(table.visits > 0, table.values, -np.inf)
-        self._greedy = np.argmax(values, axis=1)  # 0 where nothing was tried
+        self._greedy = np.argmax(np.where(table.visits > 0, table.values, -np.inf), axis=1)  # 0 where nothing was tried
 
     def act(self, told: Floats) -> NDArray[np.intp]:
-        """Returns the best of what was tried."""
+        """Return the best of what was tried."""
         actions: NDArray[np.intp] = self._greedy[self._cells(told)]
         return actions
 
 
-def as_policy(learner: Learner) -> QTable:
-    """Returns what was learned as a table that `--controller q` flies.
+def as_policy(learner: Evidence | Here) -> QTable:
+    """Return what was learned as a table that `--controller q` flies.
 
     Each cell of the kit's grid gets the row of the state that is found in its middle.
     """
     policy = new_table()
     heights, speeds = (np.array([2.0 * edges[0] - edges[1], *edges]) for edges in policy.discretiser.edges)
-    grid = np.meshgrid(*(_middles(edges) for edges in (heights, speeds)), indexing="ij")
-    states = learner.states_at(np.stack([axis.ravel() for axis in grid], axis=1))
+    # Cells begin at these edges; the last one is as long as the one before.
+    middles = (edges + 0.5 * np.diff(edges, append=2.0 * edges[-1] - edges[-2]) for edges in (heights, speeds))
+    states = learner.states_at(np.stack([axis.ravel() for axis in np.meshgrid(*middles, indexing="ij")], axis=1))
     values, visits = learner.rows()
     policy.values[:], policy.visits[:] = values[states], visits[states]
     return policy
-
-
-def _middles(edges: Floats) -> Floats:
-    """Returns the middles of intervals that begin at these edges; the last is as long as the one before."""
-    return edges + 0.5 * np.diff(edges, append=2.0 * edges[-1] - edges[-2])

@@ -1,8 +1,8 @@
 """The student's side of lab 10: asks the functions of a file for many landers at a time, and keeps their table.
 
-It stands in the student's process and speaks for the file there. What flies, how often, from where, what is done and
-what came of it, the grader's process knows alone (`grading/learning.py`); it keeps a table of its own, too, and this
-one here is only compared with it in the end. So whoever replaces anything in here deceives himself.
+It stands in the student's process, alone, and speaks for the file there. What flies, how often, from where, what is
+done and what is its result, only the grader's process knows (`learning.py`); it keeps a table of its own, too
+(`evidence.py`), and this one here is only compared with it in the end. So replacing anything in here gains nothing.
 """
 
 from __future__ import annotations
@@ -22,15 +22,14 @@ ACTIONS = 4
 MOST_STATES = 5000  # two bytes each on their way
 MOST_WORTH = 1e9
 LANDED, CRASHED, TIMEOUT = "landed", "crashed", "timeout"
-FUNCTIONS = ("encode", "reward", "epsilon", "choose", "update")
+RESIZED = "update() has made the table larger or smaller."
 
 
 class Transition(NamedTuple):
     """One step of one lander, as `update` gets it.
 
     Args:
-        state, action: where it was, and what was done.
-        reward: for it.
+        state, action, reward: where it was, what was done, and what that was worth.
         next_state: where that led.
         is_terminated: it has touched the ground: nothing comes after.
         is_truncated: only the time was up: it would have gone on.
@@ -45,26 +44,25 @@ class Transition(NamedTuple):
 
 
 class Table:
-    """What has been learned.
-
-    Args:
-        states: how many rows.
-
-    Attributes:
-        values: `values[state][action]` is what an action is worth there.
-        visits: `visits[state][action]` is how often it was tried there.
-    """
+    """What has been learned: `values[state][action]`, and how often each was tried, `visits[state][action]`."""
 
     def __init__(self, states: int) -> None:
         self.values = [[0.0] * ACTIONS for _ in range(states)]
         self.visits = [[0] * ACTIONS for _ in range(states)]
 
     def plain(self) -> dict[str, Any]:
-        """Returns it as lists, as it crosses to the grader."""
+        """Return it as lists, as it crosses to the grader."""
         return {"values": self.values, "visits": self.visits}
 
+    @classmethod
+    def of(cls, plain: dict[str, Any]) -> Table:
+        """Return a new table from such lists."""
+        table = cls(0)
+        table.values, table.visits = ([list(row) for row in plain[name]] for name in ("values", "visits"))
+        return table
+
     def differences(self, before: Table) -> Iterator[tuple[int, int, float, int]]:
-        """Yields state, action, value and visits of each place that is not as it was before.
+        """Yield state, action, value and visits of each place that is not as it was before.
 
         Raises:
             ParameterError: it has another shape.
@@ -76,31 +74,19 @@ class Table:
                         if [value, visits] != was:
                             yield state, action, value, visits
         except ValueError:
-            raise ParameterError(
-                "update() has made the table larger or smaller.", fix="change numbers that stand in it: no append."
-            ) from None
-
-    @classmethod
-    def of(cls, plain: dict[str, Any]) -> Table:
-        """Returns a new table from such lists."""
-        table = cls(0)
-        table.values = [list(row) for row in plain["values"]]
-        table.visits = [list(row) for row in plain["visits"]]
-        return table
+            raise ParameterError(RESIZED, fix="change numbers that stand in it: no append.") from None
 
 
 class Pilot:
     """The functions of a student's file, for many landers at once.
 
-    Args:
-        module: the file: STATES, and the functions named in `FUNCTIONS`.
-
     Raises:
-        ParameterError: one of them is missing, or STATES is no sensible number.
+        ParameterError: one of them is missing, or STATES is not a sensible number; or, in any method, a function of
+            the file has returned what it should not.
     """
 
     def __init__(self, module: ModuleType) -> None:
-        for name in FUNCTIONS:
+        for name in ("encode", "reward", "epsilon", "choose", "update"):
             if not callable(getattr(module, name, None)):
                 raise ParameterError(f"The file has no function {name}().", fix="keep all that the starter has.")
         states = own_whole(getattr(module, "STATES", None))
@@ -114,24 +100,19 @@ class Pilot:
         self.begin(0)
 
     def count(self) -> int:
-        """Returns how many states there are."""
+        """Return how many states there are."""
         return self.states
 
     def begin(self, seed: int) -> None:
-        """Forgets everything, and begins to learn."""
+        """Forget everything, and begin to learn."""
         self.rng = random.Random(seed)
         self.table = Table(self.states)
         self._here: list[int] = []
         self._truth: list[tuple[float, float]] = []
 
     def encode(self, heights_m: Sequence[float], speeds_mps: Sequence[float]) -> list[int]:
-        """Returns the states of many observations.
-
-        Raises:
-            ParameterError: encode() returned something that is no state.
-        """
-        encode, count = self.module.encode, self.states
-        found = []
+        """Return the states of many observations."""
+        encode, count, found = self.module.encode, self.states, []
         for height_m, speed_mps in zip(heights_m, speeds_mps, strict=True):
             state = own_whole(encode(height_m, speed_mps))
             if type(state) is not int or not 0 <= state < count:
@@ -142,12 +123,16 @@ class Pilot:
             found.append(state)
         return found
 
+    def see(self, packed: str) -> str:
+        """Return the states of many observations, packed."""
+        return packed_states(self.encode(*rows_of(packed, 2)))
+
     def learn(self, share: float, packed: str, ends: Sequence[Sequence[Any]], done: str) -> dict[str, Any]:
-        """Learns from what came of the last actions; returns where that led and what it was worth.
+        """Learn from the results of the last actions; return where that led and what it was worth.
 
         Args:
             share: how much of the training is over, 0 to 1.
-            packed: of all landers, one that has ended has begun anew: heights and speeds as the radar tells them,
+            packed: of all landers, one that has ended has begun again: heights and speeds as the radar measures them,
                 heights and speeds as they are; and propellant of the last step, but not at first, when there is
                 nothing to learn from.
             ends: of landers whose episode has ended: which, its last height and speed, and the outcome.
@@ -155,9 +140,6 @@ class Pilot:
 
         Returns:
             states of all, states in which episodes have ended, rewards of the last actions, and epsilon.
-
-        Raises:
-            ParameterError: a function has returned what it should not.
         """
         update, table = self.module.update, self.table
         told_m, told_mps, heights_m, speeds_mps, *burned = rows_of(packed, 5 if done else 4)
@@ -175,12 +157,8 @@ class Pilot:
                 is_terminated = outcome != "" and not is_truncated
                 update(table, Transition(state, action, worth, next_state, is_terminated, is_truncated))
         self._here, self._truth = now, here
-        return {
-            "states": packed_states(now),
-            "last": last,
-            "rewards": b64encode(worths.tobytes()).decode(),
-            "epsilon": self._epsilon(share),
-        }
+        rewards = b64encode(worths.tobytes()).decode()
+        return {"states": packed_states(now), "last": last, "rewards": rewards, "epsilon": self._epsilon(share)}
 
     def _rewards(self, steps: Iterable[tuple[Any, Any, float, str]]) -> array[float]:
         reward, worths = self.module.reward, array("d")
@@ -203,16 +181,8 @@ class Pilot:
             raise ParameterError(f"epsilon({share:g}) returned {epsilon!r}.", fix="a number from 0 to 1.")
         return float(epsilon)
 
-    def see(self, packed: str) -> str:
-        """Returns the states of many observations, for `states_of`."""
-        return packed_states(self.encode(*rows_of(packed, 2)))
-
     def choose(self, states: Sequence[int], epsilon: float) -> list[int]:
-        """Returns what is chosen in states, by what was learned.
-
-        Raises:
-            ParameterError: choose() returned something that is no action.
-        """
+        """Return the actions that are chosen in states, by what was learned."""
         choose, table, rng = self.module.choose, self.table, self.rng
         actions = [own_whole(choose(table, state, epsilon, rng)) for state in states]
         for action in actions:
@@ -220,71 +190,50 @@ class Pilot:
                 raise ParameterError(f"choose() returned {action!r}.", fix=f"a whole number from 0 to {ACTIONS - 1}.")
         return actions
 
+    def choices(self, plain: dict[str, Any], states: Sequence[int], epsilon: float, seed: int) -> dict[str, Any]:
+        """Return what is chosen in states of a given table, and the table afterwards."""
+        self.table, self.rng = Table.of(plain), random.Random(seed)
+        return {"actions": self.choose(states, epsilon), "table": self.table.plain()}
+
     def learned(self) -> dict[str, Any]:
-        """Returns the table."""
+        """Return the table."""
         return self.table.plain()
 
-    def is_learned(self) -> bool:
-        """Returns whether anything was tried, as the table says."""
-        return any(map(any, self.table.visits))
-
-    def choices(self, plain: dict[str, Any], states: Sequence[int], epsilon: float, seed: int) -> dict[str, Any]:
-        """Returns what is chosen in states of a given table, and what that did to table and chance."""
-        self.table, self.rng = Table.of(plain), random.Random(seed)
-        before = self.rng.getstate()
-        actions = self.choose(states, epsilon)
-        return {"actions": actions, "is_drawn": self.rng.getstate() != before, "table": self.table.plain()}
-
     def replay(self, plain: dict[str, Any], transitions: Sequence[Sequence[Any]]) -> dict[str, Any]:
-        """Returns a given table after some transitions."""
+        """Return a given table after some transitions."""
         table = Table.of(plain)
         for one in transitions:
             self.module.update(table, Transition(*one))
         return table.plain()
 
     def replay_each(self, plain: dict[str, Any], transitions: Sequence[Sequence[Any]]) -> list[list[tuple[Any, ...]]]:
-        """Returns what each of some transitions, alone, changes in a given table.
-
-        Returns:
-            of each transition, of each place that is changed: state, action, value and visits.
-
-        Raises:
-            ParameterError: the table has another shape after one.
-        """
-        before, found = Table.of(plain), []
-        for one in transitions:
-            after = Table.of(plain)
-            self.module.update(after, Transition(*one))
-            found.append(list(Table.of(after.plain()).differences(before)))
-        return found
+        """Return of each of some transitions what it alone changes in a given table, as `Table.differences`."""
+        before = Table.of(plain)
+        return [list(Table.of(self.replay(plain, [one])).differences(before)) for one in transitions]
 
 
 def own_whole(value: Any) -> Any:
-    """Returns a whole number that NumPy has made as Python's own, and all else as it is.
-
-    >>> own_whole(7), own_whole(7.0), own_whole(True)
-    (7, 7.0, True)
-    """
+    """Return a whole number that NumPy has made as Python's own, and all else as it is: 7.0 and True, too."""
     is_foreign = type(value) is not int and isinstance(value, Integral) and not isinstance(value, bool)
     return int(value) if is_foreign else value
 
 
 def rows_of(packed: str, count: int) -> list[list[float]]:
-    """Returns rows of numbers that were sent as the bytes of doubles, in base64; as JSON they cost three times this."""
+    """Return rows of numbers that were sent as the bytes of doubles, in base64; as JSON they cost three times this."""
     numbers = array("d", b64decode(packed)).tolist()
     each = len(numbers) // count
     return [numbers[i * each : (i + 1) * each] for i in range(count)]
 
 
 def packed_states(states: Sequence[int]) -> str:
-    """Returns states as a text, for `states_of`."""
+    """Return states as a text, for `states_of`."""
     return b64encode(array("H", states).tobytes()).decode()
 
 
 def states_of(packed: str) -> list[int]:
-    """Returns states that were sent by `packed_states`.
+    """Return states that were sent by `packed_states`.
 
     Raises:
-        ValueError: it is no such text.
+        ValueError: they were not.
     """
     return array("H", b64decode(packed)).tolist()

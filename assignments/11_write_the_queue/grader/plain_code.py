@@ -39,15 +39,7 @@ _FRAMES = {"gi_frame", "gi_code", "cr_frame", "cr_code", "ag_frame", "ag_code", 
 
 
 def what_is_not_plain(source: str | bytes) -> str:
-    """Returns the first place where a program is not plain, as "line 3: `sys`"; "" if all of it is.
-
-    >>> what_is_not_plain("from collections import deque\\nwaiting = deque()\\n")
-    ''
-    >>> what_is_not_plain("import sys\\n")
-    'line 1: `sys`'
-    >>> what_is_not_plain("def put(task, priority):\\n    priority.__class__.compared = 0\\n")
-    'line 2: `__class__`'
-    """
+    """Return the first place where a program is not plain, as "line 3: `sys`"; "" if all of it is."""
     try:
         tree = ast.parse(source)
     except (SyntaxError, ValueError, RecursionError, MemoryError):

@@ -2,10 +2,12 @@ from pathlib import Path
 
 import pytest
 
-from snr_sim.grading.plain_code import what_is_not_plain
-from tests.assignments.mistakes import write_solution
+from snr_sim.grading.lab.lab import load_lab
+from tests.assignments.mistakes import HERE, write_solution
 from tests.assignments.write_the_queue.mistakes import MISTAKES
 
+CHECKS = HERE.parents[1] / "assignments" / "11_write_the_queue" / "checks.py"
+what_is_not_plain = load_lab(CHECKS).module("grader.plain_code").what_is_not_plain
 PLAIN = """
 from __future__ import annotations
 import heapq
@@ -43,6 +45,7 @@ if __name__ == "__main__":
 
 def test_what_a_queue_needs_is_plain() -> None:
     assert what_is_not_plain(PLAIN) == ""
+    assert what_is_not_plain("from collections import deque\nwaiting = deque()\n") == ""
 
 
 CHEATS = {
@@ -62,8 +65,9 @@ def test_solutions_are_plain_but_those_that_cheat(name: str, tmp_path: Path) -> 
     ("line", "told"),
     [
         ("import gc", "gc"),
-        ("import snr_sim.grading.queue_bench", "snr_sim.grading.queue_bench"),
-        ("from snr_sim.grading import queue_bench", "snr_sim.grading.queue_bench"),
+        ("def put(task, priority):\n    priority.__class__.compared = 0", "__class__"),
+        ("import snr_sim.grading.grade", "snr_sim.grading.grade"),
+        ("from snr_sim.grading import grade", "snr_sim.grading.grade"),
         ("from snr_sim import run", "snr_sim.run"),
         ("from . import helper", "None.helper"),
         ("from heapq import *", "heapq.*"),

@@ -1,0 +1,65 @@
+"""Classes and functions that stand in a student's process and are not the student's: how they get there.
+
+What is of the kit is imported there. A module of a lab is sent as code when something in it is needed, alone: the
+process can read neither the lab's folder nor what else is in it. So such a module imports nothing else of the lab.
+"""
+
+from __future__ import annotations
+
+import importlib
+import marshal
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import msgspec
+
+from snr_sim.grading.lab.verdicts import LabFault
+
+LAB_MODULE = "snr_sim_lab_"  # so begin the names of modules that are the checks of a lab
+
+
+class SentCode(msgspec.Struct, frozen=True):
+    """A class or function, for a process to have.
+
+    Args:
+        module, name: where it is found.
+        code: of the module, by `marshal`; none if it is of the kit.
+    """
+
+    module: str
+    name: str
+    code: bytes = b""
+
+    def received(self) -> Any:
+        """Return the class or function in the process that this was sent to."""
+        if self.code and self.module not in sys.modules:
+            module = sys.modules[self.module] = ModuleType(self.module)
+            exec(marshal.loads(self.code), vars(module))
+        return getattr(importlib.import_module(self.module), self.name)
+
+
+def sent(one: Callable[..., Any]) -> SentCode:
+    """Return a class or function of the kit or of a lab as it is sent.
+
+    Raises:
+        LabFault: it is of neither.
+    """
+    module = one.__module__
+    if module.startswith("snr_sim."):
+        return SentCode(module, one.__qualname__)
+    if not module.startswith(LAB_MODULE) or "." not in module:
+        raise LabFault(
+            f"{one.__qualname__} of {module} cannot be sent to a student's process.",
+            fix="put it into a module of its own in the lab's folder: grader/bench.py.",
+        )
+    return SentCode(module, one.__qualname__, _code_of(sys.modules[module]))
+
+
+@cache
+def _code_of(module: ModuleType) -> bytes:
+    # Not the file's own name: the process cannot read it, and its lines are none of the student's.
+    return marshal.dumps(compile(Path(str(module.__file__)).read_bytes(), f"<{module.__name__}>", "exec"))
