@@ -14,6 +14,7 @@ from snr_sim.prelude.errors import TraceError
 from snr_sim.recording.columns import Batch, Floats
 from snr_sim.recording.records import Header, TruthRecord
 
+NEWTONS_PER_MPS = 40.0  # the arrow "current" of a plant is so long for 1 m/s
 TURN_RAD, FLAT, FLAT_M = math.radians(45.0), 4.0, 0.05  # see `wants_map`
 
 
@@ -57,7 +58,7 @@ def wants_map(poses: Floats) -> bool:
 
 
 def from_above(header: Header, flight: Flight) -> tuple[Header, Flight]:
-    """Returns the world laid on its back: north is up, up is towards who looks, and below is behind."""
+    """Return the world laid on its back: north is up, up is towards who looks, and below is behind."""
 
     def point(at: Sequence[float]) -> list[float]:
         return [at[0], -at[2], at[1]]
@@ -88,7 +89,7 @@ def from_above(header: Header, flight: Flight) -> tuple[Header, Flight]:
 
 
 def flight_of(header: Header, batch: Batch) -> Flight:
-    """Returns the way of the bodies that all true states have.
+    """Return the way of the bodies that all true states have.
 
     Raises:
         TraceError: there is no such body.
@@ -112,7 +113,7 @@ def flight_of(header: Header, batch: Batch) -> Flight:
 
 
 def _touchdown_s(batch: Batch) -> float | None:
-    """Returns when a page said 'contact', or, without such a page, when the altitude was first zero."""
+    """Return when a page said 'contact', or, without such a page, when the altitude was first zero."""
     for _, series in batch.page_values():
         if "contact" in series.path and series.values.any():
             return float(series.when.t_s[np.argmax(series.values > 0)])
