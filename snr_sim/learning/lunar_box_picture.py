@@ -36,7 +36,14 @@ def frame_of(world: LunarBoxWorld, power: tuple[float, float]) -> NDArray[np.uin
         return Part(np.array([at(*body.local_to_world(corner)) for corner in corners]), rgb)
 
     ground = [at(WIDTH / (CHUNKS - 1) * i, y) for i, y in enumerate(world.heights)]
-    parts = [Part(np.array([(0.0, height), *ground, (width, height)]), GROUND)]
+    parts = [
+        Part(
+            np.array(
+                [(-2.0, height + 2), (-2.0, ground[0][1]), *ground, (width + 2, ground[-1][1]), (width + 2, height + 2)]
+            ),
+            GROUND,
+        )
+    ]
     parts += [of(leg, LEG, LEG_RGB) for leg in world.legs]
     main, side = power
     if main:

@@ -49,18 +49,18 @@ class Frame:
         shown_m = max(LEAST_SHOWN_M, 1.35 * (highest_m - low_m), 2.5 * self._size_m)
         scale = height / shown_m
 
-        def at(x: float, z: float) -> Floats:
-            return np.array([width / 2 + (x - feet[0]) * scale, height - (z - low_m + 0.12 * shown_m) * scale])
+        def at(x: Floats | float, z: Floats | float) -> Floats:
+            return np.stack([width / 2 + (x - feet[0]) * scale, height - (z - low_m + 0.12 * shown_m) * scale], -1)
 
         parts = []
         if self._surface_m is not None:
-            _, y0 = at(0.0, self._surface_m)
+            y0 = at(feet[0], self._surface_m)[1]
             parts += [
-                Part(rectangle(0, y0, width, height), WATER),
-                Part(np.array([(0, y0), (width, y0)]), SURFACE, 1.0),
+                Part(rectangle(-2, y0, width + 2, height + 2), WATER),
+                Part(np.array([(-2, y0), (width + 2, y0)]), SURFACE, 1.0),
             ]
-        half_m = 0.5 * width / scale
-        parts += ground_parts(self._cuts, at, (feet[0] - half_m, feet[0] + half_m), height, SKY, 1.0)
+        across = feet[0] + 0.5 * width / scale * np.linspace(-1.02, 1.02, WIDTH_PX)
+        parts += ground_parts(self._cuts, at, across, height + 2, SKY, 1.0)
         body_scale = max(scale, LEAST_BODY * height / self._size_m)
         place = Place(at(feet[0], feet[2]), feet, body_scale)
         self._strongest_n = max(self._strongest_n, strongest_of([truth["arrows"]]))

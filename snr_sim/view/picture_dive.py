@@ -98,7 +98,7 @@ class _View:
         parts = water_parts(camera, self.statics, self.is_above)
         if not self.is_above:
             cuts = ground_cuts(self.statics)
-            parts += ground_parts(cuts, camera.at, camera.along_range(), self.area[3], AIR)
+            parts += ground_parts(cuts, camera.at, camera.columns(), self.area[3], AIR)
         tethers = [self._tether_parts(i, place) for i, place in strobes]
         parts += [part for one in tethers for part in one]
         points_per_newton = 0.8 * stage.size / strongest_of(flight.arrows)

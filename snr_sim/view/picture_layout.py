@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -63,6 +63,12 @@ class Camera:
         """Return what the left and the right edge show."""
         half = (self.area[2] - self.area[0]) / 2 / self.scale
         return self.middle - half, self.middle + half
+
+    def columns(self) -> Floats:
+        """Return what is shown at each half point from left to right, and a little to both sides."""
+        low, high = self.along_range()
+        beyond = 2.0 / self.scale
+        return np.linspace(low - beyond, high + beyond, 5 + 2 * round(self.area[2] - self.area[0]))
 
     def z_range(self) -> tuple[float, float]:
         """Return the heights [m] that the lower and the upper edge show."""
@@ -142,14 +148,15 @@ class Labels:
         area: that labels stay within.
     """
 
-    def __init__(self, bodies: Iterable[ArrayLike], radius: float, area: Area) -> None:
+    def __init__(self, bodies: ArrayLike, radius: float, area: Area) -> None:
         self._taken: list[Area] = []
         self._area = area
         self.keep_free(bodies, radius)
 
-    def keep_free(self, points: Iterable[ArrayLike], radius: float) -> None:
+    def keep_free(self, points: ArrayLike, radius: float) -> None:
         """Take more that must not be hidden."""
-        self._taken += [(x - radius, y - radius, x + radius, y + radius) for x, y in map(tuple, points)]
+        places = np.asarray(points, float).reshape(-1, 2).tolist()
+        self._taken += [(x - radius, y - radius, x + radius, y + radius) for x, y in places]
 
     def place(self, candidates: Sequence[Point], width: float, height: float) -> Point | None:
         """Return the first candidate, the left middle of a label, that is free; None if none is."""

@@ -18,7 +18,6 @@ from snr_sim.view.picture_sheet import FAINT, PALE, Part, Rgb, Sheet, mixed
 
 SKY: Rgb = (9, 12, 24)
 FAR_M = 1e6
-OVERLAP = 0.5  # points by which the ground reaches under its next piece: else the sky shines through between them
 
 Cut: TypeAlias = tuple[Rgb, Floats]  # colour, and segments of shape (n, 2, 2): left and right end, x and z
 
@@ -41,7 +40,7 @@ def draw_scene(sheet: Sheet, header: Header, flight: Flight) -> None:
     cuts = ground_cuts(header.scene.get("statics", {}))
     if is_time:  # only the place at which it comes down
         cuts = [(rgb, _level(cut)) for rgb, cut in cuts]
-    parts += ground_parts(cuts, camera.at, camera.along_range(), camera.area[3], SKY)  # over flames, under feet
+    parts += ground_parts(cuts, camera.at, camera.columns(), camera.area[3], SKY)  # over flames, under feet
     for i, place in strobes:
         parts += body_parts(
             place, [(shape, poses[i]) for body, poses in flight.poses.items() for shape in bodies[body]]
@@ -55,77 +54,61 @@ def draw_scene(sheet: Sheet, header: Header, flight: Flight) -> None:
 
 
 def ground_cuts(statics: dict[str, Any]) -> list[Cut]:
-    """Return where the plane of motion cuts each static mesh, widest first.
-
-    The widest is the ground. It is drawn as far as anybody went, but it continues to both sides.
-    """
+    """Return where the plane of motion cuts each static mesh, widest first: that is the ground."""
     meshes = [shape for shape in statics.values() if shape.get("kind") == "mesh"]
     cuts = [(rgb_of(shape), cut_by_plane(shape)) for shape in meshes]
-    cuts = sorted((cut for cut in cuts if len(cut[1])), key=lambda cut: -float(np.ptp(cut[1][..., 0])))
-    if cuts:
-        rgb, line = cuts[0]
-        (_, first_z), (_, last_z) = line[0, 0], line[-1, 1]
-        west, east = [[-FAR_M, first_z], line[0, 0]], [line[-1, 1], [FAR_M, last_z]]
-        cuts[0] = rgb, np.concatenate([[west], line, [east]])
-    return cuts
+    return sorted((cut for cut in cuts if len(cut[1])), key=lambda cut: -float(np.ptp(cut[1][..., 0])))
 
 
 def cut_by_plane(shape: dict[str, Any]) -> Floats:
-    """Return the segments in which triangles meet the plane y = 0, from west to east, shape (n, 2, 2)."""
-    corners = points_of(shape)[np.array(shape["triangles"], int)]
+    """Return the segments in which triangles meet the plane y = 0, shape (n, 2, 2): west and east end, x and z."""
+    corners = points_of(shape)[np.array(shape["triangles"], int).reshape(-1, 3)]
     others = np.roll(corners, -1, axis=1)
     crossed = (corners[..., 1] < 0) != (others[..., 1] < 0)  # two edges of a triangle, or none
     a, b = corners[crossed], others[crossed]
-    ends = (a + (a[:, 1] / (a[:, 1] - b[:, 1]))[:, None] * (b - a))[:, [0, 2]]
-    return np.array(sorted(sorted(ends[i : i + 2].tolist()) for i in range(0, len(ends), 2))).reshape(-1, 2, 2)
+    ends = (a + (a[:, 1] / (a[:, 1] - b[:, 1]))[:, None] * (b - a))[:, [0, 2]].reshape(-1, 2, 2)
+    return np.take_along_axis(ends, ends[..., :1].argsort(axis=1), axis=1)
+
+
+def heights(cut: Floats, x: Floats) -> Floats:
+    """Return how high segments of shape (n, 2, 2) reach at each x, of the same shape; NaN where there are none.
+
+    >>> heights(np.array([[[0.0, 0.0], [4.0, 2.0]], [[4.0, 2.0], [9.0, 2.0]]]), np.array([-1.0, 2.0, 5.0]))
+    array([nan,  1.,  2.])
+    """
+    (x0, z0), (x1, z1) = cut.transpose(1, 2, 0)[..., None]
+    share = (x - x0) / np.maximum(x1 - x0, 1e-12)
+    found = np.where((x0 <= x) & (x <= x1), z0 + share * (z1 - z0), -np.inf).max(axis=0)
+    return np.where(np.isfinite(found), found, np.nan)
 
 
 def ground_parts(
-    cuts: Sequence[Cut],
-    at: Callable[[Any, Any], Floats],
-    across: tuple[float, float],
-    bottom: float,
-    sky: Rgb,
-    width: float = 1.6,
+    cuts: Sequence[Cut], at: Callable[[Floats, Floats], Floats], x: Floats, bottom: float, sky: Rgb, width: float = 1.6
 ) -> list[Part]:
     """Return the ground, filled down to the bottom, and lines where other meshes are cut.
 
     Args:
-        cuts: of the ground and of others.
+        cuts: of the ground, which continues to both sides of what was recorded of it, and of others.
         at: where places x and z [m] are on the sheet.
-        across: what the left and the right edge show [m].
+        x: where to look for the ground [m], from the left to the right edge.
         bottom: of the sheet.
         sky: its colour shines through the ground.
         width: of the ground's line; others are drawn twice as wide.
     """
     parts = []
     for i, (rgb, cut) in enumerate(cuts):
-        for (x0, z0), (x1, z1) in within(cut, *across):
-            start, end = at(x0, z0), at(x1, z1)
-            if i == 0:
-                right = end[0] + OVERLAP
-                corners = np.array([start, end, (right, end[1]), (right, bottom), (start[0], bottom)])
-                parts.append(Part(corners, mixed(sky, rgb, 0.55)))
-            parts.append(
-                Part(np.array([start, end]), mixed(rgb, (255, 255, 255), 0.15), width if i == 0 else 2.0 * width)
-            )
+        z = heights(cut, np.clip(x, cut[..., 0].min(), cut[..., 0].max()) if i == 0 else x)
+        line = at(x, z)[np.isfinite(z)]
+        if not len(line):
+            continue
+        if i == 0:
+            corners = [(line[-1, 0], bottom), (line[0, 0], bottom)]
+            parts.append(Part(np.concatenate([line, corners]), mixed(sky, rgb, 0.55)))
+        parts.append(Part(line, mixed(rgb, (255, 255, 255), 0.15), width if i == 0 else 2.0 * width))
     return parts
 
 
-def within(segments: Floats, low: float, high: float) -> Floats:
-    """Return the parts of segments, shape (n, 2, 2), that lie between two x.
-
-    >>> within(np.array([[[0.0, 0.0], [4.0, 2.0]], [[4.0, 2.0], [9.0, 2.0]]]), 2.0, 3.0).tolist()
-    [[[2.0, 1.0], [3.0, 1.5]]]
-    """
-    starts, ends = np.maximum(segments[:, 0, 0], low), np.minimum(segments[:, 1, 0], high)
-    seen = ends > starts
-    (x0, z0), (x1, z1) = segments[seen].transpose(1, 2, 0)
-    slopes = (z1 - z0) / (x1 - x0)
-    return np.stack([[x, z0 + slopes * (x - x0)] for x in (starts[seen], ends[seen])]).transpose(2, 0, 1)
-
-
 def _level(cut: Floats) -> Floats:
-    """Return level segments as high as a cut is at x = 0."""
-    z = cut[(cut[:, 0, 0] <= 0.0) & (cut[:, 1, 0] >= 0.0), 0, 1]
-    return np.stack([np.full((len(z), 2), [-FAR_M, FAR_M]), np.stack([z, z], axis=-1)], axis=-1)
+    """Return a level line as high as a cut is at x = 0; NaN if it does not reach there."""
+    z = heights(cut, np.zeros(1))[0]
+    return np.array([[[-FAR_M, z], [FAR_M, z]]])

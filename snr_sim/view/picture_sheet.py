@@ -35,7 +35,7 @@ BACKGROUND: Rgb = (20, 24, 36)
 EVENT: Rgb = (255, 200, 80)
 
 # How texts and axes look. What is not named here is as matplotlib has it by default, whatever the user's own style.
-STYLE = {
+STYLE: Any = {
     "font.family": "DejaVu Sans",  # comes with matplotlib, so a picture has the same letters everywhere
     "text.parse_math": False,  # a dollar sign in a name is a dollar sign
     "axes.spines.left": False,
@@ -81,7 +81,7 @@ class Sheet:
             raise MissingExtra("matplotlib", "view") from error
         self.width, self.height = width, height
         self.figure = Figure((width / 72, height / 72), 72 * PIXELS_PER_POINT, facecolor=color(background))
-        self._canvas = FigureCanvasAgg(self.figure)
+        self._canvas: Any = FigureCanvasAgg(self.figure)
         self._points = Affine2D().scale(PIXELS_PER_POINT, -PIXELS_PER_POINT).translate(0, PIXELS_PER_POINT * height)
 
     def paint(self, parts: Sequence[Part], axes: Axes | None = None) -> None:

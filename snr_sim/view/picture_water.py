@@ -93,7 +93,7 @@ def tether_part(
 def current_parts(sheet: Sheet, camera: Camera, arrow: Sequence[float] | None) -> list[Part]:
     """Return an arrow in a corner of the scene along which the water goes, and write how fast."""
     _, _, right, bottom = camera.area
-    flow = np.array([arrow[3], -arrow[5]]) / NEWTONS_PER_MPS if arrow else np.zeros(2)
+    flow = np.array([arrow[3], -arrow[5]]) / NEWTONS_PER_MPS if arrow is not None else np.zeros(2)
     speed = math.hypot(*flow)
     if speed < 0.005:
         return []
