@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from snr_sim.recording.columns import Floats
 from snr_sim.recording.scene import points_of
-from snr_sim.view.picture_sheet import FAINT, PALE, UNIT_ROOM, Area, Part, Point, Rgb, Sheet
+from snr_sim.view.picture_sheet import FAINT, PALE, Area, Part, Point, Rgb, Sheet
 
 WIDTH, HEIGHT = 900, 500
 SCENE: Area = (46.0, 62.0, 596.0, 474.0)
@@ -20,6 +20,7 @@ PLOTS: Area = (640.0, 62.0, 884.0, 474.0)
 PATH: Rgb = (110, 190, 250)
 STROBES_MAX = 9
 BODY_SHARE = 0.14  # of the scene's height: a body is drawn so large, or it would be a dot on its way
+UNIT_ROOM = 24.0  # to the right of the last number of an axis, for its unit
 GROUND_SHARE = 0.12  # so much of the scene lies below the lowest point of the way
 
 

@@ -25,7 +25,6 @@ Area: TypeAlias = tuple[float, float, float, float]  # left, top, right, bottom
 PIXELS_PER_POINT = 2  # sharp on a screen of twice the usual resolution
 COLORS_KEPT = 128  # a palette makes the file a quarter as large, and nobody sees it
 SEAM = 0.35  # width of the edge of a face: without one the background shines through between two smoothed faces
-UNIT_ROOM = 24.0  # to the right of the last number of an axis, for its unit
 
 INK: Rgb = (240, 242, 246)
 PALE: Rgb = (176, 184, 198)
@@ -102,23 +101,19 @@ class Sheet:
         )
         (axes or self.figure).add_artist(collection)
 
-    def axes(
-        self, area: Area, across: Point = (0.0, 1.0), up: Point = (0.0, 1.0), rgb: Rgb | None = None, **options: Any
-    ) -> Axes:
+    def axes(self, area: Area, across: Point = (0.0, 1.0), up: Point = (0.0, 1.0), rgb: Rgb | None = None) -> Axes:
         """Return axes without ticks.
 
         Args:
             area: of the sheet, without what is written beside it.
             across, up: values at left and right edge, and at lower and upper edge.
             rgb: colour behind it.
-            options: more that `Figure.add_axes` takes.
         """
         left, top, right, bottom = area
-        share = (left, self.height - bottom, right - left, bottom - top)
-        rect = (share[0] / self.width, share[1] / self.height, share[2] / self.width, share[3] / self.height)
-        axes = self.figure.add_axes(rect, xlim=across, ylim=up, facecolor="none" if rgb is None else color(rgb))
-        axes.set(xticks=[], yticks=[], **options)
-        return axes
+        wide, high = self.width, self.height
+        rect = (left / wide, 1.0 - bottom / high, (right - left) / wide, (bottom - top) / high)
+        face = "none" if rgb is None else color(rgb)
+        return self.figure.add_axes(rect, xlim=across, ylim=up, facecolor=face, xticks=[], yticks=[])
 
     def scale(
         self, axis: Axis, count: int, room_low: float = 0.0, room_high: float = 0.0, mark: Rgb | None = None
@@ -149,10 +144,10 @@ class Sheet:
             words: what.
             size: of the letters.
             rgb: of the letters.
-            anchor: which point of the text stands there: 'lt' left top, 'rm' right middle, 'mb' middle bottom.
+            anchor: which point of the text stands there: 'lt' left top, 'rm' right middle, ...
             options: more that `Figure.text` takes.
         """
-        ha, va = ALIGNED[anchor[0]], {"t": "top", "m": "center_baseline", "b": "bottom"}[anchor[1]]
+        ha, va = ALIGNED[anchor[0]], "top" if anchor[1] == "t" else "center_baseline"
         self.figure.text(*at, words, size=size, color=color(rgb), ha=ha, va=va, transform=self._points, **options)
 
     def text_width(self, words: str, size: float) -> float:
