@@ -163,6 +163,13 @@ def test_importing_the_kit_loads_neither_numpy_nor_anything_heavy(statement: str
 
 
 @pytest.mark.slow
+def test_only_drawing_loads_matplotlib() -> None:
+    drawing = "snr_sim.learning.rendering, snr_sim.view.picture, snr_sim.grading.batch.class_files"
+    loaded = {name.split(".")[0] for name in loaded_by(f"import snr_sim.learning, {drawing}")}
+    assert loaded & {"matplotlib", "PIL"} == set()
+
+
+@pytest.mark.slow
 def test_importing_the_kit_alone_loads_none_of_its_rooms() -> None:
     assert {name for name in loaded_by("import snr_sim") if name.startswith("snr_sim.")} == set()
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _EXTRAS = {
     "sim": ("pymunk", "gymnasium", "mujoco-core"),
-    "view": ("rerun-sdk", "pillow"),
+    "view": ("rerun-sdk", "matplotlib"),
     "hardware": ("pyserial", "smbus2", "numpy"),
 }
 _LOWEST_PYTHON = (3, 11)

@@ -73,9 +73,10 @@ def size_of(shapes: Iterable[dict[str, Any]]) -> float:
     return float(np.ptp(np.concatenate(points), axis=0).max()) or 1.0
 
 
-def rgb_of(shape: dict[str, Any]) -> list[int]:
-    """Returns the shape's colour; grey if it has none."""
-    return [int(part) for part in shape.get("rgb", (170, 170, 170))]
+def rgb_of(shape: dict[str, Any]) -> tuple[int, int, int]:
+    """Return the shape's colour; grey if it has none."""
+    red, green, blue = shape.get("rgb", (170, 170, 170))
+    return int(red), int(green), int(blue)
 
 
 def turned(pose: Any, points: Any) -> Points:

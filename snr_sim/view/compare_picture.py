@@ -11,8 +11,8 @@ from snr_sim.prelude.errors import UnknownName, nearest
 from snr_sim.recording.compare_runs import Compared, Comparison, channel_of
 from snr_sim.recording.compare_signals import TRUTH
 from snr_sim.recording.records import Header
-from snr_sim.view.picture_canvas import Canvas
-from snr_sim.view.picture_plots import BACKGROUND, COLORS, INK, PALE, Plot, draw_plots
+from snr_sim.view.picture_plots import COLORS, Plot, draw_plots
+from snr_sim.view.picture_sheet import INK, PALE, Sheet, picture
 from snr_sim.view.view_blueprint import name_and_unit
 
 WIDTH, HEIGHT = 900, 560
@@ -23,7 +23,7 @@ DIFFERENCE_COLOR = 2
 
 
 def shown(comparison: Comparison, names: Sequence[str] = ()) -> list[Compared]:
-    """Returns the signals to draw: those asked for, or of each page the one that tells most, commands first.
+    """Return the signals to draw: those asked for, or of each page the one that tells most, commands first.
 
     Raises:
         UnknownName: a signal that is asked for is not there.
@@ -41,7 +41,7 @@ def shown(comparison: Comparison, names: Sequence[str] = ()) -> list[Compared]:
 
 
 def _asked(name: str, by_name: Mapping[str, Compared]) -> Compared:
-    """Returns the signal of a name; with an index in brackets, that channel of it alone."""
+    """Return the signal of a name; with an index in brackets, that channel of it alone."""
     whole, _, index = name.removesuffix("]").partition("[")
     one = by_name.get(whole)
     if one is None:
@@ -55,7 +55,7 @@ def _asked(name: str, by_name: Mapping[str, Compared]) -> Compared:
 
 
 def draw_comparison(comparison: Comparison, header: Header, path: str | Path, names: Sequence[str] = ()) -> None:
-    """Draws two runs as a PNG of 1800 x 1120 pixels.
+    """Draw two runs as a PNG of 1800 x 1120 pixels.
 
     Args:
         comparison: what to draw.
@@ -64,31 +64,30 @@ def draw_comparison(comparison: Comparison, header: Header, path: str | Path, na
         names: signals to draw, four at most look well; if none, those that tell most.
 
     Raises:
-        MissingExtra: Pillow is not installed.
+        MissingExtra: matplotlib is not installed.
         UnknownName: a signal that is asked for is not there.
     """
     chosen = shown(comparison, names)
-    canvas = Canvas(WIDTH, HEIGHT, BACKGROUND)
-    _draw_title(canvas, comparison, header)
     columns = [chosen] if len(chosen) < 2 else [chosen[0::2], chosen[1::2]]
     width = (RIGHT - LEFT - BETWEEN * (len(columns) - 1)) / len(columns)
-    for place, column in enumerate(columns):
-        left = LEFT + place * (width + BETWEEN)
-        plots = [plot for one in column for plot in _plots(one)]
-        begin_s = min(float(times_s[0]) for plot in plots for _, times_s, _ in plot.lines)
-        draw_plots(canvas, (left, TOP, left + width, BOTTOM), plots, (), begin_s=max(0.0, begin_s))
-    canvas.save(path)
+    with picture(path, WIDTH, HEIGHT) as sheet:
+        _draw_title(sheet, comparison, header)
+        for place, column in enumerate(columns):
+            left = LEFT + place * (width + BETWEEN)
+            plots = [plot for one in column for plot in _plots(one)]
+            begin_s = min(float(times_s[0]) for plot in plots for _, times_s, _ in plot.lines)
+            draw_plots(sheet, (left, TOP, left + width, BOTTOM), plots, (), begin_s=max(0.0, begin_s))
 
 
-def _draw_title(canvas: Canvas, comparison: Comparison, header: Header) -> None:
-    canvas.text((LEFT, 10), header.scenario or header.robot, 19.0, INK)
+def _draw_title(sheet: Sheet, comparison: Comparison, header: Header) -> None:
+    sheet.text((LEFT, 10), header.scenario or header.robot, 17.0, INK)
     x = LEFT
     for place, label in enumerate(comparison.labels):
-        canvas.text((x, 38), label, 13.0, COLORS[place])
-        x += canvas.text_width(label, 13.0) + 14
-    canvas.text((x, 38), f"{comparison.labels[1]} less {comparison.labels[0]}", 13.0, COLORS[DIFFERENCE_COLOR])
+        sheet.text((x, 38), label, 12.0, COLORS[place])
+        x += sheet.text_width(label, 12.0) + 14
+    sheet.text((x, 38), f"{comparison.labels[1]} less {comparison.labels[0]}", 12.0, COLORS[DIFFERENCE_COLOR])
     said = f"seed {header.seed}, controller '{header.controller}', pages of {comparison.node}"
-    canvas.text((RIGHT, 14), said, 12.5, PALE, "ra")
+    sheet.text((RIGHT, 14), said, 11.0, PALE, "rt")
 
 
 def _plots(one: Compared) -> list[Plot]:
@@ -97,7 +96,7 @@ def _plots(one: Compared) -> list[Plot]:
     if len(path) > 1 and path[1].startswith(path[0]):  # depth.depth_m
         path = path[1:]
     words, unit = name_and_unit(path)
-    told = f"{words} [{unit.replace('µ', 'u')}]" if unit else words  # Pillow's own font has no such letter
+    told = f"{words} [{unit}]" if unit else words
     values = one.first.values[:, channel], one.second.values[:, channel]
     curves = [(told, one.first.times_s, values[0]), ("", one.second.times_s, values[1])]
     size = f"rms {one.rms:.3g}, largest {one.largest:.3g}"
@@ -113,7 +112,7 @@ def _plots(one: Compared) -> list[Plot]:
 
 
 def _channel(one: Compared) -> tuple[int, tuple[str, ...]]:
-    """Returns which number of a list tells most, and what to call it: by its index."""
+    """Return which number of a list tells most, and what to call it: by its index."""
     if one.channel is not None:
         return 0, (str(one.channel),)
     if one.difference.shape[1] == 1:

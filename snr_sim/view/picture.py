@@ -6,10 +6,10 @@ Everything comes from the header's scene and the true states of the trace, so an
 
     picture_flight.py    what is shown          picture_moments.py      what happened, in words
     picture_layout.py    where it lies on the sheet
-    picture_scene.py     a flight, put together from picture_world.py and picture_bodies.py
-    picture_dive.py      a dive, from these and picture_water.py
+    picture_scene.py     a flight               picture_bodies.py       bodies and flames
+    picture_dive.py      a dive                 picture_water.py        what it swims in
     picture_plots.py     the plots beside it    picture_dive_plots.py   which ones a dive has
-    picture_canvas.py    the sheet
+    picture_sheet.py     the sheet: matplotlib
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from typing import TypeAlias
 
 from snr_sim.recording.columns import Batch, Series
 from snr_sim.recording.records import EndRecord, Header, Record
-from snr_sim.view.picture_canvas import Canvas, Rgb
 from snr_sim.view.picture_dive import draw_dive
 from snr_sim.view.picture_dive_plots import dive_plots
 from snr_sim.view.picture_flight import Flight, flight_of, is_in_water, is_planar
 from snr_sim.view.picture_layout import HEIGHT, PLOTS, SCENE, WIDTH
 from snr_sim.view.picture_moments import moments_of_run
-from snr_sim.view.picture_plots import BACKGROUND, INK, PALE, Plot, draw_plots
+from snr_sim.view.picture_plots import Plot, draw_plots
 from snr_sim.view.picture_scene import draw_scene
+from snr_sim.view.picture_sheet import INK, PALE, Rgb, Sheet, picture
 from snr_sim.view.view_blueprint import Line, name_and_unit, plots
 
 PLOTTED_UNITS = ("m", "m/s", "", "kg")  # what a newcomer understands; the view has the rest
@@ -50,7 +50,7 @@ def draw_run(
     measured: Measured | None = None,
     why: str = "",
 ) -> None:
-    """Draws a run as a PNG of 1800 x 1000 pixels.
+    """Draw a run as a PNG of 1800 x 1000 pixels.
 
     Args:
         header: of the trace.
@@ -63,50 +63,52 @@ def draw_run(
         why: what the scenario had to say of it; told of a dive in the place of what it measured.
 
     Raises:
-        MissingExtra: Pillow is not installed.
+        MissingExtra: matplotlib is not installed.
         TraceError: the trace has no true states, as one from a real robot.
     """
     batch, kept = Batch(), list(records)
     batch.extend(kept)
     reason = next((record.reason for record in reversed(kept) if isinstance(record, EndRecord)), "")
     flight = flight_of(header, batch)
-    canvas = Canvas(WIDTH, HEIGHT, BACKGROUND)
-    if is_in_water(header):
-        moments = moments_of_run(flight, header.scene["statics"], batch)
-        draw_dive(canvas, header, flight, moments)
-        times_s = [moment.time_s for moment in moments]
-        draw_plots(canvas, PLOTS, dive_plots(flight, batch, is_planar(header)), times_s, are_numbered=True)
-        told = why or _told_of_dive(measured or {})
-    else:
-        draw_scene(canvas, header, flight)
-        draw_plots(canvas, PLOTS, _plots(batch), [] if flight.touchdown_s is None else [flight.touchdown_s])
-        told = _told_of_flight(flight, touchdown)
-    _draw_title(canvas, header, f"{outcome or reason}, {flight.times_s[-1]:.1f} s".lstrip(", "), success)
-    canvas.text((PLOTS[2], 35), canvas.cut(told, 11.5, PLOTS[2] - SCENE[0]), 11.5, PALE, "ra")
-    canvas.save(path)
+    with picture(path, WIDTH, HEIGHT) as sheet:
+        if is_in_water(header):
+            moments = moments_of_run(flight, header.scene["statics"], batch)
+            draw_dive(sheet, header, flight, moments)
+            times_s = [moment.time_s for moment in moments]
+            draw_plots(sheet, PLOTS, dive_plots(flight, batch, is_planar(header)), times_s, are_numbered=True)
+            told = why or _told_of_dive(measured or {})
+        else:
+            draw_scene(sheet, header, flight)
+            draw_plots(sheet, PLOTS, _plots(batch), [] if flight.touchdown_s is None else [flight.touchdown_s])
+            told = _told_of_flight(flight, touchdown)
+        _draw_title(sheet, header, f"{outcome or reason}, {flight.times_s[-1]:.1f} s".lstrip(", "), success)
+        sheet.text((PLOTS[2], 37), sheet.cut(told, 10.5, PLOTS[2] - SCENE[0]), 10.5, PALE, "rt")
 
 
 def _plots(batch: Batch) -> list[Plot]:
-    """Returns a plot for each unit that a newcomer understands, out of the true numbers."""
+    """Return a plot for each unit that a newcomer understands, out of the true numbers."""
     series: dict[str, Series] = {one.path[-1]: one for one in batch.truth_values() if one.values.any()}
     lines = [Line(key, *name_and_unit((key,)), is_truth=True) for key in series]
-    chosen = {title: group for title, group in plots(lines).items() if group[0].unit in PLOTTED_UNITS}
     return [
-        Plot(title, [(line.name, series[line.entity].when.t_s, series[line.entity].values) for line in group])
-        for title, group in chosen.items()
+        Plot(
+            f"[{group[0].unit}]" if group[0].unit else "",
+            [(line.name, series[line.entity].when.t_s, series[line.entity].values) for line in group],
+        )
+        for group in plots(lines).values()
+        if group[0].unit in PLOTTED_UNITS
     ]
 
 
-def _draw_title(canvas: Canvas, header: Header, ended: str, success: bool | None) -> None:
+def _draw_title(sheet: Sheet, header: Header, ended: str, success: bool | None) -> None:
     left, right = 14.0, PLOTS[2]
-    canvas.text((left, 10), header.scenario, 19.0, INK)
-    beside = left + canvas.text_width(header.scenario, 19.0) + 12
-    canvas.text((beside, 16), f"seed {header.seed}, controller '{header.controller}'", 12.5, PALE)
-    canvas.text((right, 12), ended, 15.0, {None: INK, True: MET, False: NOT_MET}[success], "ra")
+    sheet.text((left, 13), header.scenario, 17.0, INK)
+    beside = left + sheet.text_width(header.scenario, 17.0) + 12
+    sheet.text((beside, 18), f"seed {header.seed}, controller '{header.controller}'", 11.0, PALE)
+    sheet.text((right, 14), ended, 14.0, {None: INK, True: MET, False: NOT_MET}[success], "rt")
 
 
 def _told_of_flight(flight: Flight, touchdown: Numbers | None) -> str:
-    """Returns what is worth a line: how it touched down, and what it burned."""
+    """Return what is worth a line: how it touched down, and what it burned."""
     told = []
     first, last = flight.values[0], flight.values[-1]
     if touchdown:
@@ -119,7 +121,7 @@ def _told_of_flight(flight: Flight, touchdown: Numbers | None) -> str:
 
 
 def _told_of_dive(measured: Measured) -> str:
-    """Returns what the scenario measured, as far as it has a unit and the line has room."""
+    """Return what the scenario measured, as far as it has a unit and the line has room."""
     told = []
     for key, value in measured.items():
         name, unit = name_and_unit((key,))

@@ -16,16 +16,16 @@ DEPTH_M, ANGLE_DEG, SPEED_MPS, PLACE_M = 0.5, 10.0, 0.1, 0.5  # spans that noise
 
 
 def dive_plots(flight: Flight, batch: Batch, is_planar: bool = False) -> list[Plot]:
-    """Returns depth, heading, speeds, and what else the dive is about; of one in its plane, pitch and no heading."""
+    """Return depth, heading, speeds, and what else the dive is about; of one in its plane, pitch and no heading."""
     values, times_s = flight.values, flight.times_s
     truth = {name: np.array([one.get(name, np.nan) for one in values], float) for name in values[0]}
     main = next(iter(flight.poses.values()))
     told = [one for node, one in batch.page_values() if not batch.is_copy(node, one.path[0])]
     ways = ("surge", "heave") if is_planar else ("surge", "sway", "heave")
     plots = [
-        Plot("depth [m]", [("depth", times_s, -main[:, 2]), *_wanted(told, "depth_m")], DEPTH_M, is_down=True),
+        Plot("[m]", [("depth", times_s, -main[:, 2]), *_wanted(told, "depth_m")], DEPTH_M, is_down=True),
         _pitch(truth, times_s) if is_planar else _heading(truth, times_s, told),
-        Plot("speed [m/s]", [(way, times_s, truth[f"{way}_mps"]) for way in ways if f"{way}_mps" in truth], SPEED_MPS),
+        Plot("[m/s]", [(way, times_s, truth[f"{way}_mps"]) for way in ways if f"{way}_mps" in truth], SPEED_MPS),
         _special(flight, truth, (main - main[0])[:, : 1 if is_planar else 2]),
     ]
     return [plot for plot in plots if plot.lines]
@@ -37,29 +37,29 @@ def _heading(truth: dict[str, Floats], times_s: Floats, told: list[Series]) -> P
         (name, when_s, np.degrees(_beside(angles, np.interp(when_s, times_s, heading))))
         for name, when_s, angles in _wanted(told, "heading_rad")
     ]
-    return Plot("heading [°]", [("heading", times_s, np.degrees(heading)), *wanted], ANGLE_DEG)
+    return Plot("[°]", [("heading", times_s, np.degrees(heading)), *wanted], ANGLE_DEG)
 
 
 def _pitch(truth: dict[str, Floats], times_s: Floats) -> Plot:
     lines = [("pitch", times_s, np.degrees(np.unwrap(truth["pitch_rad"])))] if "pitch_rad" in truth else []
-    return Plot("pitch [°]", lines, ANGLE_DEG)
+    return Plot("[°]", lines, ANGLE_DEG)
 
 
 def _special(flight: Flight, truth: dict[str, Floats], gone: Floats) -> Plot:
-    """Returns what only this dive is about; if there is nothing, how far it went."""
+    """Return what only this dive is about; if there is nothing, how far it went."""
     times_s = flight.times_s
     if "water_l" in truth:
-        return Plot("water in the hull [l]", [("water in the hull", times_s, truth["water_l"])], PLACE_M)
+        return Plot("[l]", [("water in the hull", times_s, truth["water_l"])], PLACE_M)
     names = broken(flight.values[-1])
     if names:
         pushes = [(f"push of {name}", times_s, _mean_push(flight, [name], True)) for name in names]
-        return Plot("push [N]", [*pushes, ("mean of the others", times_s, _mean_push(flight, names, False))], 1.0)
+        return Plot("[N]", [*pushes, ("mean of the others", times_s, _mean_push(flight, names, False))], 1.0)
     ways = zip(("to the east", "to the north"), gone.T, strict=False)
     return Plot("[m]", [(name, times_s, way) for name, way in ways], PLACE_M)
 
 
 def _mean_push(flight: Flight, names: list[str], are_meant: bool) -> Floats:
-    """Returns the mean size [N] of the pushes that have these names, or of all that have not."""
+    """Return the mean size [N] of the pushes that have these names, or of all that have not."""
     means = []
     for arrows in flight.arrows:
         chosen = [name for name in arrows if name not in NO_PUSH and (name in names) == are_meant]
@@ -68,7 +68,7 @@ def _mean_push(flight: Flight, names: list[str], are_meant: bool) -> Floats:
 
 
 def _wanted(told: list[Series], name: str) -> list[tuple[str, Floats, Floats]]:
-    """Returns the line of what was wanted, with a hole where nothing was."""
+    """Return the line of what was wanted, with a hole where nothing was."""
     for key in WANTED:
         for series in told:
             if series.path == (key, name):
@@ -79,7 +79,7 @@ def _wanted(told: list[Series], name: str) -> list[tuple[str, Floats, Floats]]:
 
 
 def _beside(angles: Floats, others: Floats) -> Floats:
-    """Returns angles [rad] with as many whole turns as bring them beside others."""
+    """Return angles [rad] with as many whole turns as bring them beside others."""
     turns = np.round((others - angles) / (2.0 * np.pi))
     beside: Floats = angles + 2.0 * np.pi * turns
     return beside

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,6 +13,7 @@ from snr_sim.prelude.errors import TraceError
 from snr_sim.recording.columns import Batch, Floats
 from snr_sim.recording.records import Header, TruthRecord
 
+NEWTONS_PER_MPS = 40.0  # the arrow "current" of a plant is so long for 1 m/s
 TURN_RAD, FLAT, FLAT_M = math.radians(45.0), 4.0, 0.05  # see `wants_map`
 
 
@@ -57,38 +57,35 @@ def wants_map(poses: Floats) -> bool:
 
 
 def from_above(header: Header, flight: Flight) -> tuple[Header, Flight]:
-    """Returns the world laid on its back: north is up, up is towards who looks, and below is behind."""
+    """Return the world laid on its back: north is up, up is towards the viewer, and meshes are left out."""
 
-    def point(at: Sequence[float]) -> list[float]:
-        return [at[0], -at[2], at[1]]
+    def laid(points: Any) -> Floats:
+        return np.asarray(points, float).reshape(-1, 3)[:, [0, 2, 1]] * (1.0, -1.0, 1.0)
 
-    def laid(shape: dict[str, Any]) -> dict[str, Any]:
-        return {**shape, "points_m": [point(at) for at in shape["points_m"]]}
+    def laid_poses(rows: Floats) -> Floats:
+        x, y, z, w = rows[:, 3:].T
+        turned = math.sqrt(0.5) * np.stack([x + w, y - z, z + y, w - x], axis=1)  # a quarter turn about x
+        return np.concatenate([laid(rows[:, :3]), turned], axis=1)
 
-    half = math.sqrt(0.5)  # a quarter turn about x
-
-    def pose(at: Any) -> list[float]:
-        x, y, z, w = at[3:]
-        return [*point(at[:3]), half * (x + w), half * (y - z), half * (z + y), half * (w - x)]
-
-    statics = header.scene["statics"].items()
+    shapes, tethers = header.scene["statics"].items(), header.scene.get("tethers", {}).items()
     scene = {
-        "statics": {name: laid(shape) for name, shape in statics if shape.get("kind") == "polyline"},
-        "bodies": header.scene["bodies"],
+        **header.scene,
+        "statics": {
+            name: {**shape, "points_m": laid(shape["points_m"])}
+            for name, shape in shapes
+            if shape.get("kind") == "polyline"
+        },
+        "tethers": {name: {**tether, "anchor_m": laid(tether["anchor_m"])[0]} for name, tether in tethers},
     }
-    tethers = header.scene.get("tethers", {}).items()
-    scene["tethers"] = {name: {**tether, "anchor_m": point(tether["anchor_m"])} for name, tether in tethers}
     return msgspec.structs.replace(header, scene=scene), replace(
         flight,
-        poses={body: np.array([pose(at) for at in rows]) for body, rows in flight.poses.items()},
-        arrows=[
-            {name: [*point(arrow[:3]), *point(arrow[3:])] for name, arrow in arrows.items()} for arrows in flight.arrows
-        ],
+        poses={body: laid_poses(rows) for body, rows in flight.poses.items()},
+        arrows=[{name: laid(arrow).ravel().tolist() for name, arrow in one.items()} for one in flight.arrows],
     )
 
 
 def flight_of(header: Header, batch: Batch) -> Flight:
-    """Returns the way of the bodies that all true states have.
+    """Return the way of the bodies that all true states have.
 
     Raises:
         TraceError: there is no such body.
@@ -112,7 +109,7 @@ def flight_of(header: Header, batch: Batch) -> Flight:
 
 
 def _touchdown_s(batch: Batch) -> float | None:
-    """Returns when a page said 'contact', or, without such a page, when the altitude was first zero."""
+    """Return when a page said 'contact', or, without such a page, when the altitude was first zero."""
     for _, series in batch.page_values():
         if "contact" in series.path and series.values.any():
             return float(series.when.t_s[np.argmax(series.values > 0)])

@@ -1,24 +1,26 @@
-"""Where things come to lie on a picture's sheet: metres to points, which moments are drawn, and what is cut off."""
+"""Where things come to lie on a picture's sheet: metres to points, which moments are drawn, and where labels fit."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from snr_sim.recording.columns import Floats
 from snr_sim.recording.scene import points_of
-from snr_sim.view.picture_canvas import Point
-
-Area: TypeAlias = tuple[float, float, float, float]  # left, top, right, bottom
+from snr_sim.view.picture_sheet import FAINT, PALE, Area, Part, Point, Rgb, Sheet
 
 WIDTH, HEIGHT = 900, 500
 SCENE: Area = (46.0, 62.0, 596.0, 474.0)
 PLOTS: Area = (640.0, 62.0, 884.0, 474.0)
+PATH: Rgb = (110, 190, 250)
 STROBES_MAX = 9
 BODY_SHARE = 0.14  # of the scene's height: a body is drawn so large, or it would be a dot on its way
+UNIT_ROOM = 24.0  # to the right of the last number of an axis, for its unit
 GROUND_SHARE = 0.12  # so much of the scene lies below the lowest point of the way
 
 
@@ -33,77 +35,69 @@ class Camera:
     """
 
     def __init__(self, along: Floats, heights: Floats, body_m: float, is_time: bool, area: Area = SCENE) -> None:
-        self.area = area
+        self.area, self.unit = area, "s" if is_time else "m"
         left, top, right, bottom = area
         width, height = right - left, bottom - top
         margin = 1.3 * BODY_SHARE
-        spread_z = max(float(np.ptp(heights)), body_m / BODY_SHARE * 0.5)
-        self.z_scale = height * (1.0 - margin - GROUND_SHARE) / spread_z
+        spread_along = max(float(np.ptp(along)), 1e-9)
+        self.z_scale = height * (1.0 - margin - GROUND_SHARE) / max(float(np.ptp(heights)), body_m / BODY_SHARE * 0.5)
         if is_time:
-            self.scale = width * (1.0 - 1.15 * margin) / max(float(np.ptp(along)), 1e-9)
+            self.scale = width * (1.0 - 1.15 * margin) / spread_along
         else:
-            self.z_scale = self.scale = min(
-                self.z_scale, width * (1.0 - 1.6 * margin) / max(float(np.ptp(along)), 1e-9)
-            )
+            self.z_scale = self.scale = min(self.z_scale, width * (1.0 - 1.6 * margin) / spread_along)
         room_m = 0.15 * margin * width / self.scale  # on the right, for the time beside the last body
         self.middle = float(along.min() + along.max()) / 2 + room_m
         self.low_z = float(heights.min()) - GROUND_SHARE * height / self.z_scale
 
     def center(self, heights: Floats) -> None:
-        """Puts the middle of some heights into the middle of the area."""
+        """Put the middle of some heights into the middle of the area."""
         half = 0.5 * (self.area[3] - self.area[1]) / self.z_scale
         self.low_z = float(heights.min() + heights.max()) / 2 - half
 
-    def at(self, along: float, z: float) -> Point:
-        """Returns where a place is on the sheet."""
+    def at(self, along: ArrayLike, z: ArrayLike) -> Floats:
+        """Return where places are on the sheet, shape (..., 2)."""
         left, _, right, bottom = self.area
-        return (left + right) / 2 + (along - self.middle) * self.scale, bottom - (z - self.low_z) * self.z_scale
+        x = (left + right) / 2 + (np.asarray(along) - self.middle) * self.scale
+        return np.stack(np.broadcast_arrays(x, bottom - (np.asarray(z) - self.low_z) * self.z_scale), axis=-1)
 
     def along_range(self) -> tuple[float, float]:
-        """Returns what the left and the right edge show."""
+        """Return what the left and the right edge show."""
         half = (self.area[2] - self.area[0]) / 2 / self.scale
         return self.middle - half, self.middle + half
 
+    def columns(self) -> Floats:
+        """Return what is shown at each half point from left to right, and a little to both sides."""
+        low, high = self.along_range()
+        beyond = 2.0 / self.scale
+        return np.linspace(low - beyond, high + beyond, 5 + 2 * round(self.area[2] - self.area[0]))
+
     def z_range(self) -> tuple[float, float]:
-        """Returns the heights [m] that the lower and the upper edge show."""
+        """Return the heights [m] that the lower and the upper edge show."""
         return self.low_z, self.low_z + (self.area[3] - self.area[1]) / self.z_scale
 
-    def clipped(self, start: Point, end: Point) -> tuple[Point, Point] | None:
-        """Returns the part of a segment on the sheet that lies within the area; None if none does.
-
-        >>> camera = Camera(np.zeros(1), np.zeros(1), 1.0, False)
-        >>> camera.clipped((0.0, 100.0), (1000.0, 100.0)) == ((SCENE[0], 100.0), (SCENE[2], 100.0))
-        True
-        >>> camera.clipped((0.0, 0.0), (1000.0, 0.0)) is None
-        True
-        """
+    def draw(self, sheet: Sheet, parts: Sequence[Part], background: Rgb) -> None:
+        """Draw parts as far as they lie in the area, and what its edges measure."""
         left, top, right, bottom = self.area
-        (x, y), (dx, dy) = start, (end[0] - start[0], end[1] - start[1])
-        enters, leaves = 0.0, 1.0
-        for way, room_before, room_after in ((dx, left - x, right - x), (dy, top - y, bottom - y)):
-            if way == 0.0:
-                if room_before > 0.0 or room_after < 0.0:
-                    return None
-                continue
-            first, last = sorted((room_before / way, room_after / way))
-            enters, leaves = max(enters, first), min(leaves, last)
-        if enters >= leaves:
-            return None
-        return (x + enters * dx, y + enters * dy), (x + leaves * dx, y + leaves * dy)
+        axes = sheet.axes(self.area, self.along_range(), self.z_range(), background)
+        sheet.paint(parts, axes)
+        sheet.scale(axes.xaxis, 9, 4.0 / self.scale, UNIT_ROOM / self.scale, FAINT)
+        sheet.scale(axes.yaxis, max(3, round((bottom - top) / 65.0)), 2.0 / self.z_scale, 9.0 / self.z_scale, FAINT)
+        sheet.text((left - 7, top - 2), "m", 9.0, PALE, "rm")
+        sheet.text((right - 2, bottom + 7), self.unit, 9.0, PALE, "rt")
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where a body is drawn: its feet stand at a point of the sheet, and it may be larger than life."""
+    """Where a body is drawn: its feet are at a point of the sheet, and it may be larger than life."""
 
-    feet_on_sheet: Point
-    feet_m: Any
+    feet_on_sheet: Floats
+    feet_m: Floats
     scale: float
 
-    def at(self, point: Any) -> Point:
-        """Returns where a point [m] of the body, world frame, is on the sheet."""
-        x, y = self.feet_on_sheet
-        return x + (point[0] - self.feet_m[0]) * self.scale, y - (point[2] - self.feet_m[2]) * self.scale
+    def at(self, points: Floats) -> Floats:
+        """Return where points [m] of the body, world frame, are on the sheet: shape (..., 3) to (..., 2)."""
+        from_feet = points - self.feet_m
+        return self.feet_on_sheet + self.scale * np.stack([from_feet[..., 0], -from_feet[..., 2]], axis=-1)
 
 
 class Stage:
@@ -116,7 +110,7 @@ class Stage:
         enlarged_most: how much larger than life it may be drawn.
 
     Attributes:
-        way: on the sheet.
+        way: on the sheet, shape (n, 2).
         enlarged: how much larger than life the body is drawn.
         size: of the body on the sheet.
         moments: indices of the times at which it is drawn.
@@ -124,27 +118,22 @@ class Stage:
     """
 
     def __init__(self, camera: Camera, along: Floats, feet: Floats, size_m: float, enlarged_most: float) -> None:
-        self.camera = camera
-        self.way = [camera.at(a, z) for a, z in zip(along, feet[:, 2], strict=True)]
+        self.way = camera.at(along, feet[:, 2])
         _, top, _, bottom = camera.area
         self.enlarged = min(enlarged_most, max(1.0, BODY_SHARE * (bottom - top) / (size_m * camera.z_scale)))
         self.size = size_m * camera.z_scale * self.enlarged
-        self.moments = moments_of(np.array(self.way), 1.25 * self.size)
+        self.moments = moments_of(self.way, 1.25 * self.size)
         self.places = [Place(self.way[i], feet[i], camera.z_scale * self.enlarged) for i in self.moments]
-
-    def thinned(self) -> list[Point]:
-        """Returns the way with as many points as can be told apart."""
-        return self.way[:: max(1, len(self.way) // 800)] + self.way[-1:]
 
 
 def feet_and_size(bodies: dict[str, list[dict[str, Any]]]) -> tuple[float, float]:
-    """Returns the lowest point [m] of all bodies in their frame, and their height or width, whichever is more."""
+    """Return the lowest point [m] of all bodies in their frame, and their height or width, whichever is more."""
     points = np.concatenate([points_of(shape) for shapes in bodies.values() for shape in shapes])
     return float(points[:, 2].min()), float(max(np.ptp(points[:, 0]), np.ptp(points[:, 2])))
 
 
 def moments_of(way: Floats, apart: float) -> list[int]:
-    """Returns indices of moments, first and last among them, evenly along the way and at least `apart` points."""
+    """Return indices of moments, first and last among them, evenly along the way and at least `apart` points."""
     steps = np.hypot(*np.diff(way, axis=0).T)
     gone = np.concatenate(([0.0], np.cumsum(steps)))
     count = int(min(STROBES_MAX, max(2, gone[-1] // apart + 1)))
@@ -160,17 +149,18 @@ class Labels:
         area: that labels stay within.
     """
 
-    def __init__(self, bodies: Sequence[Point], radius: float, area: Area) -> None:
+    def __init__(self, bodies: ArrayLike, radius: float, area: Area) -> None:
         self._taken: list[Area] = []
         self._area = area
         self.keep_free(bodies, radius)
 
-    def keep_free(self, points: Sequence[Point], radius: float) -> None:
-        """Takes more that must not be hidden."""
-        self._taken += [(x - radius, y - radius, x + radius, y + radius) for x, y in points]
+    def keep_free(self, points: ArrayLike, radius: float) -> None:
+        """Take more that must not be hidden."""
+        places = np.asarray(points, float).reshape(-1, 2).tolist()
+        self._taken += [(x - radius, y - radius, x + radius, y + radius) for x, y in places]
 
     def place(self, candidates: Sequence[Point], width: float, height: float) -> Point | None:
-        """Returns the first candidate, the left middle of a label, that is free; None if none is."""
+        """Return the first candidate, the left middle of a label, that is free; None if none is."""
         left, top, right, bottom = self._area
         for x, y in candidates:
             box = (x, y - 0.5 * height, x + width, y + 0.5 * height)
@@ -179,6 +169,28 @@ class Labels:
                 self._taken.append(box)
                 return x, y
         return None
+
+    def write(
+        self, sheet: Sheet, words: str, size: float, rgb: Rgb, candidates: Sequence[tuple[float, float, float]]
+    ) -> None:
+        """Write a label at the first candidate that is free, if one is.
+
+        Args:
+            sheet: to write on.
+            words: of the label.
+            size: of the letters.
+            rgb: of the letters.
+            candidates: x, y, and which part of the width lies to the left of x: 0 nothing, 1 all of it.
+        """
+        width = sheet.text_width(words, size)
+        place = self.place([(x - part * width, y) for x, y, part in candidates], width, 11.0)
+        if place is not None:
+            sheet.text(place, words, size, rgb, "lm")
+
+
+def spread(points: Floats) -> Floats:
+    """Return points along a line, near enough to each other that no label fits in between."""
+    return np.concatenate([np.linspace(a, b, 2 + int(np.hypot(*(b - a)) / 6.0)) for a, b in pairwise(points)])
 
 
 def _overlap(one: Area, other: Area) -> bool:

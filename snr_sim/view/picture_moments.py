@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from snr_sim.recording.columns import BROKEN, Batch
-from snr_sim.view.picture_flight import Flight
-from snr_sim.view.picture_water import NEWTONS_PER_MPS
+from snr_sim.view.picture_flight import NEWTONS_PER_MPS, Flight
 
 STATES = ("rules",)  # a field of such a name says in a word what a robot is doing
 FLAGS = {"is_low": "battery low"}  # and one of such a name, by yes, what has come over it
@@ -31,7 +30,7 @@ class Moment(NamedTuple):
 
 
 def moments_of_run(flight: Flight, statics: Mapping[str, Any], batch: Batch) -> list[Moment]:
-    """Returns what happened, in order; the first few, if it was a lot."""
+    """Return what happened, in order; the first few, if it was a lot."""
     gates = [shape for shape in statics.values() if is_gate(shape)]
     by_plant = [*_in_truth(flight), *_of_current(flight), *_through(gates, flight)]
     found = [*by_plant, *_of_links(batch), *_of_flags(batch), *_of_states(batch)]
@@ -39,7 +38,7 @@ def moments_of_run(flight: Flight, statics: Mapping[str, Any], batch: Batch) -> 
 
 
 def broken(values: dict[str, float]) -> list[str]:
-    """Returns the names of what is broken, by the true numbers of a moment."""
+    """Return the names of what is broken, by the true numbers of a moment."""
     return [name.removeprefix(BROKEN) for name, value in values.items() if name.startswith(BROKEN) and value]
 
 
@@ -49,7 +48,7 @@ def is_gate(shape: Mapping[str, Any]) -> bool:
 
 
 def _through(gates: Sequence[Mapping[str, Any]], flight: Flight) -> Iterator[Moment]:
-    """Finds when the first body went through a gate, from either side."""
+    """Find when the first body went through a gate, from either side."""
     way = next(iter(flight.poses.values()))[:, :3]
     for gate in gates:
         a, b, c = (np.array(corner) for corner in gate["points_m"][:3])
@@ -114,7 +113,7 @@ def _of_flags(batch: Batch) -> Iterator[Moment]:
 
 
 def _steps(times_s: Sequence[float], values: Sequence[Any]) -> Iterator[tuple[float, Any, Any]]:
-    """Returns when a value changed, and from what to what."""
+    """Return when a value changed, and from what to what."""
     for i in range(1, len(values)):
         if values[i] != values[i - 1]:
             yield times_s[i], values[i - 1], values[i]

@@ -3,42 +3,112 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from snr_sim.recording.columns import Floats
 from snr_sim.recording.records import Header
-from snr_sim.recording.scene import turned
-from snr_sim.view.picture_bodies import FLAME, draw_flames, draw_shapes, strongest_of
-from snr_sim.view.picture_canvas import Canvas, Rgb
+from snr_sim.recording.scene import points_of, rgb_of, turned
+from snr_sim.view.picture_bodies import FLAME, body_parts, flame_parts, strongest_of
 from snr_sim.view.picture_flight import Flight
-from snr_sim.view.picture_layout import SCENE, Camera, Stage, feet_and_size
-from snr_sim.view.picture_plots import FAINT, PALE
-from snr_sim.view.picture_world import SKY, draw_ground, draw_scales
+from snr_sim.view.picture_layout import PATH, SCENE, Camera, Stage, feet_and_size
+from snr_sim.view.picture_sheet import FAINT, PALE, Part, Rgb, Sheet, mixed
 
-PATH: Rgb = (110, 190, 250)
+SKY: Rgb = (9, 12, 24)
+FAR_M = 1e6
+
+Cut: TypeAlias = tuple[Rgb, Floats]  # colour, and segments of shape (n, 2, 2): left and right end, x and z
 
 
-def draw_scene(canvas: Canvas, header: Header, flight: Flight) -> None:
-    """Draws all of the scene."""
+def draw_scene(sheet: Sheet, header: Header, flight: Flight) -> None:
+    """Draw all of the scene."""
     main = next(iter(flight.poses))
     bodies = header.scene["bodies"]
     feet_m, size_m = feet_and_size(bodies)
-    feet = np.array([turned(pose, [0.0, 0.0, feet_m]) for pose in flight.poses[main]])
+    feet = turned(flight.poses[main], np.array([0.0, 0.0, feet_m]))
     is_time = bool(np.ptp(feet[:, 0]) < 0.02 * np.ptp(feet[:, 2]))
     along = flight.times_s if is_time else feet[:, 0]
     camera = Camera(along, feet[:, 2], size_m, is_time)
     stage = Stage(camera, along, feet, size_m, math.inf)
-    canvas.rectangle(*SCENE, fill=SKY)
-    canvas.line(stage.thinned(), PATH, 1.2)
+    strobes = list(zip(stage.moments, stage.places, strict=True))
     points_per_newton = 0.8 * stage.size / strongest_of(flight.arrows)
-    for i, place in zip(stage.moments, stage.places, strict=True):
-        draw_flames(canvas, place, flight.arrows[i], points_per_newton, FLAME)
-    draw_ground(canvas, camera, header.scene.get("statics", {}), is_time)  # over flames, under feet
-    for i, place in zip(stage.moments, stage.places, strict=True):
-        draw_shapes(canvas, place, [(shape, flight.poses[body][i]) for body in flight.poses for shape in bodies[body]])
-        beside = (stage.way[i][0] + 0.62 * stage.size, stage.way[i][1] - 0.5 * stage.size)
-        canvas.text(beside, f"{flight.times_s[i]:.0f} s", 10.5, PALE, "lm")
-    draw_scales(canvas, camera, "s" if is_time else "m")
+    parts = [Part(stage.way, PATH, 1.2)]
+    for i, place in strobes:
+        parts += flame_parts(place, flight.arrows[i], points_per_newton, FLAME)
+    cuts = ground_cuts(header.scene.get("statics", {}))
+    if is_time:  # only the place at which it comes down
+        cuts = [(rgb, _level(cut)) for rgb, cut in cuts]
+    parts += ground_parts(cuts, camera.at, camera.columns(), camera.area[3], SKY)  # over flames, under feet
+    for i, place in strobes:
+        parts += body_parts(
+            place, [(shape, poses[i]) for body, poses in flight.poses.items() for shape in bodies[body]]
+        )
+        x, y = stage.way[i]
+        sheet.text((x + 0.62 * stage.size, y - 0.5 * stage.size), f"{flight.times_s[i]:.0f} s", 9.5, PALE, "lm")
+    camera.draw(sheet, parts, SKY)
     if stage.enlarged > 1.5:
         words = f"{main} drawn {stage.enlarged:.0f} times its size"
-        canvas.text((SCENE[2] - 8, SCENE[1] + 8), words, 10.0, FAINT, "ra")
+        sheet.text((SCENE[2] - 8, SCENE[1] + 8), words, 9.0, FAINT, "rt")
+
+
+def ground_cuts(statics: dict[str, Any]) -> list[Cut]:
+    """Return where the plane of motion cuts each static mesh, widest first: that is the ground."""
+    meshes = [shape for shape in statics.values() if shape.get("kind") == "mesh"]
+    cuts = [(rgb_of(shape), cut_by_plane(shape)) for shape in meshes]
+    return sorted((cut for cut in cuts if len(cut[1])), key=lambda cut: -float(np.ptp(cut[1][..., 0])))
+
+
+def cut_by_plane(shape: dict[str, Any]) -> Floats:
+    """Return the segments in which triangles meet the plane y = 0, shape (n, 2, 2): west and east end, x and z."""
+    corners = points_of(shape)[np.array(shape["triangles"], int).reshape(-1, 3)]
+    others = np.roll(corners, -1, axis=1)
+    crossed = (corners[..., 1] < 0) != (others[..., 1] < 0)  # two edges of a triangle, or none
+    a, b = corners[crossed], others[crossed]
+    ends = (a + (a[:, 1] / (a[:, 1] - b[:, 1]))[:, None] * (b - a))[:, [0, 2]].reshape(-1, 2, 2)
+    return np.take_along_axis(ends, ends[..., :1].argsort(axis=1), axis=1)
+
+
+def heights(cut: Floats, x: Floats) -> Floats:
+    """Return how high segments of shape (n, 2, 2) reach at each x, of the same shape; NaN where there are none.
+
+    >>> heights(np.array([[[0.0, 0.0], [4.0, 2.0]], [[4.0, 2.0], [9.0, 2.0]]]), np.array([-1.0, 2.0, 5.0]))
+    array([nan,  1.,  2.])
+    """
+    (x0, z0), (x1, z1) = cut.transpose(1, 2, 0)[..., None]
+    share = (x - x0) / np.maximum(x1 - x0, 1e-12)
+    found = np.where((x0 <= x) & (x <= x1), z0 + share * (z1 - z0), -np.inf).max(axis=0)
+    return np.where(np.isfinite(found), found, np.nan)
+
+
+def ground_parts(
+    cuts: Sequence[Cut], at: Callable[[Floats, Floats], Floats], x: Floats, bottom: float, sky: Rgb, width: float = 1.6
+) -> list[Part]:
+    """Return the ground, filled down to the bottom, and lines where other meshes are cut.
+
+    Args:
+        cuts: of the ground, which continues to both sides of what was recorded of it, and of others.
+        at: where places x and z [m] are on the sheet.
+        x: where to look for the ground [m], from the left to the right edge.
+        bottom: of the sheet.
+        sky: its colour shines through the ground.
+        width: of the ground's line; others are drawn twice as wide.
+    """
+    parts = []
+    for i, (rgb, cut) in enumerate(cuts):
+        z = heights(cut, np.clip(x, cut[..., 0].min(), cut[..., 0].max()) if i == 0 else x)
+        line = at(x, z)[np.isfinite(z)]
+        if not len(line):
+            continue
+        if i == 0:
+            corners = [(line[-1, 0], bottom), (line[0, 0], bottom)]
+            parts.append(Part(np.concatenate([line, corners]), mixed(sky, rgb, 0.55)))
+        parts.append(Part(line, mixed(rgb, (255, 255, 255), 0.15), width if i == 0 else 2.0 * width))
+    return parts
+
+
+def _level(cut: Floats) -> Floats:
+    """Return a level line as high as a cut is at x = 0; NaN if it does not reach there."""
+    z = heights(cut, np.zeros(1))[0]
+    return np.array([[[-FAR_M, z], [FAR_M, z]]])

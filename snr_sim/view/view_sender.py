@@ -76,10 +76,8 @@ class Sender:
             for column in (
                 *vectors,
                 *rr.Scalars.columns(scalars=[0.0]),
-                *rr.LineStrips3D.columns(colors=[0]),
                 *rr.TextDocument.columns(text=["a"]),
                 *rr.TextLog.columns(text=["a"], level=["a"]),
-                *rr.SeriesLines.columns(names=["a"], colors=[0], widths=[0.0], interpolation_mode=["Linear"]),
             )
         }
 
@@ -94,10 +92,6 @@ class Sender:
     def send(self, entity: str, when: When, columns: Iterable[Any]) -> None:
         """Sends columns on both timelines."""
         self._stream.send_columns(entity, self._index(when), columns)
-
-    def send_static(self, entity: str, columns: Iterable[Any]) -> None:
-        """Sends columns of one row each that do not change."""
-        self._stream.send_columns(entity, [], columns)  # without a timeline: static
 
     def column(self, component: str, flat: Any, offsets: Any = None) -> Any:
         """Returns a column, one element per row unless `offsets` say otherwise."""
@@ -119,10 +113,6 @@ class Sender:
         flat = self.arrow.array(np.ascontiguousarray(values, np.float32).ravel())
         vectors = self.arrow.FixedSizeListArray.from_arrays(flat, type=self._vector_types[component])
         return self.column(component, vectors, offsets)
-
-    def colors(self, component: str, rgba: Any) -> Any:
-        """Returns a column of colours, given red, green, blue and opacity of each, shape (n, 4)."""
-        return self.column(component, self.arrow.array(packed(rgba)))
 
     def _index(self, when: When) -> list[_Index]:
         if self._index_of[0] is not when:

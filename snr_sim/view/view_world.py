@@ -170,8 +170,7 @@ class World:
             pulls = np.interp(when.t_s, pull[0].t_s, np.linalg.norm(pull[1][:, 3:], axis=1))
         share = np.minimum(1.0, pulls / HARD_PULL_N)[:, None]
         rgb = np.array(SLACK_RGB) + share * (np.array(TAUT_RGB) - np.array(SLACK_RGB))
-        rgba = np.column_stack([rgb, np.full(len(rgb), 255)])
-        self._sender.send(entity, when, [self._sender.colors("LineStrips3D:colors", rgba)])
+        self._sender.send(entity, when, rr.LineStrips3D.columns(colors=packed(rgb)))
 
     def _send_arrows(self, name: str, when: When, arrows: Any) -> None:
         """Sends a force, or where the water goes, as an arrow whose tip is where it acts."""

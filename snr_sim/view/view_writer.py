@@ -26,7 +26,6 @@ from snr_sim.view.view_world import World
 
 NOT_PLOTTED = ("number",)  # running numbers of what is sent: straight lines, and nothing to learn from them
 DIVERGENCES_MARKED_MAX = 1_000
-STEP_AFTER = np.array([2], np.uint8)  # as rerun counts its ways to go from one value to the next
 DIVERGENCE_RGB = (255, 60, 60)
 
 Divergences: TypeAlias = Sequence[tuple[int, float, str]]
@@ -164,16 +163,10 @@ class Writer:
                 self._send_style(line, color, width)
 
     def _send_style(self, line: Line, rgba: tuple[int, int, int, int], width: float) -> None:
-        """Says how a line looks; as arrow arrays, because rr.SeriesLines costs more than the numbers themselves."""
-        sender = self._sender
-        columns = [
-            sender.words("SeriesLines:names", [line.name]),
-            sender.colors("SeriesLines:colors", [rgba]),
-            sender.column("SeriesLines:widths", sender.arrow.array(np.array([width], np.float32))),
-        ]
-        if line.is_step:
-            columns.append(sender.column("SeriesLines:interpolation_mode", sender.arrow.array(STEP_AFTER)))
-        sender.send_static(line.entity, columns)
+        """Send how a line looks."""
+        mode = "StepAfter" if line.is_step else None
+        style = self._sender.rr.SeriesLines(names=line.name, colors=rgba, widths=width, interpolation_mode=mode)
+        self._sender.log(line.entity, style)
 
     def _send_images(self, parts: tuple[str, ...], when: When, images: Sequence[Any]) -> None:
         """Sends what a camera saw."""

@@ -234,7 +234,7 @@ def test_runs_are_called_by_what_they_differ_in() -> None:
 
 
 def test_the_picture_holds_commands_first_and_of_each_page_what_differs_most(tmp_path: Path) -> None:
-    pytest.importorskip("PIL.Image")
+    pytest.importorskip("matplotlib")
     one = run({"depth": (20.0, lambda t: {"depth_m": dive_m(t), "still_m": 1.0}), "pwm": (50.0, pulses())})
     other = run({"depth": (20.0, lambda t: {"depth_m": 1.0, "still_m": 1.0}), "pwm": (50.0, pulses(3.0))}, io="pi")
     comparison = compare_runs(one, other)

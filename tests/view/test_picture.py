@@ -8,13 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 import pytest
 
 from snr_sim.prelude.errors import MissingExtra, TraceError
 from snr_sim.recording.records import EndRecord, Header, Record, TruthRecord
-from snr_sim.view import picture, picture_canvas
-from snr_sim.view.picture_plots import ticks
+from snr_sim.view import picture, picture_sheet
+from snr_sim.view.picture_plots import Plot, span
 
+matplotlib = pytest.importorskip("matplotlib")
 image_module = pytest.importorskip("PIL.Image")
 
 GROUND = {
@@ -65,13 +67,13 @@ def drawn(tmp_path: Path, records: list[Record], **changes: Any) -> Path:
 def words(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """What is written on the sheet."""
     said: list[str] = []
-    write = picture_canvas.Canvas.text
+    write = picture_sheet.Sheet.text
 
-    def note(self: Any, at: Any, text: str, *args: Any) -> None:
+    def note(self: Any, at: Any, text: str, *args: Any, **options: Any) -> None:
         said.append(text)
-        write(self, at, text, *args)
+        write(self, at, text, *args, **options)
 
-    monkeypatch.setattr(picture_canvas.Canvas, "text", note)
+    monkeypatch.setattr(picture_sheet.Sheet, "text", note)
     return said
 
 
@@ -130,17 +132,35 @@ def test_a_trace_without_true_states_says_so(tmp_path: Path) -> None:
         drawn(tmp_path, [EndRecord(1, 0.0, "lander", "", {})])
 
 
-def test_without_pillow_the_message_says_how_to_get_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "PIL.ImageFont", None)
-    with pytest.raises(MissingExtra, match=r"snr_sim\[view\]"):
+def test_a_user_s_own_style_of_matplotlib_changes_no_picture_and_stays(tmp_path: Path) -> None:
+    before = drawn(tmp_path, descent(4.0)).read_bytes()
+    with matplotlib.rc_context({"font.size": 30.0, "lines.marker": "o", "axes.grid": True, "path.sketch": (1, 9, 2)}):
+        assert drawn(tmp_path, descent(4.0)).read_bytes() == before
+        assert matplotlib.rcParams["lines.marker"] == "o"
+    assert "matplotlib.pyplot" not in sys.modules
+
+
+def test_names_with_dollars_and_letters_that_no_font_has_are_written(tmp_path: Path, words: list[str]) -> None:
+    drawn(tmp_path, descent(4.0), scenario="$x^$ \N{CJK UNIFIED IDEOGRAPH-6708}")
+    assert "$x^$ \N{CJK UNIFIED IDEOGRAPH-6708}" in words
+
+
+def test_without_matplotlib_the_message_says_how_to_get_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    with pytest.raises(MissingExtra, match=r"'matplotlib'[\s\S]*snr_sim\[view\]"):
         drawn(tmp_path, descent(4.0))
 
 
-@pytest.mark.parametrize(
-    ("low", "high", "expected"), [(0.0, 1.0, [0.0, 0.5, 1.0]), (-3.0, 21.0, [0.0, 10.0, 20.0]), (5.0, 5.0, [5.0])]
-)
-def test_ticks_are_round_numbers(low: float, high: float, expected: list[float]) -> None:
-    assert ticks(low, high, 3) == expected
+@pytest.mark.parametrize(("low", "high", "expected"), [(0.0, 1.0, [0.0, 0.5, 1.0]), (-3.0, 21.0, [0.0, 10.0, 20.0])])
+def test_axes_have_round_numbers(low: float, high: float, expected: list[float]) -> None:
+    sheet = picture_sheet.Sheet(100, 100)
+    axes = sheet.axes((10.0, 10.0, 90.0, 90.0), (low, high))
+    sheet.scale(axes.xaxis, 3)
+    assert axes.get_xticks().tolist() == expected
+
+
+def test_a_value_that_never_changes_is_in_the_middle_of_its_plot() -> None:
+    assert span(Plot("", [("still", np.zeros(2), np.full(2, 5.0))])) == (4.5, 5.5)
 
 
 def test_on_land_there_is_one_view_and_nothing_is_said_of_where_it_is_seen_from(

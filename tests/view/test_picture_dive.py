@@ -9,8 +9,9 @@ from typing import Any
 import pytest
 
 from snr_sim.recording.records import Header, Record, TruthRecord
-from snr_sim.view import picture, picture_canvas, picture_dive, picture_layout, picture_water
+from snr_sim.view import picture, picture_dive, picture_layout, picture_sheet, picture_water
 
+pytest.importorskip("matplotlib")
 image_module = pytest.importorskip("PIL.Image")
 
 BOX = {"kind": "box", "half_size_m": [0.25, 0.2, 0.15], "center_m": [0.0, 0.0, 0.0], "rgb": [210, 160, 60]}
@@ -64,13 +65,13 @@ def from_the_tenth(value: float) -> list[float]:
 def said(monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[float, float]]:
     """What is written on the sheet, and where."""
     written: dict[str, tuple[float, float]] = {}
-    write = picture_canvas.Canvas.text
+    write = picture_sheet.Sheet.text
 
-    def note(self: Any, at: Any, text: str, *args: Any) -> None:
+    def note(self: Any, at: Any, text: str, *args: Any, **options: Any) -> None:
         written[text] = at
-        write(self, at, text, *args)
+        write(self, at, text, *args, **options)
 
-    monkeypatch.setattr(picture_canvas.Canvas, "text", note)
+    monkeypatch.setattr(picture_sheet.Sheet, "text", note)
     return written
 
 
@@ -144,13 +145,13 @@ def test_gates_far_off_the_way_are_shown_whole_and_named(
     tmp_path: Path, said: dict[str, tuple[float, float]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lines: list[Any] = []
-    draw = picture_canvas.Canvas.line
+    paint = picture_sheet.Sheet.paint
 
-    def note(self: Any, points: Any, color: Any, *args: Any) -> None:
-        lines.extend(points if color == GATE_RGB else [])
-        draw(self, points, color, *args)
+    def note(self: Any, parts: Any, *args: Any) -> None:
+        lines.extend(point for part in parts if part.rgb == GATE_RGB for point in part.points.tolist())
+        paint(self, parts, *args)
 
-    monkeypatch.setattr(picture_canvas.Canvas, "line", note)
+    monkeypatch.setattr(picture_sheet.Sheet, "paint", note)
     drawn(tmp_path, dive([0.5, 0.0, -1.0]), header(gate(3.0, "gate 1"), gate(8.0, "gate 2")))
     assert {"gate 1", "gate 2"} <= set(said)
     left, _, right, _ = picture_layout.SCENE

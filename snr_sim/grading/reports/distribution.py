@@ -8,10 +8,10 @@ from pathlib import Path
 from snr_sim.grading.reports.class_table import Summary
 from snr_sim.grading.reports.plain import one_line
 from snr_sim.grading.reports.told import number
-from snr_sim.view.picture_canvas import Canvas, Rgb
+from snr_sim.view.picture_sheet import Area, Rgb, Sheet, color, picture
 
 _BINS = 10
-_WIDTH, _MARGIN, _BARS_HEIGHT, _ROW_HEIGHT = 640, 40, 190, 22
+_WIDTH, _MARGIN, _TOP, _BARS_HEIGHT, _ROW_HEIGHT = 640, 40, 74, 180, 22
 _PAPER: Rgb = (255, 255, 255)
 _INK: Rgb = (40, 44, 52)
 _FAINT: Rgb = (226, 229, 234)
@@ -20,26 +20,23 @@ _MEAN: Rgb = (200, 80, 50)
 
 
 def draw_distribution(summary: Summary, title: str, path: Path) -> None:
-    """Writes the picture as PNG.
+    """Write the picture as PNG.
 
     Raises:
-        MissingExtra: Pillow is not installed.
+        MissingExtra: matplotlib is not installed.
     """
-    rows = list(summary.checks.items())
-    top = 64
-    checks_top = top + _BARS_HEIGHT + 64
-    canvas = Canvas(_WIDTH, checks_top + _ROW_HEIGHT * len(rows) + 24, _PAPER)
-    canvas.text((_MARGIN, 16), canvas.cut(one_line(title), 15, _WIDTH - 2 * _MARGIN), 15, _INK)
-    canvas.text((_MARGIN, 38), summary.words(), 10, _INK)
-    _draw_bars(canvas, summary, top)
-    canvas.text((_MARGIN, checks_top - 20), "how many got all points of", 11, _INK)
-    for i, (name, count) in enumerate(rows):
-        _draw_row(canvas, checks_top + i * _ROW_HEIGHT, name, count, max(1, len(summary.points)))
-    canvas.save(path)
+    checks_top = _TOP + _BARS_HEIGHT + 64
+    with picture(path, _WIDTH, checks_top + _ROW_HEIGHT * len(summary.checks) + 24, _PAPER) as sheet:
+        sheet.text((_MARGIN, 16), sheet.cut(one_line(title), 13, _WIDTH - 2 * _MARGIN), 13, _INK)
+        sheet.text((_MARGIN, 38), summary.words(), 9, _INK)
+        _draw_bars(sheet, summary, (_MARGIN, _TOP, _WIDTH - _MARGIN, _TOP + _BARS_HEIGHT))
+        sheet.text((_MARGIN, checks_top - 20), "how many got all points of", 10, _INK)
+        for i, (name, count) in enumerate(summary.checks.items()):
+            _draw_row(sheet, checks_top + i * _ROW_HEIGHT, name, count, max(1, len(summary.points)))
 
 
 def bins(points: list[float], of: float) -> list[int]:
-    """Returns how many have how much, in tenths of all points; those with all are in the last.
+    """Return how many have how much, in tenths of all points; those with all are in the last.
 
     >>> bins([0, 9.9, 10, 95, 100], 100)
     [2, 1, 0, 0, 0, 0, 0, 0, 0, 2]
@@ -50,32 +47,25 @@ def bins(points: list[float], of: float) -> list[int]:
     return counts
 
 
-def _draw_bars(canvas: Canvas, summary: Summary, top: float) -> None:
-    counts = bins(summary.points, summary.of or 1.0)
-    most = max(1, *counts)
-    width = (_WIDTH - 2 * _MARGIN) / _BINS
-    base = top + _BARS_HEIGHT
-    for i, count in enumerate(counts):
-        left = _MARGIN + i * width
-        height = (_BARS_HEIGHT - 20) * count / most
-        canvas.rectangle(left + 2, base - height, left + width - 2, base, _BAR)
-        if count:
-            canvas.text((left + width / 2, base - height - 3), str(count), 10, _INK, anchor="mb")
-        canvas.text((left, base + 6), number(i * (summary.of or 100) / _BINS), 9, _INK, anchor="ma")
-    canvas.text((_WIDTH - _MARGIN, base + 6), number(summary.of or 100), 9, _INK, anchor="ma")
-    canvas.line([(_MARGIN, base), (_WIDTH - _MARGIN, base)], _INK)
-    canvas.text((_WIDTH / 2, base + 20), "points", 10, _INK, anchor="ma")
+def _draw_bars(sheet: Sheet, summary: Summary, area: Area) -> None:
+    of, counts = summary.of or 1.0, bins(summary.points, summary.of or 1.0)
+    axes = sheet.axes(area, (0.0, of), (0.0, 1.1 * max(1, *counts)))
+    edges = [of * i / _BINS for i in range(_BINS + 1)]
+    bars = axes.bar(edges[:-1], counts, 0.92 * of / _BINS, align="edge", color=color(_BAR))
+    axes.bar_label(bars, [str(count or "") for count in counts], padding=2, size=9, color=color(_INK))
+    axes.axhline(0.0, color=color(_INK), linewidth=1.0, clip_on=False)
+    axes.set_xticks(edges, [number(i * (summary.of or 100) / _BINS) for i in range(_BINS + 1)])
+    axes.tick_params(length=0, pad=6, labelsize=8, labelcolor=color(_INK))
+    axes.set_xlabel("points", size=9, color=color(_INK))
     if summary.points:
-        x = _MARGIN + (_WIDTH - 2 * _MARGIN) * statistics.fmean(summary.points) / (summary.of or 1.0)
-        canvas.dashed((x, top), (x, base), _MEAN, 1.2)
-        canvas.text((x, top - 2), "mean", 9, _MEAN, anchor="mb")
+        mean = statistics.fmean(summary.points)
+        axes.axvline(mean, color=color(_MEAN), linewidth=1.2, linestyle=(0, (4, 4)))
+        axes.text(mean, 1.01, "mean", transform=axes.get_xaxis_transform(), size=8, color=color(_MEAN), ha="center")
 
 
-def _draw_row(canvas: Canvas, top: float, name: str, count: int, total: int) -> None:
-    middle, left = top + _ROW_HEIGHT / 2, _WIDTH * 0.6
-    right = _WIDTH - _MARGIN - 60
-    canvas.text((_MARGIN, middle), canvas.cut(one_line(name), 10, left - _MARGIN - 12), 10, _INK, anchor="lm")
-    canvas.rectangle(left, middle - 5, right, middle + 5, _FAINT)
-    if count:
-        canvas.rectangle(left, middle - 5, left + (right - left) * count / total, middle + 5, _BAR)
-    canvas.text((right + 8, middle), f"{count} of {total}", 9, _INK, anchor="lm")
+def _draw_row(sheet: Sheet, top: float, name: str, count: int, total: int) -> None:
+    middle, left, right = top + _ROW_HEIGHT / 2, _WIDTH * 0.6, _WIDTH - _MARGIN - 60
+    sheet.text((_MARGIN, middle), sheet.cut(one_line(name), 9, left - _MARGIN - 12), 9, _INK, "lm")
+    axes = sheet.axes((left, middle - 5, right, middle + 5), (0.0, total), rgb=_FAINT)
+    axes.barh(0.5, count, 1.0, color=color(_BAR))
+    sheet.text((right + 8, middle), f"{count} of {total}", 8, _INK, "lm")
