@@ -63,7 +63,7 @@ class ClockBacking:
         self._clock = loop.parent.clock
         self._rate_hz = loop.max_tick_rate_hz or _UNLIMITED_RATE_IN_LOCK_STEP_HZ
         self._start_s = self._clock.now_s() + loop.first_tick_after_s
-        self._order = loop.parent.order_of(loop.name)
+        self._order = loop.parent.registry.order_of(loop.name)
         self._is_started = False
         self._is_halted = False
         self._at_once = 0  # ticks in a row that were wanted at once
@@ -74,7 +74,7 @@ class ClockBacking:
     def start(self) -> None:
         """Sets the loop up and asks the clock for its first tick, now."""
         self._is_started = True  # before setup: what fails halfway has to be halted too, as on a thread
-        self._loop.parent.call_loop(self._loop, "setup")
+        self._loop.parent.life.call_loop(self._loop, "setup")
         self._clock.call_at(self._start_s, self._tick, self._order)
 
     def _tick(self) -> None:
@@ -82,7 +82,7 @@ class ClockBacking:
             return
         self.ticks += 1
         try:
-            self._loop.parent.call_loop(self._loop, "loop")
+            self._loop.parent.life.call_loop(self._loop, "loop")
         except ComponentFailed as failure:
             self.is_stopped = True
             if not self._loop.parent.probations.has_taken(self._loop, failure):
@@ -101,7 +101,7 @@ class ClockBacking:
             return wanted_s
         self._at_once += 1
         if self._at_once > self._loop.parent.config.max_tasks_per_moment:
-            raise self._loop.parent.failure_of(self._loop, _stands_still(wanted_s, self._at_once - 1), "loop")
+            raise self._loop.parent.report.failure_of(self._loop, _stands_still(wanted_s, self._at_once - 1), "loop")
         return now_s
 
     def hurry(self) -> None:
@@ -158,12 +158,12 @@ class ThreadBacking:
     def _run(self) -> None:
         node, loop = self._loop.parent, self._loop
         try:
-            node.call_loop(loop, "setup")
+            node.life.call_loop(loop, "setup")
             if loop.trial is not None:
                 loop.trial.report(None)
             self._tick_on_deadlines()
         except BaseException as error:
-            failure = node.failure_of(loop, error, "loop")
+            failure = node.report.failure_of(loop, error, "loop")
             self._is_refused = loop.trial is not None and loop.trial.report(failure)
             if self._is_refused or node.probations.has_taken(loop, failure):
                 pass  # somebody knows, and the node goes on
@@ -184,7 +184,7 @@ class ThreadBacking:
                 return
             self.ticks += 1
             begun_s = clock.now_s()
-            node.call_loop(loop, "loop")
+            node.life.call_loop(loop, "loop")
             deadline_s = deadline_s + self._period_s if loop.next_tick_at_s is None else loop.next_tick_at_s
             spare_s = deadline_s - clock.now_s()
             if spare_s > 0:
@@ -206,7 +206,7 @@ class ThreadBacking:
             self._loop.halt()
         except BaseException as error:
             node = self._loop.parent
-            failure = node.failure_of(self._loop, error, "halt")
+            failure = node.report.failure_of(self._loop, error, "halt")
             if self._is_refused or self._loop.is_taken_out:
                 node.note(str(failure))
             else:

@@ -65,14 +65,14 @@ class LastResort:
             loop
             for node in self._nodes
             for loop in node.components.values()
-            if isinstance(loop, Loop) and node.has_begun(loop)
+            if isinstance(loop, Loop) and node.life.has_begun(loop)
         ]
         for loop in loops:
             loop.stop()
         at_once([*(loop.join for loop in loops), *([sys.stdout.flush] if sys.stdout else [])], HALT_S)
         at_once([loop.terminate for loop in loops], HALT_S)
         if stuck is not None:
-            stuck.record_interrupt(name, because if place is None else f"{place}\n  {because}")
+            stuck.report.record_interrupt(name, because if place is None else f"{place}\n  {because}")
             time.sleep(2 * 0.05)  # two periods of the trace's flusher
         where = "" if place is None else f"{place}\n  "
         halted = f" Halted: {', '.join(loop.name for loop in loops)}." if loops else ""

@@ -156,7 +156,7 @@ def _end_all(nodes: Sequence[Node], why: str | BaseException) -> None:
     for node in nodes:
         try:
             if isinstance(why, ComponentFailed):
-                node.record_failure(why)
+                node.report.record_failure(why)
             node.end(reason, error)
         except Exception as another:
             if failure is not None or not isinstance(why, str):  # another one is raised

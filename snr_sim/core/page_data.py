@@ -65,7 +65,7 @@ def _check(node: Node, key: DataKey, data: Any, found: Any) -> None:
 def _storing_line() -> Place | None:
     """Returns the student's line that stores a page, or None if a part of the kit does."""
     frame: FrameType | None = sys._getframe()
-    while frame is not None and Path(frame.f_code.co_filename).parent == _CORE:
+    while frame is not None and _CORE in Path(frame.f_code.co_filename).parents:
         frame = frame.f_back
     return place_now(frame) if frame is not None and is_student_file(frame.f_code.co_filename) else None
 

@@ -78,7 +78,7 @@ def finish(node: Node, loop: Loop, backing: ProcessThread, speaker: Speaker) -> 
         try:
             function()
         except BaseException as error:
-            node.door.fail(node.failure_of(loop, error, step))
+            node.door.fail(node.report.failure_of(loop, error, step))
     send_counts(speaker, node, backing)
     speaker.say("over")
 

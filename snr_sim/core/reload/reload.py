@@ -79,7 +79,7 @@ class Changes:
         node = self.node
         asked = type(factory).__name__
         try:
-            component = node.make(factory)
+            component = node.registry.make(factory)
             asked = component.name
             other = node.components.get(asked) or self._absent_ones().get(asked)
             if other is not None:
@@ -98,7 +98,7 @@ class Changes:
         try:
             self.begin(component)
         except BaseException:
-            self.node.end_early(component)
+            self.node.life.end_removed(component)
             self.exchange(component, None)
             raise
 
@@ -109,7 +109,7 @@ class Changes:
         except SnrError as error:
             return Outcome(name, False, str(error))
         self.exchange(component, None)  # first of all: nothing is handled by what is being halted
-        failures = self.node.end_early(component)
+        failures = self.node.life.end_removed(component)
         return Outcome(name, not failures, "\n".join([f"'{name}' was removed.", *(one.message for one in failures)]))
 
     # The steps of all three
@@ -121,7 +121,7 @@ class Changes:
             name: one for name, one in node.components.items() if isinstance(one, (Endpoint, Loop)) and one.is_of_robot
         }
         known |= self._absent_ones()
-        return {name: known[name] for name in sorted(known, key=node.order_of)}
+        return {name: known[name] for name in sorted(known, key=node.registry.order_of)}
 
     def find(self, name: Any) -> AnyComponent:
         """Returns a component.
@@ -159,9 +159,9 @@ class Changes:
             self._absent = {}
             for place, factory in enumerate(self.node.config.get(self.node.role), 1):
                 if isinstance(factory, LoopFactory):
-                    loop = self.node.make(factory)
+                    loop = self.node.registry.make(factory)
                     self._absent[loop.name] = loop
-                    self.node.give_place(loop.name, place)
+                    self.node.registry.give_place(loop.name, place)
         return self._absent
 
     def exchange(self, old: AnyComponent | None, new: AnyComponent | None) -> None:
@@ -169,7 +169,7 @@ class Changes:
         one = new or old
         assert one is not None
         if not self.is_absent(one):
-            self.node.exchange(old, new)
+            self.node.registry.exchange(old, new)
             return
         absent = self._absent_ones()
         if new is None:
@@ -177,7 +177,7 @@ class Changes:
             return
         absent[one.name] = new
         if old is None:
-            self.node.give_place(one.name)
+            self.node.registry.give_place(one.name)
 
     def begin(self, component: AnyComponent) -> None:
         """Begins a component, if it is there.
@@ -186,14 +186,14 @@ class Changes:
             ComponentFailed: it raised.
         """
         if not self.is_absent(component):
-            self.node.begin_late(component)
+            self.node.life.begin_added(component)
 
     def begin_again(self, old: AnyComponent) -> list[str]:
         """Begins a component that is in its old place again; if it cannot, it goes, and that is returned in words."""
         try:
             self.begin(old)
         except ComponentFailed as failure:
-            self.node.end_early(old)
+            self.node.life.end_removed(old)
             self.exchange(old, None)
             return [f"{failure.message}\n  so '{old.name}' could not go on either, and is gone."]
         return []
@@ -263,7 +263,7 @@ class _Reload:
         factory = old.factory
         self._before[old.name] = type(factory), dict(vars(factory))
         factory.__class__ = _newest(type(factory), modules)
-        new = self._changes.node.make(factory)
+        new = self._changes.node.registry.make(factory)
         if new.name != old.name:
             raise ConfigError(
                 f"{type(factory).__name__}.get() now makes a component '{new.name}' in the place of '{old.name}'.",
@@ -291,11 +291,11 @@ class _Reload:
     def _swap(self, old: AnyComponent, new: AnyComponent) -> None:
         changes = self._changes
         self._made.append(new.name)
-        if not (changes.node.has_begun(old) or changes.is_absent(old)):
+        if not (changes.node.life.has_begun(old) or changes.is_absent(old)):
             changes.exchange(old, new)
             return
         self._before[old.name] = self._before[old.name][0], {}  # what the old one leaves in its factory is for the next
-        self._remarks += [failure.message for failure in changes.node.end_early(old)]
+        self._remarks += [failure.message for failure in changes.node.life.end_removed(old)]
         state = Snapshot(old.factory, [module.__name__ for module in self._readings])
         changes.exchange(old, new)
         self._old[old.name], self._new[old.name] = old, new
@@ -304,7 +304,7 @@ class _Reload:
             changes.begin(new)
         except (Exception, SystemExit):
             del self._old[old.name], self._new[old.name], self._undo[-1]
-            changes.node.end_early(new)
+            changes.node.life.end_removed(new)
             changes.exchange(new, old)
             self._made.remove(new.name)
             self._keep(old)

@@ -101,7 +101,7 @@ class Probations:
             try:
                 return as_tasks(handler(task, task_id), component, handler)
             except (Exception, SystemExit) as error:
-                failure = node.failure_in_handler(component, task, error)
+                failure = node.report.failure_in_handler(component, task, error)
             told = self._roll_back(probation, name, failure.message)
             return [*told, *as_tasks(self._old_answer(name, task), component, handler)]
 
@@ -133,7 +133,7 @@ class Probations:
         remarks = []
         for probation in reversed(undone):
             for made in probation.new.values():
-                remarks += [failure.message for failure in self._node.end_early(made)]
+                remarks += [failure.message for failure in self._node.life.end_removed(made)]
             probation.undo()
             old |= probation.old
             new = probation.new | new
