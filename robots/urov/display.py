@@ -11,8 +11,9 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from snr_sim import Loop, LoopFactory, Node
+from snr_sim import Loop, LoopFactory
 from snr_sim.devices.terminal_keys import has_terminal
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.recorder import RECORDING_KEY
 
 # A vehicle that was not heard for so long is told to be silent; it tells of itself every 0.1 s. With the time between
@@ -40,7 +41,7 @@ class DisplayFactory(LoopFactory):
         self.keys = (*KEYS, "pad", "place") if has_pad else KEYS
         self.lines = tuple(lines)
 
-    def get(self, parent: Node) -> Display:
+    def get(self, parent: NodeApi) -> Display:
         """Returns the loop 'display'."""
         return Display(self, parent, "display", self.rate_hz)
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType, tasks
+from snr_sim import Endpoint, EndpointFactory, SomeTasks, Task, TaskId, TaskType, tasks
+from snr_sim.prelude.node_api import NodeApi
 
 
 class LookoutFactory(EndpointFactory):
@@ -16,7 +17,7 @@ class LookoutFactory(EndpointFactory):
         super().__init__()
         self.link = link
 
-    def get(self, parent: Node) -> Lookout:
+    def get(self, parent: NodeApi) -> Lookout:
         """Returns the endpoint 'lookout'."""
         return Lookout(self, parent, "lookout")
 
@@ -26,7 +27,7 @@ class Lookout(Endpoint):
 
     factory: LookoutFactory
 
-    def __init__(self, factory: LookoutFactory, parent: Node, name: str) -> None:
+    def __init__(self, factory: LookoutFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         self.task_handlers = {(TaskType.process_data, factory.link): self.on_link}
 

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 import msgspec
 
-from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
+from snr_sim import Endpoint, EndpointFactory, SomeTasks, Task, TaskId, TaskType
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.signals import PadReading
 
 from .controls import MODES, Controls
@@ -72,7 +73,7 @@ class PadPilotFactory(EndpointFactory):
         super().__init__()
         self.key = key
 
-    def get(self, parent: Node) -> PadPilot:
+    def get(self, parent: NodeApi) -> PadPilot:
         """Returns the endpoint 'pilot'."""
         return PadPilot(self, parent, "pilot")
 
@@ -82,7 +83,7 @@ class PadPilot(Endpoint):
 
     factory: PadPilotFactory
 
-    def __init__(self, factory: PadPilotFactory, parent: Node, name: str) -> None:
+    def __init__(self, factory: PadPilotFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         self.held = Held()
         self.clears = False

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from snr_sim import Loop, LoopFactory, Node
+from snr_sim import Loop, LoopFactory
+from snr_sim.prelude.node_api import NodeApi
 
 PRESSED_S = 0.2  # as long as a finger stays on a button: our own choice
 
@@ -27,7 +28,7 @@ class PanelFactory(LoopFactory):
         self.presses_s = presses_s
         self.rate_hz = rate_hz
 
-    def get(self, parent: Node) -> Panel:
+    def get(self, parent: NodeApi) -> Panel:
         """Returns the loop 'panel'."""
         return Panel(self, parent, "panel", self.rate_hz)
 

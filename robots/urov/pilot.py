@@ -7,8 +7,9 @@ from typing import Any
 
 import msgspec
 
-from snr_sim import Loop, LoopFactory, Node
+from snr_sim import Loop, LoopFactory
 from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.node_api import NodeApi
 
 from .controls import Controls, controls_of
 
@@ -53,7 +54,7 @@ class ScriptedPilotFactory(LoopFactory):
         self.rate_hz = rate_hz
         self.key = key
 
-    def get(self, parent: Node) -> ScriptedPilot:
+    def get(self, parent: NodeApi) -> ScriptedPilot:
         """Returns the loop 'pilot'."""
         return ScriptedPilot(self, parent, "pilot", self.rate_hz)
 

@@ -12,9 +12,7 @@ from snr_sim.console.command_processor import CommandProcessor
 from snr_sim.console.conversation import LINES_AT_ONCE, LINES_PER_S, Conversation
 from snr_sim.console.line import Line
 from snr_sim.console.wire import DEFAULT_PORT, LINE_FRAME_MAX_BYTES, PURPOSE, SECRET_IS
-from snr_sim.core.backing import ThreadBacking
 from snr_sim.core.loop import LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.links.allowance import Allowance
 from snr_sim.links.listener import Listener
 from snr_sim.links.newcomers import Newcomers, crowd, source_of
@@ -23,6 +21,7 @@ from snr_sim.links.security import as_secret, is_loopback
 from snr_sim.links.session import Terms
 from snr_sim.links.socket_port import Address, Claim
 from snr_sim.prelude.errors import ConfigError
+from snr_sim.prelude.node_api import NodeApi
 
 CONSOLES_MAX = 8
 STRANGERS_MAX = 16  # connections that have not shown yet whether they are consoles
@@ -93,7 +92,7 @@ class CommandReceiverFactory(LoopFactory):
         """
         return self._claim.take(self.address)
 
-    def get(self, parent: Node) -> CommandReceiver:
+    def get(self, parent: NodeApi) -> CommandReceiver:
         """Returns the loop."""
         return CommandReceiver(self, parent, self.name)
 
@@ -104,7 +103,7 @@ class CommandReceiver(RestartingLoop):
     factory: CommandReceiverFactory
     is_reloaded_with_all = False
 
-    def __init__(self, factory: CommandReceiverFactory, parent: Node, name: str) -> None:
+    def __init__(self, factory: CommandReceiverFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name, max_tick_rate_hz=0)
         self._terms = Terms(
             parent.name,
@@ -127,7 +126,7 @@ class CommandReceiver(RestartingLoop):
             LinkError: the port is taken, or the host is not this machine.
         """
         self._open()
-        self.begin_on(ThreadBacking(self))
+        self.parent.start_loop(self, on_thread=True)
 
     def _open_ports(self, ports: ExitStack) -> None:
         sock = self.factory.listener()

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from snr_sim.core.blame import describe_error, place_of, place_of_class, put_place_first, without_addresses
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.handlers import check_returns
 from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.node_parts import NodeParts
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ConfigError, SnrError
-
-if TYPE_CHECKING:
-    from snr_sim.core.node import Node
 
 _STEPS = ("begin", "setup", "loop", "halt", "terminate")  # what a component's author may write, beside handlers
 
@@ -29,7 +27,7 @@ class ComponentRegistry:
         components: by name; a new dict after each change at run time, because other threads read it.
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: NodeParts) -> None:
         self.components: dict[str, Component] = {}
         self._node = node
         self._places: dict[str, int] = {}

@@ -16,7 +16,7 @@ from typing import Any
 
 from snr_sim.core.blame import LET_INTERRUPTS_PASS, place_now
 from snr_sim.core.loop import Loop
-from snr_sim.core.node import Node
+from snr_sim.core.node_parts import NodeParts
 
 # A run in which nothing has changed for so long after a signal is stuck. Longer than each component has at the end.
 STUCK_S = 2.0
@@ -32,7 +32,7 @@ class LastResort:
         main: identifier of the thread that runs them.
     """
 
-    def __init__(self, nodes: Sequence[Node], main: int) -> None:
+    def __init__(self, nodes: Sequence[NodeParts], main: int) -> None:
         self._nodes = nodes
         self._main = main
         self._state: list[Any] | None = None
@@ -65,14 +65,14 @@ class LastResort:
             loop
             for node in self._nodes
             for loop in node.components.values()
-            if isinstance(loop, Loop) and node.life.has_begun(loop)
+            if isinstance(loop, Loop) and node.has_begun(loop)
         ]
         for loop in loops:
             loop.stop()
         at_once([*(loop.join for loop in loops), *([sys.stdout.flush] if sys.stdout else [])], HALT_S)
         at_once([loop.terminate for loop in loops], HALT_S)
         if stuck is not None:
-            stuck.report.record_interrupt(name, because if place is None else f"{place}\n  {because}")
+            stuck.record_interrupt(name, because if place is None else f"{place}\n  {because}")
             time.sleep(2 * 0.05)  # two periods of the trace's flusher
         where = "" if place is None else f"{place}\n  "
         halted = f" Halted: {', '.join(loop.name for loop in loops)}." if loops else ""

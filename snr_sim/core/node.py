@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from snr_sim.core.ages import age_s
+from snr_sim.core.backing import ClockBacking, ThreadBacking
 from snr_sim.core.clocks import SimClock, WallClock
 from snr_sim.core.component_registry import ComponentRegistry
 from snr_sim.core.config import Config
@@ -20,7 +21,8 @@ from snr_sim.core.datastore import PREVIOUS, Datastore
 from snr_sim.core.door import Door
 from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.handlers import Lookup
-from snr_sim.core.loop import Loop
+from snr_sim.core.lockstep import run_alone
+from snr_sim.core.loop import Backing, Loop
 from snr_sim.core.machine import EventMachine, as_tasks
 from snr_sim.core.node_core import NodeCore
 from snr_sim.core.node_life import NodeLife
@@ -31,7 +33,7 @@ from snr_sim.core.reload.sources import being_read
 from snr_sim.core.thesis_members import NodeMembers
 from snr_sim.prelude.clock import Clock
 from snr_sim.prelude.component import Component, RoleName
-from snr_sim.prelude.errors import ConfigError, TaskError
+from snr_sim.prelude.errors import ComponentFailed, ConfigError, TaskError
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.recorder import Recorder
 from snr_sim.prelude.rng import chance_of, rng_for
@@ -93,7 +95,6 @@ class Node(NodeMembers):
         self.datastore = Datastore()
         self.profiler = config.get_profiler()
         self.exit_reason: str | None = None
-        self.objects_noted: set[tuple[DataKey, type]] = set()  # that pages hold and that are no data: noted once
         self.registry = ComponentRegistry(self)
         latch = None if isinstance(self.clock, SimClock) else self.clock.now_s
         lookup = Lookup(self.registry.components, self.profiler)
@@ -106,9 +107,8 @@ class Node(NodeMembers):
         self.thread_id = threading.get_ident()
         self.never_ran = False  # an error ended it at its start: what it waited for could not come
         self.report = NodeReport(self, self._recorder)
-        self.life = NodeLife(self, self.report, self._recorder)
-        self._core = NodeCore(self)
-        self.probations = self._core.probations  # new code that may still fail
+        self.life = NodeLife(self, self.registry, self.report, self._recorder)
+        self._core = NodeCore(self, self.life)
         self.registry.add(self._core, 0)
         self.registry.add_all(config.get(role), is_replay)
 
@@ -130,8 +130,6 @@ class Node(NodeMembers):
         Raises:
             ComponentFailed: a handler or a loop raised; everything has been halted.
         """
-        from snr_sim.core.lockstep import run_alone  # the one step up: lock step runs nodes
-
         run_alone(self)
 
     def begin(self) -> None:
@@ -150,6 +148,11 @@ class Node(NodeMembers):
     def is_over(self) -> bool:
         """Whether the end of the run has begun: components are being halted, or have been."""
         return self.life.is_over
+
+    @property
+    def queued_task_count(self) -> int:
+        """How many tasks wait, at the door or inside."""
+        return self.machine.queued
 
     @property
     def is_terminated(self) -> bool:
@@ -210,6 +213,19 @@ class Node(NodeMembers):
     def handlers_changed(self) -> None:
         """Has handlers looked up anew; components call it when theirs change."""
         self.machine.lookup.forget()
+
+    def start_loop(self, loop: Loop, on_thread: bool = False) -> None:
+        """Start the ticks of a loop: by the virtual clock, on a thread, or in a process; see `NodeApi.start_loop`."""
+        backing: Backing
+        if self.is_in_lock_step and not on_thread:
+            backing = ClockBacking(loop, self.life)
+        elif loop.backing == "process" and not on_thread:
+            from snr_sim.core.process.process_backing import ProcessBacking  # slow to import, and few robots need it
+
+            backing = ProcessBacking(loop, self.life)
+        else:
+            backing = ThreadBacking(loop, self.life)
+        loop.begin_on(backing)
 
     # Data
 
@@ -317,6 +333,22 @@ class Node(NodeMembers):
     def note(self, text: str, lines: str = "") -> None:
         """Keeps a remark for the end of the run, once: see `NodeReport.note`."""
         self.report.note(text, lines)
+
+    def note_object(self, key: DataKey, kind: type) -> bool:
+        """Return whether a page of this key held an object of this class for the first time."""
+        return self.report.note_object(key, kind)
+
+    def has_begun(self, component: Component) -> bool:
+        """Return whether a component has begun and has not been terminated."""
+        return self.life.has_begun(component)
+
+    def record_failure(self, failure: ComponentFailed) -> None:
+        """Write a failure of this node into the trace, once."""
+        self.report.record_failure(failure)
+
+    def record_interrupt(self, component_name: str, message: str) -> None:
+        """Write into the trace which handler was interrupted: a replay must not wait for it again."""
+        self.report.record_interrupt(component_name, message)
 
     def said(self, component: str, level: str, text: str) -> None:
         """Have a text recorded that a component has printed or logged; from any thread.

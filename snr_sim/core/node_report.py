@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from snr_sim.core.blame import describe_error, place_of, without_addresses
 from snr_sim.core.machine import HandlerFailed
+from snr_sim.core.node_parts import NodeParts
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ComponentFailed
+from snr_sim.prelude.page import DataKey
 from snr_sim.prelude.recorder import NodeRecorder
 from snr_sim.prelude.task import Task
-
-if TYPE_CHECKING:
-    from snr_sim.core.node import Node
 
 INTERRUPTED = "interrupted"  # so begins the message of an error record that is none: a handler did not return
 MAX_NOTES = 100  # while it runs: nobody reads more, and what fails in ever other words must not fill the memory
@@ -29,11 +26,12 @@ class NodeReport:
         notes: for the end of the run.
     """
 
-    def __init__(self, node: Node, recorder: NodeRecorder | None) -> None:
+    def __init__(self, node: NodeParts, recorder: NodeRecorder | None) -> None:
         self.notes: list[str] = []
         self._node = node
         self._recorder = recorder
         self._lines: dict[str, str] = {}  # of notes: the student's lines that they are about
+        self._objects: set[tuple[DataKey, type]] = set()  # that pages hold and that are no data: noted once
         self._failures: list[ComponentFailed] = []  # those that are in the trace
 
     def failure_of(self, component: Component, error: BaseException, step: str) -> ComponentFailed:
@@ -89,6 +87,12 @@ class NodeReport:
         if remark in self.notes or len(self.notes) >= MAX_NOTES:
             return
         self.notes.append(remark if len(self.notes) < MAX_NOTES - 1 else "There was more to note, which is left out.")
+
+    def note_object(self, key: DataKey, kind: type) -> bool:
+        """Return whether a page of this key held an object of this class for the first time."""
+        is_first = (key, kind) not in self._objects
+        self._objects.add((key, kind))
+        return is_first
 
     def finished_notes(self) -> list[str]:
         """Return the notes, each with the student's lines that it is about before it."""

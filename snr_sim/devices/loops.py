@@ -13,10 +13,10 @@ import msgspec
 from snr_sim.core.ages import age_s
 from snr_sim.core.authors import who_stored
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.devices.commands import command_of, in_words
 from snr_sim.prelude.device import Actuator, Device, Sensor, Stale
 from snr_sim.prelude.errors import CommandError, DeviceError
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.promises import keeps
 from snr_sim.prelude.task import Task
@@ -68,7 +68,7 @@ class SensorLoopFactory(LoopFactory):
         self.rate_hz = rate_hz
         self.process = process
 
-    def get(self, parent: Node) -> SensorLoop:
+    def get(self, parent: NodeApi) -> SensorLoop:
         """Returns the loop `<key>_sensor`."""
         return SensorLoop(self, parent, f"{self.key}_sensor", self.rate_hz)
 
@@ -146,7 +146,7 @@ class ActuatorLoopFactory(LoopFactory):
         self.rate_hz = rate_hz
         self.timeout_s = timeout_s
 
-    def get(self, parent: Node) -> ActuatorLoop:
+    def get(self, parent: NodeApi) -> ActuatorLoop:
         """Returns the loop `<key>_actuator`."""
         return ActuatorLoop(self, parent, f"{self.key}_actuator", self.rate_hz)
 

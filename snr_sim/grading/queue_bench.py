@@ -17,6 +17,7 @@ from snr_sim.core.machine import EventMachine
 from snr_sim.core.node import Node
 from snr_sim.grading.queue_work import Priority, contents, written
 from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 
 # What waits in the node of `run_node`, by kind: pages are stored before anything is made of them.
@@ -189,7 +190,7 @@ class _AnsweringFactory(EndpointFactory):
         super().__init__()
         self.answers, self.handled = answers, handled
 
-    def get(self, parent: Node) -> Endpoint:
+    def get(self, parent: NodeApi) -> Endpoint:
         """Returns a new one."""
         return _Answering(self, parent, "answering")
 
@@ -199,7 +200,7 @@ class _Answering(Endpoint):
 
     factory: _AnsweringFactory
 
-    def __init__(self, factory: _AnsweringFactory, parent: Node, name: str) -> None:
+    def __init__(self, factory: _AnsweringFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         kinds = (TaskType.event, TaskType.process_data, TaskType.terminate)
         self.task_handlers = dict.fromkeys(kinds, self.answer)

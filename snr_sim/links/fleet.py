@@ -13,9 +13,9 @@ from typing import Any
 from msgspec.structs import replace
 
 from snr_sim.core.loop import LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.links.link import Link
 from snr_sim.links.options import MAX_KEY_CHARS, LinkOptions
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import DataKey, Page
 
 PING_BYTES = 64  # about what asking whether somebody is there costs on a wire
@@ -85,7 +85,7 @@ class FleetLink(Link):
     """
 
     def __init__(
-        self, factory: LoopFactory, parent: Node, options: LinkOptions, member: Member, hearing: Hearing
+        self, factory: LoopFactory, parent: NodeApi, options: LinkOptions, member: Member, hearing: Hearing
     ) -> None:
         super().__init__(factory, parent, options)
         self.member = member

@@ -22,6 +22,7 @@ from snr_sim.links.frames import HEADER_BYTES, encode_frame
 from snr_sim.links.options import MAX_KEY_CHARS, LinkOptions
 from snr_sim.links.wire_bounds import encode_page
 from snr_sim.prelude.errors import SnrError, nearest
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.recorder import RECORDING_KEY
 from snr_sim.prelude.task import Task, TaskType
@@ -105,7 +106,7 @@ class Link(Loop):
         options: of the link.
     """
 
-    def __init__(self, factory: LoopFactory, parent: Node, options: LinkOptions) -> None:
+    def __init__(self, factory: LoopFactory, parent: NodeApi, options: LinkOptions) -> None:
         rate_hz = HOUSEKEEPING_HZ if isinstance(parent.clock, SimClock) else 0.0  # on a thread its own waiting paces it
         super().__init__(factory, parent, f"link_{options.name}", rate_hz)
         self.options = options
@@ -230,7 +231,7 @@ class Link(Loop):
 
     def _must_wait(self) -> bool:
         """Whether the node has so much to do that nothing more may be let in."""
-        tasks = self.parent.machine.queued
+        tasks = self.parent.queued_task_count
         if self.is_deaf:
             tasks *= 2
         self.is_deaf = tasks > MAX_TASKS_WAITING or tasks * (self._largest_bytes + HEADER_BYTES) > MAX_BYTES_WAITING

@@ -9,7 +9,6 @@ from functools import partial
 from typing import Any
 
 from snr_sim.core.loop import LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.links.early_pages import EarlyPages, Kept
 from snr_sim.links.faults import Faults, Way
 from snr_sim.links.frames import HEADER_BYTES
@@ -18,6 +17,7 @@ from snr_sim.links.messages import decode_message
 from snr_sim.links.options import LinkOptions
 from snr_sim.links.send_queue import SendQueue
 from snr_sim.links.session import Session, Terms
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import DataKey, Page
 
 
@@ -75,7 +75,7 @@ class PeerLink(Link):
 
     least_transit_s = 0.0  # of what is sent; a simulated link has some
 
-    def __init__(self, factory: LoopFactory, parent: Node, options: LinkOptions, terms: Terms) -> None:
+    def __init__(self, factory: LoopFactory, parent: NodeApi, options: LinkOptions, terms: Terms) -> None:
         super().__init__(factory, parent, options)
         self.terms = terms
         self._decode = partial(decode_message, is_wanted=self._is_wanted)

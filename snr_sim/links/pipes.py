@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.links.options import LinkOptions, as_keys
 from snr_sim.links.session import Terms
 from snr_sim.links.simulated import Meeting, SimulatedLink
 from snr_sim.links.streams import StreamLink
 from snr_sim.prelude.errors import LinkError
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import DataKey
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ class PipeLoopFactory(LoopFactory):
         """Closes this end; see PortFactory."""
         self.conn.close()
 
-    def get(self, parent: Node) -> Loop:
+    def get(self, parent: NodeApi) -> Loop:
         """Returns the link."""
         options = self.options
         terms = Terms(

@@ -11,13 +11,13 @@ from weakref import WeakKeyDictionary
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.loop import LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.links.faults import LEAST_TRANSIT_S, Way
 from snr_sim.links.link import BEFORE_LOOPS
 from snr_sim.links.messages import NONCE_BYTES
 from snr_sim.links.options import LinkOptions
 from snr_sim.links.peers import Peer, PeerLink
 from snr_sim.links.session import Session, Terms
+from snr_sim.prelude.node_api import NodeApi
 
 
 class Meeting:
@@ -108,7 +108,7 @@ class SimulatedLink(PeerLink):
     least_transit_s = LEAST_TRANSIT_S
 
     def __init__(
-        self, factory: LoopFactory, parent: Node, options: LinkOptions, terms: Terms, meeting: Meeting
+        self, factory: LoopFactory, parent: NodeApi, options: LinkOptions, terms: Terms, meeting: Meeting
     ) -> None:
         super().__init__(factory, parent, options, terms)
         assert isinstance(parent.clock, SimClock)

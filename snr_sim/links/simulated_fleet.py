@@ -8,11 +8,11 @@ from weakref import WeakKeyDictionary
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.loop import LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.links.faults import LEAST_TRANSIT_S, Faults, Way
 from snr_sim.links.fleet import PING_BYTES, FleetLink, Hearing, Member
 from snr_sim.links.link import BEFORE_LOOPS, by_name
 from snr_sim.links.options import LinkOptions
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import DataKey, Page
 
 
@@ -58,7 +58,7 @@ class SimulatedFleetLink(FleetLink):
     def __init__(
         self,
         factory: LoopFactory,
-        parent: Node,
+        parent: NodeApi,
         options: LinkOptions,
         member: Member,
         hearing: Hearing,

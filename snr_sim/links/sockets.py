@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.links.faults import Faults
 from snr_sim.links.frames import MAX_FRAME_BYTES
 from snr_sim.links.options import LinkOptions, as_keys
@@ -26,6 +25,7 @@ from snr_sim.links.socket_port import Address, Claim
 from snr_sim.links.tcp_client import ClientLink
 from snr_sim.links.tcp_server import Gate, ServerLink
 from snr_sim.prelude.errors import ConfigError
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import DataKey
 
 if TYPE_CHECKING:
@@ -196,7 +196,7 @@ class SocketsLoopFactory(LoopFactory):
         """Return where it connects, in words."""
         return f"link_{self.options.name} connects to {self.pair.address}"
 
-    def get(self, parent: Node) -> Loop:
+    def get(self, parent: NodeApi) -> Loop:
         """Returns the link."""
         terms = self.pair.terms_for(parent.name, is_server=False)
         if isinstance(parent.clock, SimClock):
@@ -256,7 +256,7 @@ class SocketsListenerFactory(LoopFactory):
         """Return where it listens, in words."""
         return f"link_{self.options.name} listens at {self.pair.address}"
 
-    def get(self, parent: Node) -> Loop:
+    def get(self, parent: NodeApi) -> Loop:
         """Returns the link."""
         terms = self.pair.terms_for(parent.name, is_server=True)
         if isinstance(parent.clock, SimClock):

@@ -18,12 +18,12 @@ from operator import attrgetter
 from typing import Any
 
 from snr_sim.core.loop import LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.links.options import LinkOptions
 from snr_sim.links.peers import PeerLink
 from snr_sim.links.restarting import RestartingLoop
 from snr_sim.links.session import Session, Terms
 from snr_sim.links.stream_peer import FEW_TASKS, Account, Port, StreamPeer
+from snr_sim.prelude.node_api import NodeApi
 
 READ_BYTES = 1 << 17  # in one system call, of a frame that has begun
 # Of the frames that begin, all peers together are read so much in a round, each an equal share: a page that comes next
@@ -57,7 +57,7 @@ class StreamLink(RestartingLoop, PeerLink):
         terms: of its sessions.
     """
 
-    def __init__(self, factory: LoopFactory, parent: Node, options: LinkOptions, terms: Terms) -> None:
+    def __init__(self, factory: LoopFactory, parent: NodeApi, options: LinkOptions, terms: Terms) -> None:
         super().__init__(factory, parent, options, terms)
         self.streams: list[StreamPeer] = []  # all, also those that are not up
         self._now_s = parent.clock.now_s
@@ -112,7 +112,7 @@ class StreamLink(RestartingLoop, PeerLink):
 
     def has_few_tasks(self) -> bool:
         """Whether the node has little to do beside what it does now."""
-        return self.parent.machine.queued <= FEW_TASKS
+        return self.parent.queued_task_count <= FEW_TASKS
 
     def stop(self) -> None:
         """Asks for no more rounds; ends the one that waits."""

@@ -11,7 +11,6 @@ from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING
 
 from snr_sim.core.loop import LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.links.back_off import BackOff
 from snr_sim.links.options import LinkOptions
 from snr_sim.links.restarting import error_text
@@ -19,6 +18,7 @@ from snr_sim.links.session import Terms
 from snr_sim.links.socket_port import Address, SocketPort
 from snr_sim.links.stream_peer import StreamPeer
 from snr_sim.links.streams import StreamLink
+from snr_sim.prelude.node_api import NodeApi
 
 if TYPE_CHECKING:
     import ssl
@@ -40,7 +40,7 @@ class ClientLink(StreamLink):
     def __init__(
         self,
         factory: LoopFactory,
-        parent: Node,
+        parent: NodeApi,
         options: LinkOptions,
         terms: Terms,
         address: Address,

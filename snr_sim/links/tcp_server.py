@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from snr_sim.core.loop import LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.links.listener import Listener
 from snr_sim.links.newcomers import Newcomers, crowd, source_of
 from snr_sim.links.options import LinkOptions
@@ -17,6 +16,7 @@ from snr_sim.links.session import Terms
 from snr_sim.links.socket_port import Address, Claim, SocketPort
 from snr_sim.links.stream_peer import StreamPeer
 from snr_sim.links.streams import StreamLink
+from snr_sim.prelude.node_api import NodeApi
 
 if TYPE_CHECKING:
     import socket
@@ -55,7 +55,7 @@ class ServerLink(StreamLink):
     def __init__(
         self,
         factory: LoopFactory,
-        parent: Node,
+        parent: NodeApi,
         options: LinkOptions,
         terms: Terms,
         address: Address,

@@ -24,7 +24,6 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from snr_sim.core.loop import LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.links.back_off import BackOff
 from snr_sim.links.faults import Way
 from snr_sim.links.fleet import PING_BYTES, FleetLink, Hearing, Member
@@ -37,6 +36,7 @@ from snr_sim.links.wire_bounds import decode_page
 from snr_sim.links.zenoh_callbacks import ZenohCallbacks
 from snr_sim.links.zenoh_settings import ZenohSettings
 from snr_sim.prelude.errors import LinkError, MissingExtra, SnrError
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import DataKey
 
 ALONE = "nobody else is in the net."
@@ -84,7 +84,7 @@ class ZenohLink(RestartingLoop, FleetLink):
     def __init__(
         self,
         factory: LoopFactory,
-        parent: Node,
+        parent: NodeApi,
         options: LinkOptions,
         member: Member,
         hearing: Hearing,

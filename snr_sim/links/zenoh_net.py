@@ -15,7 +15,6 @@ from dataclasses import replace
 
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.links.faults import Faults
 from snr_sim.links.fleet import Hearing, Member
 from snr_sim.links.frames import MAX_FRAME_BYTES
@@ -27,6 +26,7 @@ from snr_sim.links.simulated_fleet import Gathering, SimulatedFleetLink
 from snr_sim.links.zenoh_link import ZenohLink
 from snr_sim.links.zenoh_settings import ZenohSettings, as_endpoints
 from snr_sim.prelude.errors import ConfigError
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import DataKey
 
 
@@ -161,7 +161,7 @@ class ZenohLinkFactory(LoopFactory):
         self.robot = robot
         self.settings = settings
 
-    def get(self, parent: Node) -> Loop:
+    def get(self, parent: NodeApi) -> Loop:
         """Returns the link."""
         member = Member(self.robot or parent.name, parent.name)
         if isinstance(parent.clock, SimClock):

@@ -23,6 +23,7 @@ import msgspec
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.node import Node
 from snr_sim.prelude.errors import ConfigError, RecordingError, SnrError, ValueEncodingError
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 from snr_sim.prelude.values import MARK
@@ -50,7 +51,7 @@ class RecorderEndpointFactory(EndpointFactory):
         self.name = name
         self._newest: weakref.ref[Node] | None = None
 
-    def get(self, parent: Node) -> RecorderEndpoint:
+    def get(self, parent: NodeApi) -> RecorderEndpoint:
         """Returns the endpoint."""
         return RecorderEndpoint(self, parent, self.name)
 
@@ -66,7 +67,7 @@ class RecorderEndpoint(Endpoint):
 
     factory: RecorderEndpointFactory
 
-    def __init__(self, factory: RecorderEndpointFactory, parent: Node, name: str) -> None:
+    def __init__(self, factory: RecorderEndpointFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         self._file: FileIO | None = None
         self._refused: Counter[DataKey] = Counter()

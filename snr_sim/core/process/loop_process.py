@@ -24,6 +24,7 @@ from snr_sim.core.datastore import Datastore
 from snr_sim.core.door import LOOK_UP_S, Door
 from snr_sim.core.loop import Loop
 from snr_sim.core.node import Node
+from snr_sim.core.node_life import NodeLife
 from snr_sim.core.process import spawned
 from snr_sim.core.process.packing import unpack
 from snr_sim.core.process.shared_arrays import SHARED, ArrayReceiver, ArraySender
@@ -54,7 +55,7 @@ def run(line: Connection) -> None:
         speaker.say("failed", describe_error(error, f"while loop '{begin['loop']}' was made in its process"))
         speaker.say("over")
         return
-    backing = ProcessThread(loop, speaker)
+    backing = ProcessThread(loop, node.life, speaker)
     if begin["is_tried"]:
         loop.trial = LineTrial(speaker)
     speaker.say("ready")
@@ -271,8 +272,8 @@ class LineHandler(logging.Handler):
 class ProcessThread(ThreadBacking):
     """Calls the loop from a thread, and tells the node when no more ticks will come."""
 
-    def __init__(self, loop: Loop, speaker: Speaker) -> None:
-        super().__init__(loop)
+    def __init__(self, loop: Loop, life: NodeLife, speaker: Speaker) -> None:
+        super().__init__(loop, life)
         self._speaker = speaker
 
     def _run(self) -> None:

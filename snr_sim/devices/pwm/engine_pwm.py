@@ -6,12 +6,12 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from snr_sim.core.node import Node
 from snr_sim.devices.commands import command_of
 from snr_sim.devices.pwm.pwm_backend import STOP_US
 from snr_sim.devices.pwm.pwm_loop import TIMEOUT_S, PwmLoop, PwmLoopFactory
 from snr_sim.prelude.device import LEASE_S, PwmOut
 from snr_sim.prelude.errors import CommandError, ParameterError
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.signals import EngineCommand, PwmCommand
 
@@ -78,7 +78,7 @@ class EnginePwmLoopFactory(PwmLoopFactory):
         super().__init__(key, open_device, rate_hz, timeout_s, lease_s)
         self.servos = servos
 
-    def get(self, parent: Node) -> EnginePwmLoop:
+    def get(self, parent: NodeApi) -> EnginePwmLoop:
         """Returns the loop `<key>_actuator`."""
         return EnginePwmLoop(self, parent, f"{self.key}_actuator", self.rate_hz)
 

@@ -10,12 +10,12 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from snr_sim.core.node import Node
 from snr_sim.devices.loops import SensorLoop, SensorLoopFactory
 from snr_sim.devices.sensors.ray_casting import VEILED_PER_M, Image, Rays, meet_scene
 from snr_sim.devices.sensors.sensor_errors import SensorErrors
 from snr_sim.devices.simulated import SimSensor
 from snr_sim.prelude.errors import ParameterError, UnknownName, nearest
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.plant import Plant
 from snr_sim.prelude.snapshot import snapshot
 
@@ -133,7 +133,7 @@ class Camera:
 class CameraLoopFactory(SensorLoopFactory):
     """Reads a camera at a rate and stores each picture as a page; arguments are those of `SensorLoopFactory`."""
 
-    def get(self, parent: Node) -> CameraLoop:
+    def get(self, parent: NodeApi) -> CameraLoop:
         """Returns the loop `<key>_sensor`."""
         return CameraLoop(self, parent, f"{self.key}_sensor", self.rate_hz)
 

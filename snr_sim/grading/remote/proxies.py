@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.grading.remote.node_messages import HandlerRow, Made
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.task import SomeTasks, Task, TaskHandler, TaskHandlerMap, TaskId, TaskType
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ class RemoteEndpointFactory(EndpointFactory):
         self.remote = remote
         self._number = number
 
-    def get(self, parent: Node) -> Endpoint:
+    def get(self, parent: NodeApi) -> Endpoint:
         """Returns a proxy; the student's own endpoint is made in its process."""
         return RemoteEndpoint(self, parent, self.remote.make(self._number, parent))
 
@@ -33,7 +33,7 @@ class RemoteEndpoint(Endpoint):
 
     factory: RemoteEndpointFactory
 
-    def __init__(self, factory: RemoteEndpointFactory, parent: Node, made: Made) -> None:
+    def __init__(self, factory: RemoteEndpointFactory, parent: NodeApi, made: Made) -> None:
         super().__init__(factory, parent, made.name)
         self._steps = {"join" if step == "halt" else step for step in made.steps}
         self.task_handlers = self.handlers_of(made.handlers)
@@ -79,7 +79,7 @@ class RemoteLoopFactory(LoopFactory):
         self.remote = remote
         self._number = number
 
-    def get(self, parent: Node) -> Loop:
+    def get(self, parent: NodeApi) -> Loop:
         """Returns a proxy; the student's own loop is made in its process."""
         return RemoteLoop(self, parent, self.remote.make(self._number, parent))
 
@@ -89,7 +89,7 @@ class RemoteLoop(Loop):
 
     factory: RemoteLoopFactory
 
-    def __init__(self, factory: RemoteLoopFactory, parent: Node, made: Made) -> None:
+    def __init__(self, factory: RemoteLoopFactory, parent: NodeApi, made: Made) -> None:
         super().__init__(factory, parent, made.name, made.rate_hz)
         self.first_tick_after_s = made.first_s
         self.next_tick_at_s = made.next_s

@@ -41,6 +41,7 @@ from snr_sim.grading.remote.packing import packed
 from snr_sim.grading.remote.protocol import Answer, ProtocolError, T, decode_as
 from snr_sim.grading.remote.proxies import RemoteEndpoint, RemoteEndpointFactory, RemoteLoop, RemoteLoopFactory
 from snr_sim.prelude.errors import SnrError
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.scenario import Robot
 from snr_sim.prelude.task import SomeTasks, Task, TaskType
@@ -139,7 +140,7 @@ class Remote:
             for number, is_loop in enumerate(opened.are_loops, start=first)
         ]
 
-    def make(self, factory: int, parent: Node) -> Made:
+    def make(self, factory: int, parent: NodeApi) -> Made:
         """Has a component made in the student's process."""
         made = self._decode(_decode_made, self.ask("make", Make(parent.role, factory, parent.chance)))
         self.admission.component(made)
