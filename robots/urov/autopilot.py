@@ -13,10 +13,11 @@ from typing import Any
 
 import msgspec
 
-from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
+from snr_sim import Endpoint, EndpointFactory, SomeTasks, Task, TaskId, TaskType
 from snr_sim.core.ages import age_s
 from snr_sim.plants.urov.t200 import curve
 from snr_sim.prelude.errors import CommandError, UnknownName
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.recorder import RECORDING_KEY
 from snr_sim.prelude.signals import RESET, STOPPED, DepthReading, ImuReading
 from snr_sim.std_mods.allocation import Allocation
@@ -52,7 +53,7 @@ class AutopilotFactory(EndpointFactory):
         super().__init__()
         self.parameters = parameters
 
-    def get(self, parent: Node) -> Autopilot:
+    def get(self, parent: NodeApi) -> Autopilot:
         """Returns a new one, disarmed."""
         return Autopilot(self, parent, "autopilot")
 
@@ -62,7 +63,7 @@ class Autopilot(Endpoint):
 
     factory: AutopilotFactory
 
-    def __init__(self, factory: AutopilotFactory, parent: Node, name: str) -> None:
+    def __init__(self, factory: AutopilotFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         parameters = factory.parameters
         self.parameters = parameters

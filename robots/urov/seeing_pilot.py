@@ -13,9 +13,10 @@ from dataclasses import dataclass
 
 import msgspec
 
-from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
+from snr_sim import Endpoint, EndpointFactory, SomeTasks, Task, TaskId, TaskType
 from snr_sim.devices.sensors.position_fix import PositionFix
 from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.node_api import NodeApi
 
 from .controls import Controls
 from .steering import Steering
@@ -59,7 +60,7 @@ class SeeingPilotFactory(EndpointFactory):
             raise ParameterError("A pilot with a route of no waypoints.", fix="route=[Waypoint(...), ...].")
         self.route = tuple(route)
 
-    def get(self, parent: Node) -> SeeingPilot:
+    def get(self, parent: NodeApi) -> SeeingPilot:
         """Returns the endpoint 'pilot'."""
         return SeeingPilot(self, parent, "pilot")
 
@@ -69,7 +70,7 @@ class SeeingPilot(Endpoint):
 
     factory: SeeingPilotFactory
 
-    def __init__(self, factory: SeeingPilotFactory, parent: Node, name: str) -> None:
+    def __init__(self, factory: SeeingPilotFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         self.left = list(factory.route)
         self.steering = Steering()

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from snr_sim import Loop, LoopFactory, Node, tasks
+from snr_sim import Loop, LoopFactory, tasks
+from snr_sim.prelude.node_api import NodeApi
 
 RATE_HZ = 10.0
 UNANSWERED_S = 0.1  # the inertial unit is answered with a command 50 times a second
@@ -11,7 +12,7 @@ UNANSWERED_S = 0.1  # the inertial unit is answered with a command 50 times a se
 class WatchFactory(LoopFactory):
     """Makes the watch."""
 
-    def get(self, parent: Node) -> Watch:
+    def get(self, parent: NodeApi) -> Watch:
         """Returns the loop 'watch'."""
         return Watch(self, parent, "watch", RATE_HZ)
 

@@ -11,7 +11,6 @@ from snr_sim.console.commands import TABLE
 from snr_sim.console.conversation import LINES_AT_ONCE, LINES_PER_S, Conversation
 from snr_sim.console.session import Session
 from snr_sim.console.wire import DEFAULT_PORT, LINE_FRAME_MAX_BYTES, PURPOSE, READ_BYTES, SECRET_IS, read_for
-from snr_sim.core.backing import ThreadBacking
 from snr_sim.core.node import Node
 from snr_sim.links.allowance import Allowance
 from snr_sim.links.newcomers import Newcomers, crowd, source_of
@@ -20,6 +19,7 @@ from snr_sim.links.security import as_secret, is_loopback
 from snr_sim.links.session import Terms
 from snr_sim.links.socket_port import Address, ListenerFactory
 from snr_sim.prelude.errors import ConfigError
+from snr_sim.prelude.node_api import NodeApi
 
 CONSOLES_MAX = 8
 STRANGERS_MAX = 16  # connections that have not shown yet whether they are consoles
@@ -66,7 +66,7 @@ class CommandReceiverFactory(ListenerFactory):
             )
         self.name = name
 
-    def get(self, parent: Node) -> CommandReceiver:
+    def get(self, parent: NodeApi) -> CommandReceiver:
         """Returns the loop."""
         return CommandReceiver(self, parent, self.name)
 
@@ -96,9 +96,11 @@ class CommandReceiver(RestartingLoop):
     """A loop on a thread of its own, in lock step too: consoles live in the world's time, and add no moments."""
 
     factory: CommandReceiverFactory
+    parent: Node
     is_reloaded_with_all = False
 
-    def __init__(self, factory: CommandReceiverFactory, parent: Node, name: str) -> None:
+    def __init__(self, factory: CommandReceiverFactory, parent: NodeApi, name: str) -> None:
+        assert isinstance(parent, Node)  # in no process of a loop: its backing is a thread
         super().__init__(factory, parent, name, max_tick_rate_hz=0)
         self._terms = Terms(
             parent.name,
@@ -123,7 +125,7 @@ class CommandReceiver(RestartingLoop):
             LinkError: the port is taken, or the host is not this machine.
         """
         self._open()
-        self.begin_on(ThreadBacking(self))
+        self.parent.start_loop(self, on_thread=True)
 
     def _open_ports(self, ports: ExitStack) -> None:
         self._sock = self.factory.listener()

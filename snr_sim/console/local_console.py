@@ -17,10 +17,10 @@ from snr_sim.console.commands import TABLE
 from snr_sim.console.session import Session
 from snr_sim.console.table import Answer
 from snr_sim.console.words import LINE_MAX_CHARS
-from snr_sim.core.backing import ThreadBacking
 from snr_sim.core.loop import Loop, LoopFactory
 from snr_sim.core.node import Node
 from snr_sim.prelude.errors import ConfigError
+from snr_sim.prelude.node_api import NodeApi
 
 LOOK_S = 0.05  # how long a node's end may have to wait for us
 SOON_S = 0.005
@@ -53,7 +53,7 @@ class LocalConsoleFactory(LoopFactory):
             fix="CommandReceiverFactory(54321) in this role, and `snr console 54321` in another terminal.",
         )
 
-    def get(self, parent: Node) -> LocalConsole:
+    def get(self, parent: NodeApi) -> LocalConsole:
         """Returns the loop."""
         return LocalConsole(self, parent, self.name)
 
@@ -64,7 +64,7 @@ class LocalConsole(Loop):
     factory: LocalConsoleFactory
     is_reloaded_with_all = False
 
-    def __init__(self, factory: LocalConsoleFactory, parent: Node, name: str = "local_console") -> None:
+    def __init__(self, factory: LocalConsoleFactory, parent: NodeApi, name: str = "local_console") -> None:
         if not isinstance(parent, Node):
             raise ConfigError(
                 "A LocalConsole is a loop of the node, in the node's own terminal.",
@@ -78,7 +78,7 @@ class LocalConsole(Loop):
 
     def begin(self) -> None:
         """Starts the thread."""
-        self.begin_on(ThreadBacking(self))
+        self.parent.start_loop(self, on_thread=True)
 
     def setup(self) -> None:
         """Finds out how to read without waiting for ever."""

@@ -9,17 +9,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import Page
-
-if TYPE_CHECKING:
-    from snr_sim.core.node import Node
 
 LINK_PREFIX = "link_"
 
 
-def age_s(node: Node, page: Page) -> float:
+def age_s(node: NodeApi, page: Page) -> float:
     """Returns how long ago a page was made [s], in doubt the older.
 
     Of another node's page on the wall clock that is infinite, if no link knows its maker's clock. No page is younger
@@ -33,7 +31,7 @@ def age_s(node: Node, page: Page) -> float:
     return max(here_s, now_s - page.created_at_s - offset_s)
 
 
-def clock_offset_s(node: Node, far: str) -> float:
+def clock_offset_s(node: NodeApi, far: str) -> float:
     """Returns what our links have found to be added to the far node's times to have ours; -inf if none has.
 
     Where several nodes have that name, the least: then a page is older than it should be rather than younger.

@@ -5,14 +5,12 @@ from __future__ import annotations
 import sys
 import threading
 from contextlib import suppress
-from typing import TYPE_CHECKING, Protocol
 
 from snr_sim.core.blame import place_now
 from snr_sim.core.clocks import SimClock
+from snr_sim.core.loop import Loop
+from snr_sim.core.node_life import NodeLife
 from snr_sim.prelude.errors import ClockError, ComponentFailed
-
-if TYPE_CHECKING:
-    from snr_sim.core.loop import Loop
 
 _UNLIMITED_RATE_IN_LOCK_STEP_HZ = 1000.0
 # In periods of its rate: how soon after its last tick a hurried one may come, and how long the next one then waits for
@@ -22,48 +20,19 @@ _HURRIED_AFTER, _WAITS_FOR_HURRY = 0.5, 1.5
 JOIN_TIMEOUT_S = 0.5
 
 
-class Backing(Protocol):
-    """Starts, calls and ends one loop."""
-
-    ticks: int
-    late_s: float  # the largest delay of a tick behind its deadline
-    # How long whoever begins the loop in a running node waits to hear of its `setup`; then it is taken to be well.
-    setup_patience_s: float
-
-    @property
-    def is_stopped(self) -> bool:
-        """Whether no more ticks will come."""
-        ...
-
-    def start(self) -> None:
-        """Begins calling."""
-        ...
-
-    def hurry(self) -> None:
-        """Asks for the next call now; in lock step and in a process it comes when it is due all the same."""
-        ...
-
-    def stop(self) -> None:
-        """Asks for no more calls; returns at once."""
-        ...
-
-    def join(self) -> None:
-        """Stops, and returns once `halt` has been called."""
-        ...
-
-
 class ClockBacking:
     """Has the virtual clock call the loop on the node's thread: tick k comes at exactly k / rate."""
 
     setup_patience_s = 0.0  # `start` has called it
 
-    def __init__(self, loop: Loop) -> None:
+    def __init__(self, loop: Loop, life: NodeLife) -> None:
         assert isinstance(loop.parent.clock, SimClock)
         self._loop = loop
+        self._life = life
         self._clock = loop.parent.clock
         self._rate_hz = loop.max_tick_rate_hz or _UNLIMITED_RATE_IN_LOCK_STEP_HZ
         self._start_s = self._clock.now_s() + loop.first_tick_after_s
-        self._order = loop.parent.order_of(loop.name)
+        self._order = life.registry.order_of(loop.name)
         self._is_started = False
         self._is_halted = False
         self._at_once = 0  # ticks in a row that were wanted at once
@@ -74,7 +43,7 @@ class ClockBacking:
     def start(self) -> None:
         """Sets the loop up and asks the clock for its first tick, now."""
         self._is_started = True  # before setup: what fails halfway has to be halted too, as on a thread
-        self._loop.parent.call_loop(self._loop, "setup")
+        self._life.call_loop(self._loop, "setup")
         self._clock.call_at(self._start_s, self._tick, self._order)
 
     def _tick(self) -> None:
@@ -82,10 +51,10 @@ class ClockBacking:
             return
         self.ticks += 1
         try:
-            self._loop.parent.call_loop(self._loop, "loop")
+            self._life.call_loop(self._loop, "loop")
         except ComponentFailed as failure:
             self.is_stopped = True
-            if not self._loop.parent.probations.has_taken(self._loop, failure):
+            if not self._life.takes_failure(self._loop, failure):
                 raise
         if not self.is_stopped:
             self._clock.call_at(self._next_s(), self._tick, self._order)
@@ -100,8 +69,8 @@ class ClockBacking:
             self._at_once = 0
             return wanted_s
         self._at_once += 1
-        if self._at_once > self._loop.parent.config.max_tasks_per_moment:
-            raise self._loop.parent.failure_of(self._loop, _stands_still(wanted_s, self._at_once - 1), "loop")
+        if self._at_once > self._life.node.config.max_tasks_per_moment:
+            raise self._life.report.failure_of(self._loop, _stands_still(wanted_s, self._at_once - 1), "loop")
         return now_s
 
     def hurry(self) -> None:
@@ -131,8 +100,9 @@ class ThreadBacking:
 
     setup_patience_s = 0.5
 
-    def __init__(self, loop: Loop) -> None:
+    def __init__(self, loop: Loop, life: NodeLife) -> None:
         self._loop = loop
+        self._life = life
         self._clock = loop.parent.clock
         self._period_s = 1.0 / loop.max_tick_rate_hz if loop.max_tick_rate_hz else 0.0
         self._stopping = threading.Event()
@@ -156,26 +126,26 @@ class ThreadBacking:
         self._thread.start()
 
     def _run(self) -> None:
-        node, loop = self._loop.parent, self._loop
+        life, loop = self._life, self._loop
         try:
-            node.call_loop(loop, "setup")
+            life.call_loop(loop, "setup")
             if loop.trial is not None:
                 loop.trial.report(None)
             self._tick_on_deadlines()
         except BaseException as error:
-            failure = node.failure_of(loop, error, "loop")
+            failure = life.report.failure_of(loop, error, "loop")
             self._is_refused = loop.trial is not None and loop.trial.report(failure)
-            if self._is_refused or node.probations.has_taken(loop, failure):
+            if self._is_refused or life.takes_failure(loop, failure):
                 pass  # somebody knows, and the node goes on
             elif loop.is_taken_out:
-                node.note(str(failure))
+                life.node.note(str(failure))
             else:
-                node.door.fail(failure)
+                life.node.door.fail(failure)
         finally:
             self._halt_once()
 
     def _tick_on_deadlines(self) -> None:
-        node, loop, clock = self._loop.parent, self._loop, self._clock
+        loop, clock = self._loop, self._clock
         deadline_s = clock.now_s() + loop.first_tick_after_s
         self._stopping.wait(loop.first_tick_after_s)
         while True:
@@ -184,7 +154,7 @@ class ThreadBacking:
                 return
             self.ticks += 1
             begun_s = clock.now_s()
-            node.call_loop(loop, "loop")
+            self._life.call_loop(loop, "loop")
             deadline_s = deadline_s + self._period_s if loop.next_tick_at_s is None else loop.next_tick_at_s
             spare_s = deadline_s - clock.now_s()
             if spare_s > 0:
@@ -205,8 +175,8 @@ class ThreadBacking:
         try:
             self._loop.halt()
         except BaseException as error:
-            node = self._loop.parent
-            failure = node.failure_of(self._loop, error, "halt")
+            node = self._life.node
+            failure = self._life.report.failure_of(self._loop, error, "halt")
             if self._is_refused or self._loop.is_taken_out:
                 node.note(str(failure))
             else:

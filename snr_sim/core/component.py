@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from snr_sim.core.page_data import data_of_page
 from snr_sim.core.thesis_members import ComponentMembers
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.retired import Retired
 from snr_sim.prelude.rng import rng_for
@@ -19,7 +20,6 @@ from snr_sim.prelude.task import SomeTasks, Task, TaskType
 if TYPE_CHECKING:
     import numpy as np
 
-    from snr_sim.core.node import Node
 
 CORE_NAME = "node_core"  # the node's own endpoint
 _STORE_PAGE = TaskType.store_page  # looked up once: in Python 3.11 a member of an Enum takes 0.1 us to find
@@ -45,7 +45,7 @@ class ComponentFactory:
     def __class_getitem__(cls, kind: object) -> GenericAlias:  # AbstractFactory[Endpoint], as the thesis annotates
         return GenericAlias(cls, kind)
 
-    def get(self, parent: Node) -> NodeComponent:
+    def get(self, parent: NodeApi) -> NodeComponent:
         """Returns a new component that belongs to the node `parent`."""
         raise NotImplementedError(f"{type(self).__name__} needs a method get(self, parent) that returns its component")
 
@@ -65,7 +65,7 @@ class NodeComponent(ComponentMembers):
     # Whether a reload of all components makes it anew, too. Not a console: the answer is to come over its line.
     is_reloaded_with_all: ClassVar[bool] = True
 
-    def __init__(self, factory: ComponentFactory, parent: Node, name: str) -> None:
+    def __init__(self, factory: ComponentFactory, parent: NodeApi, name: str) -> None:
         self.factory = factory
         self.parent = parent
         self.name = name

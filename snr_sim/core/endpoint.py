@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import FunctionType, MethodType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from snr_sim.core.component import ComponentFactory, NodeComponent
 from snr_sim.core.handlers import HandlerMap, check_handlers
 from snr_sim.prelude.errors import ConfigError
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.task import SomeTasks, TaskHandler, TaskHandlerMap, TaskId
-
-if TYPE_CHECKING:
-    from snr_sim.core.node import Node
 
 
 class EndpointFactory(ComponentFactory):
     """Makes an endpoint for a node."""
 
-    def get(self, parent: Node) -> Endpoint:
+    def get(self, parent: NodeApi) -> Endpoint:
         """Returns a new endpoint that belongs to the node `parent`."""
         raise NotImplementedError(f"{type(self).__name__} needs a method get(self, parent) that returns its endpoint")
 
@@ -46,7 +44,7 @@ class Endpoint(NodeComponent):
             cls._of_class = table
             del cls.task_handlers  # or it would hide the property below, and all objects would share one map
 
-    def __init__(self, factory: EndpointFactory, parent: Node, name: str) -> None:
+    def __init__(self, factory: EndpointFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         self._handlers = HandlerMap({}, self._handlers_changed)
         if self._of_class:

@@ -17,7 +17,7 @@ from types import FrameType
 from typing import Any
 
 from snr_sim.core.last_resort import LastResort
-from snr_sim.core.node import Node
+from snr_sim.core.node_parts import NodeParts
 from snr_sim.core.wake_up import woken_by
 from snr_sim.prelude import tasks
 from snr_sim.prelude.component import Component
@@ -34,7 +34,7 @@ class Interrupted(KeyboardInterrupt):
 
 
 @contextmanager
-def orderly(nodes: Sequence[Node]) -> Iterator[list[str]]:
+def orderly(nodes: Sequence[NodeParts]) -> Iterator[list[str]]:
     """Turns signals into terminate tasks while it is entered; yields a list that gets the signals' names.
 
     Signals reach only the main thread of a program; elsewhere this does nothing.
@@ -69,7 +69,7 @@ def orderly(nodes: Sequence[Node]) -> Iterator[list[str]]:
         if len(rings) == LAST_RING and not any(node.is_over for node in nodes):
             raise Interrupted("the run did not come to an end: the plant, or what else is stepped, did not return")
 
-    def interrupt(node: Node) -> None:
+    def interrupt(node: NodeParts) -> None:
         if node.machine.running is not None:
             raise Interrupted(f"component '{node.machine.running.name}' did not return")
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from snr_sim.core.blame import LET_INTERRUPTS_PASS, place_now
 from snr_sim.core.loop import Loop
-from snr_sim.core.node import Node
+from snr_sim.core.node_parts import NodeParts
 
 # A run in which nothing has changed for so long after a signal is stuck. Longer than each component has at the end.
 STUCK_S = 2.0
@@ -32,7 +32,7 @@ class LastResort:
         main: identifier of the thread that runs them.
     """
 
-    def __init__(self, nodes: Sequence[Node], main: int) -> None:
+    def __init__(self, nodes: Sequence[NodeParts], main: int) -> None:
         self._nodes = nodes
         self._main = main
         self._state: list[Any] | None = None

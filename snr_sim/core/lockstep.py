@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from snr_sim.core.clocks import SimClock
-from snr_sim.core.node import Node
+from snr_sim.core.node_parts import NodeParts
 from snr_sim.core.runaway import Moments
 from snr_sim.core.watchdog import Watchdog
 from snr_sim.prelude.errors import ComponentFailed
@@ -15,7 +15,7 @@ NOTHING_LEFT = "nothing left to do"
 TIME_LIMIT = "time limit"
 
 
-def run_alone(node: Node) -> None:
+def run_alone(node: NodeParts) -> None:
     """Runs one node until it ends, on the clock it has.
 
     Raises:
@@ -47,7 +47,7 @@ class LockStep:
     """
 
     def __init__(
-        self, nodes: Sequence[Node], clock: SimClock, pace: float | None = None, until_s: float | None = None
+        self, nodes: Sequence[NodeParts], clock: SimClock, pace: float | None = None, until_s: float | None = None
     ) -> None:
         self._nodes = list(nodes)
         self._clock = clock
@@ -131,7 +131,7 @@ class LockStep:
                 return False
 
 
-def _run_watched(nodes: Sequence[Node], run: Callable[[], str]) -> None:
+def _run_watched(nodes: Sequence[NodeParts], run: Callable[[], str]) -> None:
     """Runs nodes by `run`, which returns why it ended, and ends them, under the eyes of a watchdog."""
     with Watchdog(nodes) as watchdog:
         try:
@@ -145,7 +145,7 @@ def _run_watched(nodes: Sequence[Node], run: Callable[[], str]) -> None:
         _end_all(nodes, reason)
 
 
-def _end_all(nodes: Sequence[Node], why: str | BaseException) -> None:
+def _end_all(nodes: Sequence[NodeParts], why: str | BaseException) -> None:
     """Ends every node; raises the first failure to do so, unless another one is already on its way."""
     failure: Exception | None = None
     error = why if isinstance(why, Exception) else None

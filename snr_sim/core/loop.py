@@ -7,20 +7,46 @@ The author writes `setup`, `loop`, `halt` and `terminate`; who calls them is the
 from __future__ import annotations
 
 from numbers import Real
-from typing import TYPE_CHECKING, Literal
+from typing import Literal, Protocol
 
-from snr_sim.core.backing import Backing, ClockBacking, ThreadBacking
-from snr_sim.core.clocks import SimClock
 from snr_sim.core.component import ComponentFactory, NodeComponent
 from snr_sim.core.reload.trial import Trial
 from snr_sim.core.thesis_members import LoopMembers
 from snr_sim.prelude.errors import ParameterError, nearest
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.task import SomeTasks, TaskHandlerMap
 
-if TYPE_CHECKING:
-    from snr_sim.core.node import Node
-
 _BACKINGS = ("thread", "process")
+
+
+class Backing(Protocol):
+    """Starts, calls and ends one loop."""
+
+    ticks: int
+    late_s: float  # the largest delay of a tick behind its deadline
+    # How long whoever begins the loop in a running node waits to hear of its `setup`; then it is taken to be well.
+    setup_patience_s: float
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether no more ticks will come."""
+        ...
+
+    def start(self) -> None:
+        """Begins calling."""
+        ...
+
+    def hurry(self) -> None:
+        """Asks for the next call now; in lock step and in a process it comes when it is due all the same."""
+        ...
+
+    def stop(self) -> None:
+        """Asks for no more calls; returns at once."""
+        ...
+
+    def join(self) -> None:
+        """Stops, and returns once `halt` has been called."""
+        ...
 
 
 def _is_rate(value: object) -> bool:
@@ -30,7 +56,7 @@ def _is_rate(value: object) -> bool:
 class LoopFactory(ComponentFactory):
     """Makes a loop for a node."""
 
-    def get(self, parent: Node) -> Loop:
+    def get(self, parent: NodeApi) -> Loop:
         """Returns a new loop that belongs to the node `parent`."""
         raise NotImplementedError(f"{type(self).__name__} needs a method get(self, parent) that returns its loop")
 
@@ -59,7 +85,7 @@ class Loop(LoopMembers, NodeComponent):
     # in each `loop`. At once if that has passed.
     next_tick_at_s: float | None = None
 
-    def __init__(self, factory: LoopFactory, parent: Node, name: str, max_tick_rate_hz: float | None = None) -> None:
+    def __init__(self, factory: LoopFactory, parent: NodeApi, name: str, max_tick_rate_hz: float | None = None) -> None:
         rate_hz = self.max_tick_rate_hz if max_tick_rate_hz is None else max_tick_rate_hz
         if not _is_rate(rate_hz):
             raise ParameterError(
@@ -90,7 +116,7 @@ class Loop(LoopMembers, NodeComponent):
             ConfigError: the loop is to run in a process, and its factory cannot be sent there.
         """
         self._check_backing()  # again: it may have been chosen after the loop was made
-        self.begin_on(ClockBacking(self) if isinstance(self.parent.clock, SimClock) else self._own_backing())
+        self.parent.start_loop(self)
 
     def _check_backing(self) -> None:
         if self.backing not in _BACKINGS:
@@ -102,13 +128,6 @@ class Loop(LoopMembers, NodeComponent):
         """Starts ticking on a backing: in a process the process' own, anywhere else `begin` chooses."""
         self._backing = backing
         backing.start()
-
-    def _own_backing(self) -> Backing:
-        if self.backing == "process":
-            from snr_sim.core.process.process_backing import ProcessBacking  # slow to import, and few robots need it
-
-            return ProcessBacking(self)
-        return ThreadBacking(self)
 
     def hurry(self) -> None:
         """Has the next tick come now, on a thread, and not when it is due: there is news. For any thread.

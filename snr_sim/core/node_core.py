@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 from snr_sim.core.component import CORE_NAME
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
+from snr_sim.core.node_life import NodeLife
+from snr_sim.core.node_parts import NodeParts
 from snr_sim.core.reload.reload import Changes, Outcome
 from snr_sim.core.reload.rollback import Probations
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import TaskError
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
-
-if TYPE_CHECKING:
-    from snr_sim.core.node import Node
 
 _PROCESS_DATA = TaskType.process_data  # looked up once: in Python 3.11 a member of an Enum takes 0.1 us to find
 
@@ -29,8 +27,9 @@ class NodeCore(Endpoint):
 
     is_of_robot = False
 
-    def __init__(self, parent: Node) -> None:
+    def __init__(self, parent: NodeParts, life: NodeLife) -> None:
         super().__init__(EndpointFactory(), parent, CORE_NAME)
+        self._node = parent
         self._put = parent.datastore.put
         # Pages whose `process_data` task waits behind others, oldest first, each with the page of its key before it.
         # Tasks are executed in the order in which they were queued: what is more than there are has been processed.
@@ -39,8 +38,10 @@ class NodeCore(Endpoint):
         self.came_s: dict[DataKey, float] = {}  # when the newest page of a key came here, of those other nodes made
         # Ways out of the node, by key: links send these pages on. Not part of the machine, so not of a replay.
         self.taps: dict[DataKey, list[Callable[[Page], None]]] = {}
-        self._changes = Changes(parent)
-        self.probations = self._changes.probations = Probations(self._changes, self._tell_rollback)
+        self._changes = Changes(life)
+        self._probations = Probations(self._changes, self._tell_rollback)
+        self._changes.put_on_probation = self._probations.begin
+        life.takes_failure = self._probations.has_taken
         self.task_handlers = {
             TaskType.store_page: self.store,
             TaskType.terminate: self.end_node,
@@ -63,19 +64,19 @@ class NodeCore(Endpoint):
         page = values[0]
         before = self._put(page)
         if page.origin != self._mine:
-            self.came_s[page.key] = self.parent.machine.now_s
+            self.came_s[page.key] = self._node.machine.now_s
         if self.taps:
             for tap in self.taps.get(page.key, ()):
                 tap(page)
         if not page.process:
             return None
-        if self.parent.machine.queue:  # else it is processed next, while it is still the newest
+        if self._node.machine.queue:  # else it is processed next, while it is still the newest
             self.await_processing(page, before)
         return Task(_PROCESS_DATA, page.key, [page])
 
     def await_processing(self, page: Page, before: Page | None) -> None:
         """Keeps the page of the key that was stored before this one until this one has been processed."""
-        queue, waiting = self.parent.machine.queue, self._waiting
+        queue, waiting = self._node.machine.queue, self._waiting
         waiting.append((page, before))
         while len(waiting) > len(queue) + 1:
             waiting.popleft()
@@ -86,7 +87,7 @@ class NodeCore(Endpoint):
 
     def end_node(self, task: Task, task_id: TaskId) -> SomeTasks:
         """Ends the node; the task's name is the reason."""
-        self.parent.note_terminated(task.name)
+        self._node.note_terminated(task.name)
         return None
 
     def finish(self, task: Task, task_id: TaskId) -> SomeTasks:
@@ -115,7 +116,7 @@ class NodeCore(Endpoint):
         """Rolls back the reload that has made a loop which failed."""
         match task.val_list:
             case [str(name), int(number), str(message)]:
-                return self.probations.roll_back(name, number, message)
+                return self._probations.roll_back(name, number, message)
         return None
 
     def _tell_rollback(self, name: str, message: str) -> Sequence[Task]:
@@ -127,5 +128,5 @@ class NodeCore(Endpoint):
             self.log.info("%s", outcome.message)
         else:
             self.log.warning("%s", outcome.message)
-            self.parent.note(outcome.message)
+            self._node.note(outcome.message)
         return self.store_data_task(key, {**vars(outcome)})

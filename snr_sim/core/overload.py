@@ -8,7 +8,8 @@ from collections.abc import Callable
 from snr_sim.core.blame import Place
 from snr_sim.core.current_call import CurrentCall
 from snr_sim.core.handlers import describe
-from snr_sim.core.node import OVERLOAD_TASKS, Node
+from snr_sim.core.node_life import OVERLOAD_TASKS
+from snr_sim.core.node_parts import NodeParts
 
 TOLD_AGAIN_S = 10.0
 SAMPLES = 40  # of who brings and who works, when it is told
@@ -26,7 +27,7 @@ class Overload:
         pause: waits so many seconds.
     """
 
-    def __init__(self, node: Node, call: Callable[[bool], CurrentCall], pause: Callable[[float], object]) -> None:
+    def __init__(self, node: NodeParts, call: Callable[[bool], CurrentCall], pause: Callable[[float], object]) -> None:
         self._node = node
         self._call = call
         self._pause = pause

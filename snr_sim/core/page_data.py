@@ -6,22 +6,20 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from snr_sim.core.blame import Place, is_student_file, place_now
 from snr_sim.prelude.errors import TaskError
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import DataKey
 from snr_sim.prelude.snapshot import IMMUTABLE, snapshot
 from snr_sim.prelude.values import is_of_program
-
-if TYPE_CHECKING:
-    from snr_sim.core.node import Node
 
 _CORE = Path(__file__).parent
 _FIX = "store numbers, text, lists, dicts, numpy arrays, or dataclasses of these."
 
 
-def data_of_page(node: Node, key: DataKey, data: Any) -> Any:
+def data_of_page(node: NodeApi, key: DataKey, data: Any) -> Any:
     """Returns data as a page of a node keeps them: a copy, which later changes of the original do not reach.
 
     An object of another class stays what it is, and is noted once with the line that stores it.
@@ -41,16 +39,15 @@ def data_of_page(node: Node, key: DataKey, data: Any) -> Any:
     return kept
 
 
-def _check(node: Node, key: DataKey, data: Any, found: Any) -> None:
+def _check(node: NodeApi, key: DataKey, data: Any, found: Any) -> None:
     kind, is_refused = type(found), is_of_program(found)
-    if not is_refused and (key, kind) in node.objects_noted:
-        return
     named = f"'{found.name}' of class" if is_refused and hasattr(found, "name") else "an object of class"
     where = next(_paths_to(found, data, "data"), "data")
     what = f"Page '{key}' holds {named} {kind.__qualname__} ({where})"
     if is_refused:
         raise TaskError(f"{what}, which is a part of the program and not data.", fix=_FIX)
-    node.objects_noted.add((key, kind))
+    if not node.note_object(key, kind):
+        return
     trouble = (
         "it contains itself or is nested too deeply, so it is not recorded, and a later change of it changes the page"
         if found is data and kind in (dict, list, tuple)
@@ -65,7 +62,7 @@ def _check(node: Node, key: DataKey, data: Any, found: Any) -> None:
 def _storing_line() -> Place | None:
     """Returns the student's line that stores a page, or None if a part of the kit does."""
     frame: FrameType | None = sys._getframe()
-    while frame is not None and Path(frame.f_code.co_filename).parent == _CORE:
+    while frame is not None and _CORE in Path(frame.f_code.co_filename).parents:
         frame = frame.f_back
     return place_now(frame) if frame is not None and is_student_file(frame.f_code.co_filename) else None
 

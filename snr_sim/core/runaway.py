@@ -9,7 +9,7 @@ from snr_sim.core.blame import Place, place_of
 from snr_sim.core.clocks import SimClock
 from snr_sim.core.handlers import describe
 from snr_sim.core.machine import EventMachine, HandlerFailed
-from snr_sim.core.node import Node
+from snr_sim.core.node_parts import NodeParts
 from snr_sim.prelude.errors import ComponentFailed
 
 WATCHED_TASKS = 60  # executed one by one beyond the bound, to see which comes from which
@@ -36,7 +36,7 @@ class Moments:
         clock: theirs.
     """
 
-    def __init__(self, nodes: Sequence[Node], clock: SimClock) -> None:
+    def __init__(self, nodes: Sequence[NodeParts], clock: SimClock) -> None:
         self._nodes = nodes
         self._clock = clock
         self._machines: list[tuple[EventMachine, int]] = [
@@ -60,7 +60,7 @@ class Moments:
                 raise _failure(node, cycle_of(watch(self._nodes, self._clock)))
 
 
-def watch(nodes: Sequence[Node], clock: SimClock) -> list[Step]:
+def watch(nodes: Sequence[NodeParts], clock: SimClock) -> list[Step]:
     """Executes some more tasks one by one, as lock step does; returns which, with who handled them."""
     steps: list[Step] = []
     moment_s = clock.now_s()
@@ -100,7 +100,7 @@ def cycle_of(steps: Sequence[Step]) -> list[Step]:
     return newest[-SHOWN_TASKS:]
 
 
-def _failure(node: Node, cycle: Sequence[Step]) -> ComponentFailed:
+def _failure(node: NodeParts, cycle: Sequence[Step]) -> ComponentFailed:
     places = [place for step in cycle for _, place in step.handlers if place is not None]
     lines = [str(step) for step in cycle[:SHOWN_TASKS]]
     if len(cycle) > SHOWN_TASKS:

@@ -12,7 +12,7 @@ from typing import Any
 
 from snr_sim.core.current_call import CurrentCall
 from snr_sim.core.handlers import describe
-from snr_sim.core.node import Node
+from snr_sim.core.node_parts import NodeParts
 from snr_sim.prelude.errors import ComponentFailed
 
 TOLD_AFTER_S = 2.0
@@ -34,7 +34,7 @@ class Standstill:
         call: returns what that thread is doing; with True also which task it executes.
     """
 
-    def __init__(self, nodes: Sequence[Node], call: Callable[[bool], CurrentCall]) -> None:
+    def __init__(self, nodes: Sequence[NodeParts], call: Callable[[bool], CurrentCall]) -> None:
         self.stalled_s = 0.0  # of wall time, for which nothing has changed
         self._nodes = nodes
         self._call = call
@@ -74,7 +74,7 @@ class Standstill:
         return ComponentFailed(f"{what}\n  Try: {_FIX}", self.node.name, "" if running is None else running.name)
 
     @property
-    def node(self) -> Node:
+    def node(self) -> NodeParts:
         """The node that is at work, or the first."""
         return next((node for node in self._nodes if node.machine.running is not None), self._nodes[0])
 

@@ -17,7 +17,7 @@ from typing import Self
 from snr_sim.core.current_call import CurrentCall, current_call
 from snr_sim.core.interrupts import interrupt_what_runs
 from snr_sim.core.last_resort import LastResort, say
-from snr_sim.core.node import Node
+from snr_sim.core.node_parts import NodeParts
 from snr_sim.core.overload import Overload
 from snr_sim.core.standstill import Standstill
 from snr_sim.prelude.errors import ComponentFailed, SnrError
@@ -43,7 +43,7 @@ class Watchdog:
 
     def __init__(
         self,
-        nodes: Sequence[Node],
+        nodes: Sequence[NodeParts],
         *,
         now_s: Callable[[], float] = time.monotonic,
         frames: Callable[[], Mapping[int, FrameType]] = sys._current_frames,

@@ -11,11 +11,11 @@ from typing import Any
 import msgspec
 
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.devices.command_input import CommandInput
 from snr_sim.devices.commands import command_of
 from snr_sim.prelude.device import Device, Sensor, Stale
 from snr_sim.prelude.errors import CommandError, DeviceError
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.promises import keeps
 from snr_sim.prelude.task import Task
@@ -83,7 +83,7 @@ class SensorLoopFactory(LoopFactory):
         self.rate_hz = rate_hz
         self.process = process
 
-    def get(self, parent: Node) -> SensorLoop:
+    def get(self, parent: NodeApi) -> SensorLoop:
         """Returns the loop `<key>_sensor`."""
         return SensorLoop(self, parent, f"{self.key}_sensor", self.rate_hz)
 
@@ -151,7 +151,7 @@ class ActuatorLoopFactory(LoopFactory):
         self.rate_hz = rate_hz
         self.timeout_s = timeout_s
 
-    def get(self, parent: Node) -> CommandLoop:
+    def get(self, parent: NodeApi) -> CommandLoop:
         """Returns the loop `<key>_actuator`."""
         return ActuatorLoop(self, parent, f"{self.key}_actuator", self.rate_hz)
 
@@ -161,7 +161,7 @@ class CommandLoop(DeviceLoop):
 
     factory: ActuatorLoopFactory
 
-    def __init__(self, factory: ActuatorLoopFactory, parent: Node, name: str, max_tick_rate_hz: float) -> None:
+    def __init__(self, factory: ActuatorLoopFactory, parent: NodeApi, name: str, max_tick_rate_hz: float) -> None:
         super().__init__(factory, parent, name, max_tick_rate_hz)
         self.commands = CommandInput(self, factory.key)
 

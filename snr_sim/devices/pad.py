@@ -11,9 +11,9 @@ from collections.abc import Callable
 import msgspec
 
 from snr_sim.core.loop import LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.devices.loops import DeviceLoop, started
 from snr_sim.prelude.device import Sensor, Stale
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.signals import PadReading
 
 
@@ -32,7 +32,7 @@ class PadLoopFactory(LoopFactory):
         self.open_device = open_device
         self.rate_hz = rate_hz
 
-    def get(self, parent: Node) -> PadLoop:
+    def get(self, parent: NodeApi) -> PadLoop:
         """Returns the loop `<key>_pad`."""
         return PadLoop(self, parent, f"{self.key}_pad", self.rate_hz)
 

@@ -19,12 +19,12 @@ from snr_sim.core.clocks import SimClock
 from snr_sim.core.component import ComponentLog
 from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.links.frames import HEADER_BYTES, encode_frame
 from snr_sim.links.options import MAX_KEY_CHARS, LinkOptions
 from snr_sim.links.restarting import RestartingLoop
 from snr_sim.links.wire_bounds import encode_page
 from snr_sim.prelude.errors import SnrError, nearest
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.recorder import RECORDING_KEY
 from snr_sim.prelude.task import Task, TaskType
@@ -55,7 +55,7 @@ class Misfits:
         log: where the first of other nodes is told.
     """
 
-    def __init__(self, node: Node, link: str, log: logging.Logger | ComponentLog) -> None:
+    def __init__(self, node: NodeApi, link: str, log: logging.Logger | ComponentLog) -> None:
         self._node = node
         self._link = link
         self._log = log
@@ -152,7 +152,7 @@ class Link(RestartingLoop):
     def __init__(
         self,
         factory: LoopFactory,
-        parent: Node,
+        parent: NodeApi,
         options: LinkOptions,
         real: Callable[[Link], Transport],
         simulated: Callable[[Link], Transport],
@@ -298,7 +298,7 @@ class Link(RestartingLoop):
 
     def has_few_tasks(self) -> bool:
         """Whether the node has little to do beside what it does now."""
-        return self.parent.machine.queued <= FEW_TASKS
+        return self.parent.queued_task_count <= FEW_TASKS
 
     def note_size(self, page_bytes: int) -> None:
         """Remembers how large pages are that come lately; see `must_wait`."""
@@ -307,7 +307,7 @@ class Link(RestartingLoop):
 
     def must_wait(self) -> bool:
         """Whether the node has so much to do that nothing more may be let in."""
-        tasks = self.parent.machine.queued
+        tasks = self.parent.queued_task_count
         if self.is_deaf:
             tasks *= 2
         self.is_deaf = tasks > MAX_TASKS_WAITING or tasks * (self._largest_bytes + HEADER_BYTES) > MAX_BYTES_WAITING

@@ -10,7 +10,6 @@ from multiprocessing import Pipe
 from typing import TYPE_CHECKING
 
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.links.link import Link
 from snr_sim.links.options import LinkOptions
 from snr_sim.links.session import Terms
@@ -18,6 +17,7 @@ from snr_sim.links.simulated import Meeting, SimulatedTransport
 from snr_sim.links.socket_port import SocketPort
 from snr_sim.links.streams import Streams
 from snr_sim.prelude.errors import LinkError
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import DataKey
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ class PipeLoopFactory(LoopFactory):
         """Closes this end; see PortFactory."""
         self.conn.close()
 
-    def get(self, parent: Node) -> Loop:
+    def get(self, parent: NodeApi) -> Loop:
         """Returns the link."""
         terms = Terms(
             parent.name,

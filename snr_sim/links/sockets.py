@@ -12,7 +12,6 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.links.faults import Faults
 from snr_sim.links.frames import MAX_FRAME_BYTES
 from snr_sim.links.link import Link
@@ -25,6 +24,7 @@ from snr_sim.links.socket_port import Address, ListenerFactory
 from snr_sim.links.tcp_client import TcpClient
 from snr_sim.links.tcp_server import TcpServer
 from snr_sim.prelude.errors import ConfigError
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import DataKey
 
 if TYPE_CHECKING:
@@ -190,7 +190,7 @@ class SocketsLoopFactory(LoopFactory):
         """Return where it connects, in words."""
         return f"link_{self.options.name} connects to {self.pair.address}"
 
-    def get(self, parent: Node) -> Loop:
+    def get(self, parent: NodeApi) -> Loop:
         """Returns the link."""
         pair = self.pair
         terms = pair.terms_for(parent.name, is_server=False)
@@ -245,7 +245,7 @@ class SocketsListenerFactory(ListenerFactory):
         """Return where it listens, in words."""
         return f"link_{self.options.name} listens at {self.pair.address}"
 
-    def get(self, parent: Node) -> Loop:
+    def get(self, parent: NodeApi) -> Loop:
         """Returns the link."""
         pair = self.pair
         terms = pair.terms_for(parent.name, is_server=True)

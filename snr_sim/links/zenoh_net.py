@@ -15,7 +15,6 @@ from collections.abc import Iterable
 from typing import Any
 
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.links.faults import Faults
 from snr_sim.links.fleet import Hearing, Member, SimulatedFleet, prefix_of
 from snr_sim.links.frames import MAX_FRAME_BYTES
@@ -27,6 +26,7 @@ from snr_sim.links.send_queue import Policy
 from snr_sim.links.simulated import Meeting
 from snr_sim.links.zenoh_link import ZenohTransport
 from snr_sim.prelude.errors import ConfigError
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import DataKey
 
 LOOPBACK_INTERFACES = frozenset({"lo", "lo0"})
@@ -191,7 +191,7 @@ class ZenohLinkFactory(LoopFactory):
         if self.net.tls is not None:
             _check_tls(self.net.tls, bool(self.listen), self.connects)
 
-    def get(self, parent: Node) -> Loop:
+    def get(self, parent: NodeApi) -> Loop:
         """Returns the link."""
         member = Member(self.robot or parent.name, parent.name)
         return Link(

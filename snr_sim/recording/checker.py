@@ -11,7 +11,7 @@ import msgspec
 from snr_sim.core.blame import describe_error
 from snr_sim.core.handlers import handler_name
 from snr_sim.core.machine import HandlerFailed
-from snr_sim.core.node import INTERRUPTED
+from snr_sim.core.node_report import INTERRUPTED
 from snr_sim.prelude.errors import ComponentFailed, SnrError
 from snr_sim.prelude.recorder import Handled, Ticket
 from snr_sim.prelude.task import Task, TaskType

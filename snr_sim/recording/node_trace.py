@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import msgspec
 from msgspec import Raw
@@ -30,9 +30,6 @@ from snr_sim.recording.records import (
 )
 from snr_sim.recording.references import CORE_STORES
 
-if TYPE_CHECKING:
-    from snr_sim.recording.trace import TraceWriter
-
 _encode = msgspec.json.Encoder().encode
 _NO_VALUES = b"[]"
 MAX_SAID_AT_ONCE = 100_000  # characters of one `print`
@@ -40,10 +37,28 @@ _PROCESS_DATA = TaskType.process_data
 _STORE_PAGE = TaskType.store_page  # looked up once: in Python 3.11 a member of an Enum takes 0.1 us to find
 
 
+class RecordSink(Protocol):
+    """Takes the records of all nodes of a run, in one order: `TraceWriter`.
+
+    Attributes:
+        seq: number of the newest record.
+    """
+
+    seq: int
+
+    def put(self, now_s: float, line: bytes) -> None:
+        """Add a line to the trace."""
+        ...
+
+    def place_of(self, task: Returned, seq: int, nth: int) -> tuple[int, int] | None:
+        """Return seq and index of an earlier task that carries the same page, and remember this one."""
+        ...
+
+
 class NodeTrace:
     """Writes one node's records. Keeps the `NodeRecorder` promise."""
 
-    def __init__(self, writer: TraceWriter, node: str) -> None:
+    def __init__(self, writer: RecordSink, node: str) -> None:
         self._writer = writer
         self._node = node
         self._newest = 0  # seq of this node's newest record

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias
 
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
-from snr_sim.core.node import Node
 from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import DataKey
 from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 
@@ -118,7 +118,7 @@ class MovingAvgFilterFactory(EndpointFactory):
         self.filter_length = _checked_length(filter_length)
         self.endpoint_name = endpoint_name
 
-    def get(self, parent: Node) -> MovingAvgEndpoint:
+    def get(self, parent: NodeApi) -> MovingAvgEndpoint:
         """Returns the endpoint, with an empty window."""
         return MovingAvgEndpoint(self, parent, self.endpoint_name)
 
@@ -128,7 +128,7 @@ class MovingAvgEndpoint(Endpoint):
 
     factory: MovingAvgFilterFactory
 
-    def __init__(self, factory: MovingAvgFilterFactory, parent: Node, name: str) -> None:
+    def __init__(self, factory: MovingAvgFilterFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         self._filter = MovingAvgFilter(factory.filter_length)
         self.task_handlers = {(TaskType.process_data, factory.input_key): self.smooth}

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TextIO
 
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
-from snr_sim.core.node import Node
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 
@@ -27,7 +27,7 @@ class PrinterEndpointFactory(EndpointFactory):
         self.stream = stream
         self.name = name
 
-    def get(self, parent: Node) -> PrinterEndpoint:
+    def get(self, parent: NodeApi) -> PrinterEndpoint:
         """Returns the endpoint."""
         return PrinterEndpoint(self, parent, self.name)
 
@@ -37,7 +37,7 @@ class PrinterEndpoint(Endpoint):
 
     factory: PrinterEndpointFactory
 
-    def __init__(self, factory: PrinterEndpointFactory, parent: Node, name: str) -> None:
+    def __init__(self, factory: PrinterEndpointFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         self.task_handlers = dict.fromkeys(factory.task_ids, self.print_task)
 

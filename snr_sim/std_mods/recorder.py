@@ -21,8 +21,8 @@ from pathlib import Path
 import msgspec
 
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
-from snr_sim.core.node import Node
 from snr_sim.prelude.errors import ConfigError, RecordingError, SnrError, ValueEncodingError
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 from snr_sim.prelude.values import MARK
@@ -48,13 +48,13 @@ class RecorderEndpointFactory(EndpointFactory):
         self.path = Path(file)
         self.keys = _as_keys(keys)
         self.name = name
-        self._newest: weakref.ref[Node] | None = None
+        self._newest: weakref.ref[NodeApi] | None = None
 
-    def get(self, parent: Node) -> RecorderEndpoint:
+    def get(self, parent: NodeApi) -> RecorderEndpoint:
         """Returns the endpoint."""
         return RecorderEndpoint(self, parent, self.name)
 
-    def is_new(self, node: Node) -> bool:
+    def is_new(self, node: NodeApi) -> bool:
         """Whether this node has not yet recorded here: then it is a new run, and not a reload in the same one."""
         known = self._newest is not None and self._newest() is node
         self._newest = weakref.ref(node)
@@ -66,7 +66,7 @@ class RecorderEndpoint(Endpoint):
 
     factory: RecorderEndpointFactory
 
-    def __init__(self, factory: RecorderEndpointFactory, parent: Node, name: str) -> None:
+    def __init__(self, factory: RecorderEndpointFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         self._file: FileIO | None = None
         self._refused: Counter[DataKey] = Counter()

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ConfigError
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.task import Task
 from snr_sim.std_mods.readers import PageReader, TextReader
@@ -47,7 +47,7 @@ class ListReplayerFactory(LoopFactory):
         self.exit_when_done = exit_when_done
         self.rate_hz = rate_hz
 
-    def get(self, parent: Node) -> ListReplayer:
+    def get(self, parent: NodeApi) -> ListReplayer:
         """Returns the loop `<key>_replayer`."""
         return ListReplayer(self, parent, f"{self.key}_replayer", self.rate_hz)
 
@@ -98,7 +98,7 @@ class TextReplayerFactory(LoopFactory):
         self.rate_hz = rate_hz
         self.wait_for = wait_for
 
-    def get(self, parent: Node) -> TextReplayer:
+    def get(self, parent: NodeApi) -> TextReplayer:
         """Returns the loop `<key>_replayer`."""
         return TextReplayer(self, parent, f"{self.key}_replayer", self.rate_hz)
 
@@ -170,7 +170,7 @@ class ReplayerLoopFactory(LoopFactory):
         self.node = node
         self.name = name
 
-    def get(self, parent: Node) -> ReplayerLoop:
+    def get(self, parent: NodeApi) -> ReplayerLoop:
         """Returns the loop."""
         return ReplayerLoop(self, parent, self.name)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
-from snr_sim.core.node import Node
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.task import SomeTasks, Task, TaskId
 
 
@@ -24,7 +24,7 @@ class StopwatchEndpointFactory(EndpointFactory):
         self.ids = list(ids)
         self.name = name
 
-    def get(self, parent: Node) -> StopwatchEndpoint:
+    def get(self, parent: NodeApi) -> StopwatchEndpoint:
         """Returns the endpoint."""
         return StopwatchEndpoint(self, parent, self.name)
 
@@ -34,7 +34,7 @@ class StopwatchEndpoint(Endpoint):
 
     factory: StopwatchEndpointFactory
 
-    def __init__(self, factory: StopwatchEndpointFactory, parent: Node, name: str) -> None:
+    def __init__(self, factory: StopwatchEndpointFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         self.task_handlers = dict.fromkeys(factory.ids, self.take_time)
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.prelude import tasks
 from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.task import SomeTasks
 
 TIMEOUT = "timeout"
@@ -36,7 +36,7 @@ class TimeoutLoopFactory(LoopFactory):
         self.task = tasks.terminate(TIMEOUT) if task is None else task
         self.name = name
 
-    def get(self, parent: Node) -> TimeoutLoop:
+    def get(self, parent: NodeApi) -> TimeoutLoop:
         """Returns the loop."""
         return TimeoutLoop(self, parent, self.name)
 
@@ -46,7 +46,7 @@ class TimeoutLoop(Loop):
 
     factory: TimeoutLoopFactory
 
-    def __init__(self, factory: TimeoutLoopFactory, parent: Node, name: str) -> None:
+    def __init__(self, factory: TimeoutLoopFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         self.first_tick_after_s = factory.delay_s
 

@@ -9,8 +9,8 @@ import math
 from collections.abc import Mapping, Sequence
 
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.node_api import NodeApi
 
 PRESS_DURATION_S = 0.2  # as long as a finger stays on a button: our own choice
 
@@ -30,7 +30,7 @@ class ButtonPanelFactory(LoopFactory):
         self.presses_s = presses_s
         self.rate_hz = rate_hz
 
-    def get(self, parent: Node) -> ButtonPanel:
+    def get(self, parent: NodeApi) -> ButtonPanel:
         """Return the loop, named as its page."""
         return ButtonPanel(self, parent, self.key, self.rate_hz)
 

@@ -12,8 +12,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.devices.terminal_keys import has_terminal
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.recorder import RECORDING_KEY
 
 Rows = list[tuple[str, str]]
@@ -60,7 +60,7 @@ class DisplayFactory(LoopFactory):
         self.in_lock_step = in_lock_step
         self.lines = tuple(lines)
 
-    def get(self, parent: Node) -> Display:
+    def get(self, parent: NodeApi) -> Display:
         """Return the loop 'display'."""
         return Display(self, parent, "display", self.rate_hz)
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import msgspec
 
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
-from snr_sim.core.node import Node
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.signals import PadReading
 from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 
@@ -92,7 +92,7 @@ class GamepadPilotFactory(EndpointFactory):
         self.modes = modes
         self.key = key
 
-    def get(self, parent: Node) -> GamepadPilot:
+    def get(self, parent: NodeApi) -> GamepadPilot:
         """Return the endpoint 'pilot'."""
         return GamepadPilot(self, parent, "pilot")
 
@@ -102,7 +102,7 @@ class GamepadPilot(Endpoint):
 
     factory: GamepadPilotFactory
 
-    def __init__(self, factory: GamepadPilotFactory, parent: Node, name: str) -> None:
+    def __init__(self, factory: GamepadPilotFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         self.latched = LatchedButtons()
         self.clears = False

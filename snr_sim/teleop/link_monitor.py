@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
-from snr_sim.core.node import Node
 from snr_sim.prelude import tasks
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 
 
@@ -19,7 +19,7 @@ class LinkMonitorFactory(EndpointFactory):
         super().__init__()
         self.link = link
 
-    def get(self, parent: Node) -> LinkMonitor:
+    def get(self, parent: NodeApi) -> LinkMonitor:
         """Return the endpoint 'lookout'."""
         return LinkMonitor(self, parent, "lookout")
 
@@ -29,7 +29,7 @@ class LinkMonitor(Endpoint):
 
     factory: LinkMonitorFactory
 
-    def __init__(self, factory: LinkMonitorFactory, parent: Node, name: str) -> None:
+    def __init__(self, factory: LinkMonitorFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         self.task_handlers = {(TaskType.process_data, factory.link): self.on_link}
 

@@ -8,8 +8,8 @@ from typing import Any
 import msgspec
 
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.node_api import NodeApi
 
 
 class Cue:
@@ -65,7 +65,7 @@ class ScriptedPilotFactory(LoopFactory):
         self.once = {name: self.neutral[name] for name in once}
         self.key = key
 
-    def get(self, parent: Node) -> ScriptedPilot:
+    def get(self, parent: NodeApi) -> ScriptedPilot:
         """Return the loop 'pilot'."""
         return ScriptedPilot(self, parent, "pilot", self.rate_hz)
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.handlers import check_id
-from snr_sim.core.node import Node
 from snr_sim.prelude import tasks
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.task import SomeTasks, Task, TaskId, TaskType
 from snr_sim.testing.expector import Expectations
 
@@ -32,7 +32,7 @@ class ExpectorEndpointFactory(EndpointFactory):
         self.name = name
         self.exit_when_satisfied = exit_when_satisfied
 
-    def get(self, parent: Node) -> ExpectorEndpoint:
+    def get(self, parent: NodeApi) -> ExpectorEndpoint:
         """Returns the endpoint."""
         return ExpectorEndpoint(self, parent, self.name)
 
@@ -42,7 +42,7 @@ class ExpectorEndpoint(Endpoint):
 
     factory: ExpectorEndpointFactory
 
-    def __init__(self, factory: ExpectorEndpointFactory, parent: Node, name: str) -> None:
+    def __init__(self, factory: ExpectorEndpointFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         self._is_done = False
         self.task_handlers = dict.fromkeys(factory.expector.ids, self.hear)
@@ -64,7 +64,7 @@ class ExpectorEndpoint(Endpoint):
 
     def terminate(self) -> None:
         """Tells the expector which names came by in this node."""
-        for kind, names in self.parent.machine.lookup.seen().items():
+        for kind, names in self.parent.seen_tasks().items():
             # A reason to end is nobody's typing error.
             if kind is not TaskType.terminate:
                 self.factory.expector.add_seen(kind, names)

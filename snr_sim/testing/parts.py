@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 
 from snr_sim.core.endpoint import Endpoint, EndpointFactory
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.core.node import Node
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.task import TaskHandler, TaskId
 
 PartStep: TypeAlias = Callable[["Part"], Any]
@@ -45,7 +45,7 @@ class PartFactory(EndpointFactory):
         self.name = name
         self.on_begin, self.on_halt, self.on_terminate = begin, halt, terminate
 
-    def get(self, parent: Node) -> Part:
+    def get(self, parent: NodeApi) -> Part:
         """Returns the endpoint."""
         return Part(self, parent, self.name)
 
@@ -55,7 +55,7 @@ class Part(Endpoint):
 
     factory: PartFactory
 
-    def __init__(self, factory: PartFactory, parent: Node, name: str) -> None:
+    def __init__(self, factory: PartFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         self.task_handlers = factory.handlers
 
@@ -97,7 +97,7 @@ class TickerFactory(LoopFactory):
         self.rate_hz = rate_hz
         self.on_setup, self.on_loop, self.on_halt, self.on_terminate = setup, loop, halt, terminate
 
-    def get(self, parent: Node) -> Ticker:
+    def get(self, parent: NodeApi) -> Ticker:
         """Returns the loop."""
         return Ticker(self, parent, self.name, self.rate_hz)
 

@@ -245,7 +245,7 @@ def test_what_is_known_of_handlers_grows_by_those_of_a_component_that_comes(task
     lookup = node.machine.lookup
     for task in every:
         lookup.find(task)
-    node.exchange(None, PartFactory(dict.fromkeys(task_ids, noop), "late").get(node))
+    node.registry.exchange(None, PartFactory(dict.fromkeys(task_ids, noop), "late").get(node))
     grown = [[entry[2:] for entry in lookup.find(task)] for task in every]
     node.handlers_changed()
     assert grown == [[entry[2:] for entry in lookup.find(task)] for task in every]
@@ -256,7 +256,7 @@ def test_a_component_that_comes_is_not_looked_for_among_all_others() -> None:
     node = Node("r", Config(factories={"r": parts}))
     lookup, task = node.machine.lookup, tasks.event("fly")
     before = lookup.find(task)
-    node.exchange(None, PartFactory({(TaskType.event, "fly"): noop}, "late").get(node))
+    node.registry.exchange(None, PartFactory({(TaskType.event, "fly"): noop}, "late").get(node))
     assert all(one is other for one, other in zip(before, lookup.find(task), strict=False))
 
 

@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from snr_sim import Config, Endpoint, EndpointFactory, LoopFactory, Node, SimClock, SomeTasks, Task, TaskType, tasks
-from snr_sim.core.node import MAX_NOTES, OVERLOAD_TASKS
+from snr_sim.core.node_life import OVERLOAD_TASKS
+from snr_sim.core.node_report import MAX_NOTES
 from snr_sim.prelude.errors import ComponentFailed, ConfigError, TaskError, UnknownName
 from snr_sim.prelude.rng import chance_of, rng_for
 from snr_sim.testing.parts import Part, PartFactory, TickerFactory

@@ -6,7 +6,8 @@ from typing import Any
 import pytest
 
 from snr_sim import Task, TaskType, WatchLoopFactory, tasks
-from snr_sim.core.reload.rollback import PROBATION_CALLS, PROBATION_S, Snapshot
+from snr_sim.core.reload.rollback import PROBATION_CALLS, PROBATION_S
+from snr_sim.core.reload.state_snapshot import Snapshot
 from snr_sim.prelude.errors import ComponentFailed
 from snr_sim.testing.parts import PartFactory
 from tests.core.test_reload import LOOP, Student, fly, outcome, reload, run, run_on_the_wall_clock, student

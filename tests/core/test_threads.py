@@ -139,7 +139,7 @@ def ticks_of(
             backing.stop()
 
     node = Node("r", Config(factories={"r": [TickerFactory(work, rate_hz=rate_hz)]}), clock=clock)
-    backing = ThreadBacking(node.components["ticker"])  # type: ignore[arg-type]
+    backing = ThreadBacking(node.components["ticker"], node.life)  # type: ignore[arg-type]
     backing._stopping, backing._waking = Waits(clock), Wakes(clock, hurried_at_s)
     backing._run()
     return ticks, backing

@@ -271,13 +271,13 @@ class StepBacking:
         self.late_s = 0.0
 
     def start(self) -> None:
-        self.loop.parent.call_loop(self.loop, "setup")
+        self.loop.parent.life.call_loop(self.loop, "setup")
 
     def step(self) -> None:
         due_s = self.loop.next_tick_at_s
         if not self.is_stopped and (due_s is None or self.loop.get_time_s() >= due_s):
             self.ticks += 1
-            self.loop.parent.call_loop(self.loop, "loop")
+            self.loop.parent.life.call_loop(self.loop, "loop")
 
     def hurry(self) -> None:
         pass

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
+from snr_sim import Endpoint, EndpointFactory, SomeTasks, Task, TaskId, TaskType
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.scenario import Robot
 
 
@@ -16,7 +17,7 @@ def factories(robot: Robot) -> list[EndpointFactory]:
 class CoastFactory(EndpointFactory):
     """Makes the pilot who sleeps."""
 
-    def get(self, parent: Node) -> Endpoint:
+    def get(self, parent: NodeApi) -> Endpoint:
         """Returns a new one."""
         return Coast(self, parent, "coast")
 
@@ -24,7 +25,7 @@ class CoastFactory(EndpointFactory):
 class Coast(Endpoint):
     """Answers every radar reading with the engine off."""
 
-    def __init__(self, factory: CoastFactory, parent: Node, name: str) -> None:
+    def __init__(self, factory: CoastFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         self.task_handlers = {(TaskType.process_data, "radar"): self.on_radar}
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from snr_sim_robot_lander.parameters import LanderParameters
 from snr_sim_robot_lander.reckoning import Reckoning
 
-from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
+from snr_sim import Endpoint, EndpointFactory, SomeTasks, Task, TaskId, TaskType
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.scenario import Robot
 from snr_sim.prelude.signals import EngineCommand, RadarReading
 
@@ -29,7 +30,7 @@ class HoverAndDropFactory(EndpointFactory):
         super().__init__()
         self.parameters = parameters
 
-    def get(self, parent: Node) -> Endpoint:
+    def get(self, parent: NodeApi) -> Endpoint:
         """Returns a new one."""
         return HoverAndDrop(self, parent, "hover_and_drop")
 
@@ -37,7 +38,7 @@ class HoverAndDropFactory(EndpointFactory):
 class HoverAndDrop(Endpoint):
     """Answers every radar reading with a throttle."""
 
-    def __init__(self, factory: HoverAndDropFactory, parent: Node, name: str) -> None:
+    def __init__(self, factory: HoverAndDropFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         self.law = HoverAndDropLaw(factory.parameters)
         self.task_handlers = {(TaskType.process_data, "radar"): self.on_radar}

@@ -12,8 +12,9 @@ import math
 
 from snr_sim_robot_lander.parameters import LanderParameters
 
-from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
+from snr_sim import Endpoint, EndpointFactory, SomeTasks, Task, TaskId, TaskType
 from snr_sim.plants.lander.module_shapes import PADS_BELOW_M
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.scenario import Robot
 from snr_sim.prelude.signals import EngineCommand, InertialReading, RadarReading
 
@@ -44,7 +45,7 @@ class PadFactory(EndpointFactory):
         super().__init__()
         self.parameters = parameters
 
-    def get(self, parent: Node) -> Endpoint:
+    def get(self, parent: NodeApi) -> Endpoint:
         """Returns a new one."""
         return Pad(self, parent, "pad")
 
@@ -52,7 +53,7 @@ class PadFactory(EndpointFactory):
 class Pad(Endpoint):
     """Answers every inertial reading with throttle and jets; the radar's page of the same moment is there already."""
 
-    def __init__(self, factory: PadFactory, parent: Node, name: str) -> None:
+    def __init__(self, factory: PadFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         self.law = PadLaw(factory.parameters)
         self.task_handlers = {(TaskType.process_data, "inertial"): self.on_inertial}

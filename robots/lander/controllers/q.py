@@ -6,7 +6,7 @@ tiles for the plane (learn_pad.py). The controller chooses, and learns no more.
 
 from __future__ import annotations
 
-from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
+from snr_sim import Endpoint, EndpointFactory, SomeTasks, Task, TaskId, TaskType
 from snr_sim.learning.lander_envs import (
     VERTICAL_ACTIONS,
     VERTICAL_NAMES,
@@ -18,6 +18,7 @@ from snr_sim.learning.lander_envs import (
 from snr_sim.learning.pad_training import PadPolicy
 from snr_sim.learning.q_table import QTable
 from snr_sim.prelude.errors import ParameterError
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.scenario import Robot
 from snr_sim.prelude.signals import InertialReading, RadarReading
 
@@ -54,7 +55,7 @@ class QLearningControllerFactory(EndpointFactory):
         super().__init__()
         self.table = table
 
-    def get(self, parent: Node) -> QLearningControllerEndpoint:
+    def get(self, parent: NodeApi) -> QLearningControllerEndpoint:
         """Returns a new one."""
         return QLearningControllerEndpoint(self, parent, "q_controller")
 
@@ -64,7 +65,7 @@ class QLearningControllerEndpoint(Endpoint):
 
     factory: QLearningControllerFactory
 
-    def __init__(self, factory: QLearningControllerFactory, parent: Node, name: str) -> None:
+    def __init__(self, factory: QLearningControllerFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         self.table = factory.table
         self.task_handlers = {(TaskType.process_data, "radar"): self.on_radar}
@@ -87,7 +88,7 @@ class TilesControllerFactory(EndpointFactory):
         super().__init__()
         self.policy = policy
 
-    def get(self, parent: Node) -> TilesControllerEndpoint:
+    def get(self, parent: NodeApi) -> TilesControllerEndpoint:
         """Returns a new one."""
         return TilesControllerEndpoint(self, parent, "q_controller")
 
@@ -97,7 +98,7 @@ class TilesControllerEndpoint(Endpoint):
 
     factory: TilesControllerFactory
 
-    def __init__(self, factory: TilesControllerFactory, parent: Node, name: str) -> None:
+    def __init__(self, factory: TilesControllerFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         self.policy = factory.policy
         self.task_handlers = {(TaskType.process_data, "inertial"): self.on_inertial}

@@ -5,8 +5,9 @@ from __future__ import annotations
 from snr_sim_robot_lander.parameters import LanderParameters
 from snr_sim_robot_lander.reckoning import Reckoning
 
-from snr_sim import Endpoint, EndpointFactory, Node, SomeTasks, Task, TaskId, TaskType
+from snr_sim import Endpoint, EndpointFactory, SomeTasks, Task, TaskId, TaskType
 from snr_sim.plants.lander.descent import free_fall
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.scenario import Robot
 from snr_sim.prelude.signals import EngineCommand, RadarReading
 
@@ -28,7 +29,7 @@ class QuadraticFactory(EndpointFactory):
         super().__init__()
         self.parameters = parameters
 
-    def get(self, parent: Node) -> Endpoint:
+    def get(self, parent: NodeApi) -> Endpoint:
         """Returns a new one."""
         return Quadratic(self, parent, "quadratic")
 
@@ -36,7 +37,7 @@ class QuadraticFactory(EndpointFactory):
 class Quadratic(Endpoint):
     """Answers every radar reading with a throttle."""
 
-    def __init__(self, factory: QuadraticFactory, parent: Node, name: str) -> None:
+    def __init__(self, factory: QuadraticFactory, parent: NodeApi, name: str) -> None:
         super().__init__(factory, parent, name)
         self.law = QuadraticLaw(factory.parameters)
         self.task_handlers = {(TaskType.process_data, "radar"): self.on_radar}

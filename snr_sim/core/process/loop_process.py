@@ -23,6 +23,7 @@ from snr_sim.core.datastore import Datastore
 from snr_sim.core.door import LOOK_UP_S, Door
 from snr_sim.core.loop import Loop
 from snr_sim.core.node import Node
+from snr_sim.core.node_life import NodeLife
 from snr_sim.core.process import spawned
 from snr_sim.core.process.messages import MessageLine
 from snr_sim.core.process.packing import unpack
@@ -59,7 +60,7 @@ def run(line: Connection) -> None:
         messages.send("failed", describe_error(error, f"while loop '{begin['loop']}' was made in its process"))
         messages.send("over")
         return
-    backing = ProcessThread(loop, messages)
+    backing = ProcessThread(loop, node.life, messages)
     if begin["is_tried"]:
         loop.trial = LineTrial(messages)
     messages.send("ready")
@@ -83,7 +84,7 @@ def finish(node: Node, loop: Loop, backing: ProcessThread, messages: MessageLine
         try:
             function()
         except BaseException as error:
-            node.door.fail(node.failure_of(loop, error, step))
+            node.door.fail(node.report.failure_of(loop, error, step))
     send_counts(messages, node, backing)
     messages.send("over")
 
@@ -218,8 +219,8 @@ class LineHandler(logging.Handler):
 class ProcessThread(ThreadBacking):
     """Calls the loop from a thread, and tells the node when no more ticks will come."""
 
-    def __init__(self, loop: Loop, messages: MessageLine) -> None:
-        super().__init__(loop)
+    def __init__(self, loop: Loop, life: NodeLife, messages: MessageLine) -> None:
+        super().__init__(loop, life)
         self._messages = messages
 
     def _run(self) -> None:

@@ -14,22 +14,21 @@ import logging
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 from snr_sim.core.backing import JOIN_TIMEOUT_S
 from snr_sim.core.blame import describe_error
 from snr_sim.core.component import CORE_NAME
 from snr_sim.core.datastore import PREVIOUS
+from snr_sim.core.loop import Loop
 from snr_sim.core.node_core import NodeCore
+from snr_sim.core.node_life import NodeLife
 from snr_sim.core.process.child_process import ChildProcess, Message
 from snr_sim.core.process.packing import pack
 from snr_sim.core.profiler import Timing
 from snr_sim.prelude.errors import ComponentFailed
 from snr_sim.prelude.page import DataKey, Page
 from snr_sim.prelude.task import Task, TaskType
-
-if TYPE_CHECKING:
-    from snr_sim.core.loop import Loop
 
 Tap: TypeAlias = Callable[[Page], None]
 
@@ -44,9 +43,10 @@ class ProcessBacking:
 
     setup_patience_s = 3.0  # a process takes a good part of a second to be there at all
 
-    def __init__(self, loop: Loop) -> None:
+    def __init__(self, loop: Loop, life: NodeLife) -> None:
         self._loop = loop
-        self._node = loop.parent
+        self._life = life
+        self._node = life.node
         self._child: ChildProcess | None = None
         self._changed: set[DataKey] = set()  # keys that are to be sent
         self.skipped = 0  # pages that a newer one replaced before they were sent
@@ -158,7 +158,7 @@ class ProcessBacking:
             self._node.note(failure.message)
         elif self._loop.is_taken_out:
             self._late_failure = self._late_failure or failure
-        elif not self._node.probations.has_taken(self._loop, failure):
+        elif not self._life.takes_failure(self._loop, failure):
             self._node.door.fail(failure)
 
     def _tried(self, failure: ComponentFailed | None) -> bool:

@@ -9,21 +9,20 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from snr_sim.core.blame import describe_error
 from snr_sim.core.component import CORE_NAME
 from snr_sim.core.endpoint import Endpoint
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.core.reload.rollback import Probations, Snapshot
+from snr_sim.core.node_life import NodeLife
 from snr_sim.core.reload.sources import Reading, modules_of, show_source_in_use
+from snr_sim.core.reload.state_snapshot import Snapshot
 from snr_sim.prelude.errors import ComponentFailed, ConfigError, SnrError, UnknownName, nearest
-
-if TYPE_CHECKING:
-    from snr_sim.core.node import Node
 
 AnyComponent: TypeAlias = Endpoint | Loop
 T = TypeVar("T")
+PutOnProbation: TypeAlias = Callable[[dict[str, AnyComponent], dict[str, AnyComponent], Callable[[], None]], None]
 ALL = "all"
 
 
@@ -53,12 +52,14 @@ class Changes:
     asked for, so that the answer is the recorded one, but never begun.
 
     Args:
-        node: theirs.
+        life: of their node.
     """
 
-    def __init__(self, node: Node) -> None:
-        self.node = node
-        self.probations: Probations  # new code that may still fail; node_core gives it, who also tells of it
+    def __init__(self, life: NodeLife) -> None:
+        self.life = life
+        self.node = life.node
+        # Puts new code on probation: `rollback.Probations.begin`, if there are any.
+        self.put_on_probation: PutOnProbation = lambda old, new, undo: None
         self._absent: dict[str, AnyComponent] | None = None  # the loops of a replay, once somebody asked
 
     def reload(self, asked: str, more: Sequence[str] = ()) -> Outcome:
@@ -79,7 +80,7 @@ class Changes:
         node = self.node
         asked = type(factory).__name__
         try:
-            component = node.make(factory)
+            component = self.life.registry.make(factory)
             asked = component.name
             other = node.components.get(asked) or self._absent_ones().get(asked)
             if other is not None:
@@ -98,7 +99,7 @@ class Changes:
         try:
             self.begin(component)
         except BaseException:
-            self.node.end_early(component)
+            self.life.end_removed(component)
             self.exchange(component, None)
             raise
 
@@ -109,7 +110,7 @@ class Changes:
         except SnrError as error:
             return Outcome(name, False, str(error))
         self.exchange(component, None)  # first of all: nothing is handled by what is being halted
-        failures = self.node.end_early(component)
+        failures = self.life.end_removed(component)
         return Outcome(name, not failures, "\n".join([f"'{name}' was removed.", *(one.message for one in failures)]))
 
     # The steps of all three
@@ -121,7 +122,7 @@ class Changes:
             name: one for name, one in node.components.items() if isinstance(one, (Endpoint, Loop)) and one.is_of_robot
         }
         known |= self._absent_ones()
-        return {name: known[name] for name in sorted(known, key=node.order_of)}
+        return {name: known[name] for name in sorted(known, key=self.life.registry.order_of)}
 
     def find(self, name: Any) -> AnyComponent:
         """Returns a component.
@@ -159,9 +160,9 @@ class Changes:
             self._absent = {}
             for place, factory in enumerate(self.node.config.get(self.node.role), 1):
                 if isinstance(factory, LoopFactory):
-                    loop = self.node.make(factory)
+                    loop = self.life.registry.make(factory)
                     self._absent[loop.name] = loop
-                    self.node.give_place(loop.name, place)
+                    self.life.registry.give_place(loop.name, place)
         return self._absent
 
     def exchange(self, old: AnyComponent | None, new: AnyComponent | None) -> None:
@@ -169,7 +170,7 @@ class Changes:
         one = new or old
         assert one is not None
         if not self.is_absent(one):
-            self.node.exchange(old, new)
+            self.life.registry.exchange(old, new)
             return
         absent = self._absent_ones()
         if new is None:
@@ -177,7 +178,7 @@ class Changes:
             return
         absent[one.name] = new
         if old is None:
-            self.node.give_place(one.name)
+            self.life.registry.give_place(one.name)
 
     def begin(self, component: AnyComponent) -> None:
         """Begins a component, if it is there.
@@ -186,14 +187,14 @@ class Changes:
             ComponentFailed: it raised.
         """
         if not self.is_absent(component):
-            self.node.begin_late(component)
+            self.life.begin_added(component)
 
     def begin_again(self, old: AnyComponent) -> list[str]:
         """Begins a component that is in its old place again; if it cannot, it goes, and that is returned in words."""
         try:
             self.begin(old)
         except ComponentFailed as failure:
-            self.node.end_early(old)
+            self.life.end_removed(old)
             self.exchange(old, None)
             return [f"{failure.message}\n  so '{old.name}' could not go on either, and is gone."]
         return []
@@ -222,7 +223,7 @@ class _Reload:
         for old, modules in wanted:
             for module in modules or ():
                 self._users.setdefault(module, set()).add(old.name)
-        self._changes.probations.begin(self._old, self._new, self._roll_back)
+        self._changes.put_on_probation(self._old, self._new, self._roll_back)
         made = [(old, self._try(old, self._make, old, modules)) for old, modules in wanted if modules is not None]
         for old, new in made:
             if new is not None:
@@ -263,7 +264,7 @@ class _Reload:
         factory = old.factory
         self._before[old.name] = type(factory), dict(vars(factory))
         factory.__class__ = _newest(type(factory), modules)
-        new = self._changes.node.make(factory)
+        new = self._changes.life.registry.make(factory)
         if new.name != old.name:
             raise ConfigError(
                 f"{type(factory).__name__}.get() now makes a component '{new.name}' in the place of '{old.name}'.",
@@ -291,11 +292,11 @@ class _Reload:
     def _swap(self, old: AnyComponent, new: AnyComponent) -> None:
         changes = self._changes
         self._made.append(new.name)
-        if not (changes.node.has_begun(old) or changes.is_absent(old)):
+        if not (changes.life.has_begun(old) or changes.is_absent(old)):
             changes.exchange(old, new)
             return
         self._before[old.name] = self._before[old.name][0], {}  # what the old one leaves in its factory is for the next
-        self._remarks += [failure.message for failure in changes.node.end_early(old)]
+        self._remarks += [failure.message for failure in changes.life.end_removed(old)]
         state = Snapshot(old.factory, [module.__name__ for module in self._readings])
         changes.exchange(old, new)
         self._old[old.name], self._new[old.name] = old, new
@@ -304,7 +305,7 @@ class _Reload:
             changes.begin(new)
         except (Exception, SystemExit):
             del self._old[old.name], self._new[old.name], self._undo[-1]
-            changes.node.end_early(new)
+            changes.life.end_removed(new)
             changes.exchange(new, old)
             self._made.remove(new.name)
             self._keep(old)

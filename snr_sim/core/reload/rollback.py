@@ -9,20 +9,17 @@ on the node's thread, between two calls, and follows from tasks and their times:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import wraps
-from typing import TYPE_CHECKING, Any
 
 from snr_sim.core.loop import Loop
 from snr_sim.core.machine import as_tasks
+from snr_sim.core.reload.reload import AnyComponent, Changes
 from snr_sim.prelude import tasks
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ComponentFailed
 from snr_sim.prelude.task import SomeTasks, Task, TaskHandler, TaskId
-
-if TYPE_CHECKING:
-    from snr_sim.core.reload.reload import AnyComponent, Changes
 
 # New code is on probation until so much of the node's time has passed and its component's handlers have been called so
 # often. A loop, of whose calls a replay knows nothing, is on probation for that time alone.
@@ -101,7 +98,7 @@ class Probations:
             try:
                 return as_tasks(handler(task, task_id), component, handler)
             except (Exception, SystemExit) as error:
-                failure = node.failure_in_handler(component, task, error)
+                failure = self._changes.life.report.failure_in_handler(component, task, error)
             told = self._roll_back(probation, name, failure.message)
             return [*told, *as_tasks(self._old_answer(name, task), component, handler)]
 
@@ -133,7 +130,7 @@ class Probations:
         remarks = []
         for probation in reversed(undone):
             for made in probation.new.values():
-                remarks += [failure.message for failure in self._node.end_early(made)]
+                remarks += [failure.message for failure in self._changes.life.end_removed(made)]
             probation.undo()
             old |= probation.old
             new = probation.new | new
@@ -157,54 +154,3 @@ class Probations:
                 machine.running = component
                 return handler(task, task_id)
         return None
-
-
-class Snapshot:
-    """An object's attributes, and what their lists, dicts, sets, arrays and objects of some modules' classes hold.
-
-    Containers are restored in place, so whoever shares one sees it as it was.
-
-    Args:
-        thing: whose attributes.
-        kinds: the names of these modules.
-    """
-
-    def __init__(self, thing: Any, kinds: Collection[str] = ()) -> None:
-        self._kinds = kinds
-        self._kept: dict[int, tuple[Any, Any]] = {}  # by identity: a container and a copy of what stands in it
-        self._keep(vars(thing))
-
-    def _keep(self, container: Any) -> None:
-        left = [container]
-        while left:
-            one = left.pop()
-            if id(one) in self._kept:
-                continue
-            inside: Iterable[Any] = ()
-            if type(one) is dict:
-                inside = one.values()
-            elif type(one) is list:
-                inside = one
-            elif type(one) is tuple:
-                left.extend(one)
-                continue
-            elif type(one).__module__ in self._kinds and hasattr(one, "__dict__"):
-                left.append(vars(one))
-                continue
-            elif type(one) is not set and not _is_array(one):
-                continue
-            self._kept[id(one)] = one, one.copy()
-            left.extend(inside)
-
-    def restore(self) -> None:
-        """Puts all of it back."""
-        for container, copy in self._kept.values():
-            if type(container) is list or _is_array(container):
-                container[... if _is_array(container) else slice(None)] = copy
-            else:
-                container.clear()
-                container.update(copy)
-
-
-def _is_array(value: Any) -> bool:
-    return type(value).__module__ == "numpy" and type(value).__name__ == "ndarray"

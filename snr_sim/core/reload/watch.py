@@ -15,11 +15,11 @@ from typing import NamedTuple
 from snr_sim.core.component import NodeComponent
 from snr_sim.core.config import Config
 from snr_sim.core.loop import Loop, LoopFactory
-from snr_sim.core.node import Node
 from snr_sim.core.reload.sources import file_of, modules_of, source_of
 from snr_sim.prelude import tasks
 from snr_sim.prelude.component import Component
 from snr_sim.prelude.errors import ConfigError
+from snr_sim.prelude.node_api import NodeApi
 
 # A file that was written so short a time ago may be written again without its time changing: it is read each time.
 _YOUNG_NS = 100_000_000
@@ -46,7 +46,7 @@ class WatchLoopFactory(LoopFactory):
         self.name = name
         self.seen: dict[Path, Seen] = {}
 
-    def get(self, parent: Node) -> WatchLoop:
+    def get(self, parent: NodeApi) -> WatchLoop:
         """Returns the loop."""
         return WatchLoop(self, parent, self.name, self.rate_hz)
 
@@ -57,7 +57,7 @@ class WatchLoop(Loop):
     factory: WatchLoopFactory
     is_of_robot = False
 
-    def __init__(self, factory: WatchLoopFactory, parent: Node, name: str, rate_hz: float) -> None:
+    def __init__(self, factory: WatchLoopFactory, parent: NodeApi, name: str, rate_hz: float) -> None:
         super().__init__(factory, parent, name, rate_hz)
         self._looked_at: Mapping[str, Component] | None = None
         self._users: dict[Path, list[str]] = {}

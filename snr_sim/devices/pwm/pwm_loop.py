@@ -19,13 +19,13 @@ from typing import Any
 
 import msgspec
 
-from snr_sim.core.node import Node
 from snr_sim.devices.command_input import CommandInput
 from snr_sim.devices.commands import check_finite, command_of
 from snr_sim.devices.loops import ActuatorLoopFactory, CommandLoop, configured
 from snr_sim.devices.pwm.pwm_backend import STOP_US
 from snr_sim.prelude.device import LEASE_S, Health, PwmOut
 from snr_sim.prelude.errors import CommandError, DeviceError
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.signals import CLAMPED, AppliedPulses, PwmCommand
 
@@ -63,7 +63,7 @@ class PwmLoopFactory(ActuatorLoopFactory):
         super().__init__(key, open_device, rate_hz, timeout_s)
         self.lease_s = lease_s
 
-    def get(self, parent: Node) -> PwmLoop:
+    def get(self, parent: NodeApi) -> PwmLoop:
         """Returns the loop `<key>_actuator`."""
         return PwmLoop(self, parent, f"{self.key}_actuator", self.rate_hz)
 

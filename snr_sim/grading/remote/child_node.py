@@ -126,9 +126,9 @@ class ChildNode(Node):
 
     def add(self, factory: AnyFactory) -> protocol.Made:
         """Makes a component; returns what the grader needs to know of it."""
-        component = self.make(factory)
+        component = self.registry.make(factory)
         self._said, self._said_chars = [], 0  # a trace holds nothing of before its first record
-        self._add(component, len(self.components))
+        self.registry.add(component, len(self.components))
         kind: type[Any] = Loop if isinstance(component, Loop) else Endpoint
         steps = [step for step in _AUTHORS_STEPS if getattr(type(component), step) is not getattr(kind, step)]
         made = protocol.Made(component.name, list(self.handlers_of(component)), steps)

@@ -29,6 +29,7 @@ from snr_sim.grading.remote.child_process import ChildProcess
 from snr_sim.grading.remote.endings import misbehaved
 from snr_sim.grading.remote.packing import packed
 from snr_sim.prelude.errors import SnrError
+from snr_sim.prelude.node_api import NodeApi
 from snr_sim.prelude.page import Page
 from snr_sim.prelude.scenario import Robot
 from snr_sim.prelude.task import SomeTasks, Task, TaskHandler, TaskHandlerMap, TaskId, TaskType
@@ -118,7 +119,7 @@ class Remote:
             for number, is_loop in enumerate(opened.are_loops, start=first)
         ]
 
-    def make(self, factory: int, parent: Node) -> protocol.Made:
+    def make(self, factory: int, parent: NodeApi) -> protocol.Made:
         """Has a component made in the student's process."""
         made = self.ask(protocol.Make(parent.role, factory, parent.chance), _made)
         self.admission.component(made)
@@ -222,7 +223,7 @@ class RemoteEndpointFactory(EndpointFactory):
         self.remote = remote
         self._number = number
 
-    def get(self, parent: Node) -> Endpoint:
+    def get(self, parent: NodeApi) -> Endpoint:
         """Returns a proxy; the student's own endpoint is made in its process."""
         return RemoteEndpoint(self, parent, self.remote.make(self._number, parent))
 
@@ -231,8 +232,10 @@ class RemoteEndpoint(Endpoint):
     """Stands for an endpoint of the student's."""
 
     factory: RemoteEndpointFactory
+    parent: Node
 
-    def __init__(self, factory: RemoteEndpointFactory, parent: Node, made: protocol.Made) -> None:
+    def __init__(self, factory: RemoteEndpointFactory, parent: NodeApi, made: protocol.Made) -> None:
+        assert isinstance(parent, Node)  # in the grader
         super().__init__(factory, parent, made.name)
         self._steps = {"join" if step == "halt" else step for step in made.steps}
         self.task_handlers = self.handlers_of(made.handlers)
@@ -278,7 +281,7 @@ class RemoteLoopFactory(LoopFactory):
         self.remote = remote
         self._number = number
 
-    def get(self, parent: Node) -> Loop:
+    def get(self, parent: NodeApi) -> Loop:
         """Returns a proxy; the student's own loop is made in its process."""
         return RemoteLoop(self, parent, self.remote.make(self._number, parent))
 
@@ -287,8 +290,10 @@ class RemoteLoop(Loop):
     """Stands for a loop of the student's: the grader's clock says when it ticks."""
 
     factory: RemoteLoopFactory
+    parent: Node
 
-    def __init__(self, factory: RemoteLoopFactory, parent: Node, made: protocol.Made) -> None:
+    def __init__(self, factory: RemoteLoopFactory, parent: NodeApi, made: protocol.Made) -> None:
+        assert isinstance(parent, Node)  # in the grader
         super().__init__(factory, parent, made.name, made.rate_hz)
         self.first_tick_after_s = made.first_s
         self.next_tick_at_s = made.next_s

@@ -1,0 +1,144 @@
+"""The components of a node: made by their factories, checked, in an order, exchanged while it runs."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterable
+from typing import Any
+
+from snr_sim.core.blame import describe_error, place_of, place_of_class, put_place_first, without_addresses
+from snr_sim.core.endpoint import Endpoint, EndpointFactory
+from snr_sim.core.handlers import check_returns
+from snr_sim.core.loop import Loop, LoopFactory
+from snr_sim.core.node_parts import NodeParts
+from snr_sim.prelude.component import Component
+from snr_sim.prelude.errors import ConfigError, SnrError
+
+_STEPS = ("begin", "setup", "loop", "halt", "terminate")  # what a component's author may write, beside handlers
+
+
+class ComponentRegistry:
+    """Components of one node by name, and the order in which they handle a task.
+
+    Args:
+        node: that they belong to.
+
+    Attributes:
+        components: by name; a new dict after each change at run time, because other threads read it.
+    """
+
+    def __init__(self, node: NodeParts) -> None:
+        self.components: dict[str, Component] = {}
+        self._node = node
+        self._places: dict[str, int] = {}
+        self._last_place = 0
+
+    def add_all(self, factories: Iterable[Any], is_replay: bool) -> None:
+        """Make and add a component of each factory, behind those there are; in a replay no loops.
+
+        Raises:
+            ConfigError: a factory makes no component, or two have one name.
+        """
+        for self._last_place, factory in enumerate(factories, 1):
+            if not (is_replay and isinstance(factory, LoopFactory)):
+                self.add(self.make(factory), self._last_place)
+
+    def make(self, factory: Any) -> Endpoint | Loop:
+        """Returns what a factory makes, checked; it is not yet a part of the node.
+
+        Raises:
+            ConfigError: that is no component.
+        """
+        node, name = self._node, type(factory).__name__
+        if not isinstance(factory, (EndpointFactory, LoopFactory)):
+            owner = getattr(factory, "__self__", None)
+            if inspect.ismethod(factory) and owner is not None and not isinstance(owner, type):
+                raise ConfigError(
+                    f"Role '{node.role}' lists {type(owner).__name__}.{factory.__name__} where a factory belongs.",
+                    fix=f'call it: .{factory.__name__}(...), as in tether.server("depth").',
+                )
+            if hasattr(factory, "attach"):  # runners.Link
+                raise ConfigError(
+                    f"Role '{node.role}' lists a {name}, which links roles of one simulation, where a factory belongs.",
+                    fix="SimRunner(config, links=[link]); between processes a SocketsPair or a PipesPair.",
+                )
+            raise ConfigError(
+                f"Role '{node.role}' lists {factory!r} where a factory belongs.",
+                fix="list instances: [MyFactory()], not the class and not the endpoint itself.",
+            )
+        try:
+            component = factory.get(node)
+        except SnrError as error:
+            put_place_first(error)
+            raise
+        except (Exception, SystemExit) as error:
+            what = f"while {name}.get() made a component of role '{node.role}'"
+            raise ConfigError(describe_error(error, what, place_of_class(type(factory)))) from error
+        wanted: type[Endpoint | Loop] = Endpoint if isinstance(factory, EndpointFactory) else Loop
+        a_wanted = f"{'an' if wanted is Endpoint else 'a'} {wanted.__name__}"
+        if not isinstance(component, wanted):
+            place = place_of(factory.get)
+            where = f"{place}\n  " if place is not None else ""
+            raise ConfigError(
+                f"{where}{name}.get() of role '{node.role}' returned {without_addresses(repr(component))}, "
+                f"but should return {a_wanted}.",
+                fix=f"end get(self, parent) with: return My{wanted.__name__}(self, parent, 'its_name').",
+            )
+        if not hasattr(component, "name"):
+            raise ConfigError(
+                f"{type(component).__name__} of role '{node.role}' has not called its parent's __init__.",
+                fix="begin its __init__ with: super().__init__(factory, parent, name).",
+            )
+        for step in _STEPS:
+            check_returns(f"{step}() of component '{component.name}'", getattr(component, step, None))
+        if isinstance(component, Endpoint) and hasattr(component, "task_source"):
+            node.note(f"'{component.name}' has a task_source(), which nothing calls: a Loop brings in what is outside.")
+        if isinstance(component, Loop) and component.task_handlers:
+            raise ConfigError(
+                f"Loop '{component.name}' of role '{node.role}' registers handlers, but a loop only brings tasks in.",
+                fix="put the handlers into an endpoint beside it: loops are not there in a replay, endpoints are.",
+            )
+        return component
+
+    def add(self, component: Component, place: int) -> None:
+        """Add a component that `make` has returned, at a place in the order.
+
+        Raises:
+            ConfigError: there is one of that name.
+        """
+        other = self.components.get(component.name)
+        if other is not None:
+            raise ConfigError(
+                f"Role '{self._node.role}' has two components named '{component.name}': "
+                f"a {type(other).__name__} and a {type(component).__name__}.",
+                fix="give each component a name of its own in its factory.",
+            )
+        self.components[component.name] = component
+        self._places[component.name] = place
+        self._node.machine.lookup.forget()
+
+    def exchange(self, old: Component | None, new: Component | None) -> None:
+        """Puts a component in the place of another one of its name; None: last, or nothing."""
+        lookup = self._node.machine.lookup
+        if old is None and new is not None:
+            components = self.components.copy()  # which is quicker than to put 1000 into a new one
+            components[new.name] = new
+            self.components = components
+            self.give_place(new.name)
+            lookup.components = self.components
+            lookup.added(new)
+            return
+        items = [(name, new if one is old else one) for name, one in self.components.items()]
+        self.components = {name: one for name, one in items if one is not None}
+        lookup.components = self.components
+        lookup.forget()
+
+    def order_of(self, component_name: str) -> int:
+        """Returns a component's place among the node's components; one that is made anew keeps it."""
+        return self._places[component_name]
+
+    def give_place(self, component_name: str, place: int | None = None) -> None:
+        """Says where a component stands; behind all others, if no place is given."""
+        if place is None:
+            place = self._last_place = self._last_place + 1
+        self._places[component_name] = place

@@ -1,0 +1,249 @@
+"""Life of a node: its components begin, its machine runs, its components are halted, whatever goes wrong."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from snr_sim.core.component_registry import ComponentRegistry
+from snr_sim.core.handlers import describe
+from snr_sim.core.loop import Loop
+from snr_sim.core.loose_ends import loose_ends, nobody
+from snr_sim.core.machine import HandlerFailed, as_tasks
+from snr_sim.core.node_parts import NodeParts
+from snr_sim.core.node_report import NodeReport
+from snr_sim.core.reload.trial import Trial
+from snr_sim.prelude.component import Component
+from snr_sim.prelude.errors import ComponentFailed, ConfigError, TraceError
+from snr_sim.prelude.recorder import NodeRecorder
+from snr_sim.prelude.task import SomeTasks
+
+# From this many waiting tasks on a run is told that it cannot keep up. A burst of a few hundred is nothing unusual.
+OVERLOAD_TASKS = 1000
+
+
+class NodeLife:
+    """Begins, runs and ends the components of a node.
+
+    Args:
+        node: whose.
+        registry: its components.
+        report: takes notes and failures.
+        recorder: of the node, if the run is recorded.
+
+    Attributes:
+        is_over: whether the end of the run has begun: components are being halted, or have been.
+        is_halting: whether what components schedule comes too late.
+        takes_failure: returns whether the failure of a loop leads to something else than the end of the run.
+    """
+
+    def __init__(
+        self, node: NodeParts, registry: ComponentRegistry, report: NodeReport, recorder: NodeRecorder | None
+    ) -> None:
+        self.is_over = False
+        self.is_halting = False
+        self.node = node
+        self.registry = registry
+        self.report = report
+        self.takes_failure: Callable[[Loop, ComponentFailed], bool] = lambda loop, failure: False
+        self._recorder = recorder
+        self._begun: list[Component] = []
+
+    def begin(self) -> None:
+        """Begins each component, in order; from now on this thread is the node's.
+
+        Raises:
+            ComponentFailed: a component could not begin.
+            ConfigError: the node has run before.
+        """
+        if self._begun or self.is_over:
+            raise ConfigError(f"Node '{self.node.name}' has already run.", fix="make a new Node for a new run.")
+        self.node.thread_id = threading.get_ident()
+        now_s = self.node.machine.now_s = self.node.clock.now_s()
+        if self._recorder is not None:
+            self._recorder.begun(now_s, self.node.name, ())  # so that a replay begins at the same time
+        for component in self.node.components.values():
+            self._begin(component, self.node.machine.begin_component)
+
+    def _begin(self, component: Component, begin: Callable[[Component], None]) -> None:
+        self._begun.append(component)
+        try:
+            begin(component)
+        except (ComponentFailed, TraceError):
+            raise
+        except (Exception, SystemExit) as error:
+            raise self.report.failure_of(component, error, "begin") from error
+
+    def begin_added(self, component: Component) -> None:
+        """Begins a component while a task is handled; what it schedules follows from that task.
+
+        Raises:
+            ComponentFailed: it raised; so did the `setup` of a loop, on a thread or in a process, if it did so soon.
+        """
+        running = self.node.machine.running
+        self.node.machine.running = component
+        trial = Trial()
+        if isinstance(component, Loop):
+            component.trial, component.is_taken_out = trial, False
+        try:
+            self._begin(component, lambda one: one.begin())
+            if isinstance(component, Loop) and component.caller is not None and component.caller.setup_patience_s:
+                failure = trial.wait(component.caller.setup_patience_s)
+                if failure is not None:
+                    raise failure
+        finally:
+            order_of = self.registry.order_of
+            if any(order_of(one.name) > order_of(component.name) for one in self._begun[-2:-1]):
+                self._begun.sort(key=lambda one: order_of(one.name))
+            self.node.machine.running = running
+
+    def end_removed(self, component: Component) -> list[ComponentFailed]:
+        """Halts and terminates a component before the node ends; returns what went wrong. Does nothing twice."""
+        if not self.has_begun(component):
+            return []
+        self._begun = [one for one in self._begun if one is not component]
+        running, failures = self.node.machine.running, list[ComponentFailed]()
+        if isinstance(component, Loop):
+            component.is_taken_out = True
+        self._call_last(component, "halt", component.join, failures)
+        self._call_last(component, "terminate", component.terminate, failures)
+        self.node.machine.running = running
+        return failures
+
+    def has_begun(self, component: Component) -> bool:
+        """Returns whether a component has begun and has not been terminated."""
+        return any(one is component for one in self._begun)
+
+    def run_ready(self) -> None:
+        """Executes tasks until none is left or the node has ended.
+
+        Raises:
+            ComponentFailed: a handler or a loop raised.
+        """
+        try:
+            self.node.machine.run_ready()
+        except HandlerFailed as failed:
+            cause = failed.__cause__
+            assert cause is not None
+            if isinstance(cause, KeyboardInterrupt):
+                interrupt = self.report.failure_of_handling(failed, cause)
+                self.report.record_interrupt(interrupt.component, interrupt.message)
+                raise cause from None  # an interrupt, not a failure
+            raise self.report.failure_of_handling(failed, cause) from cause
+
+    def end(self, reason: str | None = None, error: Exception | None = None) -> None:
+        """Finishes what is queued, then halts and terminates each component, whatever any of them raises.
+
+        Args:
+            reason: why, if no terminate task said so.
+            error: that ended it, if one has, here or in another node.
+
+        Raises:
+            ComponentFailed: a component could not be halted or terminated; all others have been. If several could
+                not, the others stand in the notes.
+        """
+        if self.is_over:
+            return
+        self.is_over = True
+        is_of_start = isinstance(error, ComponentFailed) and error.step in ("begin", "setup")
+        self.node.never_ran = is_of_start or (error is not None and not self.node.datastore.stored)
+        failures: list[ComponentFailed] = []
+        if self.node.exit_reason is not None:
+            self._drain(failures)
+        self.node.exit_reason = self.node.exit_reason or reason
+        for component in self._begun:  # all loops are told first: then none waits for another's sleep
+            if isinstance(component, Loop):
+                component.stop()
+        self.is_halting = True
+        for component in self._begun:
+            self._call_last(component, "halt", component.join, failures)
+            self._call_last(component, "terminate", component.terminate, failures)
+        self.node.door.close()
+        failure = self.node.door.failure
+        if isinstance(failure, ComponentFailed) and failure is not error:  # of a loop's thread, perhaps in its halt
+            failures.append(failure)
+        self._note_overload()
+        of_the_run, told = len(self.report.notes), list[str]()
+        if not self.node.never_ran:
+            ends = self.node.components, self.node.machine.lookup.seen(), self.node.datastore
+            self.report.notes.extend(loose_ends(*ends, nobody))
+            told = loose_ends(*ends)
+        for failure in failures:
+            self.report.record_failure(failure)
+        self.report.notes.extend(failure.message for failure in failures[1:])  # the first is raised
+        if self._recorder is not None:
+            self._recorder.end(self.node.machine.now_s, self.node.exit_reason or "", self.node.summary())
+        # With the student's lines, which a trace has not.
+        self.report.notes[of_the_run : of_the_run + len(told)] = told
+        self.report.notes = self.report.finished_notes()
+        if failures:
+            raise failures[0]
+
+    def note_too_late(self, component: Component, tasks: SomeTasks) -> None:
+        """Note what a component has scheduled while it was halted."""
+        for task in as_tasks(tasks, component, self.node.schedule):
+            self.node.note(
+                f"'{component.name}' scheduled {describe(task.id())} while it was halted, and no task comes "
+                "after that. A handler of TaskType.terminate is called in time."
+            )
+
+    def _note_overload(self) -> None:
+        longest = self.node.machine.longest_queue
+        if longest >= OVERLOAD_TASKS:
+            self.report.notes.append(
+                f"Up to {longest} tasks waited at a time: they come faster than their handlers "
+                "work, so handlers see old data. Lower a loop's max_tick_rate_hz, or do less in a handler."
+            )
+
+    def _drain(self, failures: list[ComponentFailed]) -> None:
+        try:
+            cut_off = self.node.machine.drain()
+        except HandlerFailed as failed:
+            cause = failed.__cause__
+            if cause is not None and not isinstance(cause, KeyboardInterrupt):
+                failures.append(self.report.failure_of_handling(failed, cause))
+            elif cause is not None:
+                interrupt = self.report.failure_of_handling(failed, cause)
+                self.report.record_interrupt(interrupt.component, interrupt.message)
+        except ComponentFailed as failure:
+            failures.append(failure)
+        else:
+            if cut_off:
+                self.node.note(
+                    f"The node ended with {cut_off} tasks undone: there was no end to them, "
+                    "or they would have taken too long."
+                )
+
+    def _call_last(
+        self, component: Component, step: str, function: Callable[[], None], failures: list[ComponentFailed]
+    ) -> None:
+        self.node.machine.running = component
+        try:
+            function()
+        except BaseException as error:  # also an interrupt: the others must still be halted
+            self.node.machine.running = None  # first of all, so that a second one does not come in between
+            failures.append(self.report.failure_of(component, error, step))
+        finally:
+            self.node.machine.running = None
+
+    def call_loop(self, loop: Loop, step: str) -> None:
+        """Calls a loop's `setup` or `loop`: on the node's thread in lock step, on the loop's own otherwise.
+
+        Raises:
+            ComponentFailed: it raised.
+        """
+        is_ours = threading.get_ident() == self.node.thread_id
+        if is_ours:
+            self.node.machine.running = loop
+            self.node.machine.now_s = self.node.clock.now_s()
+        function = loop.setup if step == "setup" else loop.loop
+        try:
+            if self.node.profiler is not None:
+                self.node.profiler.time(f"{loop.name}.{step}", function)
+            else:
+                function()
+        except (Exception, SystemExit) as error:
+            raise self.report.failure_of(loop, error, step) from error
+        finally:
+            if is_ours:
+                self.node.machine.running = None

@@ -1,0 +1,99 @@
+"""Notes and failures of a node: how they are worded, kept for the end of the run, and written into the trace."""
+
+from __future__ import annotations
+
+from snr_sim.core.blame import describe_error, place_of, without_addresses
+from snr_sim.core.machine import HandlerFailed
+from snr_sim.core.node_parts import NodeParts
+from snr_sim.prelude.component import Component
+from snr_sim.prelude.errors import ComponentFailed
+from snr_sim.prelude.page import DataKey
+from snr_sim.prelude.recorder import NodeRecorder
+from snr_sim.prelude.task import Task
+
+INTERRUPTED = "interrupted"  # so begins the message of an error record that is none: a handler did not return
+MAX_NOTES = 100  # while it runs: nobody reads more, and what fails in ever other words must not fill the memory
+
+
+class NodeReport:
+    """Takes what there is to say about a run.
+
+    Args:
+        node: that it is about.
+        recorder: of the node, if the run is recorded.
+
+    Attributes:
+        notes: for the end of the run.
+    """
+
+    def __init__(self, node: NodeParts, recorder: NodeRecorder | None) -> None:
+        self.notes: list[str] = []
+        self._node = node
+        self._recorder = recorder
+        self._lines: dict[str, str] = {}  # of notes: the student's lines that they are about
+        self._objects: set[tuple[DataKey, type]] = set()  # that pages hold and that are no data: noted once
+        self._failures: list[ComponentFailed] = []  # those that are in the trace
+
+    def failure_of(self, component: Component, error: BaseException, step: str) -> ComponentFailed:
+        """Returns what went wrong in `begin`, `setup`, `loop`, `halt` or `terminate`, in words."""
+        if isinstance(error, ComponentFailed):
+            return error
+        where = f"in {step}() of component '{component.name}' at t = {self._node.clock.now_s():.3f} s"
+        return ComponentFailed(describe_error(error, where), self._node.name, component.name, step)
+
+    def failure_of_handling(self, failed: HandlerFailed, error: BaseException) -> ComponentFailed:
+        """Return what the machine has raised, in words."""
+        if failed.component is not None:
+            return self.failure_in_handler(failed.component, failed.task, error)
+        where = f"in node '{self._node.name}', while it looked for handlers of {self._shown(failed.task)}"
+        return ComponentFailed(describe_error(error, where), self._node.name)
+
+    def failure_in_handler(self, component: Component, task: Task, error: BaseException) -> ComponentFailed:
+        """Returns what went wrong in a component's handler of a task, in words."""
+        name = component.name
+        entries = self._node.machine.lookup.find(task)
+        called = [entry for entry in entries if entry[0] is component]
+        labels = [f"{label[1]}(), " for _, _, _, label in called]
+        begins = place_of(called[0][1]) if called else None  # what it returned was wrong: then no line of its raised
+        where = f"in {''.join(labels)}component '{name}', while it handled {self._shown(task)}"
+        return ComponentFailed(describe_error(error, where, begins), self._node.name, name)
+
+    def _shown(self, task: Task) -> str:
+        return f"{task.type} '{task.name}' at t = {self._node.machine.now_s:.3f} s"
+
+    def record_failure(self, failure: ComponentFailed) -> None:
+        """Writes a failure of this node into the trace, once."""
+        if failure.node != self._node.name or any(failure is other for other in self._failures):
+            return
+        self._failures.append(failure)
+        if self._recorder is not None:
+            self._recorder.error(self._node.machine.now_s, failure.component, failure.message)
+
+    def record_interrupt(self, component_name: str, message: str) -> None:
+        """Writes into the trace which handler was interrupted: a replay must not wait for it again."""
+        if self._recorder is not None:
+            self._recorder.error(self._node.machine.now_s, component_name, f"{INTERRUPTED}: {message}")
+
+    def note(self, text: str, lines: str = "") -> None:
+        """Keeps a remark for the end of the run, once: what fails again and again must not fill the memory.
+
+        Args:
+            text: of the remark.
+            lines: the student's lines that it is about, to stand before it when it is told; a trace has them not.
+        """
+        remark = without_addresses(text)
+        if lines:
+            self._lines.setdefault(remark, lines)
+        if remark in self.notes or len(self.notes) >= MAX_NOTES:
+            return
+        self.notes.append(remark if len(self.notes) < MAX_NOTES - 1 else "There was more to note, which is left out.")
+
+    def note_object(self, key: DataKey, kind: type) -> bool:
+        """Return whether a page of this key held an object of this class for the first time."""
+        is_first = (key, kind) not in self._objects
+        self._objects.add((key, kind))
+        return is_first
+
+    def finished_notes(self) -> list[str]:
+        """Return the notes, each with the student's lines that it is about before it."""
+        return [self._lines.get(note, "") + note for note in self.notes]

@@ -1,0 +1,203 @@
+"""What components see of their node: tasks, pages, time, randomness, notes. `core/node.py` implements it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sized
+from typing import TYPE_CHECKING, Any, Protocol
+
+from snr_sim.prelude.clock import Clock
+from snr_sim.prelude.component import Component, RoleName
+from snr_sim.prelude.errors import SnrError
+from snr_sim.prelude.page import DataKey, Page
+from snr_sim.prelude.task import SomeTasks, Task, TaskName, TaskType
+
+if TYPE_CHECKING:
+    import numpy as np
+
+
+class PageStore(Protocol):
+    """The newest page of each key."""
+
+    pages: dict[DataKey, Page]
+
+    def get(self, key: DataKey) -> Page | None:
+        """Return the newest page of a key, or None."""
+        ...
+
+
+class TaskDoor(Protocol):
+    """Where tasks enter a node, from any thread.
+
+    Attributes:
+        visits: how often the node has waited here.
+    """
+
+    visits: int
+
+    @property
+    def waiting(self) -> Sized:
+        """Tasks that have not been taken yet."""
+        ...
+
+    @property
+    def is_waited_at(self) -> bool:
+        """Whether the node's thread waits here now."""
+        ...
+
+    def put(self, task: Task, source: str) -> None:
+        """Add a task; `source` is who brings it."""
+        ...
+
+    def fail(self, failure: SnrError) -> None:
+        """Report a failure outside the node's thread; the first one ends the node."""
+        ...
+
+    def watch(self, descriptor: int, serve: Callable[[list[Any]], None], what: Any) -> None:
+        """Call `serve` on the node's thread when a descriptor can be read while the node waits."""
+        ...
+
+    def unwatch(self, descriptor: int) -> None:
+        """End what `watch` began."""
+        ...
+
+
+class NodeApi(Protocol):
+    """A node, as its components see it.
+
+    Attributes:
+        name: of the node, such as "urov_node".
+        role: which of the config's roles it runs.
+        clock: wall time, or virtual time in lock step.
+        seed: of the run.
+        chance: seed that the random generators of its components are derived from.
+        is_in_lock_step: whether its clock is virtual.
+        is_replay: whether a recorded run is repeated: no file may be written then, and no page sent.
+        exit_reason: of the first terminate task, once there was one.
+        never_ran: whether an error ended it at its start: what it waited for could not come.
+    """
+
+    name: str
+    role: RoleName
+    clock: Clock
+    seed: int
+    chance: int
+    is_in_lock_step: bool
+    is_replay: bool
+    exit_reason: str | None
+    never_ran: bool
+
+    @property
+    def components(self) -> Mapping[str, Component]:
+        """Components by name."""
+        ...
+
+    @property
+    def datastore(self) -> PageStore:
+        """Newest pages."""
+        ...
+
+    @property
+    def door(self) -> TaskDoor:
+        """Where tasks enter."""
+        ...
+
+    @property
+    def queued_task_count(self) -> int:
+        """How many tasks wait to be executed."""
+        ...
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the end of the run has begun."""
+        ...
+
+    @property
+    def is_terminated(self) -> bool:
+        """Whether a terminate task has been executed."""
+        ...
+
+    @property
+    def rng(self) -> np.random.Generator:
+        """Random generator of the component that runs."""
+        ...
+
+    # Tasks
+
+    def schedule(self, tasks: SomeTasks, source: str = "outside") -> None:
+        """Queue tasks: as the running handler's, or as an input if no handler runs."""
+        ...
+
+    def enter(self, tasks: SomeTasks, source: str) -> None:
+        """Queue tasks as inputs, from any thread; `source` is who brings them."""
+        ...
+
+    def seen_tasks(self) -> Mapping[TaskType, Mapping[TaskName, Any]]:
+        """Return by type and name all tasks that were executed, with who handled them."""
+        ...
+
+    def handlers_changed(self) -> None:
+        """Look up handlers again."""
+        ...
+
+    def start_loop(self, loop: Any, on_thread: bool = False) -> None:
+        """Start the ticks of a loop of this node.
+
+        By the virtual clock in lock step, else on a thread or in a process, as the loop says.
+
+        Args:
+            loop: that begins.
+            on_thread: on a thread in any case.
+        """
+        ...
+
+    # Data
+
+    def page(self, key: DataKey, data: Any, process: bool = True) -> Page:
+        """Return a page made by this node, now, with a copy of the data."""
+        ...
+
+    def store_page(self, page: Page) -> None:
+        """Queue the task that stores a page."""
+        ...
+
+    def store_data_task(self, key: DataKey, data: Any, process: bool = True) -> Task:
+        """Return the task that stores data under a key."""
+        ...
+
+    def get_page(self, key: DataKey) -> Page | None:
+        """Return the newest page of a key, or None; in a handler of process_data the page of its task."""
+        ...
+
+    def get_age_s(self, key: DataKey) -> float:
+        """Return the age of the page of `get_page` [s]; infinite if that is not known."""
+        ...
+
+    def came_at_s(self, key: DataKey) -> float:
+        """Return when the newest page of a key from another node arrived [s]; -inf if none did."""
+        ...
+
+    def tap(self, key: DataKey, way_out: Callable[[Page], None]) -> None:
+        """Call `way_out` with each page of a key right after it is stored, on the node's thread."""
+        ...
+
+    def untap(self, key: DataKey, way_out: Callable[[Page], None]) -> None:
+        """End what `tap` began."""
+        ...
+
+    # Time, notes
+
+    def get_time_s(self) -> float:
+        """Return the time latched for the running task, or else the clock's [s]."""
+        ...
+
+    def note(self, text: str, lines: str = "") -> None:
+        """Keep a remark for the end of the run, once; `lines` are the student's lines that it is about."""
+        ...
+
+    def note_object(self, key: DataKey, kind: type) -> bool:
+        """Return whether a page of this key held an object of this class for the first time."""
+        ...
+
+    def said(self, component: str, level: str, text: str) -> None:
+        """Record a text that a component has printed or logged."""
+        ...
