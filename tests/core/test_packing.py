@@ -164,7 +164,7 @@ class Depth(msgspec.Struct, frozen=True, tag="deep"):
 
 
 class KeyDepth(Depth, kw_only=True):
-    key: str
+    key: str = msgspec.field(name="k")
 '''
 
 
@@ -178,7 +178,7 @@ def test_a_record_of_the_program_is_sent_with_its_fields_and_methods(monkeypatch
     assert msgspec.json.encode(Depth(1.0)) == b'{"type":"deep","m":1.0,"names":[],"kinds":[],"above":null}'
     back = msgspec.json.decode(b'{"type":"deep","m":1,"kinds":["w"],"above":{"type":"deep","m":2}}', type=Depth)
     assert (back.kinds[0].name, back.above) == ("water", Depth(2.0))
-    assert KeyDepth(1.0, key="a") == KeyDepth(m=1.0, key="a")
+    assert KeyDepth(1.0, key="a") == msgspec.json.decode(b'{"type":"deep","m":1,"k":"a"}', type=KeyDepth)
     with pytest.raises(AttributeError):
         Depth(1.0).m = 2.0
 

@@ -146,10 +146,7 @@ class LineTrial(Trial):
 
     def report(self, failure: ComponentFailed | None) -> bool:
         """Tells how `setup` went, or what failed after that; returns whether the node decides what comes of it."""
-        if failure is None:
-            self._messages.send("is set up")
-            return True
-        self._messages.send("failed", failure.message)
+        self._messages.send(*(("is set up",) if failure is None else ("failed", failure.message)))
         return True
 
 

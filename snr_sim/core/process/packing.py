@@ -19,6 +19,7 @@ import pickle
 import socket
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from importlib.machinery import ModuleSpec
 from multiprocessing.connection import Connection
 from types import FunctionType, ModuleType
@@ -138,36 +139,25 @@ def _reduce_struct(kind: Any) -> tuple[Any, ...]:
     options = {name: getattr(config, name) for name in dir(config) if name[0] != "_"}
     own = [field for field in msgspec.structs.fields(kind) if field.name in kind.__annotations__]
     options["kw_only"] = any(field.name not in kind.__match_args__ for field in own)
-    fields = {
-        field.name: {
-            key: value
-            for key in ("default", "default_factory")
-            if (value := getattr(field, key)) is not msgspec.NODEFAULT
-        }
-        for field in own
-    }
     members = {
         name: value
         for name, value in vars(kind).items()
         if not (name == "__slots__" or inspect.ismemberdescriptor(value) or inspect.isgetsetdescriptor(value))
     }
     namespace = {name: members.pop(name) for name in _PARTS_OF_STRUCT if name in members}
+    for field in own:
+        given = {key: getattr(field, key) for key in ("default", "default_factory")}
+        given["name"] = field.encode_name
+        namespace[field.name] = partial(msgspec.field, **{k: v for k, v in given.items() if v is not msgspec.NODEFAULT})
     # msgspec looks names in annotations up in the class's module, which the process does not have.
     members["__annotations__"] = kind.__annotations__ | {field.name: field.type for field in own}
-    made_of = (type(kind), kind.__name__, kind.__bases__, namespace, fields, options)
+    made_of = (type(kind), kind.__name__, kind.__bases__, namespace, options)
     return _struct, made_of, members, None, None, _set_members
 
 
-def _struct(
-    meta: Any,
-    name: str,
-    bases: tuple[type, ...],
-    namespace: dict[str, Any],
-    fields: dict[str, dict[str, Any]],
-    options: dict[str, Any],
-) -> Any:
-    defaults = {field: msgspec.field(**default) for field, default in fields.items()}
-    return meta(name, bases, namespace | defaults, **options)
+def _struct(meta: Any, name: str, bases: tuple[type, ...], namespace: dict[str, Any], options: dict[str, Any]) -> Any:
+    made = {key: value() if isinstance(value, partial) else value for key, value in namespace.items()}
+    return meta(name, bases, made, **options)
 
 
 def _set_members(kind: type, members: dict[str, Any]) -> None:
