@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from snr_sim.recording.records import Header, Record, TruthRecord
@@ -207,6 +208,12 @@ def test_times_stand_beside_the_vehicles_and_not_over_them(
     assert labels.place([(90.0, 100.0), (125.0, 100.0)], 30.0, 10.0) == (125.0, 100.0)
     assert labels.place([(130.0, 105.0), (180.0, 100.0), (125.0, 112.0)], 30.0, 10.0) == (125.0, 112.0)
     assert labels.place([(90.0, 100.0), (190.0, 100.0)], 30.0, 10.0) is None
+
+
+def test_a_label_keeps_off_a_line_between_its_ends() -> None:
+    labels = picture_layout.Labels([], 0.0, (0.0, 0.0, 200.0, 200.0))
+    labels.keep_free(picture_layout.spread(np.array([[50.0, 0.0], [50.0, 190.0]])), 2.0)
+    assert labels.place([(40.0, 95.0), (60.0, 95.0)], 20.0, 10.0) == (60.0, 95.0)
 
 
 def test_what_the_scenario_measured_stands_in_the_picture(tmp_path: Path, said: dict[str, tuple[float, float]]) -> None:
