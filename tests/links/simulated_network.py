@@ -18,6 +18,7 @@ import pytest
 
 from snr_sim.core.clocks import WallClock
 from snr_sim.core.loop import Loop
+from snr_sim.core.node_life import NodeLife
 from snr_sim.links.tcp_client import Calls
 
 BUFFER_BYTES = 4096  # small, so that senders have to wait
@@ -48,7 +49,7 @@ class Network:
         patch.setattr("snr_sim.links.tcp_client.connect", self.connect)
         patch.setattr(Calls, "begin", Calls._connect)  # at once, without a thread
         patch.setattr("snr_sim.links.back_off.Random", lambda: self.rng)
-        patch.setattr("snr_sim.core.loop.ThreadBacking", StepBacking)
+        patch.setattr("snr_sim.core.node.ThreadBacking", StepBacking)
 
     def pass_time(self, time_s: float) -> None:
         """Let time pass; what happens in the network of itself happens in it."""
@@ -264,20 +265,20 @@ class StepBacking:
 
     setup_patience_s = 0.0
 
-    def __init__(self, loop: Loop) -> None:
-        self.loop = loop
+    def __init__(self, loop: Loop, life: NodeLife) -> None:
+        self.loop, self.life = loop, life
         self.is_stopped = self.is_halted = False
         self.ticks = 0
         self.late_s = 0.0
 
     def start(self) -> None:
-        self.loop.parent.life.call_loop(self.loop, "setup")
+        self.life.call_loop(self.loop, "setup")
 
     def step(self) -> None:
         due_s = self.loop.next_tick_at_s
         if not self.is_stopped and (due_s is None or self.loop.get_time_s() >= due_s):
             self.ticks += 1
-            self.loop.parent.life.call_loop(self.loop, "loop")
+            self.life.call_loop(self.loop, "loop")
 
     def hurry(self) -> None:
         pass

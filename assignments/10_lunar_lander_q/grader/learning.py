@@ -58,7 +58,7 @@ class Here:
 
     def ask(self, method: str, *args: Any, returns: Any = Any) -> Any:
         """Return what a method of `Pilot` returns, as `Student.host` does."""
-        return msgspec.convert(getattr(self.pilot, method)(*args), returns)
+        return msgspec.convert(getattr(self.pilot, method)(*args), learned(returns))
 
     def act(self, told: Floats) -> NDArray[np.intp]:
         """Return what the student's choose() does without chance."""
