@@ -28,6 +28,7 @@ from snr_sim.learning.lander_envs import VERTICAL_THROTTLES, LanderVertical
 from snr_sim.learning.q_table import QTable
 from snr_sim.learning.vertical_batch import Floats, Landers, step
 from snr_sim.plants.lander.gear import APOLLO_GEAR
+from snr_sim.prelude.structs import learned
 
 from .evidence import Evidence, checked_rewards, checked_states, packed
 from .pilot import CRASHED, LANDED, MOST_STATES, TIMEOUT, Pilot
